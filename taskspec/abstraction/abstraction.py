@@ -1,9 +1,7 @@
-"""Tasks solved through a finite stand-in.
+"""Abstractions: maps of every state of a task to one of a finite stand-in with the same actions.
 
-An abstraction maps every state to one of a finite task with the same actions. It is faithful when
-rewards, ends and the distribution of the next mapped state depend on the mapped state alone; then
-values, and returns of policies of the mapped state, are those of the task itself. Whether it is,
-`faith` says.
+An abstraction is faithful, a homomorphism, if rewards, terminations and the distribution of the next mapped state depend on
+the mapped state alone; then values, and returns of policies of the mapped state, are those of the task itself (`verify`).
 """
 
 from __future__ import annotations
@@ -39,7 +37,7 @@ class Abstraction:
     nodes: tuple[Node, ...]
 
     def map(self, state: State) -> dict[str, Array]:
-        """The mapped state, (*shape, lanes)."""
+        """Return the mapped state, (*shape, lanes)."""
         lanes = next(iter(state.values())).shape[-1]
         values = evaluate(self.nodes, reads_of(state, {}, 0))
         names = (c.name for c in self.stand_in.state)
@@ -47,13 +45,13 @@ class Abstraction:
 
 
 def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = None) -> Model:
-    """The exact model of a finite task, or of its abstraction where the spec gives one: the model that scores rest on.
+    """Return the exact model of a finite task, or of its abstraction if the spec gives one: the model behind its scores.
 
     Args:
         task: the task, its id or its path.
         reachable: only states that episodes enter (True), or all declared ones (False); None takes
-            all where that is cheap.
-        limit: how many non-zeros the matrices may have, 12 bytes each; checked, as the time is, before it is spent.
+            all if that is cheap.
+        limit: non-zeros that the matrices may have, 12 bytes each; checked, like the time, in advance.
 
     Raises:
         SpecError: (E712) when the task is not finite or too large; (E705) without scipy.
@@ -64,8 +62,8 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
 
 
 def abstraction(task: Task) -> Abstraction | None:
-    """The abstraction that a task declares, or None."""
-    if task.memory is not None or task.remembers:  # what is remembered is no function of the state that the map reads
+    """Return the abstraction that a task declares, or None."""
+    if task.memory is not None or task.remembers:  # the map does not read the memory
         task = replace(task, expert=None, memory=None)
     written = task.surface.sections.get("abstraction")
     as_written = build_abstract(task) if written else None

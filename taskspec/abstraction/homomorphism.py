@@ -1,8 +1,9 @@
-"""Whether two finite tasks are the same up to a map of states, by looking at every step: weights, rewards and ends."""
+"""Compare two finite tasks up to a map of states, step by step: probabilities, rewards and terminations."""
 
 from __future__ import annotations
 
 import operator
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -29,21 +30,22 @@ Law = dict[Any, Fraction]
 
 
 class Uncompared(Exception):
-    """Why the tasks could not be compared: a few words."""
+    """The tasks could not be compared: a few words that say why."""
 
 
 def difference(task: Task, nodes: Sequence[Node], stand_in: Task, with_expert: bool) -> str | None:
-    """Where a finite task differs from another one that its states are mapped to; None where it does not.
+    """Return a difference between a finite task and the stand-in that its states are mapped to; None if there is none.
 
     Args:
-        task, nodes: every state of the task that episodes enter, and what it is mapped to.
-        with_expert: whether the experts, given by expressions, are to agree as well.
+        nodes: the mapped state, as expressions over the state of the task.
+        with_expert: whether the experts, given by expressions, are compared as well.
 
     Raises:
-        Uncompared: where they are too large, or probabilities are no rationals.
-        SpecError: (E712) where one of them has no exact model.
+        Uncompared: if they are too large, or probabilities are not rationals.
+        SpecError: (E712) if one of them has no exact model.
     """
-    whole, other = extract(task, True, MOST_ENTRIES), extract(stand_in, True, MOST_ENTRIES)
+    whole = extract(task, True, MOST_ENTRIES)
+    other = extract(stand_in, True, MOST_ENTRIES)
     if max(_size(whole), _size(other)) > MOST:
         raise Uncompared("there are too many steps to compare")
     try:
@@ -53,7 +55,7 @@ def difference(task: Task, nodes: Sequence[Node], stand_in: Task, with_expert: b
 
 
 def _size(model: Model) -> float:
-    """Outcomes of all steps together."""
+    """Return an upper bound on the outcomes of all steps together."""
     steps = Steps(model.task)
     return model.n_states * model.n_actions * steps.branching * _times(model, steps.uses_time)
 
@@ -63,7 +65,7 @@ def _times(model: Model, is_timed: bool) -> int:
 
 
 def _mapped(whole: Model, nodes: Sequence[Node], other: Model) -> Array:
-    """The index in the other model of what each state (S,) is mapped to; -1 where that is no state of it."""
+    """Return the index in the other model of each mapped state (S,); -1 if it is not a state of it."""
     values = evaluate(nodes, whole.reads())
     codes, outside = other.states.encode(values, whole.n_states)
     index = np.minimum(np.searchsorted(other.codes, codes), other.n_states - 1)
@@ -73,7 +75,9 @@ def _mapped(whole: Model, nodes: Sequence[Node], other: Model) -> Array:
 
 class _Comparison:
     def __init__(self, whole: Model, mapped: Array, other: Model) -> None:
-        self.whole, self.mapped, self.other = whole, mapped, other
+        self.whole = whole
+        self.mapped = mapped
+        self.other = other
         self.chances = Chances(Reader())
 
     def found(self, with_expert: bool) -> str | None:
@@ -84,8 +88,16 @@ class _Comparison:
         return self._starts() or self._steps() or (self._experts() if with_expert else None)
 
     def _starts(self) -> str | None:
-        mine, others = _first(self.whole, self.chances), _first(self.other, self.chances)
-        return self._apart(_merged(mine, lambda s: int(self.mapped[s])), others, "episodes start")
+        mine: Law = defaultdict(Fraction)
+        for state, p in _first(self.whole, self.chances).items():
+            mine[int(self.mapped[state])] += p
+        others = _first(self.other, self.chances)
+        for state in sorted(mine.keys() | others.keys()):
+            p, q = mine.get(state, Fraction(0)), others.get(state, Fraction(0))
+            if p != q:
+                odds = f"probability {float(p):.6g}, and {float(q):.6g} in the abstraction"
+                return f"episodes start in {self.other.state_name(state)} with {odds}"
+        return None
 
     def _steps(self) -> str | None:
         times = max(_times(m, Steps(m.task).uses_time) for m in (self.whole, self.other))
@@ -97,16 +109,16 @@ class _Comparison:
             if row is not None:
                 action, state = divmod(row, self.whole.n_states)
                 where = f"in {self.whole.state_name(state)} with {self.whole.action_name(action)}"
-                words = self._differing(mine.law(row), others.law(self._row(row)))
+                words = _difference_of_laws(mine.law(row), others.law(self._row(row)))
                 return f"{where}{f' at t = {t}' if times > 1 else ''} {words}"
         return None
 
     def _acting(self, times: int) -> Iterator[tuple[int, Array]]:
-        """Times to look at, and the states (S,) in which episodes act then: all at once where the time does not matter."""
+        """Return times, and the states (S,) in which episodes act then; a single time if the time does not matter."""
         return self.whole.levels() if times > 1 else iter([(0, self.whole.acting)])
 
     def _row(self, row: Any) -> Any:
-        """The rows of the other model that rows a*S + s of the task are mapped to."""
+        """Return the rows of the other model that rows a*S + s of the task are mapped to."""
         action, state = np.divmod(row, self.whole.n_states)
         return action * self.other.n_states + self.mapped[state]
 
@@ -120,28 +132,14 @@ class _Comparison:
                 return f"in {self.whole.state_name(state)} the experts act in different ways"
         return None
 
-    def _differing(self, mine: Law, others: Law) -> str | None:
-        for outcome in mine.keys() | others.keys():
-            if mine.get(outcome, 0) != others.get(outcome, 0):
-                p, q = float(mine.get(outcome, 0)), float(others.get(outcome, 0))
-                return f"it gives another reward, end or next state: one has probability {p:.6g}, and {q:.6g} in the abstraction"
-        return None
 
-    def _apart(self, mine: Law, others: Law, what: str) -> str | None:
-        for state in sorted(mine.keys() | others.keys()):
-            if mine.get(state, 0) != others.get(state, 0):
-                p, q = float(mine.get(state, 0)), float(others.get(state, 0))
-                return (
-                    f"{what} in {self.other.state_name(state)} with probability {p:.6g}, and {q:.6g} in the abstraction"
-                )
-        return None
-
-
-def _merged(law: Law, name: Any) -> Law:
-    found: Law = {}
-    for outcome, p in law.items():
-        found[name(outcome)] = found.get(name(outcome), Fraction(0)) + p
-    return found
+def _difference_of_laws(mine: Law, others: Law) -> str | None:
+    for outcome in mine.keys() | others.keys():
+        p, q = mine.get(outcome, Fraction(0)), others.get(outcome, Fraction(0))
+        if p != q:
+            odds = f"one has probability {float(p):.6g}, and {float(q):.6g} in the abstraction"
+            return f"it gives another reward, end or next state: {odds}"
+    return None
 
 
 def _first(model: Model, chances: Chances) -> Law:
@@ -151,9 +149,9 @@ def _first(model: Model, chances: Chances) -> Law:
 
 @dataclass(frozen=True)
 class _Laws:
-    """What can follow each row a*S + s: (mapped) next states, ends, rewards, in order, and their probabilities.
+    """Outcomes of each row a*S + s: (mapped) next states, terminations, rewards, in order, and their probabilities.
 
-    Those of row r are entries `first[r]` to `first[r + 1]`. Of experts, rows are states, and what follows are actions.
+    Entries `first[r]` to `first[r + 1]` belong to row r. For experts, rows are states, and `to` are actions.
     """
 
     first: Array
@@ -164,7 +162,9 @@ class _Laws:
 
     @classmethod
     def of(cls, model: Model, t: int, chances: Chances, mapped: Array) -> _Laws:
-        steps, n, parts = Steps(model.task), model.n_states, []
+        steps = Steps(model.task)
+        n = model.n_states
+        parts = []
         for a in range(model.n_actions):
             for found in steps.outcomes(model.codes, np.array([a]), t, chances):
                 at = np.arange(n) if found.origin is None else found.origin
@@ -175,7 +175,9 @@ class _Laws:
 
     @classmethod
     def of_expert(cls, model: Model, t: int, chances: Chances) -> _Laws:
-        nodes, given, parts = _expert(model), model.reads(t), []
+        nodes = _expert(model)
+        given = model.reads(t)
+        parts = []
         if count(draws(nodes), {}) > MOST:
             raise Uncompared("the expert draws from too many outcomes")
         for values, at, weight in joint_outcomes(nodes, given, model.n_states, chances):
@@ -186,11 +188,11 @@ class _Laws:
     @classmethod
     def _ordered(cls, parts: Sequence[tuple[Array, ...]], rows: int) -> _Laws:
         row, to, ends, reward, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
-        (row, *columns), total = merge_outcomes((row, to, ends, reward), weight)
-        return cls(np.searchsorted(row, np.arange(rows + 1)), *columns, total)
+        (row, to, ends, reward), total = merge_outcomes((row, to, ends, reward), weight)
+        return cls(np.searchsorted(row, np.arange(rows + 1)), to, ends, reward, total)
 
     def differs(self, others: _Laws, rows: Array, theirs: Array) -> int | None:
-        """The first of some rows whose law is not that of a row of others."""
+        """Return the first of some rows whose law differs from that of a row of others."""
         counts = np.diff(self.first)[rows]
         apart = counts != np.diff(others.first)[theirs]
         if not apart.any():
@@ -207,7 +209,7 @@ class _Laws:
 
 
 def _ranges(first: Array, counts: Array) -> Array:
-    """The numbers first, first + 1, ... of each range, one range after the other."""
+    """Return the numbers first, first + 1, ... of each range, one range after the other."""
     return np.asarray(np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts))
 
 

@@ -1,9 +1,9 @@
-"""Whether the symmetries that a task declares keep returns: whether what is seen, and what is done, are mapped one-to-one.
+"""Prove or test that declared symmetries keep returns: that observations and actions are mapped one-to-one.
 
-A policy of the task then has one of its twin that does the same in every state, and the other way round: it undoes the map of
-what it sees, and maps what it does. So returns are kept, whatever the dynamics, as soon as nothing that was seen is lost, and
-actions are mapped onto actions. This is proved of all values, or from the form of the expressions (`task.bijection`). Elsewhere a
-map is applied to random points over and over; when all of them come back, it is tested, and no more.
+A policy of the task then corresponds to one of its twin that does the same in every state: it inverts the map of observations,
+and maps its actions. So returns are kept for any dynamics if no observation is lost, and actions are mapped onto actions. This
+is proved for all values, or from the form of the expressions (`task.bijection`). Otherwise a map is applied repeatedly to random
+points; if all of them return to themselves, it is tested.
 """
 
 from __future__ import annotations
@@ -25,15 +25,16 @@ from taskspec.task.parts import Component, Symmetry
 from taskspec.task.task import Task
 
 ROUNDS = 12
-"""How often a map is applied until values have to be back."""
+"""Applications of a map after which values have to return to themselves."""
 
 
 @dataclass(frozen=True)
-class Kept:
-    """What is known of a symmetry.
+class SymmetryCheck:
+    """The result of the verification of a symmetry.
 
-    `problem` says where it is not one-to-one, or why that is not known (None: nowhere that was looked at). Otherwise returns are
-    proved to be kept where `points` is 0, and it was tested at that many.
+    Args:
+        points: at which it was tested; 0 if it is proved.
+        problem: two values with one image, or the reason for which it could not be shown; None if there is none.
     """
 
     symmetry: Symmetry
@@ -45,7 +46,7 @@ class Kept:
         return self.problem is None and not self.points
 
 
-def kept(task: Task, symmetry: Symmetry) -> Kept:
+def verify_symmetry(task: Task, symmetry: Symmetry) -> SymmetryCheck:
     """Prove that a symmetry keeps returns, or test it."""
     problem = _of_actions(task, symmetry)
     points = 0
@@ -54,15 +55,15 @@ def kept(task: Task, symmetry: Symmetry) -> Kept:
             break
         clash = part.clash()
         if clash is not None:
-            problem = f"{_told(symmetry.seen, clash[0])} and {_told(symmetry.seen, clash[1])} look alike"
+            problem = f"{_in_words(symmetry.seen, clash[0])} and {_in_words(symmetry.seen, clash[1])} look alike"
         elif not part.is_decided:
             problem, points = _returning(symmetry, part), SAMPLES
-    return Kept(symmetry, points, problem)
+    return SymmetryCheck(symmetry, points, problem)
 
 
-def not_kept(task: Task, found: Iterable[Kept]) -> Iterator[Diagnostic]:
-    """E605 for each symmetry of a task that is none."""
-    for each in found:
+def invalid_symmetries(task: Task, checks: Iterable[SymmetryCheck]) -> Iterator[Diagnostic]:
+    """Yield E605 for each declared symmetry with a problem."""
+    for each in checks:
         if each.problem is not None:
             name = each.symmetry.name
             place = merge(task.document, task.variant).key_span(("symmetries", name))
@@ -70,23 +71,21 @@ def not_kept(task: Task, found: Iterable[Kept]) -> Iterator[Diagnostic]:
 
 
 def _of_actions(task: Task, symmetry: Symmetry) -> str | None:
-    """What is wrong with the map of the actions, or None."""
+    """Return a problem with the map of the actions, or None."""
     for part in parts(Role.ACTION, task.action, symmetry.action, is_tied=True) if symmetry.action else ():
         if not part.is_decided:
             names = " and ".join(f"'{c.name}'" for c in part.inputs)
             return f"what it does to {names} is more than to move elements about, and there are too many values to try"
         found, clash = outside(part), part.clash()
         if found is not None:
-            return (
-                f"the action {_told(task.action, found[0])} becomes {_told(task.action, found[1])}, where actions end"
-            )
+            return f"the action {_in_words(task.action, found[0])} becomes {_in_words(task.action, found[1])}, where actions end"
         if clash is not None:
-            return f"{_told(task.action, clash[0])} and {_told(task.action, clash[1])} become the same action"
+            return f"{_in_words(task.action, clash[0])} and {_in_words(task.action, clash[1])} become the same action"
     return None
 
 
-def _told(components: Sequence[Component], values: Mapping[str, Array]) -> str:
-    """A value in words, as `x = 2, y = 0`."""
+def _in_words(components: Sequence[Component], values: Mapping[str, Array]) -> str:
+    """Return a value in words, as `x = 2, y = 0`."""
     return ", ".join(f"{c.name} = {shown(c, values[c.name])}" for c in components if c.name in values)
 
 
@@ -94,7 +93,7 @@ def _told(components: Sequence[Component], values: Mapping[str, Array]) -> str:
 
 
 def _returning(symmetry: Symmetry, part: MapPart) -> str | None:
-    """Why a part of a map of what is seen may not be one-to-one; None where random points come back."""
+    """Return the reason for which a part of a map of observations may not be one-to-one; None if random points return."""
     nodes: dict[str, Node] = {symmetry.components[i].name: symmetry.observation[i] for i in part.outputs}
     names = [c.name for c in part.inputs]
     if not names:
@@ -112,13 +111,13 @@ def _returning(symmetry: Symmetry, part: MapPart) -> str | None:
             return None
     lane = int(np.flatnonzero(apart)[0])
     return (
-        f"{_told(part.inputs, {n: v[..., lane] for n, v in first.items()})} does not return to itself when it is applied "
+        f"{_in_words(part.inputs, {n: v[..., lane] for n, v in first.items()})} does not return to itself when it is applied "
         f"{ROUNDS} times, so it could not be shown to be one-to-one"
     )
 
 
 def _apart(first: Mapping[str, Array], now: Mapping[str, Array]) -> Array:
-    """Where (N,) values are not what they were."""
+    """Return where (N,) values differ."""
     found = np.zeros(SAMPLES, np.bool_)
     for name, value in first.items():
         same = np.isclose(np.broadcast_to(now[name], value.shape), value, rtol=1e-9, atol=1e-9)

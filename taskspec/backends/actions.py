@@ -14,15 +14,15 @@ from taskspec.task.task import Component, Task
 
 
 class BadActionError(Exception):
-    """Actions that are not in the batched action space; the environment layer says so in Gymnasium's terms."""
+    """Actions that are not in the batched action space; the environment layer raises Gymnasium's error."""
 
 
 Reader = Callable[[Any], tuple[Array, ...]]
-"""From a batch of actions to one array (*shape, lanes) for every action component, bool, int64 or float64."""
+"""From a batch of actions to an array (*shape, lanes) for every action component: bool, int64 or float64."""
 
 
 def reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
-    """The reader of a task's actions for a number of lanes; it raises `BadActionError`."""
+    """Return the reader of a task's actions for a number of lanes; it raises `BadActionError`."""
     (part,) = layout.parts
     return (
         _reader_of_numbers(task, layout, lanes)
@@ -32,10 +32,10 @@ def reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
 
 
 def array_of(actions: Any, layout: SpaceLayout, lanes: int) -> Array:
-    """Actions as an array (lanes, *shape); reals are refused where numbers are whole, as `MultiDiscrete.contains` does.
+    """Return actions as an array (lanes, *shape); reals are refused for whole numbers, as `MultiDiscrete.contains` does.
 
     Raises:
-        BadActionError: it has another shape, or holds something else.
+        BadActionError: wrong shape or kind of numbers.
     """
     (part,) = layout.parts
     array = np.asarray(actions)
@@ -45,15 +45,17 @@ def array_of(actions: Any, layout: SpaceLayout, lanes: int) -> Array:
 
 
 def _reader_of_numbers(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
-    """Of one whole number for each lane, with as few calls of NumPy as possible."""
-    ((low, high),), is_bool = layout.ends, task.action[0].type.kind is Kind.BOOL
-    smallest, largest = np.minimum.reduce, np.maximum.reduce
+    """Return a reader of one whole number for each lane, with as few calls of NumPy as possible."""
+    ((low, high),) = layout.ends
+    is_bool = task.action[0].type.kind is Kind.BOOL
+    smallest = np.minimum.reduce
+    largest = np.maximum.reduce
 
     def read(actions: Any) -> tuple[Array, ...]:
         array = array_of(actions, layout, lanes).astype(np.int64, copy=False)
-        # A negative number is a huge one without a sign, so that one comparison serves both ends.
-        outside = largest(array.view(np.uint64)) > high if low == 0 else smallest(array) < low or largest(array) > high
-        if outside:
+        if low == 0 and largest(array.view(np.uint64)) > high:  # unsigned, negative numbers are huge
+            raise BadActionError
+        if low != 0 and (smallest(array) < low or largest(array) > high):
             raise BadActionError
         return (array != 0,) if is_bool else (array,)
 
@@ -75,7 +77,7 @@ def _reader_of_arrays(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
 
 
 def _component(c: Component, segment: Segment, rows: Array) -> Array:
-    """The component that numbers of actions stand for; every point of a box is an action."""
+    """Return the component in rows of actions; every point of a box is an action."""
     mine = rows[segment.first : segment.first + segment.size]
     mine = mine + np.array(segment.starts)[:, None] if segment.starts else mine
     shaped = mine.reshape(*c.type.shape, rows.shape[-1])

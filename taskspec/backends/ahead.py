@@ -1,8 +1,8 @@
-"""Draws fetched ahead for many lanes: values of coming steps, and the first states of coming episodes.
+"""Draws computed ahead for many lanes: values of coming steps, and the first states of coming episodes.
 
 A call of NumPy costs the same for ten numbers and for a thousand, and the random words of one step take more than a
-hundred calls. So words, and what depends on them alone, are worked out for several steps at once, and starts for
-many lanes at once.
+hundred calls. So words, and values that depend on them alone, are computed for several steps at once, and first states
+for many lanes at once.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from taskspec.lang.ir import draws as draws_below
 from taskspec.lang.variates.sample import WordLayout, batch_sampler
 
 WORDS = 65_536
-"""Random words worked out in one go, at most, unless a single step takes more."""
+"""The largest number of random words computed at once, unless a single step takes more."""
 STEPS = 64
 
 
@@ -50,7 +50,7 @@ class Ahead:
             self._uncounted = 0
 
     def restart(self, everywhere: bool) -> None:
-        """Forget what was fetched, since some lanes were seeded anew: all of them, or only some."""
+        """Drop fetched values, because all lanes or some were seeded."""
         self._at, self._together = self._depth, everywhere
 
     def part_ways(self) -> None:
@@ -61,7 +61,7 @@ class Ahead:
                 self._at = 0  # rows are found by each lane's own count
 
     def take(self) -> Sequence[Array]:
-        """The items of the present step, (*shape, lanes) each, hoisted values and then words; the step is counted."""
+        """Return the items of the next step, (*shape, lanes) each: hoisted values, then words; the step is counted."""
         if not self._together or self._at >= self._depth:
             self.settle()
         self._uncounted += 1
@@ -96,7 +96,7 @@ class Ahead:
 
 
 class Ready:
-    """The start of the next episode of every lane, worked out for many lanes at once and copied when one ends."""
+    """The first state of the next episode of every lane, computed for many lanes at once."""
 
     def __init__(self, roots: Sequence[Node], layout: WordLayout, buffers: Buffers) -> None:
         # What is observed at first is often the state itself: such values are kept once.
@@ -111,15 +111,15 @@ class Ready:
 
     @property
     def values(self) -> list[Array]:
-        """What is held for each root: (*shape, lanes), or (*shape, 1) where all episodes begin alike."""
+        """The value of each root: (*shape, lanes), or (*shape, 1) if all episodes begin in the same state."""
         return [self._held[place] for place in self._places]
 
     def forget(self, lanes: Any) -> None:
-        """The lanes (an index) were seeded anew."""
+        """Drop the first states of lanes (an index), which were seeded."""
         self._stale[lanes] = not self.fixed
 
     def take(self, lanes: Array) -> list[Array]:
-        """Values (*shape, k) of the start of the next episode of the k lanes, or (*shape, 1)."""
+        """Return values (*shape, k) of the first states of the next episodes of k lanes, or (*shape, 1)."""
         if self.fixed:
             return self.values
         if self._stale[lanes].any():
@@ -129,7 +129,7 @@ class Ready:
         return [taken[place] for place in self._places]
 
     def _refresh(self) -> None:
-        """Work out the starts of all lanes that have used theirs, while there are calls to pay for anyway."""
+        """Compute new first states for all lanes that have used theirs."""
         stale = np.flatnonzero(self._stale)
         seeds, episodes = self._buffers.seeds[stale], self._buffers.episodes[stale]
         words = draws.lanes_block(seeds, draws.RESET, episodes, self._layout.count)
@@ -139,7 +139,7 @@ class Ready:
 
 
 def evaluated(nodes: Sequence[Node], layout: WordLayout, words: Array) -> list[Array]:
-    """Values of nodes that depend on draws alone, (*shape, columns), from words (count, columns)."""
+    """Return values (*shape, columns) of nodes that depend on draws alone, from words (count, columns)."""
     values = batch.evaluate(nodes, {}, batch_sampler(layout, words))
     columns = words.shape[-1]
     return [np.broadcast_to(v, (*n.type.shape, columns)) for n, v in zip(nodes, values, strict=True)]

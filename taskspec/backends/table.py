@@ -11,9 +11,6 @@ from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.extras import install, is_installed, missing
 from taskspec.task.task import Task
 
-# ---------- table
-# The table of backends: one entry for each says what it needs, what it can do, and how it is made.
-#
 # Whatever names backends takes the names from here. Nothing is imported, so that the command line may.
 
 BackendName = Literal["auto", "numpy", "numba", "jax"]
@@ -24,9 +21,9 @@ BackendName = Literal["auto", "numpy", "numba", "jax"]
 class Backend:
     """A way to step many environments of a task together.
 
-    `engine` is its class (`module:name`), and `suits`, where not all tasks suit it, a function that tells whether a task
-    does. `needs` is the package that it needs besides NumPy. `tolerance` is how far its reals may be from those of the reference
-    interpreter, relative to 1 + |x|.
+    `engine` is its class (`module:name`), and `suits` a function from a task to whether it suits the backend; None if all do.
+    `needs` is the package that it needs in addition to NumPy. `tolerance` is the largest difference of its reals from those of
+    the reference interpreter, relative to 1 + |x|.
     """
 
     engine: str
@@ -42,19 +39,18 @@ BACKENDS: dict[str, Backend] = {
     "jax": Backend("taskspec.backends.jax:JaxEngine", "jax", tolerance=2e-4),
 }
 AUTOMATIC = ("numba", "numpy")
-"""What "auto" stands for: the first of these that is installed and suits the task."""
+""""auto" is the first of these that is installed and suits the task."""
 PROGRAMS = ("scalar", *BACKENDS, "jax-scan")
-"""What there is to measure: one Gymnasium environment, vector environments, and the JAX program inside `scan`."""
+"""Programs to measure: one Gymnasium environment, vector environments, and the JAX program inside `scan`."""
 QUICKEST = tuple(f"{name}-scan" if f"{name}-scan" in PROGRAMS else name for name in BACKENDS)
-"""Of the programs of each backend the one that is the quickest."""
+"""The fastest program of each backend."""
 
 
-# ---------- select
-# Which backend steps a vector environment, and how to get one that is not installed.
+# -- choosing a backend -------------------------------------------------------------------------------------------
 
 
 def engine(task: Task, lanes: int, backend: str, options: Options) -> Engine:
-    """The environments of a task on a backend; "auto" is Numba where it is installed and suits the task, else NumPy.
+    """Return the environments of a task on a backend; "auto" is Numba where it is installed and suits the task, else NumPy.
 
     Raises:
         SpecError: E713 for a backend that does not exist, E705 for one whose packages are not installed.
@@ -64,7 +60,7 @@ def engine(task: Task, lanes: int, backend: str, options: Options) -> Engine:
 
 
 def choose(task: Task, backend: str) -> str:
-    """The backend that a name stands for."""
+    """Return the backend of a name, which may be "auto"."""
     if backend == "auto":
         return next(name for name in AUTOMATIC if installed(name) and suits(name, task))
     if backend not in BACKENDS:
@@ -84,12 +80,12 @@ def installed(backend: str) -> bool:
 
 
 def suits(backend: str, task: Task) -> bool:
-    """Whether a backend that is installed is quick with a task."""
+    """Whether a task suits an installed backend."""
     asked = BACKENDS[backend].suits
     return asked is None or _named(asked)(task)
 
 
 def _named(place: str) -> Any:
-    """What a place, `module:name`, is of."""
+    """Return the object at a place, `module:name`."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)

@@ -12,9 +12,6 @@ from taskspec.backends.buffers import Buffers
 from taskspec.base.arrays import Array
 from taskspec.task.spaces import SpaceLayout
 
-# ---------- vector
-# What a vector program is to the environment that wraps it: many environments, stepped together by one backend.
-
 Mode = Literal["next_step", "same_step", "disabled"]
 """When an environment whose episode has ended is reset: by the next step, by the same step, by the caller only."""
 
@@ -36,13 +33,13 @@ class Engine(Protocol):
     source: str
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:
-        """Start the streams of some lanes (indices; None: all) anew: uint64, one for each."""
+        """Restart the streams of some lanes (indices; None: all) with seeds, uint64, one for each."""
 
     def reset(self, lanes: Array | None = None) -> None:
         """Begin an episode in some lanes (indices; None: all)."""
 
     def step(self, actions: Any) -> int:
-        """Take a step in every lane; gives the number of lanes whose episodes ended in it.
+        """Take a step in every lane; return the number of lanes whose episodes ended in it.
 
         Raises:
             BadActionError: an action is not in the action space; nothing has changed.
@@ -55,7 +52,7 @@ class Engine(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How a vector program runs: `num_threads` matters to Numba only."""
+    """Options of a vector program; `num_threads` matters to Numba only."""
 
     mode: Mode = "next_step"
     num_threads: int = 1
@@ -64,23 +61,21 @@ class Options:
 Make = Callable[[Any, int, Options], Engine]
 
 
-# ---------- episodes
-# When lanes may step, and when their episodes begin anew: the rules that all engines keep.
+# -- when lanes may step and when they are reset ------------------------------------------------------------------
 #
-# - `same_step`: an episode that ends begins anew within the step. What the step gave is kept in `Buffers.final`, what is observed
-#   is the first observation of the next episode, and the flags tell that one has ended.
-# - `next_step`: it begins anew with the next step, which is spent on it: whatever the action, no step is counted, the reward is 0
-#   and no flag is set.
-# - `disabled`: it begins anew with a reset; until then no lane may step.
+# - `same_step`: a lane whose episode ends is reset in the same step. The last observation is in `Buffers.final`, the first one
+#   of the next episode in `Buffers.seen`, and the flags say that an episode ended.
+# - `next_step`: it is reset by the next step, which ignores the action, is not counted, has reward 0 and sets no flag.
+# - `disabled`: it is reset by the caller; until then no lane may step.
 #
 # A reset takes the words of the lane's next episode, and a step those of its next step (`Buffers.episodes`, `Buffers.steps`).
 
 
 @dataclass
 class Episodes:
-    """Where the lanes of some buffers stand.
+    """The progress of episodes in some buffers.
 
-    `ready` says whether a step may be taken, and `over` how many episodes have ended and were not begun anew.
+    `ready` says whether a step may be taken, and `over` how many episodes have ended without a reset.
     """
 
     buffers: Buffers
@@ -90,14 +85,14 @@ class Episodes:
     over: int = 0
 
     def seed(self, seeds: Array, lanes: Array | None) -> None:
-        """Start the streams of some lanes (indices; None: all) anew."""
+        """Restart the streams of some lanes (indices; None: all)."""
         b, chosen = self.buffers, slice(None) if lanes is None else lanes
         b.seeds[chosen] = seeds
         b.steps[chosen] = 0
         b.episodes[chosen] = 0
 
     def reset(self, lanes: Array) -> None:
-        """Some lanes (indices, or a flag for each) have begun an episode."""
+        """Record that some lanes (indices, or a flag for each) have begun an episode."""
         b = self.buffers
         b.running[lanes] = True
         b.terminated[lanes] = b.truncated[lanes] = b.ended[lanes] = False
@@ -105,12 +100,12 @@ class Episodes:
         self.step(int(np.count_nonzero(b.ended)))
 
     def step(self, ended: int) -> int:
-        """A step was taken after which so many episodes are over; gives their number."""
+        """Record a step in which `ended` episodes ended; return their number."""
         self.over = 0 if self.mode == "same_step" else ended
         self.ready = self.begun and (self.mode != "disabled" or not self.over)
         return ended
 
     def place(self, values: tuple[Array, ...], lanes: Array) -> None:
-        """Put lanes (indices) into given states, (*shape, k) for each component."""
+        """Set the states of lanes (indices), (*shape, k) for each component."""
         for held, new in zip(self.buffers.state, values, strict=True):
             held[..., lanes] = new

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.check.context import SAME, LintContext, Problem
+from taskspec.check.context import SAME, Doubt, LintContext
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Node, Read, Role, reads, rewrite, walk
 from taskspec.model.model import Model
@@ -24,7 +24,7 @@ LONGER = 1000
 """Steps beyond the horizon that are searched for other rewards."""
 
 
-def later_rewards(context: LintContext) -> Iterator[Problem]:
+def later_rewards(context: LintContext) -> Iterator[Doubt]:
     """The horizon ends episodes before rewards differ."""
     if not context.is_constant or context.paid is None:
         return
@@ -33,14 +33,14 @@ def later_rewards(context: LintContext) -> Iterator[Problem]:
     if later is not None:
         message = f"within {context.task.horizon} steps every reward is {value}; longer episodes have others"
         hint = f"the first of them is paid in step {later}"
-        yield Problem(context.merged.span(("horizon",)), message, hint)
+        yield Doubt(context.merged.span(("horizon",)), message, hint)
 
 
-def same_reward(context: LintContext) -> Iterator[Problem]:
+def same_reward(context: LintContext) -> Iterator[Doubt]:
     """All rewards are the same, however long the episode."""
     if context.is_constant and context.paid is not None and _later_reward(context, context.paid[0]) is None:
         message = f"every possible step has reward {words(context.paid[0])}"
-        yield Problem(context.merged.span(("reward",)), message)
+        yield Doubt(context.merged.span(("reward",)), message)
 
 
 def _later_reward(context: LintContext, before: float) -> int | None:
@@ -50,18 +50,18 @@ def _later_reward(context: LintContext, before: float) -> int | None:
         return None
     level = model.start > 0
     seen = np.zeros(model.n_states, np.bool_)
-    rewards = model.step(0).reward.reshape(model.n_actions, -1)
+    rewards = model.step(0).R.reshape(model.n_actions, -1)
     for t in range(model.horizon + LONGER):
         if not (level & ~seen).any():
             return None
         if np.ptp(np.append(rewards[:, level].reshape(-1), before)) > SAME:
             return t + 1
         seen |= level
-        level = model.successors(model.step(0).going, level)
+        level = model.successors(model.step(0).P, level)
     return None
 
 
-def indifferent(context: LintContext) -> Iterator[Problem]:
+def indifferent(context: LintContext) -> Iterator[Doubt]:
     """The best return is that of random actions."""
     if context.is_constant:
         return
@@ -71,23 +71,23 @@ def indifferent(context: LintContext) -> Iterator[Problem]:
         return
     if abs(optimal.value - random.value) <= SAME * max(1.0, abs(optimal.value)):
         message = f"random actions are as good as the best: both return {words(optimal.value)}"
-        yield Problem(context.merged.span(("reward",)), message)
+        yield Doubt(context.merged.span(("reward",)), message)
 
 
 # -- actions --------------------------------------------------------------------------------------
 
 
-def inert(context: LintContext) -> Iterator[Problem]:
+def inert(context: LintContext) -> Iterator[Doubt]:
     """A component of the action that changes nothing."""
     read = reads((*context.task.next, context.task.reward, context.task.terminal))
     for c in context.task.action:
         if c.is_finite and c.counts == (1,) * c.type.size:
             continue
         if (Role.ACTION, c.name) not in read:
-            yield Problem(context.key("action", c.name), f"the action '{c.name}' is read nowhere")
+            yield Doubt(context.key("action", c.name), f"the action '{c.name}' is read nowhere")
         elif context.model is not None and context.model.acting.any() and differs(context.model, c.name)[0] is False:
             message = f"the action '{c.name}' changes neither the next state nor the reward, in any state"
-            yield Problem(context.key("action", c.name), message)
+            yield Doubt(context.key("action", c.name), message)
 
 
 FEW = 32
@@ -97,7 +97,7 @@ MOST = 200_000
 ROUNDING = 1e-12
 
 
-def twins(context: LintContext) -> Iterator[Problem]:
+def twins(context: LintContext) -> Iterator[Doubt]:
     """Two values of an action that do the same in every state."""
     for c in context.task.action:
         count = c.counts[0] if c.is_finite and c.type.is_scalar else 0
@@ -111,7 +111,7 @@ def twins(context: LintContext) -> Iterator[Problem]:
             names = [shown(c, np.asarray(int(c.low[0]) + number)) for number in alike]
             if len(names) > 1:
                 message = f"{c.name} = {', '.join(names[:-1])} and {names[-1]} do the same in every state"
-                yield Problem(context.key("action", c.name), message)
+                yield Doubt(context.key("action", c.name), message)
 
 
 def _classes(count: int, same: Callable[[int, int], bool]) -> list[list[int]]:
@@ -164,8 +164,8 @@ def _steps(model: Model) -> list[Any]:
 
 
 def _gaps(step: Any, a: Any, b: Any) -> Iterator[Any]:
-    yield step.reward[a] - step.reward[b]
-    for matrix in (step.going, step.ending):
+    yield step.R[a] - step.R[b]
+    for matrix in (step.P, step.P_end):
         if matrix is not None:
             yield (matrix[a] - matrix[b]).data
 
@@ -177,7 +177,7 @@ def _is_zero(found: Any) -> bool:
 # -- experts --------------------------------------------------------------------------------------
 
 
-def expert(context: LintContext) -> Iterator[Problem]:
+def expert(context: LintContext) -> Iterator[Doubt]:
     """An expert below the optimum, or no better than random actions where that is all there is to compare with."""
     found, optimal = context.results.expert, context.results.optimal
     if found is None or isinstance(context.task.expert, Soft) or _says_so(context.task):
@@ -194,17 +194,17 @@ def expert(context: LintContext) -> Iterator[Problem]:
     gap = best - found.value
     if gap > SAME * max(1.0, abs(best)):
         message = f"the expert returns {_shown(found)}, which is {gap:.6g} below the optimum of {best:.10g}{whose}"
-        yield Problem(context.key("expert"), message)
+        yield Doubt(context.key("expert"), message)
 
 
-def _no_better(context: LintContext, found: Return) -> Iterator[Problem]:
-    """By simulation: an expert that is one returns more, on average, than random actions do."""
+def _no_better(context: LintContext, found: Return) -> Iterator[Doubt]:
+    """Compare an expert with random actions by simulation."""
     results = context.results
     random = results.random if is_bounded(context.task) else results.estimated(at_random(context.task), 200)
     if random is not None and random.value >= found.value:
         message = f"the expert returns {_shown(found)} on average, and random actions {_shown(random)}"
         notes = [f"from {found.episodes:,} and {random.episodes:,} episodes"]
-        yield Problem(context.key("expert"), message, None, notes)
+        yield Doubt(context.key("expert"), message, None, notes)
 
 
 def _shown(value: Return) -> str:

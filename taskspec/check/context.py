@@ -21,8 +21,8 @@ SMALL = 3_000_000
 
 
 @dataclass(frozen=True)
-class Problem:
-    """Something to warn about; the code of the warning is that of the check that found it."""
+class Doubt:
+    """Something to warn about, at its place; the code of the warning is that of the check that found it."""
 
     place: Placed | None
     message: str
@@ -61,7 +61,7 @@ class LintContext:
             return None
         low, high = [], []
         for t, level in model.levels() if model.is_timed else [(0, model.acting)]:
-            rewards = model.step(t).reward.reshape(model.n_actions, -1)
+            rewards = model.step(t).R.reshape(model.n_actions, -1)
             for paid in rewards if level.any() else ():  # one action at a time, to save memory
                 low.append(paid[level].min())
                 high.append(paid[level].max())
@@ -69,8 +69,8 @@ class LintContext:
 
     @property
     def is_constant(self) -> bool:
-        """Whether all steps have the same reward, and their number makes no difference."""
+        """True if all steps have the same reward, and their number makes no difference."""
         paid, model = self.paid, self.results.model
         if model is None or paid is None or not np.isfinite(paid).all() or paid[1] - paid[0] > SAME:
             return False
-        return all(step.ending is None for step in model.steps) or abs(paid[0]) <= SAME
+        return all(step.P_end is None for step in model.steps) or abs(paid[0]) <= SAME

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.check.context import LintContext, Problem
+from taskspec.check.context import Doubt, LintContext
 from taskspec.check.names import followed, mentioned
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import ClampedIndex
@@ -28,11 +28,11 @@ from taskspec.task.task import Component, Task
 # -- indices --------------------------------------------------------------------------------------
 
 POINTS = 100_000
-"""States, actions and times that are looked at, at most."""
+"""States, actions and times that are evaluated, at most."""
 BATCH = 4096
 
 
-def moved(context: LintContext) -> Iterator[Problem]:
+def moved(context: LintContext) -> Iterator[Doubt]:
     """An index that lies outside in a state in which episodes act, where its value matters."""
     task = context.task
     left = {id(m.node): m for m in task.surface.moved}
@@ -49,21 +49,21 @@ def _expert(task: Task) -> tuple[Node, ...]:
     return task.expert if isinstance(task.expert, tuple) else ()
 
 
-def _problem(m: ClampedIndex, index: int, reads: Reads, task: Task) -> Problem:
+def _problem(m: ClampedIndex, index: int, reads: Reads, task: Task) -> Doubt:
     components = ((r, c) for r, cs in ((Role.STATE, task.state), (Role.ACTION, task.action)) for c in cs)
     where = [f"{c.name} = {shown(c, reads[r, c.name][..., 0])}" for r, c in components if (r, c.name) in reads]
     where += [f"t = {words(int(v[0]))}" for (r, _), v in reads.items() if r is Role.TIME]
     place = f"for {', '.join(where)}, " if where else ""
     end = 0 if index < 0 else m.length - 1
     message = f"{place}this index is {index}; it is moved to {end}, the nearest of 0 ... {m.length - 1}"
-    return Problem(m.place, message, "if this is intended, write `clip(i, 0, n - 1)`")
+    return Doubt(m.place, message, "if this is intended, write `clip(i, 0, n - 1)`")
 
 
 # -- points -------------------------------------------------------------------------------------------------------
 
 
 def _points(context: LintContext, roots: Sequence[Node]) -> Iterator[Reads]:
-    """What is read where episodes act: all of it where there is an exact model, samples elsewhere."""
+    """Yield the values read at points at which episodes act: all if there is an exact model, otherwise samples."""
     model, read = context.model, reads(roots)
     if model is None:
         found = visited(context.task)
@@ -110,7 +110,7 @@ def _outside(
 
 
 def _choice(node: Node) -> bool:
-    """Whether the first argument decides which of the others matter."""
+    """Return whether the first argument decides which of the others matter."""
     return isinstance(node, Apply) and node.op in ("where", "and", "or") and node.type.is_scalar
 
 
@@ -134,11 +134,11 @@ def _needed(
 
 Cut = tuple[s.Subscript, s.Slice]
 MOST = 1000
-"""Slices that are looked at."""
+"""Slices that are checked, at most."""
 SECTIONS = ("noise", "initial", "dynamics", "reward", "terminal", "observation", "memory", "expert")
 
 
-def past_the_end(context: LintContext) -> Iterator[Problem]:
+def past_the_end(context: LintContext) -> Iterator[Doubt]:
     """A slice that asks for more than there is."""
     for _, nodes, where in _sliced(context.task):
         for node, cut in nodes:
@@ -156,21 +156,21 @@ def _sliced(task: Task) -> Iterator[tuple[s.Expr, list[Cut], SectionScope]]:
             yield expr, found, where
 
 
-def _check_ends(node: s.Subscript, cut: s.Slice, where: SectionScope) -> Iterator[Problem]:
+def _check_ends(node: s.Subscript, cut: s.Slice, where: SectionScope) -> Iterator[Doubt]:
     length = _length(node, where)
     for end in (cut.start, cut.stop):
         at = None if end is None else _constant(end, where)
         if end is not None and at is not None and length is not None and not -length <= at <= length:
             message = f"this slice goes to {at}, but the vector has {length} elements"
-            yield Problem(end.place, message)
+            yield Doubt(end.place, message)
             return
     numbers = all(end is None or not list(s.names(end)) for end in (cut.start, cut.stop, cut.step))
     ends = [None if end is None else _constant(end, where) for end in (cut.start, cut.stop, cut.step)]
     if numbers and length and not range(length)[slice(*ends)]:
-        yield Problem(cut.place, "this slice has no elements for any parameters")
+        yield Doubt(cut.place, "this slice has no elements for any parameters")
 
 
-def uneven(context: LintContext) -> Iterator[Problem]:
+def uneven(context: LintContext) -> Iterator[Doubt]:
     """A first and a last part of one vector that overlap, or that leave something out between them.
 
     `v[1:]` beside `v[:-1]` sets neighbours side by side, and `concat(v[:i], v[j:])` cuts a piece out: both are meant so.
@@ -185,7 +185,7 @@ def _is_concat(node: object) -> bool:
     return isinstance(node, s.Call) and node.function == "concat"
 
 
-def _check_halves(found: list[Cut], where: SectionScope) -> Iterator[Problem]:
+def _check_halves(found: list[Cut], where: SectionScope) -> Iterator[Doubt]:
     heads = {id(v.node): (i, node) for v, i, node in _parts(found, where, head=True)}
     for vector, start, node in _parts(found, where, head=False):
         stop, _ = heads.get(id(vector.node), (start, node))
@@ -193,7 +193,7 @@ def _check_halves(found: list[Cut], where: SectionScope) -> Iterator[Problem]:
         if stop != start and stop + start != length:
             what = f"both hold elements {start} to {stop - 1}" if stop > start else f"leave out {stop} to {start - 1}"
             message = f"the parts before {stop} and from {start} of this vector {what}"
-            yield Problem(node.place, message, "use the same index for both")
+            yield Doubt(node.place, message, "use the same index for both")
 
 
 def _parts(found: list[Cut], where: SectionScope, head: bool) -> Iterator[tuple[Value, int, s.Subscript]]:
@@ -232,13 +232,13 @@ def expressions(task: Task) -> Iterator[tuple[s.Expr, SectionScope]]:
 # -- draws ----------------------------------------------------------------------------------------
 
 
-def certain(context: LintContext) -> Iterator[Problem]:
+def certain(context: LintContext) -> Iterator[Doubt]:
     """A draw with a single outcome. Where a real parameter has a say, its ends may be why."""
     reals = {p.name for p in context.task.parameters if p.kind == "real"}
     for written, where in _written(context.task):
         words = {n.id for n in s.names(written) if isinstance(n, s.Name)}
         if _is_certain(written, where) and not followed(context.task, words) & reals:
-            yield Problem(written.place, "this draw has only one outcome", "write the value itself")
+            yield Doubt(written.place, "this draw has only one outcome", "write the value itself")
 
 
 def _written(task: Task) -> Iterator[tuple[s.Call | s.Weights, SectionScope]]:
@@ -267,20 +267,20 @@ def _is_certain(expr: s.Call | s.Weights, where: SectionScope) -> bool:
 
 
 def _one_weight(pairs: tuple[tuple[s.Expr, s.Expr], ...], where: SectionScope) -> bool:
-    """Whether one value alone has a probability above 0."""
+    """Return whether a single value has a probability above 0."""
     weights = [where.number(p) for _, p in pairs]
     return all(isinstance(w, Const) for w in weights) and sum(_above_zero(w) for w in weights) == 1
 
 
 def _one_element(expr: s.Call, where: SectionScope) -> bool:
-    """Whether the set that is drawn from has one element."""
+    """Return whether a set that is drawn from has one element."""
     value = where.value(expr)
     found = [] if value is None else draws([value.node])
     return value is not None and all(_counts(draw) == 1 for draw in found)
 
 
 def _counts(draw: Draw) -> int | None:
-    """How many outcomes a draw from a set has, where that is fixed."""
+    """Return the number of outcomes of a draw from a set; None if it varies."""
     first = draw.args[0] if draw.args else None
     return int(first.value) if draw.base == "index" and isinstance(first, Const) and first.type.is_scalar else None
 
@@ -292,11 +292,11 @@ def _above_zero(node: Node | None) -> bool:
 # -- reals ----------------------------------------------------------------------------------------
 
 
-def whole(context: LintContext) -> Iterator[Problem]:
+def whole(context: LintContext) -> Iterator[Doubt]:
     """A real component of the state that is whole in every state of every episode."""
     for c in _whole_components(context.task):
         message = f"'{c.name}' is declared real, but only takes whole values"
-        yield Problem(context.key("state", c.name), message, "declare it `type: int`")
+        yield Doubt(context.key("state", c.name), message, "declare it `type: int`")
 
 
 def _whole_components(task: Task) -> list[Component]:
@@ -313,17 +313,17 @@ def _whole_components(task: Task) -> list[Component]:
 
 
 def _is_fixed(name: str, first: Node, following: Node) -> bool:
-    """Whether a component starts as a constant and stays as it is."""
+    """Return whether a component starts as a constant and never changes."""
     return isinstance(first, Const) and isinstance(following, Read) and (following.name == name)
 
 
 def _words(task: Task, name: str) -> set[str]:
-    """What the lines of a component mention; a real parameter there is whole by chance at the most."""
+    """Return the words in the equations of a component; a real parameter among them need not be whole."""
     return mentioned(task, "initial", name) | mentioned(task, "dynamics", name + "'")
 
 
 def _is_whole(root: Node, assumed: object) -> bool:
-    """Whether a value is whole if the components in `assumed` are."""
+    """Return whether a value is whole if the components in `assumed` are."""
     whole: dict[int, bool] = {}
     for node in walk([root]):
         whole[id(node)] = node.type.kind is not Kind.REAL or _keeps(node, whole, assumed)

@@ -23,7 +23,7 @@ from taskspec.targets import File, name_of, task_in, variants_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taskspec.abstraction.symmetries import Kept
+    from taskspec.abstraction.symmetries import SymmetryCheck
     from taskspec.check.names import Accepted
     from taskspec.check.report import Report
     from taskspec.model.points import Method
@@ -98,7 +98,7 @@ def _claim(verdict: Verdict) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _symmetry(found: Kept) -> dict[str, Any]:
+def _symmetry(found: SymmetryCheck) -> dict[str, Any]:
     """One symmetry: `points` is how many it was tested at, 0 where it is proved."""
     status = "false" if found.problem is not None else "proved" if found.is_proved else "tested"
     return {

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, Span
-from taskspec.check.context import LintContext, Problem
+from taskspec.check.context import Doubt, LintContext
 from taskspec.printers import plain
 from taskspec.printers.names import of_task
 from taskspec.task.merge import before, merge
 from taskspec.task.task import Task
 
-# ---------- names
-# Which names of a spec nothing depends on: words of its expressions, followed from the sections that decide the task.
+# -- unused names ---------------------------------------------------------------------------------
 
 NAMED = ("parameters", "constants", "definitions", "noise")
 ROOTS = (
@@ -28,15 +27,15 @@ INSTANCE_SEED = "instance_seed"
 _WORD = re.compile(r"[^\W\d]\w*")
 
 
-def unused_names(context: LintContext) -> Iterator[Problem]:
+def unused_names(context: LintContext) -> Iterator[Doubt]:
     """Parameters, constants, definitions and noise that nothing depends on."""
     for section, name in unused(context.task):
         what = {"parameters": "parameter", "constants": "constant", "definitions": "definition"}.get(section, "noise")
-        yield Problem(context.key(section, name), f"nothing uses the {what} '{name}'")
+        yield Doubt(context.key(section, name), f"nothing uses the {what} '{name}'")
 
 
 def unused(task: Task) -> list[tuple[str, str]]:
-    """Section and written name of everything that no part of the task depends on, in order."""
+    """Return section and written name of everything that no part of the task depends on, in order."""
     data = task.written
     entries = {(section, str(name)): value for section in NAMED for name, value in (data.get(section) or {}).items()}
     entries.pop(("parameters", "require"), None)
@@ -49,7 +48,7 @@ def unused(task: Task) -> list[tuple[str, str]]:
 
 
 def mentioned(task: Task, section: str, name: str | None = None) -> set[str]:
-    """Every word of a section (or of one of its entries), and of the definitions, constants and noises that it names."""
+    """Return every word of a section (or of one of its entries), and of the definitions, constants and noises that it names."""
     value = task.written.get(section)
     if name is not None:
         value = value.get(name) if isinstance(value, dict) else None
@@ -57,7 +56,7 @@ def mentioned(task: Task, section: str, name: str | None = None) -> set[str]:
 
 
 def followed(task: Task, found: set[str]) -> set[str]:
-    """Some words, and every word of the definitions, constants and noises that they name."""
+    """Return some words, and every word of the definitions, constants and noises that they name."""
     data = task.written
     entries = {
         str(written).partition("(")[0].strip(): inner
@@ -70,7 +69,7 @@ def followed(task: Task, found: set[str]) -> set[str]:
 
 
 def _followed(wanted: set[str], entries: Mapping[str, Any]) -> set[str]:
-    """The entries that some words lead to, through other entries; the words found on the way join `wanted`."""
+    """Return the entries that some words name, directly or through other entries; add the words of those to `wanted`."""
     followed: set[str] = set()
     while fresh := (wanted & entries.keys()) - followed:
         for word in fresh:
@@ -80,7 +79,7 @@ def _followed(wanted: set[str], entries: Mapping[str, Any]) -> set[str]:
 
 
 def _words(value: Any) -> Iterator[str]:
-    """Every word in the expressions of a section, keys included, prose excluded."""
+    """Yield every word in the expressions of a section, keys included, prose excluded."""
     match value:
         case str():
             yield from _WORD.findall(value)
@@ -96,8 +95,7 @@ def _words(value: Any) -> Iterator[str]:
             return
 
 
-# ---------- symbols
-# Names that look like others: on a page, or by letters of another alphabet.
+# -- symbols --------------------------------------------------------------------------------------
 
 _KINDS = {
     "parameters": "parameter", "constants": "constant", "definitions": "definition", "noise": "noise", "state": "component",
@@ -105,7 +103,7 @@ _KINDS = {
 }  # fmt: skip
 
 
-def printed_alike(context: LintContext) -> Iterator[Problem]:
+def printed_alike(context: LintContext) -> Iterator[Doubt]:
     """Two names with one symbol, or a name and a label; labels of different components may share theirs."""
     notation = of_task(context.task)
     seen: dict[str, str] = {}
@@ -130,11 +128,11 @@ ALIKE = str.maketrans(
     "\u03bf\u0391\u0392\u0395\u0396\u0397\u0399\u039a\u039c\u039d\u039f\u03a1\u03a4\u03a5\u03a7\u0585",  # Greek; Armenian
     "aeopcyxsijhqwdABEKMHOPCTYXSIJoABEZHIKMNOPTYXo",
 )
-"""Letters of other alphabets that are drawn like Latin ones, which they stand for here."""
+"""Letters of other alphabets, and the Latin letters that they look like."""
 
 
-def foreign_letters(context: LintContext) -> Iterator[Problem]:
-    """A name that nobody can tell from one in Latin letters."""
+def foreign_letters(context: LintContext) -> Iterator[Doubt]:
+    """A name that looks like one in Latin letters."""
     names = [((section, written), name) for section, written, name in _names(context)]
     for section, components in (("state", context.task.state), ("action", context.task.action)):
         labels = [((section, c.name), str(label)) for c in components if c.domain for label in c.domain.labels]
@@ -144,11 +142,11 @@ def foreign_letters(context: LintContext) -> Iterator[Problem]:
         if latin != name and latin.isascii():
             letter = next(a for a, b in zip(name, latin, strict=True) if a != b)
             message = f"'{name}' is not '{latin}': its '{letter}' is {unicodedata.name(letter)}, U+{ord(letter):04X}"
-            yield Problem(context.key(*place), message, "write it in Latin letters, here and where it is used")
+            yield Doubt(context.key(*place), message, "write it in Latin letters, here and where it is used")
 
 
 def _names(context: LintContext) -> Iterator[tuple[str, str, str]]:
-    """Every name with the section that declares it, and how it is written there."""
+    """Yield every name: the section that declares it, the key there, and the name."""
     spec = context.task.spec
     parts = (spec.parameters.entries, spec.constants, spec.definitions, spec.noise, spec.state, spec.action)
     for section, declared in zip(_KINDS, parts, strict=True):
@@ -156,16 +154,15 @@ def _names(context: LintContext) -> Iterator[tuple[str, str, str]]:
             yield section, written, written.partition("(")[0].strip()
 
 
-def _same_symbol(place: Span, symbol: str, first: str, second: str) -> Problem:
+def _same_symbol(place: Span, symbol: str, first: str, second: str) -> Doubt:
     message = f"pages print `{symbol}` for {first} and for {second}"
-    return Problem(place, message, "give one of them another `symbol`, or labels other `symbols`")
+    return Doubt(place, message, "give one of them another `symbol`, or labels other `symbols`")
 
 
-# ---------- errata
-# Errata that nothing in the spec bears out.
+# -- errata ---------------------------------------------------------------------------------------
 
 
-def idle_errata(context: LintContext) -> Iterator[Problem]:
+def idle_errata(context: LintContext) -> Iterator[Doubt]:
     """An erratum of a variant about a section that is as it is without the variant."""
     task, merged = context.task, context.merged
     based = before(task.document, task.variant)
@@ -175,16 +172,15 @@ def idle_errata(context: LintContext) -> Iterator[Problem]:
         for j, section in enumerate(entry.get("about") or ()):
             if merged.data.get(section) == based.data.get(section):
                 message = f"this erratum is about `{section}`, which this variant does not change"
-                yield Problem(merged.span(("errata", i, "about", j)), message)
+                yield Doubt(merged.span(("errata", i, "about", j)), message)
 
 
-# ---------- accept
-# Warnings that a spec accepts, each with a reason: they are set aside, and a reason for nothing is a warning itself.
+# -- accepted warnings ----------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class Accepted:
-    """A warning that the spec gives a reason for, and where it does."""
+    """A warning that the spec accepts, the reason, and its place."""
 
     warning: Diagnostic
     because: str
@@ -192,7 +188,7 @@ class Accepted:
 
 
 def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic], list[Accepted]]:
-    """What is left to report, and the warnings that the task accepts."""
+    """Split diagnostics into those to report, and warnings that the task accepts."""
     reasons, merged = task.spec.accept, merge(task.document, task.variant)
     accepted = [
         Accepted(each, reasons[each.code], merged.key_span(("accept", each.code)))

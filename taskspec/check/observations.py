@@ -8,7 +8,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
-from taskspec.check.context import LintContext, Problem
+from taskspec.check.context import Doubt, LintContext
 from taskspec.check.names import mentioned
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Apply, Const, Node, Read, Role, draws, reads
@@ -24,7 +24,7 @@ from taskspec.solve import solve
 from taskspec.task.task import Component, Task
 
 
-def leak(context: LintContext) -> Iterator[Problem]:
+def leak(context: LintContext) -> Iterator[Doubt]:
     """The reward is written into the next observation."""
     task = context.task
     if task.observation.is_state:
@@ -35,7 +35,7 @@ def leak(context: LintContext) -> Iterator[Problem]:
     for c, node in zip(task.observation.components, task.next_observation, strict=True):
         if _bare(node) is reward and reads([node]):
             place = task.surface.sections["observation"].get(c.name)
-            yield Problem(place and place.place, f"'{c.name}' is the reward of the step before")
+            yield Doubt(place and place.place, f"'{c.name}' is the reward of the step before")
 
 
 def _bare(node: Node) -> Node:
@@ -44,7 +44,7 @@ def _bare(node: Node) -> Node:
     return node
 
 
-def hidden_goal(context: LintContext) -> Iterator[Problem]:
+def hidden_goal(context: LintContext) -> Iterator[Doubt]:
     """First states that look the same and have no best action in common."""
     model, task = context.model, context.task
     if model is None or task.observation.is_state:
@@ -63,12 +63,12 @@ def hidden_goal(context: LintContext) -> Iterator[Problem]:
         if not good[:, members].all(axis=1).any():
             one, other = (model.state_name(int(first[m])) for m in _conflict(good, members))
             message = f"episodes begin in {one} and in {other}; both look the same to the agent, and no action is best in both"
-            yield Problem(context.merged.span(("observation",)), message)
+            yield Doubt(context.merged.span(("observation",)), message)
             return
 
 
 def _conflict(good: Array, members: Array) -> tuple[int, int]:
-    """Two members without a best action in common, or else the first two."""
+    """Return two members without a common best action, or else the first two."""
     for i, a in enumerate(members):
         for b in members[i + 1 :]:
             if not (good[:, a] & good[:, b]).any():
@@ -77,14 +77,14 @@ def _conflict(good: Array, members: Array) -> tuple[int, int]:
 
 
 def _first_looks(model: Model, first: Array) -> Array | None:
-    """What is seen of the first states (N, elements); None where noise on the state hides it."""
+    """Return the observations of first states (N, elements); None if they have noise on the state."""
     rows = []
     given = {k: v[..., first] if v.shape[-1] > 1 else v for k, v in model.reads(0).items()}
     for node in model.task.observation.nodes:
         if draws([node]):
             if reads([node]):
                 return None
-            continue  # noise alone tells nothing
+            continue  # noise alone carries no information
         (value,) = evaluate([node], given)
         rows.append(np.broadcast_to(value, (*value.shape[:-1], len(first))).reshape(-1, len(first)))
     return np.concatenate(rows).T.astype(np.float64) if rows else np.zeros((len(first), 1))
@@ -93,17 +93,17 @@ def _first_looks(model: Model, first: Array) -> Array | None:
 # -- what is seen of the state --------------------------------------------------------------------
 
 
-def constant(context: LintContext) -> Iterator[Problem]:
+def constant(context: LintContext) -> Iterator[Doubt]:
     """A part of the observation that is always the same."""
     for c, node in _shown(context):
         value = _only_value(node, context.model)
         if value is not None:
-            yield Problem(
+            yield Doubt(
                 context.key("observation", c.name), f"'{c.name}' is {words(plain(c, value))} in every observation"
             )
 
 
-def duplicate(context: LintContext) -> Iterator[Problem]:
+def duplicate(context: LintContext) -> Iterator[Doubt]:
     """Two parts of the observation that show the same."""
     known: dict[object, str] = {}
     for c, node in _shown(context):
@@ -113,23 +113,24 @@ def duplicate(context: LintContext) -> Iterator[Problem]:
         key = id(_bare(node)) if values is None else (values.shape, values.astype(np.float64).tobytes())
         first = known.setdefault(key, c.name)
         if first != c.name:
-            yield Problem(context.key("observation", c.name), f"'{c.name}' is the same as '{first}'")
+            yield Doubt(context.key("observation", c.name), f"'{c.name}' is the same as '{first}'")
 
 
-def hidden(context: LintContext) -> Iterator[Problem]:
+def hidden(context: LintContext) -> Iterator[Doubt]:
     """A component of the state that the reward depends on and the observation says nothing about."""
     task = context.task
     if task.observation.is_state or "W509" in context.codes:
         return
-    told, paid = mentioned(task, "observation"), mentioned(task, "reward")
+    shown = mentioned(task, "observation")
+    paid = mentioned(task, "reward")
     for c in task.state:
-        if c.name in paid and c.name not in told and c.low != c.high and _varies(context, c):
+        if c.name in paid and c.name not in shown and c.low != c.high and _varies(context, c):
             message = f"the reward depends on '{c.name}', which the observation does not show"
-            yield Problem(context.key("observation"), message)
+            yield Doubt(context.key("observation"), message)
 
 
 def _varies(context: LintContext, c: Component) -> bool:
-    """Whether a component of the state has several values where episodes act, as far as is known."""
+    """Return whether a component of the state may have several values in states in which episodes act."""
     model = context.model
     if model is None or model.task is not context.task or not model.acting.any():
         return True
@@ -138,13 +139,13 @@ def _varies(context: LintContext, c: Component) -> bool:
 
 
 def _shown(context: LintContext) -> list[tuple[Component, Node]]:
-    """What the spec itself says is observed, but for what has no elements."""
+    """Return the observation as written in the spec, without parts that have no elements."""
     seen = context.task.observation
     return [] if seen.is_state else [(c, n) for c, n in zip(seen.components, seen.nodes, strict=True) if c.type.size]
 
 
 def _only_value(node: Node, model: Model | None) -> Array | None:
-    """The value of a node that has no other, in states that episodes enter."""
+    """Return the value of a node that has no other in states that episodes enter, or None."""
     if isinstance(node, Const):
         return np.asarray(evaluate([node], {})[0][..., 0])
     values = _values(node, model)
@@ -152,7 +153,7 @@ def _only_value(node: Node, model: Model | None) -> Array | None:
 
 
 def _values(node: Node, model: Model | None) -> Array | None:
-    """The values of a node in all states that episodes enter, (..., N); None where these are not known, or not all."""
+    """Return the values (..., N) of a node in all states that episodes enter; None if some are not known."""
     if model is None or draws([node]) or (Role.TIME, "t") in reads([node]):
         return None
     entered = {k: v[..., model.entered] if v.shape[-1] > 1 else v for k, v in model.reads(0).items()}
@@ -166,12 +167,12 @@ def _is_constant(values: Array) -> bool:
 
 # -- symmetries -----------------------------------------------------------------------------------
 
-ALIKE = 0.9
-"""The score from which on a task counts as solved."""
+SOLVED = 0.9
+"""The score from which a twin counts as solved."""
 EPISODES = 200
 
 
-def idle_symmetry(context: LintContext) -> Iterator[Problem]:
+def idle_symmetry(context: LintContext) -> Iterator[Doubt]:
     """The expert of the task as printed does in a twin about as well as in the task."""
     task = context.task
     places = dict(_places(task))
@@ -188,18 +189,18 @@ def idle_symmetry(context: LintContext) -> Iterator[Problem]:
             continue  # it is no symmetry, and reported as that
         assert expert is not None and random is not None
         score = normalised(found, random.value, expert.value, None)
-        if score >= ALIKE:
+        if score >= SOLVED:
             message = f"in the twin by '{symmetry.name}' the expert of the task as it is printed scores {score:.2f}"
             hint = (
                 "leave out the map of the action, or the other one"
                 if symmetry.observation and symmetry.action
                 else None
             )
-            yield Problem(context.key("symmetries", symmetry.name), message, hint)
+            yield Doubt(context.key("symmetries", symmetry.name), message, hint)
 
 
 def _places(task: Task) -> Iterator[tuple[str, tuple[int, Component]]]:
-    """Where components of the state stand in the observation as one vector."""
+    """Yield the positions of components of the state in the observation as one vector."""
     state, at = {c.name: c for c in task.state}, 0
     for c, node in zip(task.observation.components, task.observation.nodes, strict=True):
         shown = _bare(node)
@@ -209,7 +210,7 @@ def _places(task: Task) -> Iterator[tuple[str, tuple[int, Component]]]:
 
 
 def _as_printed(task: Task, twin: Task, places: Mapping[str, tuple[int, Component]]) -> Choose:
-    """The expert of a task that takes what a twin shows for what the task shows."""
+    """Return the expert of a task, acting on observations of the twin as if they were those of the task."""
     nodes, expert = twin.observation.nodes, by_expert(task)
     layout = WordLayout.of(nodes)
 
@@ -226,7 +227,7 @@ def _as_printed(task: Task, twin: Task, places: Mapping[str, tuple[int, Componen
 
 
 def _value(c: Component, rows: Array) -> Array:
-    """Elements (size, lanes) as a value of a component, the nearest one where they are none."""
+    """Return elements (size, lanes) as a value of a component, moved into its range."""
     lanes = rows.shape[-1]
     if c.type.kind is not Kind.REAL:
         low, high = (np.array(ends).reshape(-1, 1) for ends in (c.low, c.high))
@@ -237,10 +238,10 @@ def _value(c: Component, rows: Array) -> Array:
 # -- abstractions ---------------------------------------------------------------------------------
 
 
-def infinite_abstraction(context: LintContext) -> Iterator[Problem]:
+def infinite_abstraction(context: LintContext) -> Iterator[Doubt]:
     """A component of the stand-in that has infinitely many values, so that there is no exact model of it."""
     found = context.results.abstraction
     for c in () if found is None else found.stand_in.state:
         if not c.is_finite:
             message = f"'{c.name}' has infinitely many values, so the abstraction gives no exact results"
-            yield Problem(context.key("abstraction", "state", c.name), message, "declare an int with `low` and `high`")
+            yield Doubt(context.key("abstraction", "state", c.name), message, "declare an int with `low` and `high`")

@@ -1,4 +1,4 @@
-"""Everything there is to say about a task, and its scores, in one call each."""
+"""The report of all checks of a task, and its scores."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from taskspec.abstraction.faithful import unfaithful
-from taskspec.abstraction.symmetries import Kept, kept, not_kept
+from taskspec.abstraction.symmetries import SymmetryCheck, invalid_symmetries, verify_symmetry
+from taskspec.abstraction.verify import unfaithful
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, in_order
 from taskspec.base.display import html_table
@@ -42,11 +42,14 @@ MODERATE = 4_000_000
 
 @dataclass(frozen=True)
 class Report:
-    """What `check` found.
+    """The result of `check`.
 
-    `method` says how soundness was decided; `cases` are the other parameter values that were tried;
-    `skipped` says what could not be done, and why (None: nothing). `accepted` are the warnings that the
-    spec itself gives a reason for; they are not among the `diagnostics`.
+    Args:
+        method: for soundness: all points, or samples.
+        cases: other parameter values that were checked.
+        skipped: checks that were not possible, and the reason; None if there are none.
+        accepted: warnings for which the spec itself gives a reason; they are not among the `diagnostics`.
+        wrong_examples: numbers of examples that are not confirmed.
     """
 
     task: Task
@@ -57,8 +60,8 @@ class Report:
     skipped: str | None = None
     results: Results | None = field(default=None, repr=False)
     accepted: tuple[Accepted, ...] = ()
-    wrong_examples: frozenset[int] = frozenset()  # by number
-    symmetries: tuple[Kept, ...] = ()
+    wrong_examples: frozenset[int] = frozenset()
+    symmetries: tuple[SymmetryCheck, ...] = ()
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
@@ -70,11 +73,11 @@ class Report:
 
     @cached_property
     def unlimited(self) -> Results:
-        """What is known of returns, on a model as large as limits allow: warnings alone are content with a moderate one."""
+        """Returns by a model as large as limits allow; warnings alone use a moderate one."""
         return Results(self.task) if self.results is None or self.results.limit is not None else self.results
 
     def _repr_html_(self) -> str:
-        """What was found, and what became of the claims, for notebooks."""
+        """Diagnostics and verdicts on claims, for notebooks."""
         found = [(f"{d.severity} {d.code}", d.span or "", d.message, d.hint or "") for d in self.diagnostics]
         said = [(v.status, "", v.claim.text, v.detail) for v in self.verdicts]
         caption = f"{self.task.id}: {len(self.errors)} errors, {len(self.warnings)} warnings"
@@ -93,11 +96,13 @@ def check(
     claims: bool = True,
     beside: Callable[[Task], Sequence[Diagnostic]] | None = None,
 ) -> Report:
-    """Check a task: soundness always; other parameter values, sanity checks, claims and examples unless told otherwise.
+    """Check a task; a wrong task raises nothing, all mistakes are in the report.
 
-    `beside` gives the warnings that only other parts of the package can give (`ELSEWHERE`), None where these do not look; it is
-    asked about sound tasks alone, and the spec may accept its warnings like others. Never raises for a wrong task: everything
-    found is in the report.
+    Args:
+        ranges: whether to check soundness for other parameter values, too.
+        with_warnings: whether to look for warnings.
+        claims: whether to evaluate claims and examples.
+        beside: gives the warnings of other parts of the package (`ELSEWHERE`) for sound tasks; None if they are not looked for.
     """
     task = load(task)
     sound = examine(task)
@@ -107,31 +112,31 @@ def check(
         others = check_ranges(task)
         found += others.diagnostics
         cases = others.cases
-    mirrored = tuple(kept(task, each) for each in task.symmetries) if is_as_written(task) else ()
-    found += not_kept(task, mirrored)
-    followed = list(wrong_examples(task)) if claims else []
-    found += [diagnostic for _, diagnostic in followed]
-    report = Report(task, (), sound.method, cases, wrong_examples=frozenset(dict(followed)), symmetries=mirrored)
+    symmetries = tuple(verify_symmetry(task, each) for each in task.symmetries) if is_as_written(task) else ()
+    found += invalid_symmetries(task, symmetries)
+    wrong = list(wrong_examples(task)) if claims else []
+    found += [diagnostic for _, diagnostic in wrong]
+    report = Report(task, (), sound.method, cases, wrong_examples=frozenset(dict(wrong)), symmetries=symmetries)
     if not is_installed("scipy"):
         skipped = f"sanity checks and claims need scipy: {install('exact')}" if with_warnings or claims else None
         return replace(report, diagnostics=in_order(found), skipped=skipped)
     results = Results(task) if task.claims else Results(task, limit=MODERATE)
-    said: tuple[Verdict, ...] = ()
+    decided: tuple[Verdict, ...] = ()
     if with_warnings and is_as_written(task) and not _MEANINGLESS & {d.code for d in sound.diagnostics}:
         found += _warnings(task, results)
-    if claims and not any(d.severity == "error" for d in sound.diagnostics):
-        said = tuple(verdicts(task, results))
-        found += [v.diagnostic for v in said if v.diagnostic is not None]
     is_sound = not any(d.severity == "error" for d in sound.diagnostics)
+    if claims and is_sound:
+        decided = tuple(verdicts(task, results))
+        found += [v.diagnostic for v in decided if v.diagnostic is not None]
     looked = beside(task) if beside is not None and is_sound else ()
     left, accepted = set_aside(task, [*found, *looked])
     if with_warnings and claims and at_defaults(task) and not any(d.severity == "error" for d in found):
         left += idle(task, accepted, () if beside is not None else ELSEWHERE)
-    return replace(report, diagnostics=in_order(left), verdicts=said, results=results, accepted=tuple(accepted))
+    return replace(report, diagnostics=in_order(left), verdicts=decided, results=results, accepted=tuple(accepted))
 
 
 def at_defaults(task: Task) -> bool:
-    """Whether every parameter has its default."""
+    """Return whether every parameter has its default."""
     return all(p.value == p.default for p in task.parameters)
 
 
@@ -140,7 +145,7 @@ def _warnings(task: Task, results: Results) -> list[Diagnostic]:
         stand_in = results.abstraction
     except SpecError as error:
         return list(error.diagnostics)
-    problem = None if stand_in is None else unfaithful(stand_in, results.faith)
+    problem = None if stand_in is None else unfaithful(stand_in, results.abstraction_check)
     return [*warnings(task, results), *([] if problem is None else [problem])]
 
 
@@ -154,7 +159,7 @@ RETURNS = ("optimal", "random", "worst", "expert")
 
 @dataclass(frozen=True)
 class Scores:
-    """The returns that a task's scores are measured between. None where one cannot be worked out."""
+    """The returns that scores of a task are normalised by; None for those that cannot be computed."""
 
     id: str
     content_hash: str
@@ -170,26 +175,26 @@ class Scores:
 
     @property
     def gap(self) -> float | None:
-        """How far the expert is below the optimum; None where one of them is not known exactly."""
+        """The difference of the optimal return and the expert's; None if one of them is not known exactly."""
         if self.optimal is None or self.expert is None or not (self.optimal.exact and self.expert.exact):
             return None
         return self.optimal.value - self.expert.value
 
     def normalise(self, value: float, floor: float | None = -1.0) -> float:
-        """A return as a score: 0 for random actions, 1 for the expert (the optimum where there is none)."""
+        """Return the score of a return: 0 for random actions, 1 for the expert (the optimum if there is none)."""
         top = self.expert or self.optimal
         if top is None or self.random is None:
             return float("nan")
         return normalised(value, self.random.value, top.value, floor)
 
     def record(self) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Return all of it as plain data for JSON."""
         returns = {name: getattr(self, name) for name in RETURNS}
-        told = {name: None if r is None else asdict(r) | {"status": r.status} for name, r in returns.items()}
-        return asdict(self) | told | {"parameters": dict(self.parameters), "gap": self.gap}
+        found = {name: None if r is None else asdict(r) | {"status": r.status} for name, r in returns.items()}
+        return asdict(self) | found | {"parameters": dict(self.parameters), "gap": self.gap}
 
     def rows(self) -> list[dict[str, Any]]:
-        """One flat row for each return that is known, as `pandas.DataFrame` takes them."""
+        """Return one flat row for each known return, as `pandas.DataFrame` takes them."""
         known = [(name, found) for name in RETURNS if (found := getattr(self, name)) is not None]
         return [
             {**self.parameters, "id": self.id, "return": name, "value": r.value, "error": r.error, "status": r.status}
@@ -202,16 +207,16 @@ class Scores:
         return html_table(self.id, ("return", "value", "error", "status"), rows)
 
     def save(self, path: str | Path) -> None:
-        """Keep the scores in a JSON file, under the task's content hash."""
+        """Write the scores to a JSON file, with the task's content hash."""
         write_text(Path(path), json.dumps(self.record(), indent=2, default=str) + "\n")
 
     @classmethod
     def load(cls, path: str | Path, task: TaskLike) -> Scores:
-        """Scores from a file.
+        """Return scores from a file.
 
         Raises:
-            SpecError: E710, E711 when there is no such file, or it cannot be read; E713 when it contains no scores.
-            StaleScores: when they were worked out for another version of the task.
+            SpecError: E710, E711 if there is no such file, or it cannot be read; E713 if it contains no scores.
+            StaleScores: if they belong to another version of the task.
         """
         task = load(task)
         data = read(path, RETURNS)
@@ -231,9 +236,12 @@ class StaleScores(TaskspecError, ValueError):
 
 
 def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) -> Scores:
-    """Optimal, random, worst and expert return of a task: exact where it has a model, otherwise from episodes.
+    """Return optimal, random, worst and expert return of a task: exact if it has a model, otherwise estimated.
 
-    Of `Results`, which spare working out what is known already, episodes and seed are their own.
+    Args:
+        task: the task, its id or its path; or its `Results`, with their own episodes and seed.
+        episodes: of each estimate.
+        seed: of these episodes.
     """
     tell("the exact model")
     results = task if isinstance(task, Results) else Results(load(task), episodes, seed)
@@ -249,8 +257,8 @@ def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) ->
 class Score:
     """A policy's return and its place between random actions (0) and the expert (1).
 
-    `asked` says what the return rests on: the policy's "probabilities" of actions, its "actions" where they are always the same,
-    "samples" of them in episodes, or "returns" that were given. Only the first two can be exact.
+    `asked` is the basis of the return: the policy's "probabilities" of actions, its "actions" if they are deterministic,
+    "samples" of them in episodes, or given "returns". Only the first two can be exact.
     """
 
     value: Return
@@ -259,7 +267,7 @@ class Score:
     asked: Asking | Literal["returns"]
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """The confidence interval of the normalised score."""
+        """Return the confidence interval of the normalised score."""
         low, high = self.value.interval(confidence)
         return self.scores.normalise(low), self.scores.normalise(high)
 
@@ -274,23 +282,23 @@ def score(
     seed: int = 0,
     known: Scores | None = None,
 ) -> Score:
-    """The score of a policy, or of the returns of its episodes.
+    """Return the score of a policy, or of the returns of its episodes.
 
     Args:
         policy: a table of probabilities (S, A) or (T, S, A), or of actions (S,) or (T, S), in the order of the exact model; a
             function from the state by component (arrays, batch axis last) and the time to actions by component; or an object
-            with `predict(observations, ...)`, as models of Stable-Baselines3 are. Where such an object tells probabilities, as
+            with `predict(observations, ...)`, as models of Stable-Baselines3 are. If such an object gives probabilities, as
             `action_probabilities(observations)` of shape (N, A) or as Stable-Baselines3 does, the stochastic policy is scored.
         returns: of episodes, instead of a policy.
         deterministic: True scores the deterministic version of an object with `predict`, False what it samples; None what the
             policy is by itself.
-        episodes: how many, where the policy has to be simulated.
+        episodes: of an estimate, if the policy has to be simulated.
         seed: of these episodes.
-        known: scores that were worked out before.
+        known: scores of the task that were computed before.
 
     Raises:
-        SpecError: E706 for actions outside the action space, E712 where an exact model is needed and there is none, E713 for what
-            is no policy.
+        SpecError: E706 for actions outside the action space, E712 if a missing exact model is needed, E713 for anything that
+            is not a policy.
     """
     from taskspec.policies.values import policy_value
 

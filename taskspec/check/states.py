@@ -1,4 +1,4 @@
-"""Warnings about states that do not occur, components that make no difference, reals that could be ints."""
+"""Warnings about states that do not occur, and components of the state without effect."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Span, SpecError
-from taskspec.check.context import SMALL, LintContext, Problem
+from taskspec.check.context import SMALL, Doubt, LintContext
 from taskspec.lang.ir import Draw, Node, Role, draws, reads, walk
 from taskspec.lang.types import Interval, Kind
 from taskspec.lang.variates import VARIATES
@@ -19,16 +19,15 @@ from taskspec.task.build import build
 from taskspec.task.reach import reached
 from taskspec.task.task import Component, Task
 
-# ---------- states
-# States that do not occur: values in the declared ranges of components that no episode takes.
+# -- unreachable values ---------------------------------------------------------------------------
 
 SLACK = 1e-6
 
 
-def unreachable(context: LintContext) -> Iterator[Problem]:
+def unreachable(context: LintContext) -> Iterator[Doubt]:
     """Values of a component that occur in no episode, however long, of this task or of one that shares its roles.
 
-    Where there is an exact model all values are looked at, elsewhere what intervals prove about the ends of ranges.
+    With an exact model, all values are checked; otherwise the ends of ranges, by interval arithmetic.
     """
     model = context.results.model
     if model is not None and model.entries <= SMALL:
@@ -43,15 +42,15 @@ def unreachable(context: LintContext) -> Iterator[Problem]:
         yield from _beyond(context)
 
 
-def _missing(place: Span, c: Component, missing: list[str]) -> Iterator[Problem]:
+def _missing(place: Span, c: Component, missing: list[str]) -> Iterator[Doubt]:
     if missing:
         shown = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
         subject = f"{c.name} = {shown}" if c.type.is_scalar else f"an element {shown} in {c.name}"
-        yield Problem(place, f"no episode visits a state with {subject}")
+        yield Doubt(place, f"no episode visits a state with {subject}")
 
 
 def _missing_values(c: Component, seen: Array) -> list[str]:
-    """Values that a component never takes, in words; of a vector only those at the ends of its range."""
+    """Return values that a component never has, in words; for a vector only those at the ends of its range."""
     low, high = int(c.least), int(c.most)
     if high - low >= 100_000 or not seen.size:
         return []
@@ -64,7 +63,7 @@ def _missing_values(c: Component, seen: Array) -> list[str]:
 
 
 def _partners(context: LintContext, model: Model) -> Iterator[Model]:
-    """The models of the variants in which expert and learner act, at their own defaults where this one is at its."""
+    """Yield the models of the variants in which expert and learner act."""
     roles = context.task.spec.roles if model.task is context.task else None
     given = {p.name: p.value for p in context.task.parameters if p.value != p.default}
     for variant in dict.fromkeys((roles.expert, roles.learner) if roles is not None else ()):
@@ -79,8 +78,8 @@ def _partners(context: LintContext, model: Model) -> Iterator[Model]:
 # -- by intervals -------------------------------------------------------------------------------------------------
 
 
-def _beyond(context: LintContext) -> Iterator[Problem]:
-    """Ends of ranges that no episode gets to; an end that is not declared counts where the other one is."""
+def _beyond(context: LintContext) -> Iterator[Doubt]:
+    """Yield ends of ranges that intervals prove to be unreachable; a missing end counts if the other one is declared."""
     task = context.task
     found = reached(task.state, task.initial, task.next, horizon=None)
     normal = _normal(task)
@@ -88,7 +87,7 @@ def _beyond(context: LintContext) -> Iterator[Problem]:
         if c.name in normal or c.domain is not None or c.type.kind is Kind.BOOL:
             continue
         for beyond in _unused_ends(c, found[c.name]):
-            yield Problem(context.key("state", c.name), f"no episode visits a state with {c.name} {beyond}")
+            yield Doubt(context.key("state", c.name), f"no episode visits a state with {c.name} {beyond}")
 
 
 def _unused_ends(c: Component, found: Interval) -> Iterator[str]:
@@ -111,7 +110,7 @@ def _ends(high: float) -> str:
 
 
 def _normal(task: Task) -> set[str]:
-    """Components that normal draws go into: how far these get is a matter of how they are made."""
+    """Return components that depend on normal draws, whose range depends on their implementation."""
     pairs = {c.name: pair for c, *pair in zip(task.state, task.initial, task.next, strict=True)}
     found = {n for n, pair in pairs.items() if any(isinstance(x, Draw) and VARIATES[x.base].cut for x in walk(pair))}
     while more := {n for n, pair in pairs.items() if {name for _, name in reads(pair)} & found} - found:
@@ -119,11 +118,10 @@ def _normal(task: Task) -> set[str]:
     return found
 
 
-# ---------- unread
-# Components of the state that make no difference.
+# -- components without effect --------------------------------------------------------------------
 
 
-def unread(context: LintContext) -> Iterator[Problem]:
+def unread(context: LintContext) -> Iterator[Doubt]:
     """A component on which neither rewards nor ends depend, which is not shown, or is drawn all the same."""
     task = context.task
     matters = _followed(task, (task.reward, task.terminal))
@@ -133,15 +131,15 @@ def unread(context: LintContext) -> Iterator[Problem]:
             continue
         if not task.observation.is_state:
             message = f"neither rewards nor ends depend on '{c.name}', and it is not observed"
-            yield Problem(context.key("state", c.name), message)
+            yield Doubt(context.key("state", c.name), message)
         elif draws((first, following)):
-            yield Problem(
+            yield Doubt(
                 context.key("state", c.name), f"'{c.name}' is drawn, but neither rewards nor endings depend on it"
             )
 
 
-def forgotten(context: LintContext) -> Iterator[Problem]:
-    """What the expert remembers, and nothing that it does depends on."""
+def forgotten(context: LintContext) -> Iterator[Doubt]:
+    """A component of the expert's memory that no action of it depends on."""
     task = context.task
     if task.memory is None:
         return
@@ -150,11 +148,11 @@ def forgotten(context: LintContext) -> Iterator[Problem]:
     for _ in nexts:
         found |= {name for known in found & nexts.keys() for role, name in reads([nexts[known]]) if role is Role.STATE}
     for name in (n for n in nexts if n not in found):
-        yield Problem(context.key("memory", name), f"no action of the expert depends on '{name}'")
+        yield Doubt(context.key("memory", name), f"no action of the expert depends on '{name}'")
 
 
 def _followed(task: Task, roots: tuple[Node, ...]) -> set[str]:
-    """Components that some nodes depend on, at this step or later; a node may hold the next value of a component."""
+    """Return components that some nodes depend on, at this step or later."""
     nexts = {c.name: node for c, node in zip(task.state, task.next, strict=True)}
     inside = {id(node) for node in walk(roots)}
     found: set[str] = set()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.check import actions, expressions, names, observations, states
-from taskspec.check.context import LintContext, Problem
+from taskspec.check.context import Doubt, LintContext
 from taskspec.registry import load
 from taskspec.scores.returns import Results
 from taskspec.soundness.soundness import cases
@@ -23,7 +23,7 @@ class WarningKind:
     """
 
     code: str
-    find: Callable[[LintContext], Iterator[Problem]]
+    find: Callable[[LintContext], Iterator[Doubt]]
     for_all: bool = False
 
 

@@ -76,7 +76,7 @@ class Tabular:
         return found
 
     @cached_property
-    def P(self) -> Array:  # noqa: N802  # the letter that everyone uses
+    def P(self) -> Array:  # the letter that everyone uses
         """float64 (S, A, S): the probability of the third, where the action is taken in the first.
 
         Raises:
@@ -212,23 +212,23 @@ def _lasts(task: Task) -> bool:
 
 def _steps_until_over(model: Model) -> int | None:
     """The steps of an episode of a task in which the time alone, or nothing, ends it: to the first at which all do."""
-    over = (t for t, step in enumerate(model.steps, 1) if not step.going.sum())
+    over = (t for t, step in enumerate(model.steps, 1) if not step.P.sum())
     return next(over, model.horizon)
 
 
 def _whole(step: Step) -> Sparse:
     """Where a step leads, whether or not it ends the episode."""
-    return step.going if step.ending is None else step.going + step.ending
+    return step.P if step.P_end is None else step.P + step.P_end
 
 
 def _alike(a: Step, b: Step) -> bool:
-    return np.array_equal(a.reward, b.reward) and not (_whole(a) != _whole(b)).nnz
+    return np.array_equal(a.R, b.R) and not (_whole(a) != _whole(b)).nnz
 
 
 def _inside(model: Model) -> tuple[Sparse, Array]:
     """Transitions (A * S, S) and rewards (S, A) in which no row leaves the state space."""
     step, shape = model.step(0), (model.n_actions, model.n_states)
-    going, rewards = _whole(step), step.reward
+    going, rewards = _whole(step), step.R
     if step.escaping is not None and step.escaping.any():
         sparse, rows = scipy_sparse(), np.flatnonzero(step.escaping)
         stays = sparse.csr_array((np.ones(len(rows)), (rows, rows % model.n_states)), shape=going.shape)

@@ -15,9 +15,6 @@ from taskspec.envs.options import positive
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.task.task import Task
 
-# ---------- metered
-# Environments whose steps are counted, and whose rewards somebody else decides about.
-
 
 class Meter(Protocol):
     """Who counts steps, and decides what is paid for them."""
@@ -65,10 +62,6 @@ class Metered(gymnasium.Env[Any, Any]):
 def _one(seen: Any) -> Any:
     """An observation as a batch of one."""
     return {name: [part] for name, part in seen.items()} if isinstance(seen, dict) else [seen]
-
-
-# ---------- metered vector
-# Vector environments whose steps are counted, and whose rewards somebody else decides about.
 
 
 class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):

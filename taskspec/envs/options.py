@@ -17,9 +17,6 @@ from taskspec.task.task import Task
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
 
-# ---------- errors
-# What an environment raises when it is misused. Each is also Gymnasium's own kind of error, so existing handlers catch it.
-
 
 class ActionError(TaskspecError, gymnasium.error.InvalidAction, ValueError):
     """An action outside the action space (E706)."""
@@ -37,8 +34,7 @@ class StateError(TaskspecError, ValueError):
     """A state that the task does not have (E709)."""
 
 
-# ---------- options
-# Options of environments: the few values that each of them takes.
+# -- options ------------------------------------------------------------------------------------------------------
 
 ENDINGS = get_args(Ending)
 Autoreset: TypeAlias = Literal["NextStep", "SameStep", "Disabled"]

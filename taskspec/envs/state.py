@@ -15,9 +15,6 @@ from taskspec.lang.types import Domain, Kind
 from taskspec.task.spaces import single
 from taskspec.task.task import Component, Task
 
-# ---------- picture
-# States as text: what `render_mode="ansi"` shows.
-
 
 def text(task: Task, state: dict[str, Any], time: int) -> str:
     """One line a component, and the time."""
@@ -36,8 +33,7 @@ def _shown(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else visible(str(value), keep="")
 
 
-# ---------- state
-# States of an environment for people: read by name, set by name, checked against their domains.
+# -- reading and setting the state --------------------------------------------------------------------------------
 
 _DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
 
@@ -126,8 +122,7 @@ def overridden(options: Any) -> Mapping[str, Any] | None:
     return state
 
 
-# ---------- told
-# The states that infos of many environments tell, where the task's spec has `info`: as those of the scalar environment.
+# -- the state in infos of many environments ----------------------------------------------------------------------
 
 
 def told(task: Task, state: Sequence[Array]) -> Array:

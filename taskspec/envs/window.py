@@ -23,9 +23,6 @@ from taskspec.lang.types import Kind
 from taskspec.task.spaces import unpack
 from taskspec.task.task import Component, Task
 
-# ---------- window
-# Frames of an environment, and the window that shows them: `render_mode="rgb_array"` and `"human"`.
-#
 # Figures lie above environments in the layers, so they are resolved by name when needed.
 
 LETTERS, LINES = 42, 2
@@ -144,8 +141,7 @@ def _pyplot() -> Any:
     return importlib.import_module("matplotlib.pyplot")
 
 
-# ---------- keyboard
-# Tasks played by a person: which key does what, and Gymnasium's window for it.
+# -- playing from the keyboard ------------------------------------------------------------------------------------
 #
 # Needs finitely many actions, and no more of them than there are digits and letters.
 

@@ -14,7 +14,8 @@ from taskspec.exam.results import Diagnosis
 from taskspec.pages.render.html import page_of
 from taskspec.rules.books import RuleBook, exam_of, findings_of, read_exam, read_findings
 from taskspec.rules.evaluator import Truth
-from taskspec.rules.seeds import ONE, Comparison, ScoreEvaluator, SeedScores
+from taskspec.rules.score_rules import Comparison, ScoreEvaluator
+from taskspec.rules.scores import ONE, SeedScores
 from taskspec.task.schema.experiments import DiagnosisEntry, FindingEntry, FindingsDocument
 
 # -- findings ---------------------------------------------------------------------------------------------------------

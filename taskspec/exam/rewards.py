@@ -24,6 +24,7 @@ from taskspec.model.model import misused, refuse
 from taskspec.policies.policy import greedy
 from taskspec.registry import load
 from taskspec.solve.backward import action_values, backward, first_values
+from taskspec.solve.infinite_horizon import chain_values
 from taskspec.task.task import Task, TaskLike
 
 NOTHING = 1e-11
@@ -199,12 +200,10 @@ class _Chain:
     def _lasting(self, reward: Array, chances: Array) -> Array:
         """The values (S,) of a policy that does the same at all times, without a horizon."""
         from scipy import sparse
-        from scipy.sparse.linalg import spsolve
 
         moves = sum(sparse.diags_array(chances[:, a]) @ part for a, part in enumerate(self.model.sparse))
-        system = sparse.eye_array(self.model.n_states) - self.discount * moves
-        found: Array = spsolve(system.tocsc(), (chances * reward).sum(axis=1))
-        return found
+        everywhere = np.ones(self.model.n_states, np.bool_)
+        return chain_values((self.discount * moves).tocsr(), (chances * reward).sum(axis=1), everywhere)
 
     # -- what is told -------------------------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""What a learner is given, what it raises where it cannot learn, and observations as flat vectors."""
+"""Cases, as learners of this package use them, and observations and actions as flat vectors."""
 
 from __future__ import annotations
 
@@ -13,9 +13,6 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.data import Demonstrations
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
-
-# ---------- refusals
-# What a learner raises on a task that it is not made for.
 
 
 class CannotLearn(SpecError):
@@ -39,12 +36,8 @@ def cannot_learn(message: str, hint: str | None = None) -> NoReturn:
     raise CannotLearn(message, hint)
 
 
-# ---------- case
-# What a learner is given, as learners of this package use it.
-
-
 class LearnerCase(Protocol):
-    """What is asked of a learner: to learn `task` in `steps` steps, once for every one of `seeds`."""
+    """What a learner is given: a task to learn in `steps` steps, once for each of `seeds`."""
 
     @property
     def task(self) -> Task: ...
@@ -60,23 +53,19 @@ class LearnerCase(Protocol):
 
     @property
     def judge(self) -> Task:
-        """The task by whose rewards segments are compared."""
+        """The task whose rewards label segments."""
         ...
 
     def count(self, steps: int = 0, comparisons: int = 0) -> None:
-        """Say that each seed took so many more steps, and had so many more pairs compared."""
+        """Report steps taken and pairs compared, by each seed."""
 
     def show(self, *policies: Any) -> None:
-        """Show what each seed has learned so far."""
-
-
-# ---------- vectors
-# Observations and actions as flat vectors: what is finite is one-hot.
+        """Report the current policy of each seed: a point of the learning curve."""
 
 
 @dataclass(frozen=True)
 class Vectors:
-    """How values of a space become vectors of `size` float32; of NumPy's arrays and of JAX's alike.
+    """The map from values of a space to vectors of `size` float32, for arrays of NumPy and JAX; finite values are one-hot.
 
     Attributes:
         counts: how many values each finite element takes; empty for a box.
@@ -95,7 +84,7 @@ class Vectors:
 
     @classmethod
     def of(cls, layout: SpaceLayout) -> Vectors:
-        """Of a space as environments lay it out.
+        """Return the vectors of a space.
 
         Raises:
             CannotLearn: for dicts.
@@ -120,23 +109,23 @@ class Vectors:
 
     @property
     def is_bounded(self) -> bool:
-        """Whether it is a box, all of whose bounds are finite and apart."""
+        """Whether it is a box with finite bounds, the low ones below the high ones."""
         ends = zip(self.low, self.high, strict=True)
         return not self.counts and all(math.isfinite(a) and math.isfinite(b) and a < b for a, b in ends)
 
     def __call__(self, values: AnyArray) -> AnyArray:
-        """Float32 (N, size) of values (N, *shape)."""
+        """Return float32 (N, size) of values (N, *shape)."""
         if not self.counts:
             return values.reshape(len(values), -1).astype(np.float32)
         return self.one_hot(self.flat(values))
 
     def flat(self, values: AnyArray) -> AnyArray:
-        """Finite values (N, *shape) as numbers from 0, int32 (N, K); values of a box as they are, (N, size)."""
+        """Return finite values (N, *shape) as numbers from 0, int32 (N, K); values of a box as float32 (N, size)."""
         rows = values.reshape(len(values), -1)
         return (rows - self.start).astype(np.int32) if self.counts else rows.astype(np.float32)
 
     def one_hot(self, numbers: AnyArray) -> AnyArray:
-        """Float32 (..., size) of numbers from 0, (..., K); real numbers are left as they are."""
+        """Return float32 (..., size) of numbers from 0, (..., K); real numbers are unchanged."""
         if not self.counts:
             return numbers
         firsts = np.cumsum([0, *self.counts[:-1]]).tolist()
@@ -145,7 +134,7 @@ class Vectors:
         return sum(hit.astype(np.float32) for hit in hits)
 
     def scaled(self, vectors: AnyArray) -> AnyArray:
-        """Vectors with the bounds of a bounded box at 0 and 1; others as they are."""
+        """Return vectors with the bounds of a bounded box at 0 and 1; others are unchanged."""
         if not self.is_bounded:
             return vectors
         low, high = np.array(self.low, np.float32), np.array(self.high, np.float32)

@@ -1,91 +1,21 @@
-"""Learners of the table by name, called with their settings."""
+"""Learners of the table by name or file, with the settings of a family, and called to train."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass, replace
 from fnmatch import fnmatchcase
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar
+from types import NoneType
+from typing import Any, ClassVar, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.learners.case import LearnerCase
-from taskspec.learners.settings import (
-    Adversarial,
-    Cloning,
-    Comparing,
-    Configuration,
-    Experience,
-    Matching,
-    Novelty,
-    Ppo,
-    Reward,
-    Trpo,
-    changed,
-)
+from taskspec.learners.table import BUILT_IN, BuiltIn
 from taskspec.source import Document, read_file
-
-# ---------- table
-# The learners that come with the package, by name.
-
-
-@dataclass(frozen=True, slots=True)
-class BuiltIn:
-    """A learner: what it is in a sentence, what it has to be granted, and its settings as published."""
-
-    name: str
-    summary: str
-    learns_from: tuple[str, ...]
-    published: Configuration
-
-
-_FU = Trpo(
-    Experience(lanes=2, steps=100, whole=True), hidden=(32, 32), weights="xavier", trace=1.0, accepted_kl=0.01, strict=True,
-    halvings=15, shrink=0.8, damping=1e-5, fisher_every=1, critic="ridge",
-)  # fmt: skip
-_GAIL_IM = Adversarial(budget_factor=0.64)
-_GAIL_SB = Adversarial(
-    Trpo(), Reward(hidden=(100, 100), activation="tanh", standardised=True, learning_rate=3e-4),
-    updates=1, batch=0, every=3, kept=0, entropy=1e-3, budget_factor=3.0,
-)  # fmt: skip
-_GAIL_FU = Adversarial(_FU, pay="-softplus(-l)", updates=50, batch=32, kept=0)
-_AIRL_SA = replace(
-    _GAIL_IM, reward=Reward(shaped=True, scaled=True), pay="l", minus_log_policy=True, deviation_as_variance=True
-)
-_AIRL_SO = replace(_AIRL_SA, reward=Reward(inputs="state", shaped=True, scaled=True))
-_AIRL_FU = replace(_GAIL_FU, policy=replace(_FU, entropy=1.0), pay="f", minus_log_policy=True, updates=100)
-_DRLHP_SA = Comparing(budget_factor=0.64)
-_DRLHP_SO = replace(_DRLHP_SA, reward=Reward(inputs="state", shaped=True, scaled=True))
-
-_REWARD, _SHOWN, _COMPARED = ("reward",), ("demonstrations",), ("preferences",)
-BUILT_IN: dict[str, BuiltIn] = {
-    entry.name: entry
-    for entry in (
-        BuiltIn("ppo", "proximal policy optimisation on the true reward", _REWARD, Ppo()),
-        BuiltIn("bc", "behavioural cloning", _SHOWN, Cloning()),
-        BuiltIn("gail_im", "GAIL with PPO and reward -log(1 - D) >= 0", _SHOWN, _GAIL_IM),
-        BuiltIn("gail_sb", "GAIL with TRPO and reward -log(1 - D) >= 0", _SHOWN, _GAIL_SB),
-        BuiltIn("gail_fu", "GAIL with TRPO and reward log D <= 0", _SHOWN, _GAIL_FU),
-        BuiltIn("airl_im_sa", "AIRL with PPO and a reward of state and action", _SHOWN, _AIRL_SA),
-        BuiltIn("airl_im_so", "AIRL with PPO and a reward of the state", _SHOWN, _AIRL_SO),
-        BuiltIn("airl_fu", "AIRL with TRPO", _SHOWN, _AIRL_FU),
-        BuiltIn("drlhp_sa", "DRLHP with PPO and a reward of state and action", _COMPARED, _DRLHP_SA),
-        BuiltIn("drlhp_so", "DRLHP with PPO and a reward of the state", _COMPARED, _DRLHP_SO),
-        BuiltIn("drlhp_slow", "drlhp_sa with a low learning rate of the policy", _COMPARED,
-              replace(_DRLHP_SA, policy=Ppo(learning_rate=1e-4))),
-        BuiltIn("drlhp_eps", "drlhp_sa with some random actions in the episodes that are compared", _COMPARED,
-              replace(_DRLHP_SA, random=0.1)),
-        BuiltIn("drlhp_rnd", "drlhp_sa with a bonus for novelty", _COMPARED, replace(_DRLHP_SA, novelty=Novelty())),
-        BuiltIn("maxent", "maximum-entropy inverse reinforcement learning on the exact model", _SHOWN, Matching(causal=False)),
-        BuiltIn("mce", "the causal version, which does not assume that it can choose random outcomes", _SHOWN, Matching()),
-    )
-}  # fmt: skip
-"""Every learner by its name."""
-
-
-# ---------- learner
-# A learner that can be called: one of the table, with its settings.
+from taskspec.source import Path as Place
 
 FAMILIES = {
     "corrected": "the mistakes of the published code corrected",
@@ -103,35 +33,22 @@ class Learner:
 
     Attributes:
         name, family: which one it is.
-        configuration: its settings.
+        settings: a frozen dataclass.
         learns_from: what it has to be granted, of "reward", "demonstrations" and "preferences".
+        trainer: `module:function`, as in the table.
     """
 
     name: str
     family: str
-    configuration: Configuration
+    settings: Any
     learns_from: tuple[str, ...]
+    trainer: str
     together: ClassVar[bool] = True
 
     def __call__(self, case: LearnerCase) -> list[Any]:
         """Raises SpecError: E705 where JAX or optax are not installed, E713 for tasks that it cannot learn."""
-        match self.configuration:
-            case Matching() as config:
-                from taskspec.learners.tabular import matched
-
-                return matched(config, case)
-            case Ppo() as config:
-                return _deep("reinforce").reinforced(config, case)  # type: ignore[no-any-return]
-            case Cloning() as config:
-                return _deep("clone").cloned(config, case)  # type: ignore[no-any-return]
-            case Adversarial() as config:
-                return _deep("adversarial").imitated(config, case)  # type: ignore[no-any-return]
-            case Comparing() as config:
-                return _deep("preferences").preferred(config, case)  # type: ignore[no-any-return]
-
-
-def _deep(module: str) -> Any:
-    return import_module(f"taskspec.learners.deep.{module}")
+        module, _, function = self.trainer.partition(":")
+        return getattr(import_module(module), function)(self.settings, case)  # type: ignore[no-any-return]
 
 
 def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learner:
@@ -145,21 +62,21 @@ def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learne
     name = os.fspath(source)
     before, slash, rest = name.partition("/")
     if slash and before in FAMILIES and rest in BUILT_IN:
-        return _made(BUILT_IN[rest], before)
+        return _in_family(BUILT_IN[rest], before)
     if name in BUILT_IN:
-        return _made(BUILT_IN[name], family)
+        return _in_family(BUILT_IN[name], family)
     if not name.endswith((".yaml", ".yml")):
         hint = suggest(name, BUILT_IN) or f"there are {', '.join(BUILT_IN)}; a path ends in .yaml"
         raise SpecError([Diagnostic("E713", None, f"there is no learner '{name}'", hint)])
     document = read_file(Path(source))
-    made = _made(_written(document), document.data.get("family", family))
+    found = _in_family(_named_in(document), document.data.get("family", family))
     if "settings" not in document.data:
-        return made
-    return Learner(made.name, made.family, changed(made.configuration, document, ("settings",)), made.learns_from)
+        return found
+    return replace(found, settings=changed(found.settings, document, ("settings",)))
 
 
-def _written(document: Document) -> BuiltIn:
-    """The learner that a file names."""
+def _named_in(document: Document) -> BuiltIn:
+    """Return the table's entry that a file names."""
     data = document.data
     if not isinstance(data, dict) or "learner" not in data:
         raise SpecError([Diagnostic("E203", document.span(()), "a learner's file says which one: `learner: bc`")])
@@ -175,21 +92,96 @@ def _written(document: Document) -> BuiltIn:
     return BUILT_IN[data["learner"]]
 
 
-def _made(entry: BuiltIn, family: str) -> Learner:
+def _in_family(entry: BuiltIn, family: str) -> Learner:
     if family not in FAMILIES:
-        raise SpecError(
-            [
-                Diagnostic(
-                    "E713",
-                    None,
-                    f"there is no family '{family}'",
-                    suggest(family, FAMILIES) or f"there are {', '.join(FAMILIES)}",
-                )
-            ]
-        )
+        hint = suggest(family, FAMILIES) or f"there are {', '.join(FAMILIES)}"
+        raise SpecError([Diagnostic("E713", None, f"there is no family '{family}'", hint)])
     document = read_file(_FOLDER / f"{family}.yaml")
-    config: Any = entry.published
+    settings = entry.settings
     for i, rule in enumerate(document.data):
         if any(fnmatchcase(entry.name, pattern) for pattern in rule["learners"]):
-            config = changed(config, document, (i, "settings"))
-    return Learner(entry.name, family, config, entry.learns_from)
+            settings = changed(settings, document, (i, "settings"))
+    return Learner(entry.name, family, settings, entry.learns_from, entry.trainer)
+
+
+# -- settings in files, checked against dataclasses ----------------------------------------------------------------
+
+T = TypeVar("T")
+_KINDS = {bool: "true or false", int: "a whole number", float: "a number", NoneType: "null"}
+
+
+def changed(base: T, document: Document, path: Place) -> T:
+    """Return settings with those at a path of a document in their place, section by section.
+
+    Raises:
+        SpecError: with every mistake: E201 for what is no mapping, E202 for an unknown setting, E204 and E206 for its value.
+    """
+    data: Any = document.data
+    for step in path:
+        data = data[step]
+    problems: list[Diagnostic] = []
+    found = _changed(base, data, document, path, problems)
+    if problems:
+        raise SpecError(problems)
+    return found  # type: ignore[no-any-return]
+
+
+def _changed(base: Any, data: Any, document: Document, path: Place, problems: list[Diagnostic]) -> Any:
+    if not isinstance(data, dict):
+        problems.append(Diagnostic("E201", document.span(path), "settings are a mapping: `name: value`"))
+        return base
+    hints = _hints(type(base))
+    found: dict[str, Any] = {}
+    for name, value in data.items():
+        place = (*path, name)
+        if name not in hints:
+            message = f"{type(base).__name__} has no setting '{name}'"
+            hint = suggest(name, hints) or f"it has {', '.join(hints)}"
+            problems.append(Diagnostic("E202", document.key_span(place), message, hint))
+            continue
+        now = getattr(base, name)
+        section = next((t for t in _options(hints[name]) if is_dataclass(t)), None)
+        if section is not None and value is not None:
+            found[name] = _changed(now if now is not None else section(), value, document, place, problems)  # type: ignore[operator]
+        elif (fitting := list(_fitting(hints[name], value))) != []:
+            found[name] = fitting[0]
+        else:
+            problems.append(_unfit(hints[name], value, document, place))
+    return replace(base, **found)
+
+
+def _unfit(hint: Any, value: Any, document: Document, place: Place) -> Diagnostic:
+    words = [repr(word) for option in _options(hint) if get_origin(option) is Literal for word in get_args(option)]
+    if words:
+        return Diagnostic("E206", document.span(place), f"{value!r} is not one of {', '.join(words)}")
+    kinds = [_KINDS.get(option, "a list of numbers") for option in _options(hint)]
+    return Diagnostic("E204", document.span(place), f"{value!r} is not {' or '.join(kinds)}")
+
+
+def _fitting(hint: Any, value: Any) -> Iterator[Any]:
+    """Yield the value as each of the allowed types that it fits."""
+    for option in _options(hint):
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if get_origin(option) is Literal and value in get_args(option):
+            yield value
+        elif get_origin(option) is tuple and isinstance(value, list):
+            of = get_args(option)
+            each = [list(_fitting(of[0], v)) for v in value]
+            if all(each) and (of[-1] is Ellipsis or len(of) == len(value)):
+                yield tuple(v[0] for v in each)
+        elif option is float and number:
+            yield float(value)
+        elif (option is int and number and isinstance(value, int)) or (option is bool and isinstance(value, bool)):
+            yield value
+        elif option is NoneType and value is None:
+            yield None
+
+
+def _options(hint: Any) -> tuple[Any, ...]:
+    """Return the types of a union; a single type by itself."""
+    return (hint,) if isinstance(hint, type) or get_origin(hint) in (tuple, Literal) else get_args(hint)
+
+
+def _hints(kind: Any) -> dict[str, Any]:
+    hints = get_type_hints(kind)
+    return {f.name: hints[f.name] for f in fields(kind)}

@@ -1,7 +1,12 @@
-"""Maximum-entropy inverse reinforcement learning on the exact model: causal (MCE, Ziebart 2010) and not (MaxEnt, 2008)."""
+"""Maximum-entropy inverse reinforcement learning on the exact model.
+
+Sources: Ziebart, Bagnell and Dey (2010) and Ziebart's thesis (2010), chapter 9, for the causal version; Ziebart, Maas, Bagnell
+and Dey (2008) for the other.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,37 +18,37 @@ from taskspec.base.progress import tell
 from taskspec.data import Demonstrations, Tabular
 from taskspec.data.tabular import LookAlike, tabular
 from taskspec.learners.case import LearnerCase, cannot_learn
-from taskspec.learners.settings import Matching
+from taskspec.learners.table import Matching
 from taskspec.model.model import NoModel
 from taskspec.solve.backward import backward, first_values
 from taskspec.task.task import Task
 
-TOLD = 5000
-"""Iterations between two that are told."""
+REPORT_EVERY = 5000
+"""Iterations between reports of progress."""
 
 
 @dataclass(frozen=True, eq=False)
 class StateReward:
-    """A reward of where a step leads: `worth`, float64 (O,), of observations that are numbers from `first`."""
+    """A reward of the next observation: `values`, float64 (O,), of observations that are numbers from `first`."""
 
-    worth: Array
+    values: Array
     first: int
 
     def __call__(self, observations: Any, actions: Any, next_observations: Any) -> Array:
-        """Float64 (N,), of observations (N,), actions, and what followed (N,)."""
-        found: Array = self.worth[np.asarray(next_observations) - self.first]
-        return found
+        """Return rewards, float64 (N,), of next observations (N,)."""
+        reward: Array = self.values[np.asarray(next_observations) - self.first]
+        return reward
 
 
 @dataclass(frozen=True, eq=False)
-class Timed:
-    """A policy that knows the time, as a table of probabilities (T, O, A) of actions over observations, which are one number.
+class TimedPolicy:
+    """A policy of time and observation, which is one number: probabilities (T, O, A) of actions.
 
     Attributes:
         table: float64.
-        reward: what was learned of it.
-        gap: how far the visits of the learner were from those of the expert in the end, at most in a state.
-        iterations: that it took.
+        reward: the learned reward.
+        gap: the largest difference, over states, between the visits of the learner and of the demonstrations.
+        iterations: until convergence.
     """
 
     table: Array
@@ -55,146 +60,173 @@ class Timed:
         return self.table.astype(dtype or np.float64)
 
 
-def matched(config: Matching, case: LearnerCase) -> list[Timed]:
-    """A policy for each seed, of rewards that begin at random.
+def train_maxent(config: Matching, case: LearnerCase) -> list[TimedPolicy]:
+    """Train a policy for each seed; seeds begin with different random rewards.
 
     Raises:
-        CannotLearn: tasks without an exact model of what is observed, without a horizon, or with states that look alike.
+        CannotLearn: the task has no exact model, no horizon, or states with equal observations.
     """
     try:
-        return _matched(config, case)
+        return _train(config, case)
     except (NoModel, LookAlike) as error:
         cannot_learn(error.diagnostics[0].message, "take another learner")
 
 
-def _matched(config: Matching, case: LearnerCase) -> list[Timed]:
-    found = tabular(case.task)
-    if found.horizon is None:
+def _train(config: Matching, case: LearnerCase) -> list[TimedPolicy]:
+    mdp = tabular(case.task)
+    if mdp.horizon is None:
         cannot_learn(f"episodes of {case.task.id} have no horizon", "give the task one")
     if abstraction(case.task) is not None:
         cannot_learn(f"the exact model of {case.task.id} is that of its abstraction", "take another learner")
-    wanted = visits(found, case.demonstrations, config.absorb)
-    seen, states = _shown(found, case.task), np.flatnonzero(~found.absorbed)
-    start = np.stack([np.random.default_rng(seed).standard_normal(found.n_states) for seed in case.seeds])
-    reward, gaps, taken = fit(config, found, wanted, start)
-    tables = soft_policy(found, reward, config)
-    tables = np.moveaxis(tables[..., states], -1, -2)
+    demonstrated = visits(mdp, case.demonstrations, config.absorb)
+    observation = _observations(mdp, case.task)
+    start = np.stack([np.random.default_rng(seed).standard_normal(mdp.n_states) for seed in case.seeds])
+    reward, gaps, iterations = fit(config, mdp, demonstrated, start)
+    pi = soft_policy(mdp, reward, config)
+    running = np.flatnonzero(~mdp.absorbed)
     layout = case.task.observation_layout
-    learned, count, first = [], layout.counts[0], layout.starts[0]
+    count = layout.counts[0]
+    learned = []
     for i in range(len(reward)):
-        table = np.full((len(tables), count, found.n_actions), 1 / found.n_actions)
-        worth = np.zeros(count)
-        table[:, seen[states]] = tables[:, i]
-        for some in (np.flatnonzero(found.absorbed), states):  # where both look alike, episodes go on
-            worth[seen[some]] = reward[i, some]
-        learned.append(Timed(table, StateReward(worth, first), float(gaps[i]), int(taken[i])))
+        table = np.full((len(pi), count, mdp.n_actions), 1 / mdp.n_actions)
+        table[:, observation[running]] = np.moveaxis(pi[:, i][..., running], -1, -2)
+        values = np.zeros(count)
+        for states in (
+            np.flatnonzero(mdp.absorbed),
+            running,
+        ):  # if both have the same observation, that of running episodes
+            values[observation[states]] = reward[i, states]
+        learned.append(TimedPolicy(table, StateReward(values, layout.starts[0]), float(gaps[i]), int(iterations[i])))
     return learned
 
 
-def _shown(found: Tabular, task: Task) -> Array:
-    """What is seen in each state, as a number from 0 (S,)."""
+def _observations(mdp: Tabular, task: Task) -> Array:
+    """Return the observation of each state, int64 (S,), as a number from 0."""
     layout = task.observation_layout
     if layout.form != "discrete":
         cannot_learn(f"observations of {task.id} are not one number", "take another learner")
-    return np.asarray(found.observations).astype(np.int64) - layout.starts[0]
+    return np.asarray(mdp.observations).astype(np.int64) - layout.starts[0]
 
 
-def visits(found: Tabular, shown: Demonstrations, absorb: bool) -> Array:
-    """How often an episode is in each state (S,), the last one included; where it ended early, for ever after if `absorb`."""
+def visits(mdp: Tabular, shown: Demonstrations, absorb: bool) -> Array:
+    """Return the mean visits (S,) of demonstrated episodes; those that ended early stay in their last state if `absorb`."""
     last = shown.starts + shown.lengths - 1
-    before = found.index(shown.obs)
-    over = np.asarray(shown.terminated)[last] & (shown.lengths < found.horizon)
+    before = mdp.index(shown.obs)
+    over = np.asarray(shown.terminated)[last] & (shown.lengths < mdp.horizon)
     after = np.where(over, -1, 0)
     ends = np.asarray(shown.next_obs)[last]
     if (~over).any():
-        after[~over] = found.index(ends[~over])
+        after[~over] = mdp.index(ends[~over])
     if over.any():
-        after[over] = _absorbed(found, ends[over])
-    total = np.bincount(before, minlength=found.n_states).astype(np.float64)
-    times = np.where(over & absorb, found.horizon - shown.lengths + 1, 1)
-    total += np.bincount(after, weights=times, minlength=found.n_states)
+        after[over] = _absorbed(mdp, ends[over])
+    total = np.bincount(before, minlength=mdp.n_states).astype(np.float64)
+    times = np.where(over & absorb, mdp.horizon - shown.lengths + 1, 1)
+    total += np.bincount(after, weights=times, minlength=mdp.n_states)
     return total / len(last)
 
 
-def _absorbed(found: Tabular, ends: Array) -> Array:
-    """The states that stand for the ends of episodes that look like this."""
-    seen, places = np.asarray(found.observations), np.flatnonzero(found.absorbed)
-    same = (ends.reshape(len(ends), 1, -1) == seen[places].reshape(1, len(places), -1)).all(axis=2)
+def _absorbed(mdp: Tabular, ends: Array) -> Array:
+    """Return the absorbing states with these observations."""
+    places = np.flatnonzero(mdp.absorbed)
+    candidates = np.asarray(mdp.observations)[places]
+    same = (ends.reshape(len(ends), 1, -1) == candidates.reshape(1, len(places), -1)).all(axis=2)
     if not (same.sum(axis=1) == 1).all():
-        cannot_learn(f"the endings of {found.task.id} do not distinguish its states")
-    found_at: Array = places[same.argmax(axis=1)]
-    return found_at
+        cannot_learn(f"the endings of {mdp.task.id} do not distinguish its states")
+    return np.asarray(places[same.argmax(axis=1)])
 
 
-def fit(config: Matching, found: Tabular, wanted: Array, start: Array) -> tuple[Array, Array, Array]:
-    """Rewards (K, S) under which the soft policy visits states as often as wanted; the gaps, and the iterations (K,)."""
-    reward, m, v = start.copy(), np.zeros_like(start), np.zeros_like(start)
-    gaps, taken = np.full(len(start), np.inf), np.full(len(start), config.iterations)
+def fit(config: Matching, mdp: Tabular, demonstrated: Array, start: Array) -> tuple[Array, Array, Array]:
+    """Return rewards (K, S) whose soft policy has the demonstrated visits (S,), the gaps and the iterations (K,).
+
+    The likelihood's gradient is the difference of visits; it is climbed by Adam.
+    """
+    reward = start.copy()
+    m = np.zeros_like(start)
+    v = np.zeros_like(start)
+    gaps = np.full(len(start), np.inf)
+    taken = np.full(len(start), config.iterations)
     running = np.arange(len(start))
+    b1, b2 = config.betas
     for i in range(config.iterations):
-        if i % TOLD == 0:
-            tell(f"{found.task.name}: iteration {i:,}, {len(running)} seeds")
-        slope = wanted - expected(found, soft_policy(found, reward[running], config))
-        gaps[running] = np.abs(slope).max(axis=1)
-        close = (gaps[running] < config.tolerance) | (np.linalg.norm(slope, axis=1) < config.tolerance)
+        if i % REPORT_EVERY == 0:
+            tell(f"{mdp.task.name}: iteration {i:,}, {len(running)} seeds")
+        gradient = demonstrated - expected_visits(mdp, soft_policy(mdp, reward[running], config))
+        gaps[running] = np.abs(gradient).max(axis=1)
+        close = (gaps[running] < config.tolerance) | (np.linalg.norm(gradient, axis=1) < config.tolerance)
         taken[running[close]] = i
-        running, slope = running[~close], slope[~close]
+        running = running[~close]
+        gradient = gradient[~close]
         if not len(running):
             break
-        b1, b2 = config.betas
-        m[running] = b1 * m[running] + (1 - b1) * slope
-        v[running] = b2 * v[running] + (1 - b2) * slope**2
+        m[running] = b1 * m[running] + (1 - b1) * gradient
+        v[running] = b2 * v[running] + (1 - b2) * gradient**2
         c1, c2 = (1 - b1 ** (i + 1), 1 - b2 ** (i + 1)) if config.bias else (1.0, 1.0)
         reward[running] += config.learning_rate * (m[running] / c1) / (np.sqrt(v[running] / c2) + 1e-7)
     return reward, gaps, taken
 
 
-def soft_policy(found: Tabular, reward: Array, config: Matching) -> Array:
-    """Return pi (T, K, A, S) of soft backward induction from rewards of states (K, S)."""
-    later = _expectation(found) if config.causal else _log_mean_exp(found, config.floor)
+def soft_policy(mdp: Tabular, reward: Array, config: Matching) -> Array:
+    """Return pi, float64 (T, K, A, S), by soft backward induction from rewards of states (K, S).
+
+    V[t, s] = r[s] + log sum_a exp Q[t, s, a]  (9.1)
+    Q[t, s, a] = E V[t + 1, s']  (9.2)
+    pi[t, s, a] = exp(Q[t, s, a] - log sum_b exp Q[t, s, b])  (9.3)
+
+    Source: Ziebart (2010), with the reward in V. The version that is not causal has log E exp V in place of E V.
+    """
+    q_values = _expectation(mdp) if config.causal else _log_mean_exp(mdp, config.floor)
     pi = []
 
     def choose(t: int, q: Array) -> Array:
-        """Return V (K, S), with the reward of being in the state, from Q (K, A, S)."""
-        most = q.max(axis=1, keepdims=True)
-        powers = np.exp(q - most)
-        total = powers.sum(axis=1, keepdims=True)
-        pi.append(powers / total)
-        return np.asarray(reward + (most + np.log(total))[:, 0])
+        """Return V (K, S) from Q (K, A, S)."""
+        largest = q.max(axis=1, keepdims=True)
+        exp_q = np.exp(q - largest)
+        total = exp_q.sum(axis=1, keepdims=True)
+        pi.append(exp_q / total)
+        return np.asarray(reward + (largest + np.log(total))[:, 0])
 
-    first_values(backward(lambda t, value: later(value), choose, reward, found.horizon or 0))
+    first_values(backward(lambda t, value: q_values(value), choose, reward, mdp.horizon or 0))
     return np.stack(pi[::-1])
 
 
-def expected(found: Tabular, tables: Array) -> Array:
-    """How often states are visited (K, S), the last ones included."""
-    now = np.broadcast_to(found.p0, (tables.shape[1], found.n_states))
-    total, going = now.copy(), found.P.transpose(1, 0, 2).reshape(-1, found.n_states)
-    for table in tables:
-        now = (table * now[:, None]).reshape(len(now), -1) @ going
-        total += now
+def expected_visits(mdp: Tabular, pi: Array) -> Array:
+    """Return the expected visits (K, S) of policies (T, K, A, S) in T steps and the last states.
+
+    Source: Ziebart et al. (2008), algorithm 1, steps 4 to 6.
+    """
+    d = np.broadcast_to(mdp.p0, (pi.shape[1], mdp.n_states))
+    total = d.copy()
+    p = _rows(mdp)
+    for pi_t in pi:
+        d = (pi_t * d[:, None]).reshape(len(d), -1) @ p
+        total += d
     return total
 
 
-def _expectation(found: Tabular) -> Any:
-    """Values (K, S) of what follows to those of actions (K, A, S)."""
-    going = found.P.transpose(1, 0, 2).reshape(-1, found.n_states).T
-    return lambda value: (value @ going).reshape(len(value), found.n_actions, found.n_states)
+def _rows(mdp: Tabular) -> Array:
+    """Return P as float64 (A * S, S)."""
+    return mdp.P.transpose(1, 0, 2).reshape(-1, mdp.n_states)
 
 
-def _log_mean_exp(found: Tabular, floor: float) -> Any:
-    """The same, as if one could choose how chance falls; of those next states alone that there are, but for a floor."""
-    chances = found.P.transpose(1, 0, 2).reshape(-1, found.n_states)
-    many = int((chances > 0).sum(axis=1).max())
-    places = np.argsort(-chances, axis=1, kind="stable")[:, :many]
+def _expectation(mdp: Tabular) -> Callable[[Array], Array]:
+    """Return the function from V (K, S) to Q (K, A, S), Q = E V."""
+    p = _rows(mdp).T
+    return lambda value: (value @ p).reshape(len(value), mdp.n_actions, mdp.n_states)
+
+
+def _log_mean_exp(mdp: Tabular, floor: float) -> Callable[[Array], Array]:
+    """Return the function from V (K, S) to Q (K, A, S), Q = log E exp V, with `floor` added to probabilities."""
+    p = _rows(mdp)
+    successors = int((p > 0).sum(axis=1).max())
+    places = np.argsort(-p, axis=1, kind="stable")[:, :successors]
     with np.errstate(divide="ignore"):
-        logs = np.log(np.take_along_axis(chances, places, axis=1))
+        log_p = np.log(np.take_along_axis(p, places, axis=1))
 
-    def backed(value: Array) -> Array:
-        worth: Array = np.logaddexp.reduce(value[:, places] + logs, axis=2)
+    def q_values(value: Array) -> Array:
+        q: Array = np.logaddexp.reduce(value[:, places] + log_p, axis=2)
         if floor:
             least = np.log(floor) + np.logaddexp.reduce(value, axis=1, keepdims=True)
-            worth = np.logaddexp(worth, least)
-        return worth.reshape(len(value), found.n_actions, found.n_states)
+            q = np.logaddexp(q, least)
+        return q.reshape(len(value), mdp.n_actions, mdp.n_states)
 
-    return backed
+    return q_values

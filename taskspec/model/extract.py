@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
@@ -10,14 +14,16 @@ from taskspec.base.arrays import Array
 from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.base.progress import tell
+from taskspec.lang.ir import Const, Node, draws, walk
+from taskspec.lang.types import Kind
 from taskspec.model.cost import Cost, duration
 from taskspec.model.model import Model, NoModel, Step, refuse, scipy_sparse
 from taskspec.model.reach import visits
 from taskspec.model.rows import RowCollector, all_rows
 from taskspec.model.space import MAX_CODES
-from taskspec.model.transitions import Steps, count
+from taskspec.model.transitions import Steps, count, is_finite
 from taskspec.registry import load
-from taskspec.task.task import TaskLike
+from taskspec.task.task import Task, TaskLike
 
 WHOLE = 4_000_000
 MANY, FEW = 10_000, 50
@@ -29,6 +35,43 @@ OVERHEAD = 20_000
 """What a sweep costs whatever the size of the model, as non-zeros."""
 LAYER = 5e-4
 """Seconds that a time with transitions of its own takes, nominally, however few states there are: matrices are made for it."""
+
+
+SMALLEST_NUMBER = 1e-100
+LARGEST_NUMBER = 1e100
+"""Sizes of the numbers other than 0 of which rewards may be made; no probability is below the smallest."""
+
+
+def outside_domain(task: Task) -> tuple[str, float] | None:
+    """Return the first section with a number outside of the domain of exact models, and the number (E411)."""
+    sections = {
+        "reward": (task.reward,),
+        "initial": task.initial,
+        "dynamics": task.next,
+        "expert": task.expert if isinstance(task.expert, tuple) else (),
+    }
+    for value in _sizes([task.reward]):
+        if not SMALLEST_NUMBER <= value <= LARGEST_NUMBER:
+            return "reward", value
+    for section, nodes in sections.items():
+        probabilities = [d.args[0] for d in draws(nodes) if is_finite(d) and d.args]
+        for value in _sizes(probabilities):
+            if value < SMALLEST_NUMBER or 0 < 1 - value < SMALLEST_NUMBER:
+                return section, value
+    return None
+
+
+def number_words(value: Any) -> str:
+    """Return a positive number in three digits."""
+    digits = len(str(value.denominator // value.numerator)) if isinstance(value, Fraction) and value < 1 else 0
+    return f"1e-{digits}" if digits > 300 else f"{float(value):.3g}"
+
+
+def _sizes(nodes: Sequence[Node]) -> Iterator[Any]:
+    """Yield the sizes of constant reals other than 0 of which some nodes are made."""
+    for node in walk(nodes):
+        if isinstance(node, Const) and node.type.kind is Kind.REAL:
+            yield from (abs(v) for v in node.flat if v and abs(v) < math.inf)
 
 
 def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = None) -> Model:
@@ -46,6 +89,11 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
     task = load(task)
     steps = Steps(task)
     _check_finite(steps)
+    found = outside_domain(task)
+    if found is not None:
+        refuse(
+            f"the {found[0]} has the number {number_words(found[1])}, which is outside of the domain of numbers (E411)"
+        )
     times = task.horizon or 1 if steps.uses_time else 1
     room = _Room(steps, times, limits().transitions if limit is None else limit)
     codes = _codes(steps, room, reachable)
@@ -130,14 +178,14 @@ def _check_inside(model: Model) -> None:
 def _check_rewards(model: Model) -> None:
     """Refuse a model in which an episode can be paid what is no number; where no episode acts, nothing is paid."""
     for t, step in enumerate(model.steps):
-        wrong = ~np.isfinite(step.reward.reshape(model.n_actions, model.n_states))
+        wrong = ~np.isfinite(step.R.reshape(model.n_actions, model.n_states))
         if not wrong.any():
             continue
         if (wrong & model.acting).any():
             action, state = (int(i[0]) for i in np.nonzero(wrong & model.acting))
             when = f" at t = {t}" if model.is_timed else ""
             refuse(f"the reward is not finite, from {model.state_name(state)} with {model.action_name(action)}{when}")
-        step.reward[wrong.reshape(-1)] = 0.0
+        step.R[wrong.reshape(-1)] = 0.0
 
 
 def _check_finite(steps: Steps) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -59,35 +58,42 @@ Sparse = Any  # scipy.sparse.csr_array
 
 
 @dataclass(frozen=True)
+class RoundingTerms:
+    """What bounds of rounding errors need to know of a step.
+
+    `terms` is the largest number of outcomes of a row; the rewards of all outcomes are from `lowest` to `highest`.
+    """
+
+    terms: int = 1
+    lowest: float = 0.0
+    highest: float = 0.0
+
+    @property
+    def size(self) -> float:
+        """The largest size of a reward."""
+        return max(self.highest, -self.lowest)
+
+
+@dataclass(frozen=True)
 class Step:
     """What a step does at some time.
 
-    `going` (A*S, S) is the probability that the episode goes on in s', `ending` (A*S, S) that it
-    terminates there (None: no step terminates); rows of both together sum to 1. `reward` (A*S,) is
-    expected. Entries of a row may repeat a column. `escaping` (A*S,) marks rows that leave the state
-    space, which only states that no episode acts in may have. Where every row of an action has the
-    same probabilities in the same order, `slots` (A, K) holds them.
-
-    For bounds of rounding: `terms` is the largest number of outcomes that a row was made of, `scale` the largest
-    reward of any of them, `least` the smallest product of one that is not 0 and its probability, and `spread` (A*S,) the
-    expected size of the reward (None: that of the expected reward).
+    `P` (A*S, S) is the probability that the episode goes on in s', `P_end` (A*S, S) that it terminates there (None: no
+    step terminates); rows of both together sum to 1. `R` (A*S,) is the expected reward. Entries of a row may repeat a column.
+    `escaping` (A*S,) marks rows that leave the state space, which only states that no episode acts in may have.
     """
 
-    going: Sparse
-    ending: Sparse | None
-    reward: Array
+    P: Sparse
+    P_end: Sparse | None
+    R: Array
+    rounding: RoundingTerms = RoundingTerms()
     escaping: Array | None = None
-    slots: Array | None = None
-    terms: int = 1
-    scale: float = 0.0
-    spread: Array | None = None
-    least: float = math.inf
 
     def same(self, other: Step) -> bool:
         """Whether two times are alike, so that one can stand for both."""
-        if (self.ending is None) != (other.ending is None) or not np.array_equal(self.reward, other.reward):
+        if (self.P_end is None) != (other.P_end is None) or not np.array_equal(self.R, other.R):
             return False
-        pairs = [(self.going, other.going)] + ([] if self.ending is None else [(self.ending, other.ending)])
+        pairs = [(self.P, other.P)] + ([] if self.P_end is None else [(self.P_end, other.P_end)])
         return all(_equal(a, b) for a, b in pairs)
 
 
@@ -138,7 +144,7 @@ class Model:
     def entries(self) -> int:
         """Non-zeros of all matrices."""
         distinct = {id(step): step for step in self.steps}.values()
-        return sum(s.going.nnz + (0 if s.ending is None else s.ending.nnz) for s in distinct)
+        return sum(s.P.nnz + (0 if s.P_end is None else s.P_end.nnz) for s in distinct)
 
     # -- names both ways --------------------------------------------------------------------------
 
@@ -195,7 +201,7 @@ class Model:
             if self.horizon is None and not (level & ~seen).any():
                 return
             seen |= level
-            level = self.successors(self.step(t).going, level)
+            level = self.successors(self.step(t).P, level)
             t += 1
 
     def successors(self, matrix: Sparse, states: Array) -> Array:
@@ -232,9 +238,9 @@ class Model:
         found = self.start > 0
         for t, level in self._growth(horizon):
             step = self.step(t)
-            found = found | self.successors(step.going, level)
-            if step.ending is not None:
-                found |= self.successors(step.ending, level)
+            found = found | self.successors(step.P, level)
+            if step.P_end is not None:
+                found |= self.successors(step.P_end, level)
         return found
 
     def _growth(self, horizon: int | None) -> Iterator[tuple[int, Array]]:
@@ -247,7 +253,7 @@ class Model:
         while level.any() and (horizon is None or t < horizon):
             yield t, level
             seen |= level
-            level = self.successors(self.step(0).going, level) & ~seen
+            level = self.successors(self.step(0).P, level) & ~seen
             t += 1
 
     # -- reads ------------------------------------------------------------------------------------

@@ -59,7 +59,7 @@ def visits(steps: Steps, limit: int | None = None, hint: str | None = None, each
     while len(level) and (horizon is None or t < horizon):
         budget.spend(merging, len(level), LEVEL)
         acting.add(level)
-        going, ended = _successors(steps, level, t, lambda outcomes: budget.spend(cost, outcomes))
+        going, ended = successors(steps, level, t, lambda outcomes: budget.spend(cost, outcomes))
         entered.add(union([going, ended]))
         _check_few(entered.size, limit, hint, each)
         level = going if steps.uses_time else acting.without(going)
@@ -73,10 +73,13 @@ def _check_few(entered: int, limit: int | None, hint: str | None, each: str) -> 
         refuse(told, f"choose smaller parameters, or: {hint}" if hint else None)
 
 
-def _successors(steps: Steps, states: Array, t: int, spend: Callable[[int], None]) -> tuple[Array, Array]:
-    """States entered from the given ones: those where the episode goes on, and those where it ends.
+def successors(
+    steps: Steps, states: Array, t: int, spend: Callable[[int], None] = lambda outcomes: None
+) -> tuple[Array, Array]:
+    """Return the states entered from given states: those in which the episode goes on, and those in which it ends.
 
-    `spend` is told of outcomes before they are sorted.
+    Args:
+        spend: called with the number of outcomes of each batch before they are sorted.
     """
     going, ended = [states[:0]], [states[:0]]
     per_chunk = max(1, int(min(CHUNK, OUTCOMES // max(1.0, steps.branching))) // steps.actions.size)
@@ -133,18 +136,18 @@ def differs(model: Model, action: str, state: str | None = None) -> tuple[bool |
     )
     unsure: int | None = None
     for step in {id(x): x for x in model.steps}.values():
-        parts = [step.going @ collapse] + ([] if step.ending is None else [step.ending @ collapse])
+        parts = [step.P @ collapse] + ([] if step.P_end is None else [step.P_end @ collapse])
         if state is not None:
             parts = [sum(parts[1:], parts[0])]
         for column in range(1, table.shape[1]):
             rows, others = _rows(model, table[:, 0]), _rows(model, table[:, column])
-            gap = _gap(step.reward[rows], step.reward[others]) if state is None else np.zeros(len(rows))
+            gap = _gap(step.R[rows], step.R[others]) if state is None else np.zeros(len(rows))
             for part in parts:
                 gap = gap + _apart(part, rows, others) + _apart(part.sign(), rows, others)
             if (gap > CLEAR).any():
                 at = int(np.flatnonzero(gap > CLEAR)[0])
                 return True, f"it does in {model.state_name(int(rows[at] % model.n_states))}"
-            if unsure is None and (gap > (step.terms + 4) * 2.0**-50).any():
+            if unsure is None and (gap > (step.rounding.terms + 4) * 2.0**-50).any():
                 unsure = int(rows[gap.argmax()] % model.n_states)
     if unsure is not None:
         return None, f"in {model.state_name(unsure)} chances differ by no more than 1e-12"

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.model.model import Step, scipy_sparse
+from taskspec.model.model import RoundingTerms, Step, scipy_sparse
 from taskspec.model.transitions import LOOP_FROM, Outcomes, Steps
 
 CHUNK = 16_384
@@ -24,8 +23,7 @@ TIDY = 2_000_000
 class Rows:
     """Some consecutive rows: entries in each (n,), columns, probabilities, ends (or None), rewards (n,).
 
-    `spread` (n,) is the expected size of the reward, where outcomes of one row are paid with both signs; `scale` the
-    largest size of all, and `least` the smallest product of one that is not 0 and its probability.
+    The rewards of all outcomes are from `lowest` to `highest`.
     """
 
     counts: Array
@@ -34,10 +32,8 @@ class Rows:
     ends: Array | None
     reward: Array
     escaping: Array | None = None
-    slots: Array | None = None  # (k,) probabilities that all rows share
-    spread: Array | None = None
-    scale: float = 0.0
-    least: float = math.inf
+    lowest: float = 0.0
+    highest: float = 0.0
 
 
 class RowCollector:
@@ -47,10 +43,8 @@ class RowCollector:
         self.columns, self.weights = np.empty(entries, np.int32), np.empty(entries)
         self.counts, self.reward = np.empty(rows, np.int32), np.empty(rows)
         self.marked: dict[str, Array] = {}  # `ends` and `escaping`, once they occur
-        self.spread: Array | None = None
-        self.slots: list[Array | None] = []
         self.row = self.entry = self.terms = 0
-        self.scale, self.least = 0.0, math.inf
+        self.lowest = self.highest = 0.0
 
     def add(self, rows: Rows) -> None:
         n, m = len(rows.counts), len(rows.columns)
@@ -59,26 +53,18 @@ class RowCollector:
         self.columns[there], self.weights[there] = rows.columns, rows.weights
         self._mark("ends", rows.ends, there, len(self.columns))
         self._mark("escaping", rows.escaping, here, len(self.counts))
-        self._spread(rows.spread, here)
-        self.slots.append(rows.slots)
         self.terms = max(self.terms, int(rows.counts.max(initial=0)))
-        self.scale, self.least = max(self.scale, rows.scale), min(self.least, rows.least)
+        self.lowest = min(self.lowest, rows.lowest)
+        self.highest = max(self.highest, rows.highest)
         self.row, self.entry = self.row + n, self.entry + m
 
     def _mark(self, name: str, flags: Array | None, where: slice, size: int) -> None:
         if flags is not None:
             self.marked.setdefault(name, np.zeros(size, np.bool_))[where] = flags
 
-    def _spread(self, spread: Array | None, where: slice) -> None:
-        if spread is not None and self.spread is None:
-            self.spread = np.abs(self.reward)
-        if self.spread is not None:
-            self.spread[where] = np.abs(self.reward[where]) if spread is None else spread
-
     def step(self, states: int) -> Step:
         """The matrices of everything gathered."""
         sparse = scipy_sparse()
-        spread, escaping, self.spread = self._own_spread(), self.marked.get("escaping"), None
         columns, weights = self.columns[: self.entry], self.weights[: self.entry]
         indptr = np.zeros(self.row + 1, np.int32 if self.entry < 2**31 else np.int64)
         np.cumsum(self.counts, out=indptr[1:])
@@ -91,25 +77,9 @@ class RowCollector:
         built = [sparse.csr_array(part, shape=(self.row, states)) for part in parts]
         if self.entry <= TIDY:
             built = [_tidy(matrix.copy()) for matrix in built]
-        slots = None if self.entry <= TIDY or len(built) > 1 else self._shared(self.row // states)
-        ending = built[1] if len(built) > 1 else None
-        return Step(built[0], ending, self.reward, escaping, slots, self.terms, self.scale, spread, self.least)
-
-    def _own_spread(self) -> Array | None:
-        """The spread, unless it says no more than the rewards."""
-        if self.spread is None:
-            return None
-        starts = range(0, len(self.reward), MOVED)
-        pairs = ((self.spread[low : low + MOVED], np.abs(self.reward[low : low + MOVED])) for low in starts)
-        return None if all(np.array_equal(spread, size, equal_nan=True) for spread, size in pairs) else self.spread
-
-    def _shared(self, actions: int) -> Array | None:
-        """The probabilities (A, K) that all rows of an action share, if they do; pieces are as many for each action."""
-        found = [s for s in self.slots if s is not None]
-        if len(found) < len(self.slots) or len(found) % actions or len({len(s) for s in found}) > 1:
-            return None
-        table = np.array(found).reshape(actions, -1, len(found[0]))
-        return table[:, 0].copy() if (table == table[:, :1]).all() else None
+        P_end = built[1] if len(built) > 1 else None
+        rounding = RoundingTerms(self.terms, self.lowest, self.highest)
+        return Step(built[0], P_end, self.reward, rounding, self.marked.get("escaping"))
 
 
 def _only(flags: Array, weights: Array, columns: Array, indptr: Array) -> tuple[Array, Array, Array]:
@@ -172,9 +142,7 @@ def _escaping(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows
         kept.append(f)
     paid = _irregular(steps, codes, found, n)
     inside = _irregular(steps, codes, kept, n)
-    return replace(
-        inside, reward=paid.reward, spread=paid.spread, scale=paid.scale, least=paid.least, escaping=escaping
-    )
+    return replace(inside, reward=paid.reward, lowest=paid.lowest, highest=paid.highest, escaping=escaping)
 
 
 def _regular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows:
@@ -191,26 +159,15 @@ def _regular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows:
     ends = None
     if steps.ends:
         ends = np.stack([np.broadcast_to(f.terminal, (n,)) for f in found], axis=1).reshape(-1)
-    slots = weights[0].copy() if all(f.weight.size == 1 for f in found) else None
-    scale, mixed = _sizes([f.reward for f in found])
-    least = min(_least(f.reward, f.weight) for f in found)
-    mixed = mixed and k > 1  # of one outcome, the size of the reward says it all
-    spread = np.broadcast_to(sum(f.weight * np.abs(f.reward) for f in found), (n,)) if mixed else None
-    return Rows(
-        np.full(n, k), columns.reshape(-1), weights.reshape(-1), ends, reward, None, slots, spread, scale, least
-    )
+    extent = _extent([f.reward for f in found])
+    return Rows(np.full(n, k), columns.reshape(-1), weights.reshape(-1), ends, reward, None, *extent)
 
 
-def _least(reward: Array, weight: Array) -> float:
-    """The smallest product of a reward that is not 0 and its probability; 0 where a float holds none of it."""
-    return float(np.min(np.abs(reward * weight), where=reward != 0, initial=math.inf))
-
-
-def _sizes(rewards: Sequence[Array]) -> tuple[float, bool]:
-    """The largest size of finite rewards, and whether both signs occur."""
-    low = min(float(np.min(r, where=np.isfinite(r), initial=0.0)) for r in rewards)
-    high = max(float(np.max(r, where=np.isfinite(r), initial=0.0)) for r in rewards)
-    return max(-low, high), low < 0 < high
+def _extent(rewards: list[Array]) -> tuple[float, float]:
+    """Return the least and the largest of finite rewards, and of 0."""
+    lowest = min(float(np.min(r, where=np.isfinite(r), initial=0.0)) for r in rewards)
+    highest = max(float(np.max(r, where=np.isfinite(r), initial=0.0)) for r in rewards)
+    return lowest, highest
 
 
 def _irregular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows:
@@ -227,10 +184,7 @@ def _irregular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Row
         points, columns, weights, reward, ends = (x[order] for x in (points, columns, weights, reward, ends))
     counts = np.bincount(points, minlength=n)
     total = np.bincount(points, weights * reward, minlength=n)
-    scale, mixed = _sizes([reward])
-    least = _least(reward, weights)
-    spread = np.bincount(points, weights * np.abs(reward), minlength=n) if mixed else None
-    return Rows(counts, columns, weights, ends if steps.ends else None, total, spread=spread, scale=scale, least=least)
+    return Rows(counts, columns, weights, ends if steps.ends else None, total, None, *_extent([reward]))
 
 
 def _columns(codes: Array, found: Outcomes) -> Array:

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,15 +31,6 @@ from taskspec.task.task import Task
 
 # ---------- expectation
 # The expected reward where the reward itself is noisy: real draws that enter it linearly are replaced by their means.
-
-SMALL = 1e-100
-"""A product of such sizes may be too small for a float."""
-
-
-def is_faint(reward: Node, mean: Node) -> bool:
-    """Whether so small numbers went into the expectation of a reward that it may be 0 in floats, and is not."""
-    constants = (node for node in walk([reward, mean]) if isinstance(node, Const))
-    return reward is not mean and any(0 < abs(v) < SMALL for node in constants for v in node.flat)
 
 
 def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> Node:
@@ -269,6 +261,20 @@ class Outcomes:
     terminal: Array
 
 
+class OutcomeTable(NamedTuple):
+    """Outcomes (N,) of all actions in all states.
+
+    `row` is a*S + s, `column` the index of the next state, where that is `inside`; `ends` says which end the episode.
+    """
+
+    row: Array
+    column: Array
+    weight: Array
+    reward: Array
+    ends: Array
+    inside: Array
+
+
 class Steps:
     """The dynamics, reward and termination of a task whose states are finite, ready to be enumerated.
 
@@ -281,7 +287,6 @@ class Steps:
         self.actions = Space(task.action, Role.ACTION)
         decisive = draws((*task.next, task.terminal))
         self.reward = task.reward if as_paid else expected(task.reward, task.builder, decisive)
-        self.is_faint = is_faint(task.reward, self.reward)
         self.roots = lumped((*task.raw_next, self.reward, task.terminal), task.builder)
         self.first = lumped(task.raw_initial, task.builder)
 
@@ -325,6 +330,18 @@ class Steps:
             size = lanes if branch.origin is None else len(branch.origin)
             code, outside = self.states.encode(values[:-2], size)
             yield Outcomes(branch.weight, branch.origin, code, outside, values[-2], values[-1])
+
+    def table(self, codes: Array, t: int, numbers: ProbabilityArithmetic = FLOATS) -> OutcomeTable:
+        """Return every outcome of every action in some states (S,), sorted codes, at a time."""
+        parts: list[tuple[Array, ...]] = []
+        for a in range(self.actions.size):
+            for found in self.outcomes(codes, np.array([a]), t, numbers):
+                point = np.arange(len(codes)) if found.origin is None else found.origin
+                column = np.minimum(np.searchsorted(codes, found.code), len(codes) - 1)
+                inside = np.ones(1, np.bool_) if found.outside is None else ~found.outside
+                values = (a * len(codes) + point, column, found.weight, found.reward, found.terminal, inside)
+                parts.append(tuple(np.broadcast_to(v, (len(point),)) for v in values))
+        return OutcomeTable(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def starts(self, numbers: ProbabilityArithmetic = FLOATS) -> tuple[Array, Array]:
         """Codes (N,) of the first states and their probabilities (N,), each code once.

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from taskspec.abstraction.symmetries import kept
+from taskspec.abstraction.symmetries import verify_symmetry
 from taskspec.lang import syntax as s
 from taskspec.modifiers import sentences
 from taskspec.pages import claims, lines
@@ -67,7 +67,7 @@ def symmetries(w: Writing) -> Iterator[Inlines]:
         for key, maps in exprs[symmetry.name].items():
             shown = [formula(w.symbol(name), m.Sym("↦"), w.math(expr)) for name, expr in maps.items()]
             content += [Text(_MAPS[key]), *listing([(each,) for each in shown]), Text("; ")]
-        found = kept(w.task, symmetry)
+        found = verify_symmetry(w.task, symmetry)
         how = "proved" if found.is_proved else f"tested at {found.points:,} points"
         yield (
             *content,

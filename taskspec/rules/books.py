@@ -14,7 +14,8 @@ from taskspec.base.bibliography import Reference, beside
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, suggest
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse_into
-from taskspec.rules.scores import RuleNames, ScoreChecker
+from taskspec.rules.score_rules import check_rule
+from taskspec.rules.scores import RuleNames
 from taskspec.source import Document, read_file
 from taskspec.task.schema.experiments import (
     DiagnosisEntry,
@@ -87,7 +88,7 @@ def _read(path: Path, check: Any, section: str, key: str) -> RuleBook:
     described, diagnostics = check(document)
     if described is None:
         raise SpecError(diagnostics)
-    reader = _Reader(document, Collector())
+    reader = _RuleReader(document, Collector())
     reader.collector.extend(diagnostics)
     names = reader.names(described, path.parent)
     references = beside([path])
@@ -98,7 +99,7 @@ def _read(path: Path, check: Any, section: str, key: str) -> RuleBook:
     for name, entry in entries.items():
         condition = reader.parsed(getattr(entry, key), (section, name, key))
         if condition is not None:
-            ScoreChecker(names, reader.collector).truth(condition)
+            check_rule(condition, names, reader.collector)
             rules.append(ScoreRule(name, entry, condition))
         reader.check_members(getattr(entry, "unless", []), tuple(entries), "diagnosis", (section, name, "unless"))
     reader.collector.raise_if_errors()
@@ -114,7 +115,7 @@ def _sources(described: ExamDocument | FindingsDocument) -> Iterator[tuple[tuple
 
 
 @dataclass(frozen=True)
-class _Reader:
+class _RuleReader:
     """A document, and a collector of mistakes at places in it."""
 
     document: Document

@@ -17,8 +17,8 @@ from taskspec.model.space import words
 from taskspec.modifiers import modify
 from taskspec.registry import load
 from taskspec.rollout.simulate import EPISODES
+from taskspec.rules.claim_rules import ClaimEvaluator, Reason, Terms
 from taskspec.rules.evaluator import Undecidable
-from taskspec.rules.results import ClaimEvaluator, Reason, Terms
 from taskspec.rules.vocabulary import InvalidClaim
 from taskspec.scores.returns import Results
 from taskspec.scores.saved import CLAIMS, OfClaim
@@ -118,7 +118,7 @@ def _evaluated(claim: Claim, results: Results) -> tuple[bool | None, Reason, int
     if episodes:
         if holds is None:
             holds, reason = _decided(ClaimEvaluator(results, claim.options, replace(terms, soundly=False)), claim)
-            holds = holds is not False
+            holds = None if holds is False else True
         return holds, reason, episodes
     if holds and evaluator.rests_on:
         episodes = evaluator.rests_on

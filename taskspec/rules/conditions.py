@@ -1,4 +1,4 @@
-"""Conditions in claims, over all states and actions of a model; and what is asked of them."""
+"""Conditions in claims, over all states and actions of a model: where they hold, and who prefers such actions."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from taskspec.model.transitions import TIME
 from taskspec.rules.evaluator import Undecidable
 from taskspec.rules.vocabulary import InvalidClaim
 from taskspec.scores.returns import Results
+from taskspec.solve.backward import Rule
 from taskspec.solve.bounded import UNKNOWN
-from taskspec.solve.policy_rules import Rule
 from taskspec.solve.solver import Solver
 from taskspec.task.task import Task
 
 Timed = Callable[[int], Array]
 MOST_LEVELS = 2**32
-"""States times steps of which is kept, in half a gigabyte, whether episodes act there."""
+"""States times steps for which a bit is kept, in half a gigabyte."""
 
 
 def node_of(expr: s.Expr, task: Task) -> Node:
-    """A condition of a claim as a core node.
+    """Return a condition of a claim as a core node.
 
     Raises:
         InvalidClaim: with the checker's own message.
@@ -52,7 +52,7 @@ def node_of(expr: s.Expr, task: Task) -> Node:
 
 
 def condition_over_states(expr: s.Expr, model: Model) -> Array:
-    """In which states (S,) a condition holds."""
+    """Return the states (S,) in which a condition holds."""
     node = node_of(expr, model.task)
     used = reads([node])
     if any(role is Role.ACTION for role, _ in used) or TIME in used:
@@ -62,7 +62,7 @@ def condition_over_states(expr: s.Expr, model: Model) -> Array:
 
 
 def condition_over_actions(expr: s.Expr, model: Model) -> Timed:
-    """Where (A, S) a condition on state, action and time holds, at a time."""
+    """Return a function from time to where (A, S) a condition on state, action and time holds."""
     node = node_of(expr, model.task)
     used = reads([node])
     actions = model.actions.decode(np.arange(model.n_actions))
@@ -83,7 +83,7 @@ def condition_over_actions(expr: s.Expr, model: Model) -> Timed:
 
 
 def condition_over_times(expr: s.Expr, model: Model) -> Timed:
-    """In which states (S,) a condition on state and time holds, at a time."""
+    """Return a function from time to the states (S,) in which a condition on state and time holds."""
     if any(role is Role.ACTION for role, _ in reads([node_of(expr, model.task)])):
         raise InvalidClaim("it says where, so it cannot depend on the action", expr)
     found = condition_over_actions(expr, model)
@@ -91,24 +91,26 @@ def condition_over_times(expr: s.Expr, model: Model) -> Timed:
 
 
 def preferred(model: Model, solver: Solver, rule: Rule, wanted: Timed, at: Timed | None) -> tuple[bool | None, str]:
-    """Whether the most frequent actions of a rule are wanted ones, wherever episodes act and `at` holds.
+    """Return whether the most frequent actions of a policy are wanted ones in states in which episodes act and `at` holds.
 
-    None where errors of the values leave it open.
+    Returns:
+        None if rounding errors of the values leave it open; and the reason.
     """
     asked, settled, unknown = (np.zeros(model.n_states, np.bool_) for _ in range(3))
     problem: str | None = None
     levels = _levels(model)
     for t, policy in solver.policies(rule):
-        level = (
-            np.unpackbits(levels[t], count=model.n_states).astype(np.bool_)
-            if t < len(levels)
-            else np.zeros_like(settled)
-        )
+        level = np.zeros_like(settled)
+        if t < len(levels):
+            level = np.unpackbits(levels[t], count=model.n_states).astype(np.bool_)
         here = level if at is None else level & at(t)
         if here.any():
             found = solver.numbers.preference(policy, wanted(t))
-            asked, settled, unknown = asked | here, settled | here & (found == 1), unknown | here & (found == UNKNOWN)
-            if (wrong := here & (found == -1)).any():
+            asked |= here
+            settled |= here & (found == 1)
+            unknown |= here & (found == UNKNOWN)
+            wrong = here & (found == -1)
+            if wrong.any():
                 problem = _counterexample(model, solver.numbers.table(policy), t, int(np.flatnonzero(wrong)[0]))
     if problem is not None:
         return False, problem
@@ -116,7 +118,7 @@ def preferred(model: Model, solver: Solver, rule: Rule, wanted: Timed, at: Timed
 
 
 def _conclusion(model: Model, asked: Array, settled: Array, unknown: Array) -> tuple[bool | None, str]:
-    """What follows where no unwanted action is preferred."""
+    """Return the verdict if no unwanted action is preferred."""
     if unknown.any():
         return None, f"its values are too close to tell in {model.state_name(int(np.flatnonzero(unknown)[0]))}"
     if not asked.any():
@@ -128,7 +130,7 @@ def _conclusion(model: Model, asked: Array, settled: Array, unknown: Array) -> t
 
 
 def _levels(model: Model) -> list[Array]:
-    """In which states episodes act at each time, as bits: policies come in the opposite order. One entry without an end."""
+    """Return the states in which episodes act at each time, as bits; a single entry without a horizon."""
     if model.horizon is None:
         return [np.packbits(model.acting)]
     if model.horizon * model.n_states > MOST_LEVELS:
@@ -144,10 +146,9 @@ def _counterexample(model: Model, table: Array, t: int, state: int) -> str:
 
 
 def influences(action: s.Expr, state: s.Expr, results: Results) -> tuple[bool | None, str]:
-    """Whether an action component can change the next value of a state component.
+    """Return whether an action component can change the next value of a state component, and the reason.
 
-    Where the dynamics of the state do not read the action at all the answer is no, for any task.
-    Otherwise it takes an exact model to tell.
+    It cannot if the dynamics of the state do not read the action; otherwise an exact model is needed.
     """
     task = results.task
     actions = {c.name: c for c in task.action}

@@ -1,6 +1,6 @@
 """One evaluator of conditions with three-valued (Kleene) logic, for every vocabulary of rules.
 
-Claims are about the results of a task (`results`), diagnoses and findings about the scores of learners (`seeds`). A
+Claims are about the results of a task (`claim_rules`), diagnoses and findings about the scores of learners (`score_rules`). A
 vocabulary is a subclass: it gives names, calls and comparisons their meaning.
 """
 
@@ -28,7 +28,7 @@ class Undecidable(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Truth(Generic[Evidence]):
-    """Whether a condition holds (None: undecided), and the evidence that decides it, or leaves it open."""
+    """The truth of a condition (None: undecided), and the evidence that decides it, or leaves it open."""
 
     holds: bool | None
     evidence: tuple[Evidence, ...] = ()
@@ -104,7 +104,7 @@ class Evaluator(ABC, Generic[Number, Evidence]):
             case s.Number(value=value):
                 return self.constant(value)
             case s.Unary(op="-", operand=operand):
-                return self.negative(self.number(operand))
+                return self.arithmetic("neg", self.number(operand))
             case s.Unary(op="+", operand=operand):
                 return self.number(operand)
             case s.Binary(op=op, left=left, right=right) if op in self.operators:
@@ -117,12 +117,8 @@ class Evaluator(ABC, Generic[Number, Evidence]):
         """Return a number as written."""
 
     @abstractmethod
-    def negative(self, number: Number) -> Number:
-        """Return the number with the other sign."""
-
-    @abstractmethod
-    def arithmetic(self, op: str, left: Number, right: Number) -> Number:
-        """Return the result of one of the `operators`."""
+    def arithmetic(self, op: str, *numbers: Number) -> Number:
+        """Return the result of one of the `operators`, or of `neg`."""
 
     @abstractmethod
     def quantity(self, expr: s.Expr) -> Number:

@@ -155,8 +155,8 @@ def _in_words(c: Component, found: JointOutcomes) -> str:
     shown = [_one(c, found.values[i]) for i in order[:4]]
     if len(order) == 1:
         return shown[0]
-    chances = [_number(found.weights[i]) for i in order[:4]]
-    parts = [f"{value} ({p})" for value, p in zip(shown, chances, strict=True)]
+    probabilities = [_number(found.weights[i]) for i in order[:4]]
+    parts = [f"{value} ({p})" for value, p in zip(shown, probabilities, strict=True)]
     return ", ".join(parts) + (", ..." if len(order) > 4 else "")
 
 

@@ -1,17 +1,18 @@
-"""Findings and diagnoses: the vocabulary of scores, and the check of a rule before there are any results."""
+"""Words of findings and diagnoses, the names that they may use, and the scores that they are about."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import re
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Collector, suggest
-from taskspec.lang import syntax as s
 from taskspec.rollout.statistics import Statistic, deviation, mean
-from taskspec.rules.evaluator import Evaluator, Truth
+from taskspec.rules.evaluator import Undecidable
 from taskspec.rules.vocabulary import Word
 
 # -- words --------------------------------------------------------------------------------------------
@@ -92,168 +93,89 @@ class RuleNames:
     def known_groups(self) -> tuple[str, ...]:
         return (ALL_TASKS, *((ALL_LEARNERS,) if self.learners else ()), *self.groups)
 
-    def members(self, expr: s.Expr) -> tuple[str, ...]:
-        """Return the members of a checked group, or list of names."""
-        if isinstance(expr, s.Name):
-            return self.group(expr.id) or ()
-        assert isinstance(expr, s.SetOf | s.Vector)
-        return tuple(item.id for item in expr.items if isinstance(item, s.Name))
+
+# -- scores -------------------------------------------------------------------------------------------
+
+ONE = ""
+"""The learner where there is only one."""
+_VERSIONED = re.compile(r"(?:[^?+]*/)?([^?+]+?)(?:-v\d+)?([?+].*)?")
 
 
-# -- check --------------------------------------------------------------------------------------------
+def side(score: Mapping[str, Any]) -> str:
+    """Return the side of a task that a score belongs to: "printed", "twin", or the name of a probe."""
+    return score["probe"] or ("printed" if score["twin"] is None else "twin")
 
-UNKNOWN = "unknown"
-"""Kind of a variable whose group does not exist."""
+
+def short_name(task: str) -> str:
+    """Return the name of a task in rules: `NoisyObs?L=50` for `derail/NoisyObs-v0?L=50`."""
+    found = _VERSIONED.fullmatch(task)
+    return found[1] + (found[2] or "") if found else task
 
 
-class ScoreChecker(Evaluator[None, None]):
-    """Collect every mistake in a rule: names, functions, arguments, and kinds of values.
+class SeedScores:
+    """Scores of learners, by learner, task and side.
 
     Args:
-        bound: variables of comprehensions, each with the kind of its values: `task`, `learner` or `UNKNOWN`.
+        exams: results by the name of the learner, as `exam.json` holds them; of one learner under the name `ONE`.
+        floor: lower scores are raised to it.
+        drawn: whether policies sample their actions, instead of taking their best ones.
+        same: names of tasks that count as others, where those were not run.
+        instances: names in rules of tasks at other values of parameters, by their own names.
     """
 
-    def __init__(self, names: RuleNames, collector: Collector, bound: Mapping[str, str] | None = None) -> None:
-        self.names = names
-        self.collector = collector
-        self.bound = bound or {}
+    def __init__(
+        self, exams: Mapping[str, Mapping[str, Any]], floor: float | None = None, drawn: bool = False,
+        same: Mapping[str, str] | None = None, instances: Mapping[str, str] | None = None,
+    ) -> None:  # fmt: skip
+        self.floor = floor
+        self.drawn = drawn
+        self.records: dict[tuple[str, str, str], list[Mapping[str, Any]]] = defaultdict(list)
+        self.tasks: dict[str, Mapping[str, Any]] = {}
+        self.ids: dict[str, str] = {}
+        renamed = {**(same or {}), **(instances or {})}
+        for learner, exam in exams.items():
+            own = {short_name(task) for task in exam["tasks"]}
+            names = {task: _name_in_rules(short_name(task), own, renamed) for task in exam["tasks"]}
+            for task, about in exam["tasks"].items():
+                self.ids[names[task]] = task
+                self.tasks[names[task]] = about
+            for record in exam["scores"]:
+                self.records[learner, names[record["task"]], side(record)].append(record)
 
-    def statement(self, expr: s.Expr) -> Truth[None]:
-        match expr:
-            case s.Boolean():
-                pass
-            case s.Call(function="all" | "any" | "most"):
-                self._quantifier(expr)
-            case _:
-                self._fail("E306", expr, "a condition is needed here", "for example `score(task) > 0.9`")
-        return Truth(None)
+    def values(self, learner: str, task: str, side: str, entry: str) -> Array:
+        """Return one number for each seed (n,), seeds in order; the mean over twins if there are several.
 
-    def compared(self, left: s.Expr, op: str, right: s.Expr, chain: s.Compare) -> Truth[None]:
-        if left is chain.first:
-            self.number(left)
-        if op in ("in", "not in"):
-            self._fail("E316", right, "`in` is allowed only after the `if` of a comprehension")
-        else:
-            self.number(right)
-        return Truth(None)
+        Raises:
+            Undecidable: if there are none.
+        """
+        entry = "stochastic" if self.drawn and entry == "deterministic" else entry
+        by_seed: dict[int, list[float]] = defaultdict(list)
+        for record in self.records.get((learner, task, side), ()):
+            if record.get("error") is None and record.get(entry) is not None:
+                by_seed[record["seed"]].append(float(record[entry]))
+        if not by_seed:
+            of = f"{learner} on " if learner else ""
+            raise Undecidable(f"there are no results of {of}{_side_in_words(task, side)}")
+        found = np.array([np.mean(by_seed[seed]) for seed in sorted(by_seed)])
+        is_score = entry in ("deterministic", "stochastic")
+        return np.maximum(found, self.floor) if is_score and self.floor is not None else found
 
-    def constant(self, value: int | float) -> None:
-        pass
+    def constant(self, task: str) -> float:
+        """Return the score of the best constant action.
 
-    def negative(self, number: None) -> None:
-        pass
+        Raises:
+            Undecidable: if it is not known.
+        """
+        found = self.tasks.get(task, {}).get("constant")
+        if found is None:
+            raise Undecidable(f"the best constant action of {task} is not known")
+        return float(found)
 
-    def arithmetic(self, op: str, left: None, right: None) -> None:
-        pass
 
-    def quantity(self, expr: s.Expr) -> None:
-        match expr:
-            case s.Call(function="count"):
-                self._quantifier(expr)
-            case s.Call(function=name) if name in FUNCTIONS:
-                self._function(expr)
-            case s.Call(function=name) if name in NUMBERS or name in FIXED:
-                self._subject(expr)
-            case s.Call(function=name):
-                known = (*NUMBERS, *FIXED, *FUNCTIONS, *QUANTIFIERS)
-                hint = suggest(name, known) or f"there are {', '.join(known)}"
-                self.collector.add("E303", expr.name_place, f"there is no function '{name}' in rules", hint)
-            case s.Name(id=name):
-                self._fail("E306", expr, f"a number is needed here, not '{name}'", f"for example `score({name})`")
-            case _:
-                self._fail("E306", expr, "a number is needed here", "for example `score(task)`")
+def _name_in_rules(task: str, own: Set[str], same: Mapping[str, str]) -> str:
+    other = same.get(task, task)
+    return task if other in own else other
 
-    def _function(self, expr: s.Call) -> None:
-        low, high, _ = FUNCTIONS[expr.function]
-        if not low <= len(expr.args) <= high or expr.keywords:
-            self._fail("E304", expr, f"{expr.function} takes {low if low == high else f'{low} or more'} numbers")
-        for each in expr.args:
-            self.number(each)
 
-    # -- tasks and learners -----------------------------------------------------------------------
-
-    def _subject(self, expr: s.Call) -> None:
-        """Check the arguments `(learner, task, side)`: a learner if there are several, and optionally a side."""
-        wanted = ["learner", "task"] if self.names.learners and expr.function in NUMBERS else ["task"]
-        has_sides = expr.function in NUMBERS
-        written = f"{expr.function}({', '.join(wanted)})"
-        if expr.keywords or not len(wanted) <= len(expr.args) <= len(wanted) + has_sides:
-            hint = f"behind them may stand {', '.join(SIDES)}" if has_sides else None
-            self._fail("E304", expr, f"{expr.function} takes other arguments: {written}", hint)
-            return
-        for kind, each in zip(wanted, expr.args, strict=False):
-            self._member(each, kind)
-        for each in expr.args[len(wanted) :]:
-            self._name_of(each, tuple(SIDES), "side of a task")
-
-    def _member(self, expr: s.Expr, kind: str) -> None:
-        """Check a task or a learner, or a variable for one."""
-        if isinstance(expr, s.Name) and expr.id in self.bound:
-            found = self.bound[expr.id]
-            if found not in (kind, UNKNOWN):
-                self._fail("E306", expr, f"'{expr.id}' is a {found} here; a {kind} is needed")
-            return
-        known = (*self.names.tasks, *self.names.instances) if kind == "task" else self.names.learners
-        self._name_of(expr, known, kind, tuple(self.bound))
-
-    def _name_of(self, expr: s.Expr, known: tuple[str, ...], kind: str, others: tuple[str, ...] = ()) -> None:
-        if not isinstance(expr, s.Name) or expr.primed:
-            self._fail("E306", expr, f"the name of a {kind} is needed here", f"one of {', '.join(known)}")
-        elif expr.id not in known:
-            hint = suggest(expr.id, (*known, *others)) or f"one of {', '.join(known)}"
-            self._fail("E302", expr, f"there is no {kind} '{expr.id}' here", hint)
-
-    # -- quantifiers ------------------------------------------------------------------------------
-
-    def _quantifier(self, expr: s.Call) -> None:
-        if len(expr.args) != 1 or expr.keywords or not isinstance(expr.args[0], s.Comprehension):
-            hint = f"`{expr.function}(score(t) > 0.9 for t in tasks)`"
-            self._fail("E304", expr, f"{expr.function} takes a condition for each of some tasks", hint)
-            return
-        inner = ScoreChecker(self.names, self.collector, self.bound)
-        for clause in expr.args[0].clauses:
-            kind = self._group(clause.domain)
-            if len(clause.targets) != 1:
-                self._fail("E316", clause.domain, "one variable goes through a group")
-            inner.bound = {**inner.bound, **dict.fromkeys(clause.targets, kind)}
-            for condition in clause.conditions:
-                inner._filter(condition)
-        inner.truth(expr.args[0].element)
-
-    def _group(self, expr: s.Expr) -> str:
-        """Check a group, or a list of names, and return the kind of its members."""
-        match expr:
-            case s.Name(id=name):
-                members = self.names.group(name)
-                if members is None:
-                    self._name_of(expr, self.names.known_groups, "group")
-                return UNKNOWN if members is None else self._kind_of(members)
-            case s.SetOf(items=items) | s.Vector(items=items):
-                kind = self._kind_of(self.names.members(expr))
-                unbound = ScoreChecker(self.names, self.collector)
-                for item in items:
-                    unbound._member(item, kind)
-                return kind
-            case _:
-                self._fail("E306", expr, "a group is needed here", f"one of {', '.join(self.names.known_groups)}")
-                return "task"
-
-    def _kind_of(self, members: tuple[str, ...]) -> str:
-        return "learner" if any(m in self.names.learners for m in members) else "task"
-
-    def _filter(self, expr: s.Expr) -> None:
-        """Check a condition after `if`, which narrows a group by names."""
-        match expr:
-            case s.Logical(operands=operands):
-                for operand in operands:
-                    self._filter(operand)
-            case s.Compare(first=s.Name(id=name), rest=(("in" | "not in", others),)) if name in self.bound:
-                self._group(others)
-            case s.Compare(first=s.Name(id=name), rest=(("==" | "!=", other),)) if name in self.bound:
-                self._member(other, self.bound[name])
-            case _:
-                hint = "for example `if t != Sort`, or `if t not in {Sort, Parabola}`"
-                self._fail("E316", expr, "a group is narrowed by names only", hint)
-
-    def _fail(self, code: str, expr: s.Expr, message: str, hint: str | None = None) -> None:
-        self.collector.add(code, expr.place, message, hint)
+def _side_in_words(task: str, side: str) -> str:
+    return {"printed": task, "twin": f"twins of {task}"}.get(side, f"{task} with the reward {side}")

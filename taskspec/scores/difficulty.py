@@ -46,7 +46,7 @@ def _model(results: Results) -> Model:
     """Return the exact model; raise E712 if there is none, or its abstraction is not faithful."""
     if results.model is None:
         refuse(results.why_not or "there is no exact model", results.remedy)
-    if results.faith is not None and results.faith.problem is not None:
+    if results.abstraction_check is not None and results.abstraction_check.problem is not None:
         refuse("the abstraction is not faithful")
     return results.model
 
@@ -67,7 +67,7 @@ def _on_model(function: Callable[[Model], float]) -> Callable[[Results], float]:
 def _branching(model: Model) -> float:
     """Return the mean number of possible next states of states in which episodes act."""
     step = model.step(0)
-    both = step.going if step.ending is None else step.going + step.ending
+    both = step.P if step.P_end is None else step.P + step.P_end
     reached = both[: model.n_states]
     for a in range(1, model.n_actions):
         reached = reached + both[a * model.n_states : (a + 1) * model.n_states]

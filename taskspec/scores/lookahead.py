@@ -24,8 +24,7 @@ from taskspec.base.limits import how_to_raise, limits
 from taskspec.model.model import Model, refuse
 from taskspec.model.transitions import Steps
 from taskspec.solve.backward import all_values, backward
-from taskspec.solve.bounded import Bounded
-from taskspec.solve.following import Bound
+from taskspec.solve.bounded import Bound, Bounded
 
 SWEEP_RATE = 1e8
 """Nominal number of transitions per second, in all backups together."""
@@ -76,7 +75,7 @@ class _Lookahead:
     def onwards(self, t: int, states: Array, taken: Array) -> Array:
         """Return the states bool (S,) that some actions bool (A, S) lead to from some states bool (S,)."""
         rows = (taken & states).reshape(-1).astype(np.float64)
-        return np.asarray(self.model.step(t).going.T @ rows > 0)
+        return np.asarray(self.model.step(t).P.T @ rows > 0)
 
 
 def least_lookahead(model: Model) -> int:
@@ -112,7 +111,7 @@ def _check_deterministic(model: Model) -> None:
     if model.n_actions == 1:
         refuse("there is only one action")
     is_drawn = Steps(model.task).reward is not model.task.reward
-    if is_drawn or np.count_nonzero(model.start) > 1 or any(step.terms > 1 for step in model.steps):
+    if is_drawn or np.count_nonzero(model.start) > 1 or any(step.rounding.terms > 1 for step in model.steps):
         refuse("the bound holds for deterministic tasks with one first state")
 
 

@@ -18,10 +18,9 @@ from taskspec.model.transitions import TIME, branches, count
 from taskspec.scores.random_success import mean_length, undiscounted
 from taskspec.scores.returns import Results
 from taskspec.solve.beliefs import BeliefSearch
-from taskspec.solve.chains import Chain
 from taskspec.solve.enclosure import Enclosure
-from taskspec.solve.memoryless import ReactiveSearch
-from taskspec.solve.observation_classes import hides, looks
+from taskspec.solve.infinite_horizon import chain_values
+from taskspec.solve.memoryless import ReactiveSearch, hides, observation_classes
 from taskspec.solve.plans import uniform_plan
 from taskspec.solve.rational import Rational
 from taskspec.solve.solve import occupancy
@@ -53,7 +52,7 @@ def pomdp_bounds(results: Results) -> PomdpBounds | None:
         return None
     model = results.model
     try:
-        if not hides(model, looks(model)):
+        if not hides(model, observation_classes(model)):
             return None
         return PomdpBounds(best_observing(results, "remembering"), best_observing(results, "memoryless"))
     except SpecError as error:
@@ -73,7 +72,7 @@ def best_observing(results: Results, which: str, as_written: bool = False) -> En
         refuse("what is seen is not told of an abstraction")
     if model.horizon is None:
         refuse("episodes have no horizon")
-    seen = looks(model)
+    seen = observation_classes(model)
     solver = results.solvers.of(None, as_written)
     numbers = solver.numbers
     if not isinstance(numbers, Rational):
@@ -153,9 +152,9 @@ def _visits(model: Model) -> Array:
         return occupancy(undiscounted(model, model.steps), plan)
     mean_length(model, plan)  # refuses where episodes may never end
     shape = (model.n_actions, model.n_states, model.n_states)
-    going = model.step(0).going
+    going = model.step(0).P
     matrix = sum(going[a * shape[1] : (a + 1) * shape[1]] for a in range(shape[0])) / shape[0]
-    return Chain(matrix.T.tocsr(), lambda x: x, model.acting).solved(model.start)
+    return chain_values(matrix.T.tocsr(), model.start, model.acting)
 
 
 def _visits_by_time(model: Model) -> list[Array]:
@@ -165,5 +164,5 @@ def _visits_by_time(model: Model) -> list[Array]:
     now = model.start
     for t in range(model.horizon or 0):
         found.append(now)
-        now = model.step(t).going.T @ (plan(t) * now).reshape(-1)
+        now = model.step(t).P.T @ (plan(t) * now).reshape(-1)
     return found

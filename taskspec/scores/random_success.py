@@ -12,8 +12,8 @@ from taskspec.base.limits import count, how_to_raise, limits
 from taskspec.model.model import Model, Step, refuse, scipy_sparse
 from taskspec.model.transitions import Steps
 from taskspec.solve.backward import action_values, all_values, backward, first_values
-from taskspec.solve.chains import Chain, leading_to
-from taskspec.solve.infinite_horizon import Endless
+from taskspec.solve.infinite_horizon import InfiniteHorizon, chain_values, leading_to
+from taskspec.solve.maxent import outcome_table
 from taskspec.solve.plans import Plan, optimal_plan
 from taskspec.solve.solve import best, policy_return
 
@@ -22,14 +22,16 @@ from taskspec.solve.solve import best, policy_return
 
 def mean_length(model: Model, plan: Plan) -> float:
     """Return the expected number of steps of an episode under a policy."""
-    if model.horizon is not None and all(step.ending is None for step in model.steps):
+    if model.horizon is not None and all(step.P_end is None for step in model.steps):
         return model.horizon
-    steps = {id(step): _with_reward(step, np.ones_like(step.reward)) for step in model.steps}
+    steps = {id(step): _with_reward(step, np.ones_like(step.R)) for step in model.steps}
     return policy_return(undiscounted(model, tuple(steps[id(step)] for step in model.steps)), plan)
 
 
 def _with_reward(step: Step, reward: Array) -> Step:
-    return replace(step, reward=reward, scale=1.0, spread=None, least=1.0)
+    return replace(
+        step, R=reward, rounding=replace(step.rounding, lowest=float(reward.min()), highest=float(reward.max()))
+    )
 
 
 def undiscounted(model: Model, steps: tuple[Step, ...]) -> Model:
@@ -47,8 +49,8 @@ def solution_length(model: Model) -> float:
     def backup(t: int, value: Array) -> Array:
         """Return (A, S, 2): more than 0 where something may be paid from now on, and the steps from now on."""
         step = model.step(t)
-        reward = np.stack([_pays(step, shape), np.ones(shape)], axis=-1)
-        return action_values(step.going, reward, 1.0, value)
+        reward = np.stack([_pays(model, t), np.ones(shape)], axis=-1)
+        return action_values(step.P, reward, 1.0, value)
 
     def choose(t: int, q: Array) -> Array:
         is_busy = (q[..., 0] > 0).any(axis=0)
@@ -59,22 +61,26 @@ def solution_length(model: Model) -> float:
     return float(model.start @ length)
 
 
-def _pays(step: Step, shape: tuple[int, int]) -> Array:
-    """Return 1 for actions in states (A, S) that may be paid other than 0, else 0."""
-    size = np.abs(step.reward) if step.spread is None else step.spread
-    return (size.reshape(shape) > 0).astype(np.float64)
+def _pays(model: Model, t: int) -> Array:
+    """Return 1 for actions in states (A, S) that may be paid other than 0 at a time, else 0."""
+    step = model.step(t)
+    paid = step.R != 0
+    if step.rounding.lowest < 0 < step.rounding.highest:  # outcomes of both signs may cancel
+        found = outcome_table(model, t)
+        paid = np.bincount(found.row, found.reward != 0, len(paid)) > 0
+    return np.asarray(paid.reshape(model.n_actions, model.n_states), np.float64)
 
 
 def _endless_solution(model: Model, best: Array) -> float:
     """Return the solution length without a horizon: the shortest path if only optimal actions are allowed."""
-    step, shape = model.step(0), best.shape
-    busy = leading_to(step.going, np.asarray(_pays(step, shape).any(axis=0)))
+    step = model.step(0)
+    busy = leading_to(step.P, np.asarray(_pays(model, 0).any(axis=0)))
     action = np.where(best, np.arange(model.n_actions)[:, None], best.argmax(axis=0))
     rows = (action * model.n_states + np.arange(model.n_states)).reshape(-1)
-    ending = None if step.ending is None else step.ending[rows]
+    ending = None if step.P_end is None else step.P_end[rows]
     reward = np.where(np.tile(busy, model.n_actions), -1.0, 0.0)
-    kept = replace(_with_reward(step, reward), going=step.going[rows], ending=ending, escaping=None, slots=None)
-    return -Endless(undiscounted(model, (kept,))).best().value
+    kept = replace(_with_reward(step, reward), P=step.P[rows], P_end=ending, escaping=None)
+    return -InfiniteHorizon(undiscounted(model, (kept,))).best().value
 
 
 # -- outcomes of one step ---------------------------------------------------------------------------------------------
@@ -178,7 +184,7 @@ def _ever_paid(model: Model, found: StepOutcomes) -> Array:
     entries = (found.weight[unpaid], (found.state[unpaid], found.target[unpaid]))
     matrix = scipy_sparse().csr_array(entries, shape=(n, n))
     now = _backed_up(found, n, np.zeros(n))
-    return Chain(matrix, lambda x: x, leading_to(matrix, now > 0)).solved(now)
+    return chain_values(matrix, now, leading_to(matrix, now > 0))
 
 
 # -- probability of a best episode ------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from taskspec.abstraction.abstraction import Abstraction, abstraction
-from taskspec.abstraction.faithful import Faith, examined
+from taskspec.abstraction.verify import AbstractionCheck, verify
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.model.extract import extract
@@ -22,9 +22,9 @@ from taskspec.rollout.rollout import Choose, at_random, by_expert, is_bounded
 from taskspec.rollout.simulate import EPISODES, return_range, simulate
 from taskspec.rollout.statistics import CONFIDENCE, mean_interval
 from taskspec.scores.saved import OfNumber
+from taskspec.solve.backward import Rule
 from taskspec.solve.enclosure import Enclosure, NoNumber, rounded
 from taskspec.solve.plans import Greedy, Plan, Uniform, rule_of, tables
-from taskspec.solve.policy_rules import Rule
 from taskspec.solve.solver import Solvers, why_endless
 from taskspec.task.task import Soft, Task, TaskLike
 
@@ -113,15 +113,16 @@ class Results:
         return abstraction(self.task)
 
     @cached_property
-    def faith(self) -> Faith | None:
+    def abstraction_check(self) -> AbstractionCheck | None:
         """The verification of the abstraction; None without an abstraction."""
-        return None if self.abstraction is None else examined(self.abstraction)
+        return None if self.abstraction is None else verify(self.abstraction)
 
     def tested(self, which: str = "") -> int:
         """Return the episodes on which the abstraction was tested; 0 without an abstraction, or if it is proved."""
-        if self.faith is None:
+        check = self.abstraction_check
+        if check is None:
             return 0
-        return max(self.faith.episodes, self.faith.expert_episodes) if which == "expert" else self.faith.episodes
+        return max(check.episodes, check.expert_episodes) if which == "expert" else check.episodes
 
     @cached_property
     def _extracted(self) -> Model | SpecError:
@@ -217,7 +218,7 @@ class Results:
     def _enclosed(self, which: str, as_written: bool) -> Enclosure | None:
         if self.model is None:
             return None
-        if self.faith is not None and self.faith.problem is not None:
+        if self.abstraction_check is not None and self.abstraction_check.problem is not None:
             refuse("the abstraction is not faithful")
         rule: Rule | None = {"random": Uniform(), "expert": self.expert_rule, "optimal": Greedy()}.get(which)
         if rule is None and which == "expert":

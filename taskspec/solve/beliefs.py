@@ -24,7 +24,7 @@ from taskspec.base.limits import limits
 from taskspec.base.progress import tell
 from taskspec.solve.backward import all_values, backward
 from taskspec.solve.enclosure import Enclosure, rounded
-from taskspec.solve.observation_classes import at
+from taskspec.solve.memoryless import at
 from taskspec.solve.rational import WIDE, Rational, Scaled
 
 Belief: TypeAlias = tuple[tuple[int, int], ...]
@@ -85,7 +85,7 @@ class _Node:
 
 @dataclass
 class BeliefSearch:
-    """The search; `seen` (T, S) numbers what is seen, as `looks` does."""
+    """The search; `seen` (T, S) numbers what is seen, as `observation_classes` does."""
 
     numbers: Rational
     seen: Array

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
 
 # ---------- readings
 # How floats are read as rationals: at their exact value, or as the short number that was probably written.
@@ -90,8 +89,8 @@ End = Fraction | float
 """A rational, or an infinity."""
 EQUAL = Fraction(1, 10**9)
 """By how much of their size two numbers may differ and still count as equal."""
-MOST_BITS, LEAST_BITS = 20_000, 64
-"""Numbers that take more bits are rounded outwards, but to no less."""
+MOST_BITS = 1_000_000
+"""The length of numbers that powers may have."""
 SMALLEST = 2.0**-1022
 """The smallest float that is rounded by no more than half a unit of its last place."""
 
@@ -235,9 +234,7 @@ def _power(a: Enclosure, b: Enclosure) -> Enclosure:
         return _quotient(Enclosure.exactly(1), _power(a, Enclosure.exactly(-n)))
     size = max((abs(x.numerator) | x.denominator).bit_length() for x in (low, high))
     if size * n > MOST_BITS and size > 1:
-        if MOST_BITS // n < LEAST_BITS:
-            raise NoNumber("this power is too large to write out")
-        low, high = _shortened(low, math.floor, MOST_BITS // n), _shortened(high, math.ceil, MOST_BITS // n)
+        raise NoNumber("this power is too large to write out")
     ends = sorted((low**n, high**n))
     return Enclosure(Fraction(0) if n and n % 2 == 0 and low <= 0 <= high else ends[0], ends[1])
 
@@ -274,26 +271,12 @@ _OPERATORS: dict[str, Callable[[Enclosure, Enclosure], Enclosure]] = {
 
 
 def arithmetic(op: str, a: Enclosure, b: Enclosure) -> Enclosure:
-    """An operation on two numbers; ends that are too long are rounded outwards.
+    """Return the result of an operation on two numbers.
 
     Raises:
-        NoNumber: division by zero, a root of a negative number, or a size that takes more than `MOST_BITS` bits.
+        NoNumber: division by zero, a root of a negative number, or a power of more than `MOST_BITS` bits.
     """
-    found = _OPERATORS[op](a, b)
-    return Enclosure(_shortened(found.low, math.floor, MOST_BITS), _shortened(found.high, math.ceil, MOST_BITS))
-
-
-def _shortened(end: Any, to_whole: Callable[[Fraction], int], bits: int) -> Any:
-    """The same where it is short enough, else the next number of so many bits on one side."""
-    if is_infinite(end):
-        return end
-    over, under = end.numerator.bit_length(), end.denominator.bit_length()
-    if max(over, under) <= 2 * bits:
-        return end
-    if abs(over - under) > bits:
-        raise NoNumber("this number is too large to write out, or too small")
-    step = Fraction(2) ** (over - under - bits)
-    return to_whole(end / step) * step
+    return _OPERATORS[op](a, b)
 
 
 def negative(a: Enclosure) -> Enclosure:

@@ -8,13 +8,15 @@ all blocks, those included whose steps all end the episode.
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 from numba import njit
 
 from taskspec.base.arrays import Array
 from taskspec.model.model import Model, Step
-from taskspec.solve.bounded import Bounded
-from taskspec.solve.following import Bound
+from taskspec.solve.bounded import Bound, Bounded
 
 Slots = tuple[Array, Array, tuple[int, ...], tuple[int, ...]]
 """Columns (A, S, K) and weights (A, K) of outcomes, and a tuple each as long as there are actions and outcomes, which is part of
@@ -24,37 +26,58 @@ MOST_OUTCOMES = 64
 
 
 def extreme_values(numbers: Bounded, largest: bool) -> Bound:
-    """The best (or worst) values (S,) at the first time of a model with a horizon, and bounds of their errors."""
-    model, sign = numbers.model, 1.0 if largest else -1.0
-    value, spare = np.zeros((model.n_states, 2)), np.empty((model.n_states, 2))
+    """Return the best (or worst) values (S,) at the first time of a model with a horizon, and bounds of their errors."""
+    model = numbers.model
+    sign = 1.0 if largest else -1.0
+    bound = numbers.zero()
+    spare = np.empty(model.n_states)
     before: Step | None = None
-    c = max(numbers.part(t).c for t in range(len(model.steps)))
     changed = active = np.ones(0, np.bool_)
+    smallest = np.empty(0)
+    least = math.inf
     for t in range(numbers.horizon - 1, -1, -1):
-        part = numbers.part(t)
-        lost = numbers.lost(part, value[:, 0], value[:, 1])
-        if part.step is not before:
-            rows, slots, blocks = _prepared(model, part.step)
+        step = model.step(t)
+        if step is not before:
+            rows, slots, blocks = _prepared(model, step)
             changed = active = np.ones(len(blocks), np.bool_)
         else:
-            active = _active(blocks, changed | (lost > 0))
-        bounds = (part.inflate, numbers.rounding, lost, numbers.floor, part.paid, part.beyond)
-        constants = (model.discount, sign, c, *bounds)
-        changed = _swept(rows, slots, part.reward, part.sizes, active, changed, value, spare, constants)
-        value, spare, before = spare, value, part.step
-    return Bound(value[:, 0].copy(), value[:, 1].copy())
+            active = _active(blocks, changed)
+        if not len(smallest):
+            smallest = np.full(len(blocks), np.inf)
+        value = bound.value
+        changed = _swept(rows, slots, step.R, active, changed, value, spare, smallest, (model.discount, sign))
+        bound = numbers.with_reward(step, spare, bound, smallest=least)
+        least = float(smallest.min())
+        spare = value
+        before = step
+    return bound
 
 
 def _prepared(model: Model, step: Step) -> tuple[tuple[Array, ...], Slots | None, Array]:
-    """What follows every state and action: as rows, or where each has the same number of outcomes as slots; and the blocks."""
-    going, slots = step.going, step.slots
-    rows = going.indptr, going.indices, going.data
-    blocks = _successors(going.indptr, going.indices, model.n_states, model.n_actions)
-    if slots is None or slots.size > MOST_OUTCOMES:
+    """Return the successors of every state and action, as rows, or as slots, and the blocks that each block leads to."""
+    P = step.P
+    rows = P.indptr, P.indices, P.data
+    blocks = _successors(P.indptr, P.indices, model.n_states, model.n_actions)
+    weights = _shared(P, model.n_actions)
+    if weights is None:
         return rows, None, blocks
-    actions, outcomes = slots.shape
-    columns = going.indices.reshape(model.n_actions, model.n_states, -1)
-    return rows, (columns, slots, (0,) * actions, (0,) * outcomes), blocks
+    actions, outcomes = weights.shape
+    columns = P.indices.reshape(actions, model.n_states, outcomes)
+    return rows, (columns, weights, (0,) * actions, (0,) * outcomes), blocks
+
+
+def _shared(P: Any, actions: int) -> Array | None:
+    """Return the probabilities (A, K) that all rows of an action have in the same order; None where they have not."""
+    size = P.shape[0]
+    outcomes = P.nnz // size
+    if not outcomes or outcomes * size != P.nnz or outcomes * actions > MOST_OUTCOMES:
+        return None
+    if not np.array_equal(P.indptr, outcomes * np.arange(size + 1)):
+        return None
+    table = P.data.reshape(actions, -1, outcomes)
+    if not all(bool((rows == rows[0]).all()) for rows in table):
+        return None
+    return np.ascontiguousarray(table[:, 0])
 
 
 @njit(cache=True)
@@ -88,16 +111,17 @@ def _active(blocks: Array, changed: Array) -> Array:
 
 @njit(cache=True, fastmath={"contract"})
 def _swept(
-    rows: tuple[Array, ...], slots: Slots | None, reward: Array, sizes: Array, active: Array, changed: Array,
-    value: Array, out: Array, constants: tuple[float, ...],
+    rows: tuple[Array, ...], slots: Slots | None, reward: Array, active: Array, changed: Array,
+    value: Array, out: Array, smallest: Array, constants: tuple[float, ...],
 ) -> Array:  # fmt: skip
-    """One step back: writes `out`, and gives which blocks differ from `value`.
+    """Write the values one step before into `out`, and return which blocks differ from `value`.
 
-    Numba compiles one of the two ways to read outcomes; with `slots` loops are of known length, and twice as fast. Beside a value
-    is its error; that of the best action is at most the largest. In `changed` blocks `value` differs from what `out` holds.
+    Numba compiles one of the two ways to read outcomes; with `slots` loops are of known length, and twice as fast. In `changed`
+    blocks `value` differs from what `out` holds. `smallest` (blocks,) gets the smallest size of a value in a block that is
+    not 0.
     """
     indptr, columns, weights = rows
-    discount, sign, c, inflate, rounding, lost, floor, paid, beyond = constants
+    discount, sign = constants
     states = len(out)
     after = np.zeros(len(active), np.bool_)
     for b in range(len(active)):
@@ -106,24 +130,21 @@ def _swept(
             if changed[b]:
                 out[first:last] = value[first:last]
             continue
+        smallest[b] = np.inf
         for s in range(first, last):
-            best, worst = -np.inf, 0.0
+            best = -np.inf
             for a in range(len(reward) // states if slots is None else len(slots[2])):
                 row = a * states + s
-                ahead, error = 0.0, 0.0
+                ahead = 0.0
                 if slots is None:
                     for k in range(indptr[row], indptr[row + 1]):
-                        ahead += weights[k] * value[columns[k], 0]
-                        error += weights[k] * value[columns[k], 1]
+                        ahead += weights[k] * value[columns[k]]
                 else:
                     for k in range(len(slots[3])):
-                        ahead += slots[1][a, k] * value[slots[0][a, s, k], 0]
-                        error += slots[1][a, k] * value[slots[0][a, s, k], 1]
-                q = reward[row] + discount * ahead
-                off = paid * abs(sizes[row]) + beyond + discount * (error + lost)
-                off += rounding * (abs(q) + abs(reward[row]))
-                best, worst = max(best, sign * q), max(worst, off + (floor if error > 0 else 0.0))
-            out[s, 0] = sign * best
-            out[s, 1] = worst * inflate + c * abs(best) + (floor if best != 0 else 0.0)
-            after[b] |= out[s, 0] != value[s, 0] or out[s, 1] != value[s, 1]
+                        ahead += slots[1][a, k] * value[slots[0][a, s, k]]
+                best = max(best, sign * (reward[row] + discount * ahead))
+            out[s] = sign * best
+            if best != 0:
+                smallest[b] = min(smallest[b], abs(best))
+            after[b] |= out[s] != value[s]
     return after

@@ -23,13 +23,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from taskspec.base.arrays import Array
-from taskspec.model.model import Model, refuse, scipy_sparse
-from taskspec.model.transitions import Steps
-from taskspec.solve.bounded import Bounded
-from taskspec.solve.following import Bound, Policy
-from taskspec.solve.policy_rules import Rule
-from taskspec.solve.rounding import FLOOR, UNIT
+from taskspec.model.model import Model, refuse
+from taskspec.model.transitions import OutcomeTable, Steps
+from taskspec.solve.backward import Rule
+from taskspec.solve.bounded import SMALLEST, UNIT, Bound, Bounded, Policy
 
 
 @dataclass(frozen=True)
@@ -70,7 +67,7 @@ class MaxEnt(Rule):
     def policy(self, numbers: Bounded, t: int, q: Bound) -> Policy:
         return numbers.boltzmann(q, 1.0)
 
-    def settled(self, numbers: Any) -> Any:
+    def stationary(self, numbers: Any) -> Any:
         return self.backup(numbers)
 
 
@@ -79,7 +76,7 @@ class _Table:
 
     def __init__(self, numbers: Bounded, t: int, beta: float) -> None:
         model = numbers.model
-        rows, columns, weights, rewards, ends = outcome_table(model, t)
+        rows, columns, weights, rewards, ends, _ = outcome_table(model, t)
         order = np.argsort(rows, kind="stable")
         self.step, self.shape = model.step(t), (model.n_actions, model.n_states)
         self.columns, self.ends, size = columns[order], ends[order], model.n_actions * model.n_states
@@ -87,51 +84,32 @@ class _Table:
         self.paid = beta * np.where(model.acting[rows % model.n_states], rewards, 0.0)[order]
         self.logs, slack = np.log(weights[order]), numbers.slack
         off = slack.relative + 2 * slack.absolute / weights[order] + 8 * UNIT * (np.abs(self.logs) + 1)
-        # what is left out may pay anything, and of chances that no float holds nothing is known
-        self.error = np.where((slack.missing > 0) | (weights[order] < FLOOR), np.inf, off)
+        self.error = float(np.max(off, initial=0.0))
+        if slack.missing > 0 or weights.min(initial=1.0) < SMALLEST:  # outcomes that are left out may pay anything
+            self.error = np.inf
         self.starts = np.searchsorted(rows[order], np.arange(size))
         self.counts = np.diff(np.append(self.starts, len(rows)))
 
     def log_q(self, log_z: Bound, t: int) -> Bound:
         """log Z(s, a), (A, S), from log Z (S,) at the next time; 0 for rows without outcomes, where nobody acts."""
         paid = self.discount**t * self.paid
-        rounded = 8 * UNIT * np.abs(paid) * (1 + (t if self.discount != 1 else 0))
+        largest = float(np.max(np.abs(paid), initial=0.0))
+        rounded = 8 * UNIT * largest * (1 + (t if self.discount != 1 else 0))
         terms = self.logs + paid + np.where(self.ends, 0.0, log_z.value[self.columns])
-        errors = self.error + rounded + np.where(self.ends, 0.0, log_z.error[self.columns])
         some = self.counts > 0
         starts = self.starts[some]
         top = np.maximum.reduceat(terms, starts)
         total = np.add.reduceat(np.exp(terms - np.repeat(top, self.counts[some])), starts)
-        found, error = np.zeros(len(self.counts)), np.zeros(len(self.counts))
+        found = np.zeros(len(self.counts))
         found[some] = top + np.log(total)
-        rounding = (16 * self.counts[some] + 32) * UNIT * (1 + np.abs(found[some]))
-        error[some] = np.maximum.reduceat(errors, starts) + rounding
-        return Bound(found.reshape(self.shape), error.reshape(self.shape))
+        size = 1 + float(np.max(np.abs(found), initial=0.0))
+        rounding = (16 * int(self.counts.max(initial=0)) + 32) * UNIT * size
+        error = self.error + rounded + float(log_z.error.max(initial=0.0)) + rounding
+        return Bound(found.reshape(self.shape), 0.0, error)
 
 
-def outcome_table(model: Model, t: int = 0) -> tuple[Array, Array, Array, Array, Array]:
-    """Every outcome at a time: row a*S + s, column s', probability, reward, whether it ends; all (N,)."""
-    steps, size = Steps(model.task), model.n_states
-    parts: list[tuple[Array, ...]] = []
-    for a in range(model.n_actions):
-        for found in steps.outcomes(model.codes, np.array([a]), t):
-            point = np.arange(size) if found.origin is None else found.origin
-            n = len(point)
-            weight = np.broadcast_to(found.weight, (n,))
-            column = np.minimum(np.searchsorted(model.codes, found.code), size - 1)
-            keep = weight > 0 if found.outside is None else (weight > 0) & ~found.outside
-            values = (a * size + point, column, weight, found.reward, found.terminal)
-            parts.append(tuple(np.broadcast_to(v, (n,))[keep] for v in values))
-    joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    return joined[0], joined[1], joined[2], joined[3], joined[4]
-
-
-def reward_matrix(model: Model, t: int = 0) -> Any:
-    """R(s, a, s') expected where it is also random, as a sparse matrix (A*S, S); entries of probability 0 are absent."""
-    rows, columns, weights, rewards, _ = outcome_table(model, t)
-    sparse = scipy_sparse()
-    shape = (model.n_actions * model.n_states, model.n_states)
-    mass = sparse.csr_array((weights, (rows, columns)), shape=shape)
-    paid = sparse.csr_array((weights * rewards, (rows, columns)), shape=shape)
-    paid.data = paid.data / mass.data
-    return paid
+def outcome_table(model: Model, t: int = 0) -> OutcomeTable:
+    """Return every outcome at a time that may happen and stays in the model."""
+    found = Steps(model.task).table(model.codes, t)
+    kept = (found.weight > 0) & found.inside
+    return OutcomeTable(*(column[kept] for column in found))

@@ -19,11 +19,9 @@ from taskspec.base.arrays import Array
 from taskspec.lang.ir import Node, draws, reads
 from taskspec.model.model import Model, refuse
 from taskspec.model.transitions import TIME, count
-from taskspec.solve.backward import backward
-from taskspec.solve.bounded import Bounded
-from taskspec.solve.following import Bound, Policy
+from taskspec.solve.backward import Rule, backward
+from taskspec.solve.bounded import Bound, Bounded, Policy
 from taskspec.solve.maxent import MaxEnt
-from taskspec.solve.policy_rules import Rule
 from taskspec.task.task import Soft
 
 Plan = Callable[[int], Array]
@@ -40,7 +38,7 @@ class Uniform(Rule):
     def policy(self, numbers: Any, t: int, q: Any) -> Any:
         return numbers.uniform()
 
-    def settled(self, numbers: Any) -> Any:
+    def stationary(self, numbers: Any) -> Any:
         return numbers.uniform()
 
 
@@ -61,7 +59,7 @@ class Expressed(Rule):
     def policy(self, numbers: Any, t: int, q: Any) -> Any:
         return numbers.tabulated(self.nodes, t)
 
-    def settled(self, numbers: Any) -> Any:
+    def stationary(self, numbers: Any) -> Any:
         if self.is_timed:
             refuse("the expert depends on the time, and there is no horizon")
         return numbers.tabulated(self.nodes, 0)
@@ -77,7 +75,7 @@ class Given(Rule):
     def policy(self, numbers: Any, t: int, q: Any) -> Any:
         return Policy(self.tables(t))
 
-    def settled(self, numbers: Any) -> Any:
+    def stationary(self, numbers: Any) -> Any:
         return Policy(self.tables(0))
 
 
@@ -107,8 +105,8 @@ class Greedy(Rule):
     def policy(self, numbers: Any, t: int, q: Any) -> Any:
         return numbers.greedy(q)
 
-    def settled(self, numbers: Any) -> Any:
-        return numbers.greedy(numbers.settled_best(self.shift))
+    def stationary(self, numbers: Any) -> Any:
+        return numbers.greedy(numbers.q_values(self.shift))
 
 
 @dataclass(frozen=True)
@@ -125,8 +123,8 @@ class Boltzmann(Rule):
     def policy(self, numbers: Bounded, t: int, q: Bound) -> Policy:
         return numbers.boltzmann(q, self.beta)
 
-    def settled(self, numbers: Any) -> Policy:
-        found: Policy = numbers.boltzmann(numbers.settled_soft(self.beta), self.beta)
+    def stationary(self, numbers: Any) -> Policy:
+        found: Policy = numbers.boltzmann(numbers.soft_q_values(self.beta), self.beta)
         return found
 
 
@@ -191,9 +189,9 @@ class Tables:
 def tables(model: Model, rule: Rule) -> Plan:
     """A rule's probabilities of actions at any time."""
     if model.horizon is None:
-        from taskspec.solve.infinite_horizon import Endless
+        from taskspec.solve.infinite_horizon import InfiniteHorizon
 
-        return stationary(rule.settled(Endless(model)).table)
+        return stationary(rule.stationary(InfiniteHorizon(model)).table)
     if rule.is_planned:
         return Tables(model, rule)
     numbers = Bounded(model)

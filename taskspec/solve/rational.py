@@ -112,7 +112,7 @@ class _Step:
     columns: Array
     weights: Scaled
     ends: Array
-    reward: Scaled
+    R: Scaled
 
 
 class Rational:
@@ -132,8 +132,6 @@ class Rational:
 
     def _enumerated(self, steps: Steps) -> list[_Step]:
         model = self.model
-        if steps.is_faint:
-            raise Inexact
         size = model.n_states * model.n_actions * steps.branching
         if model.horizon is None or size * len(model.steps) > MOST_OUTCOMES:
             raise Inexact
@@ -155,14 +153,8 @@ class Rational:
         return Scaled.of(start)
 
     def _step(self, steps: Steps, t: int) -> _Step:
-        model, parts = self.model, []
-        for a in range(model.n_actions):
-            for found in steps.outcomes(model.codes, np.array([a]), t, self.chances):
-                point = np.arange(model.n_states) if found.origin is None else found.origin
-                column = np.minimum(np.searchsorted(model.codes, found.code), model.n_states - 1)
-                values = (a * model.n_states + point, column, found.weight, found.reward, found.terminal)
-                parts.append(tuple(np.broadcast_to(v, (len(point),)) for v in values))
-        rows, columns, weights, rewards, ends = (np.concatenate(part) for part in zip(*parts, strict=True))
+        model = self.model
+        rows, columns, weights, rewards, ends, _ = steps.table(model.codes, t, self.chances)
         order = np.argsort(rows, kind="stable")
         first = np.searchsorted(rows[order], np.arange(model.n_actions * model.n_states))
         acting = model.acting[rows % model.n_states]  # what is paid elsewhere need not even be a number
@@ -181,9 +173,9 @@ class Rational:
         step = self._at(t)
         after = self._next(step, np.where(step.ends, 0, value.parts[step.columns]))
         gamma = self.discount
-        over = math.lcm(step.reward.over, gamma.denominator * step.weights.over * value.over, shift.denominator)
+        over = math.lcm(step.R.over, gamma.denominator * step.weights.over * value.over, shift.denominator)
         more = over // (gamma.denominator * step.weights.over * value.over) * gamma.numerator
-        paid = step.reward.parts * (over // step.reward.over) + shift.numerator * (over // shift.denominator)
+        paid = step.R.parts * (over // step.R.over) + shift.numerator * (over // shift.denominator)
         return Scaled(self._table(paid + after * more), over)
 
     def reached(self, t: int, value: Scaled, states: Array) -> Scaled:
@@ -214,10 +206,13 @@ class Rational:
     def bottom(self, q: Scaled) -> Scaled:
         return Scaled(q.parts.min(axis=0), q.over).reduced()
 
-    def follow(self, policy: Scaled, q: Scaled) -> Scaled:
+    def is_open(self, policy: Scaled) -> bool:
+        return False
+
+    def follow(self, policy: Scaled, q: Scaled, side: int = 1) -> Scaled:
         return Scaled((policy.parts * q.parts).sum(axis=0), policy.over * q.over).reduced()
 
-    def followed(self, policy: Scaled, t: int, value: Scaled) -> Scaled:
+    def followed(self, policy: Scaled, t: int, value: Scaled, side: int = 1) -> Scaled:
         return self.follow(policy, self.backup(t, value))
 
     def at_start(self, value: Scaled) -> Enclosure:
@@ -228,7 +223,7 @@ class Rational:
 
     def rewards(self, t: int) -> Scaled:
         """Expected rewards (A*S,) at a time."""
-        return self._at(t).reward
+        return self._at(t).R
 
     def unit(self, t: int) -> int:
         """The common denominator of the probabilities of `goes_on`."""

@@ -18,9 +18,8 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.model.model import Model
 from taskspec.solve.backward import first_values
-from taskspec.solve.bounded import Bounded
-from taskspec.solve.following import Bound
-from taskspec.solve.infinite_horizon import Endless
+from taskspec.solve.bounded import Bound, Bounded
+from taskspec.solve.infinite_horizon import InfiniteHorizon
 from taskspec.solve.plans import Boltzmann, Given, Greedy, Plan, Uniform, tables
 from taskspec.solve.solver import Solver, Solvers, extreme
 
@@ -43,15 +42,14 @@ def solve(model: Model, rule: Callable[[Model], Bound] | None = None) -> Solutio
 
 def best(model: Model) -> Bound:
     if model.horizon is None:
-        return Endless(model).settled(1)
+        return InfiniteHorizon(model).stationary_values(1)
     found: Bound = extreme(Bounded(model), True)
     return found
 
 
 def worst(model: Model) -> Bound:
     if model.horizon is None:
-        found = Endless(model).settled(-1)
-        return Bound(-found.value, found.error)
+        return InfiniteHorizon(model).stationary_values(-1).negative()
     value: Bound = extreme(Bounded(model), False)
     return value
 
@@ -61,8 +59,8 @@ def soft(beta: float) -> Callable[[Model], Bound]:
 
     def rule(model: Model) -> Bound:
         if model.horizon is None:
-            numbers = Endless(model)
-            return numbers.soft(numbers.settled_soft(beta), beta)
+            numbers = InfiniteHorizon(model)
+            return numbers.soft(numbers.soft_q_values(beta), beta)
         found: Bound = first_values(Boltzmann(beta).plan(Bounded(model)))
         return found
 
@@ -110,7 +108,7 @@ def occupancy(model: Model, plan: Plan, steps: int | None = None) -> Array:
     t, factor = 0, 1.0
     while (last is None or t < last) and factor * now.sum() > 1e-12 and t < MOST_STEPS:
         total += factor * now
-        now = model.step(t).going.T @ (plan(t) * now).reshape(-1)
+        now = model.step(t).P.T @ (plan(t) * now).reshape(-1)
         t, factor = t + 1, factor * model.discount
     return total
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -12,12 +12,10 @@ from taskspec.base.arrays import Array
 from taskspec.base.extras import is_installed
 from taskspec.base.progress import tell
 from taskspec.model.model import Model
-from taskspec.solve.backward import backward, first_values
-from taskspec.solve.bounded import Bounded
+from taskspec.solve.backward import Rule, backward, first_values
+from taskspec.solve.bounded import QUIET, Bounded
 from taskspec.solve.enclosure import Enclosure, Inexact, Reader
-from taskspec.solve.policy_rules import Rule
 from taskspec.solve.rational import Rational
-from taskspec.solve.rounding import QUIET
 
 LONG = 100_000_000
 """Entries times steps from which compiled sweeps pay: NumPy takes four seconds for as many, and compiling may take six."""
@@ -35,8 +33,9 @@ class ValueArithmetic(Protocol):
     def marked(self, value: Any, states: Array) -> Any: ...
     def top(self, q: Any) -> Any: ...
     def bottom(self, q: Any) -> Any: ...
-    def follow(self, policy: Any, q: Any) -> Any: ...
-    def followed(self, policy: Any, t: int, value: Any) -> Any: ...
+    def is_open(self, policy: Any) -> bool: ...
+    def follow(self, policy: Any, q: Any, side: int = 1) -> Any: ...
+    def followed(self, policy: Any, t: int, value: Any, side: int = 1) -> Any: ...
     def at_start(self, value: Any) -> Enclosure: ...
     def preference(self, policy: Any, wanted: Array) -> Array: ...
 
@@ -75,22 +74,35 @@ class Finite:
 
     @QUIET
     def value(self, rule: Rule) -> Enclosure:
-        """The expected return of a policy."""
+        """Return the expected return of a policy."""
         if rule.is_best:
             return self.best()
-        n, value = self._numbers, self._numbers.zero()
-        for t, policy in self.policies(rule):
-            value = n.followed(policy, t, value)
-        return n.at_start(value)
+        n = self._numbers
+        return self._evaluated(rule, n.zero(), lambda t, policy, V, side: n.followed(policy, t, V, side))
 
     @QUIET
     def probability(self, rule: Rule, states: Array) -> Enclosure:
-        """How likely an episode is ever in one of the states (S,), its last one included."""
+        """Return how likely an episode is ever in one of the states (S,), its last one included."""
         n = self._numbers
-        value = n.marked(n.zero(), states)
-        for t, policy in self.policies(rule):
-            value = n.marked(n.follow(policy, n.reached(t, value, states)), states)
-        return n.at_start(value)
+
+        def backup(t: int, policy: Any, V: Any, side: int) -> Any:
+            return n.marked(n.follow(policy, n.reached(t, V, states), side), states)
+
+        return self._evaluated(rule, n.marked(n.zero(), states), backup)
+
+    def _evaluated(self, rule: Rule, end: Any, backup: Callable[[int, Any, Any, int], Any]) -> Enclosure:
+        """Return what a policy comes to; in the best and the worst case where rounding leaves open which actions are best."""
+        found = []
+        for side in (1, -1):
+            V = end
+            is_open = False
+            for t, policy in self.policies(rule):
+                V = backup(t, policy, V, side)
+                is_open = is_open or self._numbers.is_open(policy)
+            found.append(self._numbers.at_start(V))
+            if not is_open:
+                break
+        return found[0].hull(found[-1])
 
     def policies(self, rule: Rule) -> Iterator[tuple[int, Any]]:
         """A rule's policy at each time, the last one first; one is held at a time."""
@@ -180,9 +192,9 @@ def _has(solver: Solver, rule: Rule) -> bool:
 def _in_floats(model: Model) -> Solver:
     if model.horizon is not None:
         return Finite(Bounded(model))
-    from taskspec.solve.infinite_horizon import Endless
+    from taskspec.solve.infinite_horizon import InfiniteHorizon
 
-    return Endless(model)
+    return InfiniteHorizon(model)
 
 
 def why_endless(solver: Solver) -> str:

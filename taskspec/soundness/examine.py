@@ -1,4 +1,4 @@
-"""Runs the checks of a phase over its points and keeps, for each that fails, the best counterexample."""
+"""Evaluate the checks of a phase at its points; keep the best counterexample to each that fails."""
 
 from __future__ import annotations
 
@@ -16,36 +16,43 @@ from taskspec.lang.ir import Const, Draw, Node, Role, draws
 from taskspec.lang.variates.sample import WordLayout, batch_sampler
 from taskspec.model.cost import Cost
 from taskspec.model.points import Batch, Grid, Method
-from taskspec.model.reach import Visits, visits
+from taskspec.model.reach import Visits, successors, visits
 from taskspec.model.space import Reads, Space, distinct, holds, union, without
 from taskspec.model.transitions import Branch, Steps, branches, count, is_finite
 from taskspec.rollout.rollout import visited
 from taskspec.soundness.phases import Check, CheckPhase
 
 BATCH = 65_536
+"""Points that are evaluated at once."""
 MOST_WORDS = 2_000_000
+"""Random words that are drawn at once."""
 FEW_OUTCOMES = 64
+"""Outcomes of draws up to which they are enumerated where points are samples."""
 STARTS = 1024
+"""First states that are sampled where they are not enumerated."""
 SEARCH = 20_000_000
+"""Outcomes up to which all states that episodes visit are searched."""
 SEARCH_STARTS = 200_000
+"""Outcomes of the start up to which they are."""
 
 
 @dataclass(frozen=True)
 class Violation:
-    """A check that fails, and where: what is read there (batch axis of one), and the value."""
+    """A check that fails: the values that are read at the counterexample (batch axis of one), and the wrong value."""
 
     check: Check
     reads: Reads
     value: Array
     state: int | None  # its code, in a finite task
-    acting: bool | None  # whether an episode acts in that state; None: not known
+    acting: bool | None  # whether an episode acts in that state; None: unknown
 
 
 class Examination:
-    """One phase, looked at."""
+    """The checks of one phase, evaluated at its points."""
 
     def __init__(self, phase: CheckPhase) -> None:
-        self.phase, self.task = phase, phase.task
+        self.phase = phase
+        self.task = phase.task
         self.layout = WordLayout.of(phase.roots)
         self.enumerated = _enumerated(phase)
         self.rng = np.random.default_rng(1)
@@ -54,11 +61,10 @@ class Examination:
     def method(self) -> Method:
         if not self.phase.checks:
             return Method(True, 0)
+        exact = self.phase.exact and len(self.enumerated) == len(self.phase.draws)
         if self.phase.name == "start":
-            exact = self.phase.exact and len(self.enumerated) == len(self.phase.draws)
             return Method(exact, int(max(1, count(self.phase.draws, {}))) if exact else STARTS)
         points = self.phase.points
-        exact = self.phase.exact and len(self.enumerated) == len(self.phase.draws)
         states = points.states.size if isinstance(points, Grid) else None
         return Method(exact, points.size, states)
 
@@ -74,7 +80,7 @@ class Examination:
         yield from self.phase.points.batches(Cost(self.phase.roots).batch(max(256, most)))
 
     def flagged(self, batch: Batch) -> Iterator[tuple[Check, Branch, Array, Array]]:
-        """Checks that fail somewhere in a batch: the branch, the flags of its outcomes, and the values."""
+        """Yield checks that fail in a batch: the branch, where (M,) it fails, and the values."""
         words = self.rng.integers(0, 2**32, (self.layout.count, batch.lanes), dtype=np.uint32)
         for branch in branches(self.enumerated, batch.reads, batch.lanes):
             here = words if branch.origin is None else words[:, branch.origin]
@@ -118,7 +124,7 @@ class Examination:
                 yield best
 
     def _best(self, check: Check, states: Array) -> Violation | None:
-        """The counterexample that says most: in a state where episodes act if there is one."""
+        """Return the best counterexample: in a state in which episodes act, if there is one."""
         if self.visits is None:
             seen = states[holds(states, self._seen)]
             return self._at(check, int((seen if len(seen) else states)[0]), True if len(seen) else None)
@@ -128,13 +134,13 @@ class Examination:
         acting = states[holds(states, self.visits.acting)]
         if len(acting):
             return self._at(check, int(acting[0]), True)
-        if check.section == "expert":  # nobody asks it there
+        if check.section == "expert":  # it does not act there
             return None
         unfinished = without(states, self._finished)
         return self._at(check, int(unfinished[0]), False) if len(unfinished) else None
 
     def _at(self, check: Check, state: int, acting: bool | None) -> Violation | None:
-        """The first failure of a check in a state."""
+        """Return the first failure of a check in a state."""
         points = self.phase.points
         assert isinstance(points, Grid)
         for batch in points.batches(BATCH):
@@ -149,9 +155,9 @@ class Examination:
 
     @cached_property
     def _searchable(self) -> bool:
-        """Whether looking for the states that episodes visit costs little enough, whatever this phase itself costs."""
+        """True if the search for states that episodes visit is cheap enough."""
         steps = Steps(self.task)
-        if steps.uses_time and self.task.horizon is None:  # the search goes on for ever
+        if steps.uses_time and self.task.horizon is None:  # the search would not end
             return False
         times = max(1, self.task.horizon or 1) if steps.uses_time else 1
         cost = float(steps.states.size) * steps.actions.size * steps.branching * times
@@ -159,13 +165,14 @@ class Examination:
 
     @cached_property
     def _seen(self) -> Array:
-        """States of a few episodes, where looking for all of them would cost too much."""
-        found, space = visited(self.task, self.phase.name == "observation"), Space(self.task.state, Role.STATE)
+        """States of a few episodes, for tasks in which the search for all of them costs too much."""
+        found = visited(self.task, self.phase.name == "observation")
+        space = Space(self.task.state, Role.STATE)
         return distinct(space.encode([found[c.read] for c in self.task.state], found[Role.TIME, "t"].shape[-1])[0])
 
     @cached_property
     def visits(self) -> Visits | None:
-        """The states of all episodes; None where looking for them would take too long."""
+        """The states of all episodes; None if the search would take too long."""
         try:
             return visits(Steps(self.task)) if self._searchable else None
         except SpecError:
@@ -173,24 +180,18 @@ class Examination:
 
     @cached_property
     def _finished(self) -> Array:
-        """States that only a step which ends the episode can enter: nothing happens there."""
+        """States that only a step which ends the episode can enter: no action is taken there."""
         if isinstance(self.task.terminal, Const) or not isinstance(self.phase.points, Grid):
             return np.zeros(0, np.int64)
         steps = Steps(self.task)
-        going, ended = [steps.starts()[0]], [np.zeros(0, np.int64)]
-        times = self.phase.points.times or (0,)
-        for t in times:
-            for actions in range(steps.actions.size):
-                for found in steps.outcomes(np.arange(steps.states.size), np.array([actions]), t):
-                    inside = np.ones(len(found.code), np.bool_) if found.outside is None else ~found.outside
-                    terminal = np.broadcast_to(found.terminal, found.code.shape)
-                    going.append(distinct(found.code[inside & ~terminal]))
-                    ended.append(distinct(found.code[inside & terminal]))
-        return without(union(ended), union(going))
+        every = np.arange(steps.states.size)
+        found = [successors(steps, every, t) for t in self.phase.points.times or (0,)]
+        entered = [steps.starts()[0], *(going for going, _ in found)]
+        return without(union([ended for _, ended in found]), union(entered))
 
 
 def _enumerated(phase: CheckPhase) -> tuple[Draw, ...]:
-    """Draws whose outcomes are all looked at: finite ones with few outcomes, drawn from nothing that is sampled."""
+    """Return draws that are enumerated: finite ones with few outcomes, whose arguments are not sampled."""
     chosen: list[Draw] = []
     known: set[int] = set()
     most = count(phase.draws, {}) if phase.exact else FEW_OUTCOMES
@@ -205,7 +206,7 @@ def _enumerated(phase: CheckPhase) -> tuple[Draw, ...]:
 
 
 def _points(branch: Branch, flags: Array) -> Array:
-    """The points of flagged outcomes."""
+    """Return the points of flagged outcomes."""
     if branch.origin is None:
         return np.flatnonzero(flags) if len(flags) > 1 else np.zeros(1, np.int64)
     return branch.origin[flags] if len(flags) > 1 else branch.origin[:1]

@@ -1,4 +1,4 @@
-"""The checks of a task as data: what must hold at every point of each phase."""
+"""The checks of a task as data: conditions on its start, observations, expert and steps, and the points of each."""
 
 from __future__ import annotations
 
@@ -26,16 +26,17 @@ from taskspec.soundness.places import SectionScope, Written, distributions
 from taskspec.task.reach import over, reached
 from taskspec.task.task import Component, Task
 
-# ---------- check
-# A check: one thing that must hold of a task at every point.
-
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """One thing that must hold at every point: `node` has a value within `low` and `high`, and is a number.
+    """A condition at every point: `node` is a number between `low` and `high`.
 
-    `guards` are conditions; where one fails, nothing is asked. `subject` is what the value belongs
-    to; `section` and `entry` say where its expression is.
+    Args:
+        section, entry: the place of its expression.
+        subject: the component whose value it is.
+        place: of the expression, where it is known.
+        guards: conditions under which the check applies.
+        what: the value in words.
     """
 
     code: str
@@ -50,7 +51,7 @@ class Check:
     what: str = ""
 
     def wrong(self, value: Array) -> Array:
-        """Where a value (*shape, M) is not allowed: (M,)."""
+        """Return where (M,) values (*shape, M) are not allowed."""
         shape = self.node.type.shape
         axes = tuple(range(len(shape)))
         low = np.array(self.low if shape else self.low[0]).reshape(*shape, 1)
@@ -62,7 +63,7 @@ class Check:
         return np.asarray((~inside).any(axis=axes))
 
     def is_proved(self, builder: Builder, reached: dict[str, Interval] | None = None) -> bool:
-        """Whether bounds alone, by interval arithmetic, show that it holds everywhere, or as far as the state gets."""
+        """Return whether interval arithmetic proves it, everywhere or for values that components reach."""
         if reached is None:
             found = Range(*builder.bounds(self.node), builder.finite(self.node))
         else:
@@ -70,14 +71,11 @@ class Check:
         return found.finite and found.low >= max(self.low, default=-INF) and found.high <= min(self.high, default=INF)
 
 
-# ---------- phases
-# What is checked, as data: the phases of a task, each with its checks and its points.
-#
-# The start, what is seen, what the expert does, and the step: at the end of an episode something is seen, but nobody acts.
-
 Points = Grid | Samples
 MANY_TIMES = 1000
+"""Times that are checked in a task without a horizon."""
 MOST_OUTCOMES = 5000
+"""Outcomes at one point up to which they are enumerated."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,7 @@ class CheckPhase:
 
 
 def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
-    """The phases of a task that have anything left to check once bounds have proved what they can."""
+    """Yield the phases of a task, with the checks that bounds do not prove."""
     episodes = _Episodes(task)
     yield _phase(episodes, "start", _start_checks(task), limit)
     yield _phase(episodes, "observation", _observation_checks(task), limit)
@@ -109,22 +107,19 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
     if task.memory is not None:
         whole = task.remembering()
         remembering = _Episodes(whole)
-        first, later = (
-            _memory_checks(task, *each) for each in (("E404", "", whole.raw_initial), ("E403", "'", whole.raw_next))
-        )
-        yield _phase(remembering, "start", first, limit)
+        yield _phase(remembering, "start", _memory_checks(task, "E404", "", whole.raw_initial), limit)
         yield _phase(remembering, "expert", _expert_checks(whole), limit)
-        yield _phase(remembering, "step", later, limit)
+        yield _phase(remembering, "step", _memory_checks(task, "E403", "'", whole.raw_next), limit)
 
 
 @dataclass
 class _Episodes:
-    """How far episodes of a task get, and what they visit: worked out once, whatever the number of phases."""
+    """Bounds on the states of episodes, and states of samples of them; shared by phases."""
 
     task: Task
 
     @cached_property
-    def far(self) -> dict[str, Interval]:
+    def reached(self) -> dict[str, Interval]:
         return reached(self.task.state, self.task.initial, self.task.next, self.task.horizon)
 
     @cached_property
@@ -132,7 +127,7 @@ class _Episodes:
         return visited(self.task)
 
     @cached_property
-    def whole(self) -> Reads:
+    def entered(self) -> Reads:
         return visited(self.task, ends=True)
 
 
@@ -156,31 +151,32 @@ def _phase(episodes: _Episodes, name: str, checks: Sequence[Check], limit: int) 
 
 
 def _lumped(checks: Sequence[Check], task: Task) -> tuple[Check, ...]:
-    """The same checks over draws with as few outcomes as it takes, for where all of them are listed."""
+    """Return the same checks over draws with merged outcomes, for enumeration."""
     nodes = iter(lumped([n for c in checks for n in (*c.guards, c.node)], task.builder))
     return tuple(replace(c, guards=tuple(next(nodes) for _ in c.guards), node=next(nodes)) for c in checks)
 
 
 def _sampled(episodes: _Episodes, name: str, checks: tuple[Check, ...]) -> CheckPhase:
-    """Checks that how far episodes get does not prove, at points that episodes visit and at others."""
+    """Return checks that bounds on episodes do not prove, at points that episodes visit and at others."""
     task = episodes.task
-    left = tuple(c for c in checks if not c.is_proved(task.builder, episodes.far))
+    left = tuple(c for c in checks if not c.is_proved(task.builder, episodes.reached))
     if not left:
         return CheckPhase(task, name, (), Samples({}, {}), True)
-    rng, ends = np.random.default_rng(1), name == "observation"
+    rng = np.random.default_rng(1)
+    ends = name == "observation"
     actions = [(Role.ACTION, c) for c in task.action]
-    known = episodes.whole if ends else episodes.acting
+    known = episodes.entered if ends else episodes.acting
     points = columns([known, anew(known, actions, rng)])
     others: Reads = {}
     if not are_related(task.state):
-        everywhere = [(Role.STATE, c) for c in _within(task.state, episodes.far)] + actions
+        everywhere = [(Role.STATE, c) for c in _within(task.state, episodes.reached)] + actions
         others = anew(entered(task, drawn(everywhere, _times(task, "step"), rng), False, rng), actions, rng)
         others = entered(task, others, True, rng) if ends and others else others
     return CheckPhase(task, name, left, Samples(points, others), False)
 
 
 def _within(state: Sequence[Component], reached: Mapping[str, Interval]) -> Iterator[Component]:
-    """The components of a state, limited to how far episodes get."""
+    """Yield the components of a state, limited to the values that episodes reach."""
     for c in state:
         low, high = reached[c.name]
         near = replace(c, low=tuple(max(v, low) for v in c.low), high=tuple(min(v, high) for v in c.high))
@@ -220,7 +216,7 @@ def _expert_checks(task: Task) -> list[Check]:
 
 
 def _memory_checks(task: Task, code: str, prime: str, raw: Sequence[Node]) -> list[Check]:
-    """Of the first or the next values of a memory, which come last among those of the state that it is part of."""
+    """Return checks of the first or the next values of a memory, the last components of the state."""
     assert task.memory is not None
     components = task.memory.components
     pairs = zip(components, raw[-len(components) :], strict=True)
@@ -237,7 +233,7 @@ def _step_checks(task: Task) -> list[Check]:
 
 
 def entries(task: Task, section: str) -> list[tuple[str | None, s.Expr]]:
-    """The expressions of a section with their names."""
+    """Return the expressions of a section with their names."""
     found = task.surface.sections.get(section)
     if found is None:
         return []
@@ -246,7 +242,7 @@ def entries(task: Task, section: str) -> list[tuple[str | None, s.Expr]]:
 
 
 def _drawn(task: Task, section: str, roots: Sequence[Node]) -> list[Check]:
-    """Parameters of the distributions that a section draws from."""
+    """Return checks of the parameters of distributions in a section."""
     if not draws(roots):
         return []
     where = SectionScope(task, section)
@@ -259,7 +255,7 @@ def _drawn(task: Task, section: str, roots: Sequence[Node]) -> list[Check]:
 
 
 _LEAST = 1e-300
-"""Least number above 0, as far as a check of ranges is concerned."""
+"""The least number that counts as above 0."""
 
 
 def _parameters(written: Written, where: SectionScope, entry: str | None) -> Iterator[Check]:
@@ -275,7 +271,7 @@ def _parameters(written: Written, where: SectionScope, entry: str | None) -> Ite
 
 
 def _probabilities(exprs: list[s.Expr], written: Written, where: SectionScope, entry: str | None) -> Iterator[Check]:
-    """Each between 0 and 1, and all together 1."""
+    """Yield checks that probabilities are between 0 and 1, and sum to 1."""
     nodes = [where.number(e) for e in exprs]
     if any(n is None or draws([n]) for n in nodes) or all(isinstance(n, Const) for n in nodes):
         return

@@ -1,13 +1,13 @@
-"""From a counterexample back to what the author wrote: the smallest part of a section that is to blame.
+"""Find the place of a counterexample: the smallest part of a section that gives the wrong value.
 
-The build records what each part of a section came to (`Surface.meanings`), so that conditions and rows of tables can be
-decided at the counterexample. Parts of comprehensions and of definitions have no meaning of their own there: those that do
-not depend on what surrounds them are checked here.
+The build records the meaning of each part of a section (`Surface.meanings`), so that conditions and rows of tables can be
+evaluated at the counterexample. Parts of comprehensions and of definitions have no meaning recorded: those that do not depend
+on their surroundings are checked here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +26,7 @@ from taskspec.task.task import Task
 
 @dataclass(frozen=True)
 class SectionScope:
-    """A section's scope, in which parts of its expressions can be given a meaning again."""
+    """A section's scope, in which parts of its expressions can be checked again."""
 
     task: Task
     name: str
@@ -36,7 +36,7 @@ class SectionScope:
         return self.task.surface.scopes.get(self.name)
 
     def value(self, expr: s.Expr, want: Domain | None = None) -> Value | None:
-        """The meaning of a part, or None where it has none on its own."""
+        """Return the meaning of a part, or None if it has none of its own."""
         known = self.task.surface.meaning(self.name, expr)
         if known is not None:
             return known
@@ -50,14 +50,14 @@ class SectionScope:
             return None
 
     def number(self, expr: s.Expr) -> Node | None:
-        """The meaning of a part as a number; a choice gives what its label stands for."""
+        """Return the meaning of a part as a number; the value of the label for a choice."""
         value = self.value(expr)
         if value is None or value.domain is None:
             return None if value is None else value.node
         return Checker(self.task.builder, Collector()).number_of(value)
 
     def row(self, by: s.Expr, key: s.Expr) -> Node | None:
-        """Whether the present value of a column is that of a row, as a condition."""
+        """Return the condition that the value of a column is that of a row."""
         column = self.value(by)
         if column is None:
             return None
@@ -70,9 +70,12 @@ class SectionScope:
         except Refused:
             return None
 
+    def negated(self, condition: Node | None) -> Node | None:
+        return None if condition is None else self.task.builder.apply("not", condition)
+
 
 def holds(condition: Node | None, reads: Reads) -> bool | None:
-    """Whether a condition holds at the first of some points; None where that cannot be told."""
+    """Return whether a condition holds at the first of some points; None if it is unknown or drawn."""
     if condition is None or draws([condition]):
         return None
     if isinstance(condition, Const):
@@ -82,57 +85,63 @@ def holds(condition: Node | None, reads: Reads) -> bool | None:
 
 
 def narrow(expr: s.Expr, section: SectionScope, reads: Reads) -> s.Expr:
-    """The branch or row of an expression that gives its value at a point."""
+    """Return the branch or row of an expression that gives its value at a point."""
     while True:
-        smaller = _smaller(expr, section, reads)
+        smaller = _taken(expr, section, reads)
         if smaller is None:
             return expr
         expr = smaller
 
 
-def _smaller(expr: s.Expr, section: SectionScope, reads: Reads) -> s.Expr | None:
+def _taken(expr: s.Expr, section: SectionScope, reads: Reads) -> s.Expr | None:
+    for part, conditions in alternatives(expr, section):
+        found = [holds(condition, reads) for condition in conditions]
+        if all(found):
+            return part
+        if None in found and False not in found:
+            return None
+    return None
+
+
+Alternative = tuple[s.Expr, tuple[Node | None, ...]]
+"""A part of an expression, and the conditions under which it gives the value; None for one without a meaning of its own."""
+
+
+def alternatives(expr: s.Expr, section: SectionScope) -> Iterator[Alternative]:
+    """Yield the branches of an expression, or the cells of a table; nothing for other expressions."""
     match expr:
         case s.IfElse(condition=condition, then=then, otherwise=otherwise):
-            return _branch([(condition, then)], otherwise, section, reads)
+            yield from _branches([(condition, then)], otherwise, section)
         case s.Piecewise(branches=pieces, otherwise=otherwise):
-            return _branch(list(pieces), otherwise, section, reads)
+            yield from _branches(pieces, otherwise, section)
         case s.Table(by=by, rows=rows):
-            return _cell(by, rows, section, reads)
+            yield from _cells(by, rows, section)
         case _:
-            return None
+            return
 
 
-def _branch(
-    pieces: list[tuple[s.Expr, s.Expr]], otherwise: s.Expr, section: SectionScope, reads: Reads
-) -> s.Expr | None:
+def _branches(
+    pieces: Sequence[tuple[s.Expr, s.Expr]], otherwise: s.Expr, section: SectionScope
+) -> Iterator[Alternative]:
+    before: tuple[Node | None, ...] = ()
     for condition, then in pieces:
-        found = holds(section.number(condition), reads)
-        if found is None:
-            return None
-        if found:
-            return then
-    return otherwise
+        node = section.number(condition)
+        yield then, (*before, node)
+        before = (*before, section.negated(node))
+    yield otherwise, before
 
 
-def _cell(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], section: SectionScope, reads: Reads) -> s.Expr | None:
-    """The cell of a table; the named row goes before `else`."""
-    other: s.TableRow | None = None
-    for row in rows:
-        if row.key is None:
-            other = row
+def _cells(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], section: SectionScope) -> Iterator[Alternative]:
+    others: tuple[Node | None, ...] = ()
+    for row in sorted(rows, key=lambda row: row.key is None):  # `else` comes last
+        node = None if row.key is None else section.row(by[0], row.key)
+        conditions = others if row.key is None else (node,)
+        others = (*others, section.negated(node))
+        if not isinstance(row.body, tuple):
+            yield row.body, conditions
             continue
-        found = holds(section.row(by[0], row.key), reads)
-        if found is None:
-            return None
-        if found:
-            return _inside(row, by, section, reads)
-    return None if other is None else _inside(other, by, section, reads)
-
-
-def _inside(row: s.TableRow, by: tuple[s.Expr, ...], section: SectionScope, reads: Reads) -> s.Expr | None:
-    if isinstance(row.body, tuple):
-        return _cell(by[1:], row.body, section, reads)
-    return row.body
+        for part, inner in _cells(by[1:], row.body, section):
+            yield part, (*conditions, *inner)
 
 
 # -- draws as they are written --------------------------------------------------------------------
@@ -146,38 +155,32 @@ class Written:
     guards: tuple[Node, ...]
 
 
-def distributions(expr: s.Expr, section: SectionScope) -> Iterator[Written]:
-    """The distributions in an expression whose parameters can be looked at on their own."""
-    yield from _distributions(expr, section, ())
-
-
-def _distributions(expr: s.Expr, section: SectionScope, guards: tuple[Node, ...]) -> Iterator[Written]:
+def distributions(expr: s.Expr, section: SectionScope, guards: tuple[Node, ...] = ()) -> Iterator[Written]:
+    """Yield the distributions in an expression whose parameters have a meaning of their own."""
     match expr:
-        case s.IfElse(condition=condition, then=then, otherwise=otherwise):
-            yield from _pieces([(condition, then)], otherwise, section, guards)
-        case s.Piecewise(branches=pieces, otherwise=otherwise):
-            yield from _pieces(list(pieces), otherwise, section, guards)
-        case s.Table(by=by, rows=rows):
-            yield from _rows(by, rows, section, guards)
+        case s.IfElse() | s.Piecewise() | s.Table():
+            for part, conditions in alternatives(expr, section):
+                known = (condition for condition in conditions if condition is not None)
+                yield from distributions(part, section, (*guards, *known))
         case s.Comprehension():
             return  # its parameters depend on the comprehension's own variables
         case s.Weights(pairs=pairs):
             yield Written(expr, guards)
             for value, _ in pairs:
-                yield from _distributions(value, section, guards)
+                yield from distributions(value, section, guards)
         case s.Call(function=name, args=args, keywords=keywords):
             if is_distribution(name):
                 yield Written(expr, guards)
             for part in (*args, *(value for _, value in keywords)):
                 if not (is_distribution(name) and isinstance(part, s.Weights)):
-                    yield from _distributions(part, section, guards)
+                    yield from distributions(part, section, guards)
         case _:
             for part in parts(expr):
-                yield from _distributions(part, section, guards)
+                yield from distributions(part, section, guards)
 
 
 def parts(expr: s.Expr) -> Iterator[s.Expr]:
-    """The expressions directly inside one that always has the value of all its parts."""
+    """Yield the expressions directly inside one that always evaluates all its parts."""
     match expr:
         case s.Unary(operand=operand):
             yield operand
@@ -195,51 +198,3 @@ def parts(expr: s.Expr) -> Iterator[s.Expr]:
             yield from items
         case _:
             return
-
-
-def _pieces(
-    pieces: list[tuple[s.Expr, s.Expr]], otherwise: s.Expr, section: SectionScope, guards: tuple[Node, ...]
-) -> Iterator[Written]:
-    b = section.task.builder
-    for condition, then in pieces:
-        node = section.number(condition)
-        yield from _distributions(then, section, guards if node is None else (*guards, node))
-        guards = guards if node is None else (*guards, b.apply("not", node))
-    yield from _distributions(otherwise, section, guards)
-
-
-def _rows(
-    by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], section: SectionScope, guards: tuple[Node, ...]
-) -> Iterator[Written]:
-    b = section.task.builder
-    others: tuple[Node, ...] = ()
-    for row in rows:
-        node = None if row.key is None else section.row(by[0], row.key)
-        here = (*guards, *others) if row.key is None else guards if node is None else (*guards, node)
-        if node is not None:
-            others = (*others, b.apply("not", node))
-        if isinstance(row.body, tuple):
-            yield from _rows(by[1:], row.body, section, here)
-        elif not _has_draws(row.body):
-            continue
-        else:
-            yield from _distributions(row.body, section, here)
-
-
-def _has_draws(expr: s.Expr) -> bool:
-    return (
-        isinstance(expr, s.Weights)
-        or any(isinstance(n, s.Call) and is_distribution(n.function) for n in s.names(expr))
-        or _weighted(expr)
-    )
-
-
-def _weighted(root: object) -> bool:
-    """Whether a row of probabilities stands anywhere below."""
-    if isinstance(root, tuple):
-        return any(_weighted(part) for part in root)
-    if isinstance(root, s.Weights):
-        return True
-    if not hasattr(root, "__dataclass_fields__") or isinstance(root, s.Place):
-        return False
-    return any(_weighted(getattr(root, name)) for name in root.__dataclass_fields__)

@@ -1,4 +1,10 @@
-"""Soundness: every check of the equations is decided for all points or for samples; counterexamples in words."""
+"""Soundness: whether the equations of a spec define a task, decided for all points or tested on samples.
+
+A finite task is checked in every declared state, for every action, at every time that matters and for every outcome of its
+draws, whether an episode gets there or not: dynamics are total. One exception: a state that can only be entered by a step which
+ends the episode needs no dynamics. If the domain is infinite or too large, interval arithmetic is tried first; then points of
+episodes, where a failure is an error, and samples of the declared domain, where it is a warning (W526).
+"""
 
 from __future__ import annotations
 
@@ -15,6 +21,7 @@ from taskspec.base.limits import also, limits
 from taskspec.base.progress import tell
 from taskspec.lang.check import TooManyExpressions
 from taskspec.lang.ir import Role, reads
+from taskspec.model.extract import number_words, outside_domain
 from taskspec.model.points import Method
 from taskspec.model.space import domain, shown, words
 from taskspec.modifiers import modify
@@ -25,8 +32,7 @@ from taskspec.soundness.places import SectionScope, narrow
 from taskspec.task.build import build
 from taskspec.task.task import Component, Parameter, Task, TaskLike
 
-# ---------- wording
-# Counterexamples in words: where the task was, what was done, what came of it, and what would have been allowed.
+# -- counterexamples in words ---------------------------------------------------------------------
 
 _HINTS = {
     "E403": "widen the bounds, stop at them with `clip`, or end the episode earlier",
@@ -35,7 +41,7 @@ _HINTS = {
 
 
 def report(violation: Violation, examination: Examination, collector: Collector) -> None:
-    """Add a violation to the diagnostics: an error where episodes may be, else a warning, as that may be nowhere."""
+    """Report a violation: an error if episodes may reach it, a warning if that is unknown."""
     check, task = violation.check, examination.task
     message, place = f"{_where(violation, task)}{_what(violation)}", _place(violation, task)
     if violation.acting is None:
@@ -46,7 +52,7 @@ def report(violation: Violation, examination: Examination, collector: Collector)
 
 
 def _where(violation: Violation, task: Task) -> str:
-    """`from s = 20 with a = 1, `: what the value depends on; of a step that is short to tell, everything."""
+    """Return `from s = 20 with a = 1, `: all that the value depends on; the whole state if that is short."""
     check = violation.check
     needed = reads((check.node, *check.guards))
     states = _values(task.state, Role.STATE, violation, needed)
@@ -90,7 +96,7 @@ def _what(violation: Violation) -> str:
 
 
 def _outside(c: Component, value: Array) -> tuple[str, float, float]:
-    """The first element that is out of bounds of its own: its index and its bounds."""
+    """Return the index and the bounds of the first element that is out of its bounds."""
     wrong = [not low <= v <= high for v, low, high in zip(value.ravel().tolist(), c.low, c.high, strict=True)]
     i = wrong.index(True) if True in wrong else 0
     index = ", ".join(str(k) for k in np.unravel_index(i, value.shape))
@@ -136,12 +142,12 @@ def _notes(violation: Violation, task: Task) -> list[str]:
 
 
 def parameters(values: Mapping[str, Any]) -> str:
-    """The note that says for which parameter values something was found."""
+    """Return the note with the parameter values of a problem."""
     return "parameters: " + ", ".join(f"{name} = {words(value)}" for name, value in values.items())
 
 
 def _place(violation: Violation, task: Task) -> Placed | None:
-    """The smallest part of what the author wrote that gives the value."""
+    """Return the place of the smallest expression that gives the value."""
     check = violation.check
     if check.place is not None:
         return check.place.place
@@ -151,27 +157,19 @@ def _place(violation: Violation, task: Task) -> Placed | None:
     return narrow(found[0][1], SectionScope(task, check.section), violation.reads).place
 
 
-# ---------- soundness
-# Soundness: do the equations define a task? Every check is either decided for all points or tried on samples.
-#
-# A finite task is looked at in every declared state, for every action, at every time that matters and
-# for every outcome of its draws, whether an episode gets there or not: dynamics are total. One
-# exception: a state that can only be entered by a step which ends the episode needs no dynamics.
-# Where the domain is not finite, or too large, bounds are tried first (interval arithmetic proves that
-# a value cannot leave how far episodes get), then points of episodes, where it is an error when a check fails, and
-# samples of the declared domain that a step which goes on may lead to, where it is a warning (W526).
+# -- soundness ------------------------------------------------------------------------------------
 
 RANGE_POINTS = 50_000
 MAX_CASES = 8
 SHARE = 5
-"""Other parameters are tried with this part of the expressions that a task may have."""
+"""Tasks for other parameters have, together, one in so many of the expressions that a task may have."""
 FORBIDDEN = ("E703", "E704", "E720")
-"""What is said of parameter values that the spec, or a modifier of the task, does not allow."""
+"""Codes for parameter values that the spec, or a modifier of the task, does not allow."""
 
 
 @dataclass(frozen=True, slots=True)
 class Soundness:
-    """What was found, and how: `method` says whether all points were looked at or samples."""
+    """Problems of a task, and the method: all points, or samples."""
 
     diagnostics: tuple[Diagnostic, ...]
     method: Method
@@ -181,7 +179,7 @@ def examine(task: TaskLike, limit: int | None = None) -> Soundness:
     """Check a task for its present parameters.
 
     Args:
-        limit: how many steps (state, action, time, outcome) are looked at before samples stand in.
+        limit: steps (state, action, time, outcome) up to which all are checked, rather than samples.
     """
     tell("soundness")
     collector = Collector()
@@ -191,17 +189,30 @@ def examine(task: TaskLike, limit: int | None = None) -> Soundness:
         for violation in _causes(list(examination.violations())):
             report(violation, examination, collector)
         methods.append(examination.method)
+    _report_numbers(load(task), collector)
     return Soundness(collector.diagnostics, Method.joined(methods))
 
 
+def _report_numbers(task: Task, collector: Collector) -> None:
+    """Report (E411) a number that is too large or too small."""
+    found = outside_domain(task)
+    if found is not None:
+        section, value = found
+        lines = [expr for _, expr in entries(task, section)]
+        message = (
+            f"the {section} has the number {number_words(value)}, which is too {'large' if value > 1 else 'close to 0'}"
+        )
+        collector.add("E411", lines[0].place if lines else None, message, "choose another unit, or write 0")
+
+
 def _causes(violations: list[Violation]) -> list[Violation]:
-    """Without values that are wrong where a distribution already is: one mistake, one message."""
+    """Drop wrong values in entries with a wrong distribution: one mistake, one message."""
     drawn = {(v.check.section, v.check.entry) for v in violations if v.check.place is not None}
     return [v for v in violations if v.check.place is not None or (v.check.section, v.check.entry) not in drawn]
 
 
 def soundness(task: TaskLike) -> list[Diagnostic]:
-    """Everything wrong with a task for its present parameters, each with a counterexample."""
+    """Return every problem of a task for its present parameters, each with a counterexample."""
     return list(examine(task).diagnostics)
 
 
@@ -248,13 +259,13 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
 
 
 def _at(values: Mapping[str, Any], error: SpecError) -> list[Diagnostic]:
-    """What is wrong with a task at some values of its parameters, if they may go together at all."""
+    """Return the mistakes of a task at parameter values that are allowed together."""
     noted = (replace(d, notes=(*d.notes, parameters(values))) for d in error.diagnostics)
     return [d for d in noted if d.code not in FORBIDDEN]
 
 
 def cases(task: Task) -> list[dict[str, Any]]:
-    """Parameter values to try: the ends of each range alone, then all low, all high, and a mixture."""
+    """Return parameter values to try: all low, all high, then the ends of each range alone."""
     ranged = [p for p in task.parameters if len(_ends(p)) > 0]
     alone = [{p.name: value} for p in ranged for value in _ends(p)]
     together = [{p.name: _ends(p)[i] for p in ranged} for i in (0, -1)]
@@ -267,7 +278,7 @@ def cases(task: Task) -> list[dict[str, Any]]:
 
 
 def _ends(p: Parameter) -> list[Any]:
-    """A few values of a parameter, lowest first: its bounds, or what stands in for a bound that is missing or far."""
+    """Return a few values of a parameter, lowest first: its bounds, or nearer values for missing or far bounds."""
     match p.kind:
         case "bool":
             return [False, True]

@@ -178,9 +178,9 @@ def memory(model: Model) -> int:
     """Bytes in a model's arrays."""
     total = 0
     for step in {id(x): x for x in model.steps}.values():
-        for matrix in (step.going, *([] if step.ending is None else [step.ending])):
+        for matrix in (step.P, *([] if step.P_end is None else [step.P_end])):
             total += matrix.data.nbytes + matrix.indices.nbytes + matrix.indptr.nbytes
-        total += step.reward.nbytes
+        total += step.R.nbytes
     return total
 
 

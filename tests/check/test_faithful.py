@@ -11,8 +11,8 @@ import pytest
 from taskspec import exact, source
 from taskspec.abstraction import homomorphism
 from taskspec.abstraction.abstraction import Abstraction, abstraction
-from taskspec.abstraction.faithful import examined
-from taskspec.abstraction.linear import How, Normal, dependence
+from taskspec.abstraction.factor import Dependence, LinearForms, dependence
+from taskspec.abstraction.verify import verify
 from taskspec.base.diagnostics import Collector
 from taskspec.lang.check import Checker
 from taskspec.lang.evaluate import evaluate
@@ -47,10 +47,10 @@ def statuses(text: str, *claims: str) -> list[str]:
 
 def test_what_has_too_many_steps_to_compare_is_tested(monkeypatch: pytest.MonkeyPatch) -> None:
     given = found(shipped("sort"))
-    assert examined(given).is_proved
+    assert verify(given).is_proved
     monkeypatch.setattr(homomorphism, "MOST", 100)
-    faith = examined(given)
-    assert faith.problem is None and faith.episodes > 0 and faith.why == "there are too many steps to compare"
+    check = verify(given)
+    assert check.problem is None and check.episodes > 0 and check.why == "there are too many steps to compare"
 
 
 SHIPPED = [
@@ -64,8 +64,8 @@ SHIPPED = [
 
 @pytest.mark.parametrize(("name", "variant", "parameters"), SHIPPED)
 def test_shipped_abstractions_are_proved_with_their_experts(name: str, variant: str | None, parameters: Any) -> None:
-    faith = examined(found(shipped(name, variant, **parameters)))
-    assert faith.is_proved and not faith.expert_episodes, faith
+    check = verify(found(shipped(name, variant, **parameters)))
+    assert check.is_proved and not check.expert_episodes, check
 
 
 WALK = """
@@ -108,7 +108,7 @@ WRONG = {
 
 
 def test_a_faithful_abstraction_is_proved() -> None:
-    assert examined(found(task(FAITHFUL))).is_proved
+    assert verify(found(task(FAITHFUL))).is_proved
     assert statuses(FAITHFUL, "optimal_return > 1", "expert_return == optimal_return", "not reachable(d == 5)") == [
         "proved", "proved", "false",
     ]  # fmt: skip
@@ -120,7 +120,7 @@ def test_no_difference_goes_unnoticed_where_every_step_is_looked_at(what: str) -
     text = WALK.replace(old, new).replace("SLIPS", "slip")
     assert text != FAITHFUL
     given = task(text)
-    problem = examined(found(given)).problem
+    problem = verify(found(given)).problem
     assert problem is not None
     assert [d.code for d in exact.check(given).errors] == ["E604"]
     assert statuses(text, "optimal_return > 0", "probability(d == 0) > 0") == ["undecided", "undecided"]
@@ -159,30 +159,30 @@ def coin(mark: str = "up", horizon: int = 20) -> str:
 
 def test_what_cannot_be_proved_is_tested_and_says_so() -> None:
     given = task(coin())
-    faith = examined(found(given))
-    assert faith.problem is None and faith.episodes > 500
-    assert "neither linear" in faith.why or "no whole number" in faith.why
+    check = verify(found(given))
+    assert check.problem is None and check.episodes > 500
+    assert "neither linear" in check.why or "no whole number" in check.why
     assert (
         statuses(coin(), "random_return > 0", "expert_return == random_return", "probability(n == 1) > 1/2")
         == ["tested"] * 3
     )
     assert statuses(coin(), "random_return < 0") == ["false"]
     optimal = Results(given).optimal
-    assert optimal is not None and optimal.tested == faith.episodes and not optimal.episodes
+    assert optimal is not None and optimal.tested == check.episodes and not optimal.episodes
 
 
 def test_weights_of_a_tested_abstraction_are_compared() -> None:
     """Half the time in the task, 99 times in a hundred in the abstraction: no single step is impossible."""
-    problem = examined(found(task(coin("Bernoulli(99/100)")))).problem
+    problem = verify(found(task(coin("Bernoulli(99/100)")))).problem
     assert problem is not None and "where" in problem
     assert statuses(coin("Bernoulli(99/100)", 1), "optimal_return == 99/100") == ["undecided"]
 
 
 def test_late_steps_and_experts_of_a_tested_abstraction_are_compared() -> None:
     late = coin(horizon=100).replace("reward: n' == 1", 'reward: "n\' == 1 and t < 70"')
-    assert examined(found(task(late))).problem is not None
+    assert verify(found(task(late))).problem is not None
     expert = coin().replace("expert: n % 2", "expert: 1 - n % 2")
-    problem = examined(found(task(expert))).problem
+    problem = verify(found(task(expert))).problem
     assert problem is not None and "expert" in problem
 
 
@@ -203,8 +203,8 @@ abstraction:
   dynamics: {k': "(k + a) % 4"}
   reward: k' == 3
 """
-    assert examined(found(task(text))).is_proved
-    assert examined(found(task(text.replace("reward: s' // 2 == 3", "reward: s' == 7")))).problem is not None
+    assert verify(found(task(text))).is_proved
+    assert verify(found(task(text.replace("reward: s' // 2 == 3", "reward: s' == 7")))).problem is not None
 
 
 TIED = """
@@ -239,8 +239,8 @@ def test_ranks_stand_for_numbers_where_only_their_order_matters(
     start: str, following: str, paid: str, proved: bool
 ) -> None:
     text = TIED.replace("START", f'"{start}"').replace("NEXT", f'"{following}"').replace("PAID", f'"{paid}"')
-    faith = examined(found(task(text)))
-    assert faith.is_proved is proved, faith
+    check = verify(found(task(text)))
+    assert check.is_proved is proved, check
 
 
 # -- the two lemmas ---------------------------------------------------------------------------------------------------
@@ -283,7 +283,7 @@ SAME = [
 @pytest.mark.parametrize(("one", "other"), SAME)
 def test_normal_forms_of_whole_numbers(one: str, other: str) -> None:
     written = Written()
-    normal = Normal(written.task.builder)
+    normal = LinearForms(written.task.builder)
     first, second = normal.form([written.node(one), written.node(other)])
     assert first is second
     rng = np.random.default_rng(0)
@@ -296,11 +296,12 @@ def test_normal_forms_of_whole_numbers(one: str, other: str) -> None:
 
 
 ORDERED = {
-    "v[0] < v[a]": How.INVARIANT, "count(v == sort(v))": How.INVARIANT, "argsort(argsort(v))[a]": How.INVARIANT,
-    "argmax(v) + a": How.INVARIANT, "min(v) == v[2]": How.INVARIANT,
-    "(sort(v)[1] if v[0] < v[1] else v[a]) < v[2]": How.INVARIANT,
-    "max(v[0], v[1]) <= v[2]": How.INVARIANT,
-    "v[0]": How.SELECTION, "sum(v)": None, "v[0] < 0": None, "v[0] - v[1]": None, "v[0] < x": None,
+    "v[0] < v[a]": Dependence.INVARIANT, "count(v == sort(v))": Dependence.INVARIANT,
+    "argsort(argsort(v))[a]": Dependence.INVARIANT,
+    "argmax(v) + a": Dependence.INVARIANT, "min(v) == v[2]": Dependence.INVARIANT,
+    "(sort(v)[1] if v[0] < v[1] else v[a]) < v[2]": Dependence.INVARIANT,
+    "max(v[0], v[1]) <= v[2]": Dependence.INVARIANT,
+    "v[0]": Dependence.SELECTION, "sum(v)": None, "v[0] < 0": None, "v[0] - v[1]": None, "v[0] < x": None,
     "abs(v[0]) < abs(v[1])": None,
     "-v[0] < -v[1]": None, "floor(v[0])": None,
 }  # fmt: skip
@@ -320,7 +321,7 @@ def test_what_depends_on_order_alone(text: str) -> None:
         rest = {(Role.STATE, "x"): (1,), (Role.STATE, "y"): (2,), (Role.ACTION, "a"): (int(rng.integers(0, 4)),)}
         (one,) = evaluate([given], rest | {(Role.STATE, "v"): tuple(values.tolist())})
         (other,) = evaluate([given], rest | {(Role.STATE, "v"): tuple(others)})
-        if how is How.INVARIANT:
+        if how is Dependence.INVARIANT:
             assert one == other
-        elif how is How.SELECTION:
+        elif how is Dependence.SELECTION:
             assert tuple(steps[v] for v in one) == other

@@ -12,7 +12,7 @@ import pytest
 
 import taskspec
 from taskspec import source
-from taskspec.abstraction.symmetries import Kept, kept
+from taskspec.abstraction.symmetries import SymmetryCheck, verify_symmetry
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Results, check
 from taskspec.pages.page import page
@@ -45,9 +45,9 @@ def spec(symmetries: str, text: str = BOX) -> Task:
     return build(source.read_text(f"{text}symmetries: {symmetries}\n"))
 
 
-def found(symmetry: str, text: str = BOX) -> Kept:
+def found(symmetry: str, text: str = BOX) -> SymmetryCheck:
     task = spec(f"{{s: {symmetry}}}", text)
-    return kept(task, task.symmetries[0])
+    return verify_symmetry(task, task.symmetries[0])
 
 
 def clip(x: int, low: int, high: int) -> int:

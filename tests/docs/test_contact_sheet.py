@@ -162,7 +162,7 @@ def test_tables_of_transitions_show_each_transition() -> None:
     assert found is not None
     cells = {(round(x.corner[1] / 0.55, 3), round(x.corner[0] / 0.55, 3)): x.shade
              for x in found.items if isinstance(x, Box) and x.fill == "ink"}  # fmt: skip
-    step = model.step(0).going.toarray().reshape(2, len(model.codes), len(model.codes)).mean(0)
+    step = model.step(0).P.toarray().reshape(2, len(model.codes), len(model.codes)).mean(0)
     assert len(cells) == (step > 0).sum()
     assert max(cells.values()) == pytest.approx(0.12 + 0.88 * step.max())
 

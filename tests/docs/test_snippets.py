@@ -188,7 +188,7 @@ def read_spec(block: Block, page: Page) -> None:
     if re.search(r"^learner:", block.body, re.MULTILINE):
         path = page.folder / "learner.yaml"
         path.write_text(block.body, encoding="utf-8")
-        assert learner(path).configuration != learner("paper/gail_im").configuration
+        assert learner(path).settings != learner("paper/gail_im").settings
         return
     if re.search(r"^experiment:", block.body, re.MULTILINE):
         path = page.folder / (block.value if block.key == "file" else "experiment.yaml")

@@ -105,6 +105,6 @@ def test_its_values_are_those_of_its_formula(task: Task) -> None:
 
 def test_exact_analysis_goes_through_its_outcomes_and_takes_its_mean(task: Task) -> None:
     model = extract(task)
-    assert model.steps[0].reward[0] == pytest.approx(3)
-    going = model.steps[0].going.toarray()[2]  # k = 2, a = 0: the smaller of two of 0, 1, 2
+    assert model.steps[0].R[0] == pytest.approx(3)
+    going = model.steps[0].P.toarray()[2]  # k = 2, a = 0: the smaller of two of 0, 1, 2
     assert going[:3] == pytest.approx([5 / 9, 3 / 9, 1 / 9])

@@ -13,7 +13,7 @@ from taskspec.data import demonstrations
 from taskspec.exact import score
 from taskspec.learners import learner
 from taskspec.learners.case import Vectors
-from taskspec.learners.settings import Ppo
+from taskspec.learners.table import Ppo
 from tests.shared.cases import Granted
 
 jax = pytest.importorskip("jax")
@@ -24,9 +24,9 @@ jnp = jax.numpy
 from taskspec.learners.deep.nets import ActionHead  # noqa: E402
 from taskspec.learners.deep.ppo import (  # noqa: E402
     PpoUpdate,
-    acting,
-    advantages,
-    begun_actor,
+    gae,
+    init_actor,
+    sampler,
 )
 from taskspec.learners.deep.world import World  # noqa: E402
 from tests.shared.sparse import sparse  # noqa: E402
@@ -68,7 +68,7 @@ def test_steps_of_a_world_are_those_of_the_environment(name: str) -> None:
 
 
 def played(world: World, action: Any) -> Any:
-    return np.asarray(world.head.played(jnp.asarray(action)[None]))[..., 0]
+    return np.asarray(world.head.program_action(jnp.asarray(action)[None]))[..., 0]
 
 
 def test_states_that_absorb_last_until_the_horizon_and_are_flagged() -> None:
@@ -114,7 +114,7 @@ def test_advantages_are_those_of_a_slow_loop() -> None:
                 weight *= 0.9 * 0.8
                 if ended[k, lane]:
                     break
-    found = advantages(jnp.array(rewards), jnp.array(values), jnp.array(ended, jnp.float32), 0.9, 0.8)
+    found = gae(jnp.array(rewards), jnp.array(values), jnp.array(ended, jnp.float32), 0.9, 0.8)
     assert np.allclose(found, wanted, atol=1e-5)
 
 
@@ -125,7 +125,7 @@ def test_the_slope_of_ppo_is_that_of_differences(task: str, value_clip: float | 
     update = PpoUpdate(Ppo(hidden=(5,), value_clip=value_clip), world)
     key = jax.random.key(0)
     held = update.init(key)
-    _, steps = world.walk(world.begin(key, 1), acting(world, held.actor), key, 32)
+    _, steps = world.rollout(world.begin(key, 1), sampler(world, held.actor), key, 32)
     flat, noise = steps.flat(), jax.random.normal(key, (3, 32))
     old = noise[0] * 0.1 - 1
     args = (flat.seen, flat.action, flat.weight, old, flat.seen, noise[1], noise[2])
@@ -154,14 +154,14 @@ def test_policies_in_numpy_say_what_nets_say(task: str) -> None:
     from taskspec.learners.deep.reinforce import policies
 
     world = World.of(taskspec.load(task), absorb=False)
-    actor = begun_actor(jax.random.key(0), world, (16, 16))
+    actor = init_actor(jax.random.key(0), world, (16, 16))
     (policy,) = policies(Granted(task), world, jax.tree.map(lambda x: x[None], actor))
     env = world.task.observation_space
     env.seed(0)
     seen = np.stack([env.sample() for _ in range(5)])
-    from taskspec.learners.deep.nets import says
+    from taskspec.learners.deep.nets import forward
 
-    said = np.asarray(says(actor.net, world.seen(jnp.asarray(seen))))
+    said = np.asarray(forward(actor.net, world.seen(jnp.asarray(seen))))
     chosen = policy.predict(seen, deterministic=True)[0]
     assert all(world.task.action_space.contains(a) for a in np.asarray(chosen, world.task.action_space.dtype))
     if world.head.deviations:
@@ -222,7 +222,7 @@ def test_a_clone_chooses_as_often_as_was_shown() -> None:
     counts = np.zeros((4, 2))
     np.add.at(counts, (shown.obs, shown.acts), 1)
     asked = learner("bc")
-    asked = replace(asked, configuration=replace(asked.configuration, updates=1500, hidden=(16,), batch=256, epochs=1))
+    asked = replace(asked, settings=replace(asked.settings, updates=1500, hidden=(16,), batch=256, epochs=1))
     (policy,) = asked(Granted("RiskyPath", demonstrations=shown))
     found, wanted = policy.action_probabilities(np.arange(4)), counts / np.maximum(1, counts.sum(1, keepdims=True))
     often = counts.sum(axis=1) > 500

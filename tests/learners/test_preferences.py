@@ -12,7 +12,7 @@ import pytest
 import taskspec
 from taskspec.exact import score
 from taskspec.learners import learner
-from taskspec.learners.settings import Comparing, Experience, Novelty, Ppo, Reward
+from taskspec.learners.table import Comparing, Experience, Novelty, Ppo, Reward
 from tests.shared.cases import Granted
 
 jax = pytest.importorskip("jax")
@@ -20,22 +20,22 @@ pytest.importorskip("optax")
 jnp = jax.numpy
 
 from taskspec.learners.deep.ppo import PpoUpdate  # noqa: E402
-from taskspec.learners.deep.preferences import Asking  # noqa: E402
-from taskspec.learners.deep.reinforce import begun  # noqa: E402
-from taskspec.learners.deep.rewards import Curiosity, looks  # noqa: E402
+from taskspec.learners.deep.preferences import PreferenceRound  # noqa: E402
+from taskspec.learners.deep.reinforce import init_policy_state  # noqa: E402
+from taskspec.learners.deep.rewards import NoveltyBonus, reward_inputs  # noqa: E402
 from taskspec.learners.deep.world import World  # noqa: E402
 from tests.learners.test_deep import agrees  # noqa: E402
 from tests.shared.sparse import sparse  # noqa: E402
 
 
 @lru_cache
-def asking(task: str, absorb: bool = False, **settings: Any) -> tuple[Asking, Any]:
+def asking(task: str, absorb: bool = False, **settings: Any) -> tuple[PreferenceRound, Any]:
     """A round of comparisons, and what it is of: its pairs and steps."""
     world = World.of(taskspec.load(task), absorb)
     policy = Ppo(Experience(absorb=absorb), hidden=(4,))
     reward = Reward(hidden=(4,), activation="tanh", shaped=True, scaled=True)
-    found = Asking(Comparing(policy, reward, episodes=8, **settings), PpoUpdate(policy, world), world)
-    return found, found.asked(begun(found.policy, jax.random.key(0)), jax.random.key(1))
+    found = PreferenceRound(Comparing(policy, reward, episodes=8, **settings), PpoUpdate(policy, world), world)
+    return found, found.query(init_policy_state(found.policy, jax.random.key(0)), jax.random.key(1))
 
 
 @pytest.mark.slow
@@ -89,27 +89,27 @@ def test_actions_are_random_as_often_as_they_are_said_to_be() -> None:
     """Of a policy that is all but sure of the first action."""
     for share in (0.0, 1.0):
         found, _ = asking("Branching", random=share)
-        learning = begun(found.policy, jax.random.key(0))
+        learning = init_policy_state(found.policy, jax.random.key(0))
         actor = learning.policy.actor
         *inner, (w, b) = actor.net
         sure = actor._replace(net=(*inner, (w, b + jnp.array([30.0, 0.0]))))
-        steps = found.asked(learning._replace(policy=learning.policy._replace(actor=sure)), jax.random.key(1))[1]
+        steps = found.query(learning._replace(policy=learning.policy._replace(actor=sure)), jax.random.key(1))[1]
         assert abs(np.asarray(steps.action).mean() - share / 2) <= 0.2 * share
 
 
 @pytest.mark.slow
 def test_what_is_known_is_no_longer_new() -> None:
     world = World.of(taskspec.load("RiskyPath"), False)
-    curious = Curiosity(Novelty(hidden=(8,), outputs=4, learning_rate=0.01), world)
+    curious = NoveltyBonus(Novelty(hidden=(8,), outputs=4, learning_rate=0.01), world)
     novel = curious.init(jax.random.key(0))
     _, (_, steps) = asking("RiskyPath")
-    at = looks(steps)
-    before = curious.apart(novel.learner, novel.target, at).mean()
-    after = jax.lax.fori_loop(0, 200, lambda _, n: curious.fitted(n, at), novel)
-    assert curious.apart(after.learner, after.target, at).mean() < 0.1 * before
+    at = reward_inputs(steps)
+    before = curious.distance(novel.learner, novel.target, at).mean()
+    after = jax.lax.fori_loop(0, 200, lambda _, n: curious.fit(n, at), novel)
+    assert curious.distance(after.learner, after.target, at).mean() < 0.1 * before
     bonus, moved = curious.bonus(novel, at)
     mean, variance = 0.0, 1.0
-    for error, paid in zip(np.ravel(curious.apart(novel.learner, novel.target, at)), np.ravel(bonus), strict=True):
+    for error, paid in zip(np.ravel(curious.distance(novel.learner, novel.target, at)), np.ravel(bonus), strict=True):
         mean = 0.99 * mean + 0.01 * error
         variance = 0.99 * variance + 0.01 * (error - mean) ** 2
         assert np.isclose(paid, 0.5 * (error - mean) / np.sqrt(variance), atol=1e-4)
@@ -120,10 +120,10 @@ def test_what_is_known_is_no_longer_new() -> None:
 @pytest.mark.slow
 def test_comparisons_are_counted() -> None:
     asked = learner("drlhp_rnd")
-    config = asked.configuration
+    config = asked.settings
     small = replace(config, episodes=4, policy=replace(config.policy, hidden=(4,)))
     case = Granted("RiskyPath", steps=400)
-    (policy,) = replace(asked, configuration=small)(case)
+    (policy,) = replace(asked, settings=small)(case)
     assert (case.counted, case.compared) == (384, 6)
     assert np.isfinite(policy.reward(np.array([0]), np.array([1]), np.array([2]))).all()
 

@@ -19,13 +19,13 @@ def test_every_learner_is_in_every_family(name: str, family: str) -> None:
     assert (found.name, found.family, found.learns_from) == (name, family, BUILT_IN[name].learns_from)
     assert found.together and pickle.loads(pickle.dumps(found)) == found
     if family != "released":  # where some learners have no mistakes of their own
-        assert (found.configuration == BUILT_IN[name].published) == (family == "paper")
+        assert (found.settings == BUILT_IN[name].settings) == (family == "paper")
 
 
 def test_a_file_changes_settings_of_a_family(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("learner: ppo\nfamily: paper\nsettings: {hidden: [8], experience: {lanes: 4}}\n", encoding="utf-8")
-    found, before = learner(path).configuration, learner("ppo", "paper").configuration
+    found, before = learner(path).settings, learner("ppo", "paper").settings
     assert (found.hidden, found.experience.lanes) == ((8,), 4)
     assert (found.value_clip, found.experience.steps) == (before.value_clip, before.experience.steps)
 

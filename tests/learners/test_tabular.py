@@ -14,8 +14,8 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.data import Tabular, demonstrations, tabular
 from taskspec.exact import score
 from taskspec.learners import learner
-from taskspec.learners.settings import Matching
-from taskspec.learners.tabular import expected, soft_policy, visits
+from taskspec.learners.table import Matching
+from taskspec.learners.tabular import expected_visits, soft_policy, visits
 from tests.shared.cases import Granted
 
 pytest.importorskip("scipy")
@@ -35,7 +35,7 @@ reward: {by: ["s'"], rows: {1: 0, 2: 1, 3: 1.5, else: 0}}
 def learned(name: str, task: str, seeds: int = 2, **settings: float) -> np.ndarray:
     """Policies (K, T, S, A) of tasks whose states are seen as they are."""
     asked = learner(name)
-    asked = replace(asked, configuration=replace(asked.configuration, **settings))
+    asked = replace(asked, settings=replace(asked.settings, **settings))
     return np.array([np.asarray(p) for p in asked(Granted(task, seeds=seeds))])
 
 
@@ -48,7 +48,7 @@ def test_on_a_bandit_actions_are_as_frequent_as_they_were_shown(tmp_path: Path) 
         (policy,) = learner(name)(Granted(task, seeds=1, demonstrations=shown))
         assert np.allclose(np.asarray(policy)[0, 0], counts, atol=1e-4)
         ways = np.arange(1, 4)
-        gains = policy.reward(np.zeros(3, int), ways, ways) - policy.reward.worth[1]
+        gains = policy.reward(np.zeros(3, int), ways, ways) - policy.reward.values[1]
         assert np.allclose(gains, np.log(counts / counts[0]), atol=1e-3)
 
 
@@ -89,7 +89,7 @@ def test_the_slope_is_that_of_the_likelihood() -> None:
     worth = rng.standard_normal(found.n_states)
     slope = [(start_value(found, worth + h) - start_value(found, worth - h)) / 2e-5 for h in 1e-5 * np.eye(len(worth))]
     tables = soft_policy(found, worth[None], Matching(causal=True))
-    assert np.allclose(expected(found, tables)[0], slope, atol=1e-6)
+    assert np.allclose(expected_visits(found, tables)[0], slope, atol=1e-6)
 
 
 def start_value(found: Tabular, worth: np.ndarray) -> float:

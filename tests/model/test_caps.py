@@ -94,7 +94,7 @@ def test_steps_have_the_chances_of_all_counts(
     task = line(expression)
     assert outcomes < 0 or Steps(task).branching == outcomes
     model = extract(task, reachable=False)
-    going = model.step(0).going.toarray()
+    going = model.step(0).P.toarray()
     for s, a in product(range(6), range(3)):
         wanted = [0.0] * 6
         for n in range(60):

@@ -17,7 +17,7 @@ from taskspec.lang.ir import Draw, Role
 from taskspec.model.model import Model
 from taskspec.model.reach import visits
 from taskspec.model.transitions import Steps
-from taskspec.solve import maxent, solve
+from taskspec.solve import solve
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
@@ -79,8 +79,8 @@ def test_every_row_equals_the_reference_interpreter(task: Task) -> None:
     model = extract(task)
     for t in {0, len(model.steps) - 1}:
         step = model.step(t)
-        going = step.going.toarray()
-        ending = np.zeros_like(going) if step.ending is None else step.ending.toarray()
+        going = step.P.toarray()
+        ending = np.zeros_like(going) if step.P_end is None else step.P_end.toarray()
         for a, s in itertools.product(range(model.n_actions), range(model.n_states)):
             expected = outcomes(task, _reads(model, s, a, t))
             row = a * model.n_states + s
@@ -92,7 +92,7 @@ def test_every_row_equals_the_reference_interpreter(task: Task) -> None:
                 want_reward += p * key[-2]
             np.testing.assert_allclose(going[row], want_going, atol=1e-12)
             np.testing.assert_allclose(ending[row], want_ending, atol=1e-12)
-            assert step.reward[row] == pytest.approx(want_reward, abs=1e-9)
+            assert step.R[row] == pytest.approx(want_reward, abs=1e-9)
 
 
 def _reads(model: Model, s: int, a: int, t: int) -> dict[Any, Any]:
@@ -108,15 +108,15 @@ def test_reachable_and_whole_models_agree(task: Task) -> None:
     for rule in (solve.best, solve.worst):
         assert solve.solve(whole, rule).expected == pytest.approx(solve.solve(reached, rule).expected, abs=1e-12)
     for step in whole.steps:
-        mass = np.asarray(step.going.sum(axis=1)).reshape(-1)
-        mass += 0 if step.ending is None else np.asarray(step.ending.sum(axis=1)).reshape(-1)
+        mass = np.asarray(step.P.sum(axis=1)).reshape(-1)
+        mass += 0 if step.P_end is None else np.asarray(step.P_end.sum(axis=1)).reshape(-1)
         np.testing.assert_allclose(mass, 1, atol=1e-12)
 
 
 def test_a_cell_of_one_value_is_certain_beside_cells_that_are_drawn() -> None:
     table = "{by: s, rows: {0: {0: 1/4, 9: 3/4}, 9: 9, else: 0}}"
     step = extract(build(read_text(text(dynamics=f'{{"s\'": {table}}}'))), reachable=False).step(0)
-    mass = step.going.toarray()[:10]
+    mass = step.P.toarray()[:10]
     assert mass.sum(axis=1).tolist() == [1.0] * 10
     assert mass[0, [0, 9]].tolist() == [0.25, 0.75]
     assert mass[1:9, 0].tolist() == [1.0] * 8
@@ -132,13 +132,6 @@ def test_names_both_ways() -> None:
         extract(shipped("branching")).state_index({"s": 21})
 
 
-def test_rewards_by_next_state() -> None:
-    small = Small(3)
-    matrix = maxent.reward_matrix(small.model).toarray().reshape(small.actions, small.states, small.states)
-    expected = np.where(small.p > 0, small.r, 0).transpose(1, 0, 2)
-    np.testing.assert_allclose(matrix, expected)
-
-
 def test_size_is_bounded_before_memory_is_spent() -> None:
     with pytest.raises(SpecError, match="E712"):
         extract(shipped("branching", L=1000, B=100), limit=10_000)
@@ -149,7 +142,7 @@ def test_size_is_bounded_before_memory_is_spent() -> None:
 def test_a_step_may_have_as_many_outcomes_as_the_limit_says(set_limits: Callable[..., None]) -> None:
     task = build(read_text(text(dynamics='{"s\'": "UniformInt(0, 9)"}')))
     set_limits(outcomes=10)
-    assert len(extract(task).step(0).going.data) > 0
+    assert len(extract(task).step(0).P.data) > 0
     set_limits(outcomes=9)
     with pytest.raises(SpecError, match="up to 10 outcomes; the limit is 9"):
         extract(task)
@@ -162,7 +155,7 @@ def test_what_reads_the_time_in_vain_is_kept_once() -> None:
 
 def test_what_is_left_over_is_the_float_nearest_to_it() -> None:
     task = build(read_text(text(dynamics='{"s\'": "0 if Bernoulli(1/3) else 1"}')))
-    assert set(extract(task).step(0).going.data) == {float(Fraction(1, 3)), float(Fraction(2, 3))}
+    assert set(extract(task).step(0).P.data) == {float(Fraction(1, 3)), float(Fraction(2, 3))}
     assert float(Fraction(2, 3)) != 1 - 1 / 3
 
 

@@ -65,7 +65,7 @@ def law(chances: list[Fraction], value: Callable[..., int]) -> dict[int, float]:
 
 def next_k(made: Task, k: int, a: int) -> dict[int, float]:
     """The law of the next k by the exact model."""
-    row = extract(made).step(0).going[[a * 100 + k]].toarray()[0]
+    row = extract(made).step(0).P[[a * 100 + k]].toarray()[0]
     return {int(i): float(row[i]) for i in np.flatnonzero(row)}
 
 

@@ -82,7 +82,7 @@ def test_permuted_actions_do_what_others_did() -> None:
     expert = Results(walk("permuted_actions=3")).expert
     assert expert is not None and expert.value == Results(walk()).expert.value  # type: ignore[union-attr]
     task = walk("permuted_actions=1,per_state=true")
-    assert len({tuple(np.argmax(extract(task).step(0).going.toarray().reshape(3, 19, 19)[:, s], axis=1) - s)
+    assert len({tuple(np.argmax(extract(task).step(0).P.toarray().reshape(3, 19, 19)[:, s], axis=1) - s)
                 for s in range(3, 15)}) > 2  # fmt: skip
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from taskspec.exam import Case, learns_from
 from taskspec.learners import learner
-from taskspec.learners.settings import Adversarial, Cloning, Ppo
+from taskspec.learners.table import Adversarial, Cloning, Ppo
 
 SETTINGS = Path(__file__).parent / "settings"
 T = TypeVar("T")
@@ -122,13 +122,13 @@ def _ppo(config: Ppo, case: Case) -> Any:
     return PPO(
         "MlpPolicy", DummyVecEnv([make] * lanes), learning_rate=config.learning_rate, n_steps=steps,
         batch_size=steps * lanes // config.minibatches, n_epochs=config.epochs, gamma=config.discount,
-        gae_lambda=config.trace, clip_range=config.clip, clip_range_vf=config.value_clip, ent_coef=config.entropy,
+        gae_lambda=config.gae_lambda, clip_range=config.clip, clip_range_vf=config.value_clip, ent_coef=config.entropy,
         vf_coef=config.value_weight / 2, max_grad_norm=config.gradient_norm,
         policy_kwargs={"net_arch": list(config.hidden)}, seed=case.seed, device="cpu",
     )  # fmt: skip
 
 
 def _settings(name: str, kind: type[T]) -> T:
-    found = learner(SETTINGS / f"{name}.yaml").configuration
+    found = learner(SETTINGS / f"{name}.yaml").settings
     assert isinstance(found, kind)
     return found

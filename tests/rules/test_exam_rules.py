@@ -20,8 +20,8 @@ from taskspec.lang.parse import parse
 from taskspec.rollout.statistics import estimate, mean
 from taskspec.rules.books import read_exam
 from taskspec.rules.evaluator import Truth
-from taskspec.rules.scores import FIXED, FUNCTIONS, NUMBERS, QUANTIFIERS, SIDES, RuleNames, ScoreChecker
-from taskspec.rules.seeds import ONE, Comparison, ScoreEvaluator, SeedScores
+from taskspec.rules.score_rules import Comparison, ScoreEvaluator, check_rule
+from taskspec.rules.scores import FIXED, FUNCTIONS, NUMBERS, ONE, QUANTIFIERS, SIDES, RuleNames, SeedScores
 from taskspec.task.schema.experiments import exam_schema
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, entry, exam
@@ -38,7 +38,7 @@ def expression(text: str) -> s.Expr:
 
 def judged(rule: str, results: dict[str, Any], names: RuleNames | None = None) -> Truth[Comparison]:
     names, collector = names or RuleNames(TASKS), Collector()
-    ScoreChecker(names, collector).truth(expression(rule))
+    check_rule(expression(rule), names, collector)
     assert not collector.diagnostics, collector.diagnostics
     return ScoreEvaluator(SeedScores({ONE: results}), names).truth(expression(rule))
 

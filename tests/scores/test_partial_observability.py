@@ -75,8 +75,8 @@ class Tables:
         assert task.horizon is not None
         self.horizon, self.discount, self.start = task.horizon, task.discount, model.start
         a, n = model.n_actions, model.n_states
-        self.going = [model.step(t).going.toarray().reshape(a, n, n) for t in range(self.horizon)]
-        self.reward = [model.step(t).reward.reshape(a, n) for t in range(self.horizon)]
+        self.going = [model.step(t).P.toarray().reshape(a, n, n) for t in range(self.horizon)]
+        self.reward = [model.step(t).R.reshape(a, n) for t in range(self.horizon)]
         states = [model.state(i) for i in range(n)]
         self.looks = [[repr(look(s, t)) for s in states] for t in range(self.horizon + 1)]
 

@@ -14,7 +14,7 @@ import pytest
 import taskspec
 from taskspec import exact, source
 from taskspec.abstraction.abstraction import abstraction
-from taskspec.abstraction.faithful import unfaithful
+from taskspec.abstraction.verify import unfaithful
 from taskspec.base.diagnostics import SpecError, TaskspecError
 from taskspec.model import rows
 from taskspec.rollout.rollout import at_random
@@ -345,9 +345,8 @@ def test_compiled_sweeps_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, t
         plain = (solve.best if largest else solve.worst)(model)
         assert (np.abs(found.value - plain.value) <= found.error + plain.error).all()
         np.testing.assert_allclose(found.value, plain.value, atol=1e-12)
-        assert (plain.error <= found.error * (1 + 1e-9)).all()
+        np.testing.assert_allclose(plain.error, found.error, rtol=1e-6)
         assert (found.error <= 1e-9).all()
-    assert (exact.extract(benchmark.grid(70)).steps[0].slots is None) == (tidy > 0)
 
 
 def test_the_benchmark_agrees_with_plain_loops() -> None:

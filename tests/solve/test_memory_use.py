@@ -15,9 +15,7 @@ from taskspec.model.cost import BYTES, Cost
 from taskspec.rules.claims import verdicts
 from taskspec.scores.returns import Results, Return
 from taskspec.solve import plans
-from taskspec.solve.bounded import Bounded
-from taskspec.solve.following import Bound, Policy
-from taskspec.solve.pieces import PIECE
+from taskspec.solve.bounded import PIECE, Bound, Bounded, Policy
 from taskspec.solve.solver import Finite
 from taskspec.task.build import build
 from taskspec.task.task import Task
@@ -121,10 +119,10 @@ def test_policies_are_followed_alike_in_many_states_at_once_and_in_all_of_them(d
     model = Results(task(WIDE.replace("99/100", discount))).model
     assert model is not None
     numbers, rng = Bounded(model), np.random.default_rng(0)
-    value = Bound(rng.normal(size=model.n_states), rng.uniform(0, 1e-9, model.n_states))
+    value = Bound(rng.normal(size=model.n_states), 0.0, 1e-9)
     table = rng.dirichlet(np.ones(model.n_actions), model.n_states).T
     some = rng.random(table.shape) < 0.01
-    for policy in (numbers.uniform(), Policy(table), Policy(table, 1e-12 * table), Policy(table, None, some)):
+    for policy in (numbers.uniform(), Policy(table), Policy(table, 1e-12), Policy(table, open=some)):
         found, all_at_once = numbers.followed(policy, 0, value), numbers.follow(policy, numbers.backup(0, value))
         np.testing.assert_array_equal(found.value, all_at_once.value)
         np.testing.assert_array_equal(found.error, all_at_once.error)

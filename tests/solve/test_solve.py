@@ -47,7 +47,7 @@ def test_backward_induction_is_the_same_in_floats_with_bounds_and_in_rationals()
 
     def backup(t: int, value: Array) -> Array:
         step = model.step(t)
-        return action_values(step.going, step.reward.reshape(shape), model.discount, value)
+        return action_values(step.P, step.R.reshape(shape), model.discount, value)
 
     assert model.horizon is not None
     steps = list(backward(backup, lambda t, q: q.max(axis=0), np.zeros(model.n_states), model.horizon))
@@ -181,13 +181,13 @@ def test_finite_horizon_by_linear_programming() -> None:
     size = n * horizon
     rows, bounds = [], []
     for t in range(horizon):
-        dense = model.step(t).going.toarray()
+        dense = model.step(t).P.toarray()
         for row in range(model.n_actions * n):
             line = np.zeros(size)
             line[t * n + row % n] -= 1
             if t + 1 < horizon:
                 line[(t + 1) * n : (t + 2) * n] += dense[row]
             rows.append(line)
-            bounds.append(-model.step(t).reward[row])
+            bounds.append(-model.step(t).R[row])
     found = linprog(np.ones(size), A_ub=np.array(rows), b_ub=bounds, bounds=[(None, None)] * size)
     assert model.start @ found.x[:n] == pytest.approx(solve.optimal_return(model), abs=1e-7)

@@ -94,12 +94,12 @@ def assert_tables_agree(task: Task, them: Any, tolerance: float) -> None:
     assert (states, actions) == (them.state_dim, them.action_dim)
     for t in (0, them.horizon - 1):
         step, last = model.step(t), t == them.horizon - 1
-        table = step.ending if last else step.going
-        assert (step.going.nnz if last else 0 if step.ending is None else step.ending.nnz) == 0
+        table = step.P_end if last else step.P
+        assert (step.P.nnz if last else 0 if step.P_end is None else step.P_end.nnz) == 0
         for a in range(actions):
             row = table[a * states : (a + 1) * states].toarray()
             np.testing.assert_allclose(row, them.transition_matrix[:, a], atol=tolerance)
-            np.testing.assert_allclose(step.reward[a * states : (a + 1) * states], them.reward_matrix, rtol=1e-6)
+            np.testing.assert_allclose(step.R[a * states : (a + 1) * states], them.reward_matrix, rtol=1e-6)
 
 
 @cliff

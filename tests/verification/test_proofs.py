@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from taskspec.rules.results import ClaimEvaluator
+from taskspec.rules.claim_rules import ClaimEvaluator
 from taskspec.scores.returns import Results
 from taskspec.solve import enclosure
 from taskspec.solve.enclosure import Enclosure
@@ -60,7 +60,7 @@ def nearly(a: Enclosure, b: Enclosure, tolerance: Fraction | None) -> bool:
 MISTAKES: dict[str, Any] = {
     "equality is absolute": (5051, enclosure, "_equal", nearly),
     "errors are forgotten": (5004, Enclosure, "around", classmethod(lambda cls, value, error: cls.exactly(value))),
-    "abstractions are believed": (5011, Results, "faith", property(lambda results: None)),
+    "abstractions are believed": (5011, Results, "abstraction_check", property(lambda results: None)),
     "decimals are read in one way": (5045, ClaimEvaluator, "ambiguous", property(lambda evaluator: False)),
 }
 """With the number of a model that shows it."""

@@ -18,9 +18,6 @@ from taskspec.lang.types import Kind
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.sample import one
 
-# ---------- lanevalues
-# Values in the lane form: the sources of what nodes have come to, element by element or as one flat sequence.
-
 UNROLLED = 16
 """Vectors up to this many elements become one expression for each."""
 _ATOM = re.compile(r"-?[\w.]+(\[\d+\])?")
@@ -113,8 +110,7 @@ def _identical(a: Any, b: Any) -> bool:
     return alike and marshal.dumps(a, 2) == marshal.dumps(b, 2)  # of version 2, which knows no references
 
 
-# ---------- lanestructure
-# Operators that only move elements about, in the lane form.
+# -- operators that only move elements ----------------------------------------------------------------------------
 
 
 def _vector(lane: LaneValues, node: Apply) -> LaneValue:
@@ -233,8 +229,7 @@ STRUCTURE: dict[str, Callable[[LaneValues, Apply], LaneValue]] = {
 """The value of a node of `lang.operators.structure`, whose arguments have theirs."""
 
 
-# ---------- lane
-# The lane form: core nodes as straight-line scalar Python for one environment, one assignment per shared node.
+# -- the emitter --------------------------------------------------------------------------------------------------
 #
 # Small vectors become one expression per element ("atoms"); larger ones are packed in one tuple or list. What an operator
 # looks like comes from the operator table; how elements are arranged is decided here and in `lanestructure`.

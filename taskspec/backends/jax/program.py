@@ -28,9 +28,6 @@ from taskspec.task.reach import over, reach, widest
 from taskspec.task.spaces import Segment, SpaceLayout
 from taskspec.task.task import Component, Task
 
-# ---------- pack
-# Observations and actions of the JAX program as Gymnasium lays them out, lanes last.
-
 DTYPES: dict[Kind, Any] = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL: jnp.float32}
 
 
@@ -67,8 +64,7 @@ def acted(layout: SpaceLayout, action: AnyArray) -> tuple[AnyArray, ...]:
     return tuple(parts)
 
 
-# ---------- program
-# The JAX program: a task as pure functions of arrays, lanes last, to be jitted, scanned and run on a GPU.
+# -- the program --------------------------------------------------------------------------------------------------
 
 LONG = 1 << 30
 """A count without bounds, and a Poisson draw, are taken to stay below this, unless they begin above."""

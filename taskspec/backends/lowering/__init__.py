@@ -1,1 +1,1 @@
-"""What is done to a task's expressions before code is made of them, for several backends."""
+"""Transformations of a task's expressions before code generation, shared by backends."""

@@ -1,4 +1,4 @@
-"""Values taken out of the steps of a program: those of an episode, and those that depend on draws alone."""
+"""Values moved out of the steps of a program: those of an episode, and those that depend on draws alone."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Invariants:
         return cls(nodes, _at_reset(task, nodes), tuple(f"k{i}" for i in range(len(nodes))), observed)
 
     def replaced(self, task: Task, roots: Sequence[Node]) -> tuple[Node, ...]:
-        """Roots that read the variables instead of working the invariants out."""
+        """Return roots that read the variables instead of computing the invariants."""
         names = {id(n): name for n, name in zip(self.nodes, self.names, strict=True)}
 
         def leaf(node: Node) -> Node | None:
@@ -73,7 +73,7 @@ class Invariants:
 
 
 def _at_reset(task: Task, nodes: Sequence[Node]) -> tuple[Node, ...]:
-    """Nodes over the first state in place of the present one."""
+    """Return nodes as functions of the first state."""
     first = {c.name: n for c, n in zip(task.state, task.initial, strict=True)}
 
     def leaf(node: Node) -> Node | None:
@@ -87,21 +87,21 @@ WIDE = 32
 
 
 def cold_components(task: Task, roots: Sequence[Node]) -> frozenset[str]:
-    """Wide components that no step changes and none of the roots reads: not worth keeping, since a reset can be replayed."""
+    """Return wide components that no step changes and no root reads: they are not kept, since a reset can be replayed."""
     read = reads(roots)
     frozen = frozen_components(task)
     return frozenset(c.name for c in task.state if c.name in frozen and c.type.size > WIDE and c.read not in read)
 
 
 def changing(task: Task, roots: Sequence[Node]) -> list[Node]:
-    """Roots of a step without those of components that stay as they are."""
+    """Return roots of a step without those of frozen components."""
     n, frozen = len(task.state), frozen_components(task)
     moving = [r for r, c in zip(roots[:n], task.state, strict=True) if c.name not in frozen]
     return [*moving, *roots[n:]]
 
 
 def frozen_components(task: Task) -> frozenset[str]:
-    """Names of the state components that no step changes."""
+    """Return names of the state components that no step changes."""
     pairs = zip(task.state, task.next, strict=True)
     return frozenset(c.name for c, n in pairs if isinstance(n, Read) and n.role is Role.STATE and n.name == c.name)
 
@@ -154,7 +154,7 @@ class Hoisted:
 
 
 def hoist(b: Builder, roots: Sequence[Node], layout: WordLayout, bias: int = 0) -> Hoisted:
-    """Take out of the roots whatever depends on draws alone, and write the other draws as comparisons if possible."""
+    """Replace values that depend on draws alone by reads of variables, and other draws by comparisons if possible."""
     free = everywhere(roots, lambda node: not isinstance(node, Read))
     values = maximal_draws(roots, free)
     names = {id(n): f"h{i}" for i, n in enumerate(values)}
@@ -172,7 +172,7 @@ def hoist(b: Builder, roots: Sequence[Node], layout: WordLayout, bias: int = 0) 
 
 
 def compared(b: Builder, roots: Sequence[Node], bias: int = 0) -> tuple[Node, ...]:
-    """The roots with finite draws of known probabilities as comparisons of words with thresholds.
+    """Return roots with finite draws of known probabilities as comparisons of words with thresholds.
 
     A word is read as the int variable of `word_names`, less `bias` (2**31 where ints have 32 bits).
     """
@@ -180,9 +180,11 @@ def compared(b: Builder, roots: Sequence[Node], bias: int = 0) -> tuple[Node, ..
     def leaf(node: Node) -> Node | None:
         return _comparison(b, node, bias) if isinstance(node, Draw) else None
 
-    found, before = rewrite(roots, leaf, b.remake), tuple(roots)
-    while found != before:  # what a draw was given may have been drawn
-        found, before = rewrite(found, leaf, b.remake), found
+    before = tuple(roots)
+    found = rewrite(roots, leaf, b.remake)
+    while found != before:  # arguments of draws may hold draws
+        before = found
+        found = rewrite(found, leaf, b.remake)
     return found
 
 

@@ -30,7 +30,7 @@ class _Tables:
 
 
 def tabulate(b: Builder, roots: Sequence[Node], cells: int = CELLS) -> tuple[Node, ...]:
-    """The roots with their largest scalar parts over at most `cells` combinations of finite reads as look-ups."""
+    """Return roots with their largest scalar parts over at most `cells` combinations of finite reads as look-ups."""
     roots = folded(b, roots)
     tables = _Tables(b)
     for node in walk(roots):
@@ -120,7 +120,7 @@ def _place(b: Builder, reads: Sequence[Read], counts: Sequence[int]) -> Node:
 
 
 def folded(b: Builder, roots: Sequence[Node]) -> tuple[Node, ...]:
-    """The roots with what is done to the elements of a constant table done to the table."""
+    """Return roots with operations on looked-up elements applied to the constant table."""
     done: dict[int, Node] = {}
     for node in walk(roots):
         args = tuple(done[id(c)] for c in children(node))
@@ -160,7 +160,7 @@ def _is_matrix(table: Const, row: Node) -> bool:
 
 
 def _fold_function(b: Builder, node: Apply) -> Node:
-    """A function of one look-up and constants, as a look-up."""
+    """Return a function of one look-up and constants as a look-up."""
     found = [a for a in node.args if not isinstance(a, Const)]
     if len({id(a) for a in found}) != 1 or not _looks_up(found[0]):
         return node

@@ -22,9 +22,6 @@ from taskspec.lang.variates.sample import words_of
 from taskspec.task.spaces import Segment, SpaceLayout
 from taskspec.task.task import Component, Task
 
-# ---------- kernelmemory
-# What a Numba program keeps in memory, and where: a vector of addresses, rows of elements, blocks of lanes.
-
 SCRATCH = 1 << 16
 """Bytes of random words of a block, about: what a first-level cache and a part of the second hold."""
 BLOCK = 1024
@@ -123,8 +120,7 @@ def _seen_rows(prefix: str, layout: SpaceLayout) -> list[MemoryRow]:
     ]
 
 
-# ---------- kernelloop
-# The loops over lanes of a Numba program, as source: `check`, `advance` (the step of n lanes), `begin` (first states).
+# -- loops over lanes as source: `check`, `advance` (the step of n lanes), `begin` (first states) -----------------
 
 SHOWN = 8
 """Draws of this many elements or more that are observed as they are go to the observations in one piece."""

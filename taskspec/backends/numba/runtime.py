@@ -32,7 +32,7 @@ def machine_code(source: str, machine: llvm.TargetMachine) -> bytes:
         raise AssertionError(f"a kernel that may raise an exception:\n{source}")
     module = llvm.parse_assembly(text)
     module.get_function(compiled.native_name).name = "kernel"
-    return machine.emit_object(module)  # type: ignore[no-any-return]
+    return machine.emit_object(module)
 
 
 inner = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)

@@ -20,9 +20,6 @@ from taskspec.lang.variates.sample import many
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 
-# ---------- runtimes
-# Array forms that are quicker in NumPy than those that every array library has.
-
 
 @lru_cache(maxsize=16)
 def _lanes(n: int) -> Array:
@@ -79,8 +76,7 @@ class NumpyRuntime(Runtime):
 RUNTIME = NumpyRuntime()
 
 
-# ---------- arraystep
-# The generated module of a NumPy program: one step of n lanes over arrays that stay where they are.
+# -- the generated module -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,6 @@ from taskspec.lang.types import Kind
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout
 from taskspec.task.task import Component, Task
 
-# ---------- emit action
-# How a generated step reads its action: converted, checked, spread over names.
-
 
 def names_of(prefix: str, components: Sequence[Component]) -> list[str]:
     return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
@@ -93,8 +90,7 @@ def _read_array(task: Task, layout: SpaceLayout, names: Sequence[str]) -> tuple[
     return lines, values
 
 
-# ---------- emit info
-# How generated code tells the state in the info of a step: flat, in the order of the spec.
+# -- the state in infos -------------------------------------------------------------------------------------------
 #
 # A number is read where it is held. An array is made once for each state and kept in `told`, so that the next step's
 # `old_state` costs nothing; it is made once for each episode where no step changes the state.
@@ -186,8 +182,7 @@ def info(task: Task, names: Sequence[str]) -> str:
     return "{" + ", ".join(f'"{name}": {sources[name]}' for name in task.info) + "}"
 
 
-# ---------- emit observation
-# How a generated step writes its observation: a fresh row, an int, or whatever form the layout has.
+# -- the observation ----------------------------------------------------------------------------------------------
 
 _LARGEST = 3.4e38
 """Below the largest float32."""

@@ -26,9 +26,6 @@ from taskspec.lang.variates.sample import sampler
 from taskspec.task.spaces import SpaceLayout, pack, singles
 from taskspec.task.task import Task
 
-# ---------- scalars
-# What the names in generated scalar code mean.
-
 
 def scalar_namespace() -> dict[str, Any]:
     """Names and what they are: numbers, the functions of the operator table, and draws."""
@@ -42,9 +39,6 @@ def scalar_namespace() -> dict[str, Any]:
     }
 
 
-# ---------- program
-# The scalar program: generated Python that resets and steps one environment, in the lane form.
-#
 # Whatever depends on draws alone, not on the state, is computed by NumPy for blocks of coming steps and episodes;
 # what is left for a step is straight-line Python on numbers. `compile_scalar` gives the functions and
 # `ScalarProgram.source` the text.

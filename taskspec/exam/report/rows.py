@@ -15,7 +15,7 @@ from taskspec.data.files import write_table
 from taskspec.exam.verdicts import grade
 from taskspec.figures.chart import Rgb, blend
 from taskspec.rollout.statistics import estimate, mean
-from taskspec.rules.seeds import side
+from taskspec.rules.scores import side
 
 # ---------- tables
 # Scores of exams as a table in Parquet: a row for each seed on each task.

@@ -1,4 +1,4 @@
-"""GAIL (Ho and Ermon, 2016) and AIRL (Fu, Luo and Levine, 2018), as three packages have them."""
+"""GAIL (Ho and Ermon, 2016) and AIRL (Fu, Luo and Levine, 2018), with the options of three packages."""
 
 from __future__ import annotations
 
@@ -10,48 +10,57 @@ import optax
 
 from taskspec.base.arrays import AnyArray
 from taskspec.learners.case import LearnerCase
-from taskspec.learners.deep.nets import says
+from taskspec.learners.deep.nets import forward
 from taskspec.learners.deep.ppo import PolicyNet
-from taskspec.learners.deep.reinforce import Learning, Update, begun, played, policies, rounds, update_of, world_of
-from taskspec.learners.deep.rewards import Looks, RewardNets, RewardOf, looks, shown_looks
-from taskspec.learners.deep.world import Played, Schedule, World, complete, of_seed, trained
+from taskspec.learners.deep.reinforce import (
+    PolicyState,
+    Update,
+    collect,
+    init_policy_state,
+    policies,
+    policy_update,
+    rounds,
+    world_of,
+)
+from taskspec.learners.deep.rewards import RewardInputs, RewardModel, RewardNets, demonstration_inputs, reward_inputs
+from taskspec.learners.deep.world import Schedule, StepBatch, World, in_complete_episode, seed_slice, train_seeds
 from taskspec.learners.learned import NetPolicy
-from taskspec.learners.settings import Adversarial
+from taskspec.learners.table import Adversarial
 
 
-class Contest(NamedTuple):
-    """A policy and a discriminator in training; `recent` are steps of the learner, `count` how many there were."""
+class AdversarialState(NamedTuple):
+    """A policy and a discriminator in training; `recent` are steps of the learner, `count` is how many there were."""
 
-    learning: Learning
+    learning: PolicyState
     nets: RewardNets
     optimiser: Any
-    recent: Looks | None
+    recent: RewardInputs | None
     count: AnyArray
 
 
 class Discriminator:
-    """What tells the learner's steps from the expert's."""
+    """A classifier of steps: learner or expert."""
 
     def __init__(self, config: Adversarial, world: World) -> None:
         self.config, self.world = config, world
-        self.reward = RewardOf(config.reward, world, config.policy.discount)
+        self.reward = RewardModel(config.reward, world, config.policy.discount)
         self._adam = optax.adam(config.reward.learning_rate)
 
     def init(self, key: AnyArray) -> tuple[RewardNets, Any]:
         nets = self.reward.init(key)
         return nets, self._adam.init((nets.theta, nets.phi))
 
-    def logit(self, nets: RewardNets, actor: PolicyNet, at: Looks) -> AnyArray:
-        """l (...): above 0 for what looks like the expert."""
+    def logit(self, nets: RewardNets, actor: PolicyNet, at: RewardInputs) -> AnyArray:
+        """Return l = log D - log(1 - D) of steps (...): above 0 for steps that look like the expert's."""
         found = self.reward(nets, at)
         if not self.config.minus_log_policy:
             return found
         spread = actor.deviations / 2 if self.config.deviation_as_variance else actor.deviations
-        log = self.world.head.log_prob(says(actor.net, at.seen), spread, at.action)
+        log = self.world.head.log_prob(forward(actor.net, at.seen), spread, at.action)
         return found - jax.lax.stop_gradient(log) * (1 - at.gone)
 
-    def pay(self, nets: RewardNets, actor: PolicyNet, at: Looks) -> AnyArray:
-        """What the policy is paid for steps (...)."""
+    def pay(self, nets: RewardNets, actor: PolicyNet, at: RewardInputs) -> AnyArray:
+        """Return the rewards (...) that the policy learns from."""
         if self.config.pay == "f":
             return self.reward(nets, at)
         found = self.logit(nets, actor, at)
@@ -63,8 +72,10 @@ class Discriminator:
             case _:
                 return found
 
-    def loss(self, trainable: Any, nets: RewardNets, actor: PolicyNet, own: Looks, shown: Looks) -> AnyArray:
-        """The cross-entropy of telling steps of the learner from steps that were shown, (N, ...) each."""
+    def loss(
+        self, trainable: Any, nets: RewardNets, actor: PolicyNet, own: RewardInputs, shown: RewardInputs
+    ) -> AnyArray:
+        """Return the cross-entropy of classifying steps of the learner and demonstrated ones, (N, ...) each."""
         nets = nets._replace(theta=trainable[0], phi=trainable[1])
         mine, theirs = self.logit(nets, actor, own), self.logit(nets, actor, shown)
         error = 0.5 * (jax.nn.softplus(mine).mean() + jax.nn.softplus(-theirs).mean())
@@ -74,12 +85,12 @@ class Discriminator:
     def update(
         self, nets: RewardNets, optimiser: Any, actor: PolicyNet, draw: Any, key: AnyArray
     ) -> tuple[RewardNets, Any]:
-        """The nets after the updates of a round, on steps of the learner and of the expert that `draw` gives of a key."""
+        """Return the nets after the updates of a round, on steps of the learner and of the expert sampled by `draw(key)`."""
 
         def once(carry: Any, key: AnyArray) -> tuple[Any, None]:
             nets, optimiser = carry
             own, shown = draw(key)
-            nets = self.reward.watched(nets, jnp.concatenate([own.seen, shown.seen]))
+            nets = self.reward.with_statistics(nets, jnp.concatenate([own.seen, shown.seen]))
             now = (nets.theta, nets.phi)
             change, optimiser = self._adam.update(jax.grad(self.loss)(now, nets, actor, own, shown), optimiser)
             theta, phi = optax.apply_updates(now, change)
@@ -89,57 +100,57 @@ class Discriminator:
         return jax.lax.scan(once, (nets, optimiser), keys)[0]
 
 
-class Contending:
-    """A round of GAIL or AIRL: the policy plays and is paid, and the discriminator learns from what it did."""
+class AdversarialRound:
+    """A round of GAIL or AIRL: the policy acts and learns from the discriminator's rewards, then the discriminator is updated."""
 
     def __init__(self, config: Adversarial, update: Update) -> None:
         self.config, self.policy = config, update
         self.judge = Discriminator(config, update.world)
         self.each = update.steps * update.experience.lanes
 
-    def init(self, key: AnyArray) -> Contest:
+    def init(self, key: AnyArray) -> AdversarialState:
         first, second = jax.random.split(key)
-        learning = begun(self.policy, first)
+        learning = init_policy_state(self.policy, first)
         recent = None
         if self.config.kept:
-            _, steps = jax.eval_shape(lambda k: played(self.policy, learning, k), key)
-            shapes = looks(jax.eval_shape(Played.flat, steps))
-            recent = Looks(*(jnp.zeros((self.config.kept, *x.shape[1:]), x.dtype) for x in shapes))
-        return Contest(learning, *self.judge.init(second), recent, jnp.int32(0))
+            _, steps = jax.eval_shape(lambda k: collect(self.policy, learning, k), key)
+            shapes = reward_inputs(jax.eval_shape(StepBatch.flat, steps))
+            recent = RewardInputs(*(jnp.zeros((self.config.kept, *x.shape[1:]), x.dtype) for x in shapes))
+        return AdversarialState(learning, *self.judge.init(second), recent, jnp.int32(0))
 
-    def advance(self, contest: Contest, key: AnyArray, shown: Looks) -> Contest:
+    def advance(self, contest: AdversarialState, key: AnyArray, shown: RewardInputs) -> AdversarialState:
         keys = jax.random.split(key, self.config.every + 1)
 
-        def round_(learning: Learning, key: AnyArray) -> tuple[Learning, Played]:
+        def round_(learning: PolicyState, key: AnyArray) -> tuple[PolicyState, StepBatch]:
             first, second = jax.random.split(key)
-            walk, steps = played(self.policy, learning, first)
-            pay = self.judge.pay(contest.nets, learning.policy.actor, looks(steps))
-            return Learning(self.policy.update(learning.policy, steps, walk, pay, second), walk), steps
+            walk, steps = collect(self.policy, learning, first)
+            pay = self.judge.pay(contest.nets, learning.policy.actor, reward_inputs(steps))
+            return PolicyState(self.policy.update(learning.policy, steps, walk, pay, second), walk), steps
 
         learning, steps = jax.lax.scan(round_, contest.learning, keys[1:])
         last = jax.tree.map(lambda x: x[-1], steps)
-        valid = complete(last) if self.policy.experience.whole else jnp.ones_like(last.ended)
-        own = looks(last.flat())
+        valid = in_complete_episode(last) if self.policy.experience.whole else jnp.ones_like(last.ended)
+        own = reward_inputs(last.flat())
         recent, count = self._kept(contest, own)
         draw = self._drawing(own if recent is None else recent, valid, count, shown)
         nets, optimiser = self.judge.update(contest.nets, contest.optimiser, learning.policy.actor, draw, keys[0])
-        return Contest(learning, nets, optimiser, recent, count)
+        return AdversarialState(learning, nets, optimiser, recent, count)
 
-    def _kept(self, contest: Contest, own: Looks) -> tuple[Looks | None, AnyArray]:
-        """Recent steps with those of a round in the place of the oldest."""
+    def _kept(self, contest: AdversarialState, own: RewardInputs) -> tuple[RewardInputs | None, AnyArray]:
+        """Return the recent steps with those of a round in place of the oldest."""
         if contest.recent is None:
             return None, contest.count
         size = len(own.gone)
         places = (contest.count + jnp.arange(size)) % self.config.kept
-        kept = Looks(*(old.at[places].set(new) for old, new in zip(contest.recent, own, strict=True)))
+        kept = RewardInputs(*(old.at[places].set(new) for old, new in zip(contest.recent, own, strict=True)))
         return kept, contest.count + size
 
-    def _drawing(self, own: Looks, valid: AnyArray, count: AnyArray, shown: Looks) -> Any:
-        """A function of a key to as many steps of the learner as of the expert."""
+    def _drawing(self, own: RewardInputs, valid: AnyArray, count: AnyArray, shown: RewardInputs) -> Any:
+        """Return a function from a key to equally many steps of the learner and of the expert."""
         size = self.config.batch or self.each
         weight = valid.reshape(-1)
 
-        def draw(key: AnyArray) -> tuple[Looks, Looks]:
+        def draw(key: AnyArray) -> tuple[RewardInputs, RewardInputs]:
             first, second = jax.random.split(key)
             theirs = jax.random.randint(second, (size,), 0, len(shown.gone))
             if self.config.kept:
@@ -148,21 +159,23 @@ class Contending:
                 mine = jnp.searchsorted(
                     jnp.cumsum(weight), jax.random.uniform(first, (size,)) * weight.sum(), side="right"
                 )
-            return Looks(*(x[mine] for x in own)), Looks(*(x[theirs] for x in shown))
+            return RewardInputs(*(x[mine] for x in own)), RewardInputs(*(x[theirs] for x in shown))
 
         return draw
 
 
-def imitated(config: Adversarial, case: LearnerCase) -> list[NetPolicy]:
-    """Policies that learned from demonstrations; each has the reward that it learned."""
+def train_adversarial(config: Adversarial, case: LearnerCase) -> list[NetPolicy]:
+    """Train policies from demonstrations; each has the reward that it learned."""
     world = world_of(case.task, config.policy.experience)
-    game = Contending(config, update_of(config.policy, world))
-    counted = round(game.each * config.every / config.budget_factor)
-    shown = shown_looks(world, case.demonstrations)
+    training = AdversarialRound(config, policy_update(config.policy, world))
+    counted = round(training.each * config.every / config.budget_factor)
+    shown = demonstration_inputs(world, case.demonstrations)
     pay = "f" if config.minus_log_policy else config.pay
 
-    def found(contest: Contest) -> list[NetPolicy]:
-        rewards = lambda i: game.judge.reward.learned(of_seed(contest.nets, i), pay)  # noqa: E731
+    def found(contest: AdversarialState) -> list[NetPolicy]:
+        rewards = lambda i: training.judge.reward.learned(seed_slice(contest.nets, i), pay)  # noqa: E731
         return policies(case, world, contest.learning.policy.actor, rewards)
 
-    return found(trained(case, game.init, game.advance, Schedule(rounds(case, counted), counted, shown=found), shown))
+    return found(
+        train_seeds(case, training.init, training.advance, Schedule(rounds(case, counted), counted, shown=found), shown)
+    )

@@ -1,4 +1,4 @@
-"""Small fully connected nets, observations and actions as vectors, and policies as distributions."""
+"""Small fully connected nets, and policies as distributions over actions."""
 
 from __future__ import annotations
 
@@ -12,17 +12,15 @@ import numpy as np
 from taskspec.base.arrays import AnyArray
 from taskspec.learners.case import Vectors
 
-# ---------- nets
-# Small fully connected nets: pairs of weights (inputs, outputs) and biases (outputs,), one for each layer.
-
 Net = tuple[tuple[AnyArray, AnyArray], ...]
+"""Weights (inputs, outputs) and biases (outputs,) of each layer."""
 Weights = Callable[[AnyArray, int, int, bool], AnyArray]
-"""A matrix of a key, of how many inputs and outputs, and whether it is the last."""
+"""An initialiser: from a key, the numbers of inputs and outputs, and whether the layer is the last, to a matrix."""
 _FUNCTIONS = {"relu": jax.nn.relu, "tanh": jnp.tanh}
 
 
 def orthogonal(last: float) -> Weights:
-    """Orthogonal matrices, times the square root of 2, the last one times `last`."""
+    """Return an initialiser by orthogonal matrices times the square root of 2; the last one times `last`."""
 
     def made(key: AnyArray, inputs: int, outputs: int, is_last: bool) -> AnyArray:
         return jax.nn.initializers.orthogonal(last if is_last else 2**0.5)(key, (inputs, outputs), jnp.float32)
@@ -31,12 +29,12 @@ def orthogonal(last: float) -> Weights:
 
 
 def xavier(key: AnyArray, inputs: int, outputs: int, is_last: bool) -> AnyArray:
-    """Uniform numbers, whose variance suits both directions."""
+    """Return a matrix of uniform numbers (Glorot and Bengio, 2010)."""
     return jax.nn.initializers.glorot_uniform()(key, (inputs, outputs), jnp.float32)
 
 
 def net(key: AnyArray, inputs: int, hidden: Sequence[int], outputs: int, weights: Weights = xavier) -> Net:
-    """A net with biases of 0."""
+    """Return a new net with biases of 0."""
     sizes = (inputs, *hidden, outputs)
     keys = jax.random.split(key, len(sizes) - 1)
     layers = list(zip(keys, sizes, sizes[1:], strict=False))
@@ -45,26 +43,23 @@ def net(key: AnyArray, inputs: int, hidden: Sequence[int], outputs: int, weights
     )
 
 
-def says(layers: Net, x: AnyArray, activation: str = "tanh") -> AnyArray:
-    """What a net says of inputs (..., inputs): (..., outputs)."""
+def forward(layers: Net, x: AnyArray, activation: str = "tanh") -> AnyArray:
+    """Forward pass: (..., inputs) -> (..., outputs)."""
     *inner, (w, b) = layers
     for u, c in inner:
         x = _FUNCTIONS[activation](x @ u + c)
     return x @ w + b
 
 
-# ---------- spaces
-# Observations and actions as vectors, and policies as distributions over actions.
-
 LOG_2PI = float(np.log(2 * np.pi))
 
 
 @dataclass(frozen=True)
 class ActionHead:
-    """The distribution of an action, given what the net says (..., vectors.size): logits, or means.
+    """The distribution of an action, given the output (..., vectors.size) of a net: logits, or means.
 
     Finite actions are int32 (..., K), of K independent categoricals; real ones float32 (..., D), of independent Gaussians whose
-    log-deviations (D,) are given beside it. Deviations are free parameters; for finite actions they have no elements.
+    log-deviations (D,) are free parameters; for finite actions they have no elements.
     """
 
     vectors: Vectors
@@ -74,53 +69,53 @@ class ActionHead:
         return 0 if self.vectors.counts else self.vectors.size
 
     def noise(self, key: AnyArray, shape: tuple[int, ...]) -> AnyArray:
-        """What `sample` draws from, (*shape, size)."""
+        """Return the noise that `sample` takes, float32 (*shape, size)."""
         draw = jax.random.gumbel if self.vectors.counts else jax.random.normal
         return draw(key, (*shape, self.vectors.size), jnp.float32)
 
-    def sample(self, said: AnyArray, deviations: AnyArray, noise: AnyArray) -> AnyArray:
+    def sample(self, output: AnyArray, deviations: AnyArray, noise: AnyArray) -> AnyArray:
         if not self.vectors.counts:
-            return said + jnp.exp(deviations) * noise
-        return jnp.stack([g.argmax(-1).astype(jnp.int32) for g in self._groups(said + noise)], -1)
+            return output + jnp.exp(deviations) * noise
+        return jnp.stack([g.argmax(-1).astype(jnp.int32) for g in self._groups(output + noise)], -1)
 
     def uniform(self, noise: AnyArray) -> AnyArray:
-        """An action at random, of the same noise; real ones are uniform within their bounds."""
+        """Return uniformly random actions from the same noise; real ones lie within their bounds."""
         if self.vectors.counts:
             return self.sample(jnp.zeros_like(noise), jnp.zeros(0), noise)
         low, high = jnp.array(self.vectors.low), jnp.array(self.vectors.high)
         return low + (high - low) * jax.scipy.stats.norm.cdf(noise)
 
-    def log_prob(self, said: AnyArray, deviations: AnyArray, action: AnyArray) -> AnyArray:
-        """(...): of actions (..., K)."""
+    def log_prob(self, output: AnyArray, deviations: AnyArray, action: AnyArray) -> AnyArray:
+        """Return the log-probabilities (...) of actions (..., K)."""
         if not self.vectors.counts:
-            z = (action - said) * jnp.exp(-deviations)
+            z = (action - output) * jnp.exp(-deviations)
             return (-0.5 * (z**2 + LOG_2PI) - deviations).sum(-1)
-        logs = [jax.nn.log_softmax(g) for g in self._groups(said)]
+        logs = [jax.nn.log_softmax(g) for g in self._groups(output)]
         return sum(jnp.take_along_axis(g, action[..., k, None], -1)[..., 0] for k, g in enumerate(logs))
 
-    def entropy(self, said: AnyArray, deviations: AnyArray) -> AnyArray:
+    def entropy(self, output: AnyArray, deviations: AnyArray) -> AnyArray:
         if not self.vectors.counts:
-            return jnp.broadcast_to((deviations + 0.5 * (1 + LOG_2PI)).sum(), said.shape[:-1])
-        logs = [jax.nn.log_softmax(g) for g in self._groups(said)]
+            return jnp.broadcast_to((deviations + 0.5 * (1 + LOG_2PI)).sum(), output.shape[:-1])
+        logs = [jax.nn.log_softmax(g) for g in self._groups(output)]
         return sum(-(jnp.exp(g) * g).sum(-1) for g in logs)
 
     def divergence(self, old: tuple[AnyArray, AnyArray], new: tuple[AnyArray, AnyArray]) -> AnyArray:
-        """Kullback-Leibler, of the new distribution from the old one: (...)."""
+        """Return the Kullback-Leibler divergence (...) of the new distribution from the old one; each is (output, deviations)."""
         if not self.vectors.counts:
             ratio = jnp.exp(2 * (old[1] - new[1]))
             distance = (old[0] - new[0]) ** 2 * jnp.exp(-2 * new[1])
             return 0.5 * (ratio + distance - 1).sum(-1) + (new[1] - old[1]).sum()
-        before, after = ([jax.nn.log_softmax(g) for g in self._groups(said)] for said in (old[0], new[0]))
+        before, after = ([jax.nn.log_softmax(g) for g in self._groups(output)] for output in (old[0], new[0]))
         return sum((jnp.exp(a) * (a - b)).sum(-1) for a, b in zip(before, after, strict=True))
 
-    def played(self, action: AnyArray) -> AnyArray:
-        """Actions (N, K) as programs take them, lanes last."""
+    def program_action(self, action: AnyArray) -> AnyArray:
+        """Return actions (N, K) as programs take them, lanes last."""
         v = self.vectors
         if v.counts:
             return action[:, 0] + v.start if v.single else action.T
         shown = jnp.clip(action, jnp.array(v.low), jnp.array(v.high)).T
         return shown.reshape(*v.shape, -1)
 
-    def _groups(self, said: AnyArray) -> list[AnyArray]:
+    def _groups(self, output: AnyArray) -> list[AnyArray]:
         ends = np.cumsum(self.vectors.counts)[:-1].tolist()
-        return jnp.split(said, ends, axis=-1)
+        return jnp.split(output, ends, axis=-1)

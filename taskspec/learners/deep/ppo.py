@@ -1,4 +1,4 @@
-"""Proximal policy optimisation (Schulman et al., 2017), as Stable Baselines 2 has it, and advantages."""
+"""Proximal policy optimisation (Schulman et al., 2017), as in Stable Baselines 2, and generalised advantages."""
 
 from __future__ import annotations
 
@@ -9,24 +9,21 @@ import jax.numpy as jnp
 import optax
 
 from taskspec.base.arrays import AnyArray
-from taskspec.learners.deep.nets import Net, net, orthogonal, says
-from taskspec.learners.deep.world import Act, Played, Walk, World, complete, round_length
-from taskspec.learners.settings import Ppo
-
-# ---------- advantages
-# What actions are worth, from what followed.
+from taskspec.learners.deep.nets import Net, forward, net, orthogonal
+from taskspec.learners.deep.world import Act, RolloutState, StepBatch, World, in_complete_episode, round_length
+from taskspec.learners.table import Ppo
 
 
-def judged(world: World, steps: Played, walk: Walk, sees_time: bool) -> AnyArray:
-    """What a critic sees of steps and of where they led, (T + 1, E, D)."""
+def critic_observations(world: World, steps: StepBatch, walk: RolloutState, sees_time: bool) -> AnyArray:
+    """Return the inputs (T + 1, E, D) of a critic: steps, and the states that they led to."""
     return jnp.concatenate([_seen(world, *steps[:3], sees_time), _last(world, walk, sees_time)[None]])
 
 
-def critic_inputs(world: World, sees_time: bool) -> int:
+def critic_input_size(world: World, sees_time: bool) -> int:
     return world.seen.size + world.absorbs + (sees_time and world.horizon is not None)
 
 
-def _last(world: World, walk: Walk, sees_time: bool) -> AnyArray:
+def _last(world: World, walk: RolloutState, sees_time: bool) -> AnyArray:
     return _seen(world, walk.seen, walk.gone, walk.state.time, sees_time)
 
 
@@ -39,33 +36,32 @@ def _seen(world: World, seen: AnyArray, gone: AnyArray, time: AnyArray, sees_tim
     return jnp.concatenate(parts, -1)
 
 
-def advantages(rewards: AnyArray, values: AnyArray, ended: AnyArray, discount: float, trace: float) -> AnyArray:
-    """Generalised advantages (T, E), of rewards (T, E) and values (T + 1, E); the end of an episode is worth 0."""
-    lasts = discount * (1 - ended)
-    errors = rewards + lasts * values[1:] - values[:-1]
+def gae(rewards: AnyArray, values: AnyArray, ended: AnyArray, gamma: float, gae_lambda: float) -> AnyArray:
+    """Return generalised advantages (T, E) from rewards (T, E) and values (T + 1, E); the end of an episode has value 0.
+
+    Source: Schulman et al. (2016), equations 11 and 16.
+    """
+    discounts = gamma * (1 - ended)
+    deltas = rewards + discounts * values[1:] - values[:-1]
 
     def back(later: AnyArray, now: tuple[AnyArray, AnyArray]) -> tuple[AnyArray, AnyArray]:
-        error, last = now
-        found = error + trace * last * later
-        return found, found
+        delta, discount = now
+        advantage = delta + gae_lambda * discount * later
+        return advantage, advantage
 
-    return jax.lax.scan(back, jnp.zeros_like(errors[0]), (errors, lasts), reverse=True)[1]
+    return jax.lax.scan(back, jnp.zeros_like(deltas[0]), (deltas, discounts), reverse=True)[1]
 
 
-def standardised(values: AnyArray, weight: AnyArray) -> AnyArray:
-    """With mean 0 and deviation 1 over those that count."""
+def standardise(values: AnyArray, weight: AnyArray) -> AnyArray:
+    """Return values shifted and scaled to mean 0 and deviation 1, weighted."""
     total = jnp.maximum(weight.sum(), 1.0)
     centred = values - (values * weight).sum() / total
     return centred / (jnp.sqrt((centred**2 * weight).sum() / total) + 1e-8)
 
 
 def mean(values: AnyArray, weight: AnyArray) -> AnyArray:
-    """The mean over those that count."""
+    """Return the weighted mean."""
     return (values * weight).sum() / jnp.maximum(weight.sum(), 1.0)
-
-
-# ---------- ppo
-# Proximal policy optimisation (Schulman et al., 2017), as Stable Baselines 2 has it.
 
 
 class PolicyNet(NamedTuple):
@@ -76,7 +72,7 @@ class PolicyNet(NamedTuple):
 
 
 class ActorCritic(NamedTuple):
-    """What a policy optimiser holds: `critic` is a net, or the weights of a regression."""
+    """A policy, its critic (a net, or the weights of a regression), and the state of the optimiser."""
 
     actor: PolicyNet
     critic: Any
@@ -84,7 +80,7 @@ class ActorCritic(NamedTuple):
 
 
 class PpoUpdate:
-    """How a policy of `world` is begun, acts, and is improved."""
+    """PPO on a world: initial policies and their updates."""
 
     def __init__(self, config: Ppo, world: World) -> None:
         self.config, self.world = config, world
@@ -96,23 +92,25 @@ class PpoUpdate:
 
     def init(self, key: AnyArray) -> ActorCritic:
         actor, critic = jax.random.split(key)
-        found = begun_actor(actor, self.world, self.config.hidden)
-        inputs = critic_inputs(self.world, self.experience.critic_sees_time)
+        found = init_actor(actor, self.world, self.config.hidden)
+        inputs = critic_input_size(self.world, self.experience.critic_sees_time)
         judge = net(critic, inputs, self.config.hidden, 1, orthogonal(1.0))
         return ActorCritic(found, judge, self._adam.init((found, judge)))
 
-    def update(self, held: ActorCritic, steps: Played, walk: Walk, rewards: AnyArray, key: AnyArray) -> ActorCritic:
-        """The policy after a round of steps (T, E, ...), paid `rewards` (T, E), that led to `walk`."""
+    def update(
+        self, held: ActorCritic, steps: StepBatch, walk: RolloutState, rewards: AnyArray, key: AnyArray
+    ) -> ActorCritic:
+        """Return the policy after a rollout (T, E, ...) with `rewards` (T, E) that led to `walk`."""
         config = self.config
-        seen = judged(self.world, steps, walk, self.experience.critic_sees_time)
-        values = says(held.critic, seen)[..., 0]
-        gains = advantages(rewards, values, steps.ended, config.discount, config.trace)
+        seen = critic_observations(self.world, steps, walk, self.experience.critic_sees_time)
+        values = forward(held.critic, seen)[..., 0]
+        advantages = gae(rewards, values, steps.ended, config.discount, config.gae_lambda)
         if self.experience.whole:
-            steps = steps._replace(weight=steps.weight * complete(steps))
+            steps = steps._replace(weight=steps.weight * in_complete_episode(steps))
         flat = steps.flat()
-        old = self.world.head.log_prob(says(held.actor.net, flat.seen), held.actor.deviations, flat.action)
+        old = self.world.head.log_prob(forward(held.actor.net, flat.seen), held.actor.deviations, flat.action)
         judged_as = seen[:-1].reshape(len(old), -1)
-        data = (flat.seen, flat.action, flat.weight, old, judged_as, gains.reshape(-1), values[:-1].reshape(-1))
+        data = (flat.seen, flat.action, flat.weight, old, judged_as, advantages.reshape(-1), values[:-1].reshape(-1))
         return self._epochs(held, data, key)
 
     def _epochs(self, held: ActorCritic, data: Any, key: AnyArray) -> ActorCritic:
@@ -137,32 +135,32 @@ class PpoUpdate:
         action: AnyArray,
         weight: AnyArray,
         old: AnyArray,
-        judged: AnyArray,
-        gains: AnyArray,
+        critic_observations: AnyArray,
+        advantages: AnyArray,
         values: AnyArray,
     ) -> AnyArray:
-        """What is made smaller, over a minibatch: each (N, ...)."""
+        """Return the loss over a minibatch, (N, ...) each: clipped surrogate, entropy bonus and squared error of the critic."""
         (actor, critic), config, head = nets, self.config, self.world.head
-        said = says(actor.net, seen)
-        ratio = jnp.exp(head.log_prob(said, actor.deviations, action) - old)
-        gain = standardised(gains, weight)
+        output = forward(actor.net, seen)
+        ratio = jnp.exp(head.log_prob(output, actor.deviations, action) - old)
+        gain = standardise(advantages, weight)
         clipped = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
         better = mean(jnp.minimum(ratio * gain, clipped * gain), weight)
-        value, target = says(critic, judged)[..., 0], gains + values
+        value, target = forward(critic, critic_observations)[..., 0], advantages + values
         error = (value - target) ** 2
         if config.value_clip is not None:
             near = values + jnp.clip(value - values, -config.value_clip, config.value_clip)
             error = jnp.maximum(error, (near - target) ** 2)
-        spread = mean(head.entropy(said, actor.deviations), weight)
+        spread = mean(head.entropy(output, actor.deviations), weight)
         return -better - config.entropy * spread + config.value_weight * 0.5 * error.mean()
 
 
-def begun_actor(key: AnyArray, world: World, hidden: tuple[int, ...]) -> PolicyNet:
-    """A policy whose actions are nearly as likely as each other; deviations are 1."""
+def init_actor(key: AnyArray, world: World, hidden: tuple[int, ...]) -> PolicyNet:
+    """Return a policy whose actions are nearly equally likely; deviations are 1."""
     head = world.head
     return PolicyNet(net(key, world.seen.size, hidden, head.vectors.size, orthogonal(0.01)), jnp.zeros(head.deviations))
 
 
-def acting(world: World, actor: PolicyNet) -> Act:
-    """The policy's actions, drawn."""
-    return lambda seen, noise: world.head.sample(says(actor.net, seen), actor.deviations, noise)
+def sampler(world: World, actor: PolicyNet) -> Act:
+    """Return a function that samples actions of a policy."""
+    return lambda seen, noise: world.head.sample(forward(actor.net, seen), actor.deviations, noise)

@@ -11,88 +11,95 @@ import optax
 from taskspec.base.arrays import AnyArray
 from taskspec.lang.ir import draws
 from taskspec.learners.case import LearnerCase
-from taskspec.learners.deep.ppo import PpoUpdate, acting
-from taskspec.learners.deep.reinforce import Learning, begun, played, policies, rounds, world_of
-from taskspec.learners.deep.rewards import Curiosity, Looks, Novel, RewardNets, RewardOf, looks
-from taskspec.learners.deep.world import Played, Schedule, World, of_seed, trained
+from taskspec.learners.deep.ppo import PpoUpdate, sampler
+from taskspec.learners.deep.reinforce import PolicyState, collect, init_policy_state, policies, rounds, world_of
+from taskspec.learners.deep.rewards import (
+    NoveltyBonus,
+    NoveltyState,
+    RewardInputs,
+    RewardModel,
+    RewardNets,
+    reward_inputs,
+)
+from taskspec.learners.deep.world import Schedule, StepBatch, World, seed_slice, train_seeds
 from taskspec.learners.learned import NetPolicy
-from taskspec.learners.settings import Comparing
+from taskspec.learners.table import Comparing
 
 
 class Pairs(NamedTuple):
-    """Pairs of segments of L steps: `at` (P, 2, L, ...), `live` (P, 2, L), 1.0 for steps that are part of a segment.
+    """Pairs of segments of L steps: `at` (P, 2, L, ...); `live` (P, 2, L) is 1.0 for steps that are part of a segment.
 
     `better` (P,) is 1.0 where the first is better, 0.0 where the second is; `weight` (P,) is 0.0 for pairs that do not count.
     """
 
-    at: Looks
+    at: RewardInputs
     live: AnyArray
     better: AnyArray
     weight: AnyArray
 
 
-class Survey(NamedTuple):
-    """A policy and a reward in training; `kept` are pairs that were asked about, `count` how many there were."""
+class PreferenceState(NamedTuple):
+    """A policy and a reward in training; `kept` are labelled pairs, `count` is how many there were."""
 
-    learning: Learning
+    learning: PolicyState
     nets: RewardNets
     optimiser: Any
     kept: Pairs | None
     count: AnyArray
-    novel: Novel | None
+    novel: NoveltyState | None
 
 
-class Asking:
-    """A round of comparisons: episodes are asked about, the reward learns from them, and the policy from the reward.
+class PreferenceRound:
+    """A round of comparisons: episodes are compared, the reward learns from the labels, and the policy from the reward.
 
     Args:
-        judge: the world whose rewards decide; otherwise as that of `update`.
+        judge: the world whose rewards label the pairs; otherwise equal to that of `update`.
     """
 
     def __init__(self, config: Comparing, update: PpoUpdate, judge: World) -> None:
         self.config, self.policy, self.judge = config, update, judge
-        self.reward = RewardOf(config.reward, update.world, config.policy.discount)
-        self.curious = None if config.novelty is None else Curiosity(config.novelty, update.world)
+        self.reward = RewardModel(config.reward, update.world, config.policy.discount)
+        self.curious = None if config.novelty is None else NoveltyBonus(config.novelty, update.world)
         self._adam = optax.adam(config.reward.learning_rate)
         world = update.world
         self.alike = world.horizon is None or world.absorbs or not world.may_end
-        """Whether all episodes are equally long."""
+        """Whether all episodes have the same length."""
         self.ties = config.noise_ties and bool(draws(world.task.observation.nodes))
 
     @property
     def pairs(self) -> int:
-        """How many are compared in a round, at most."""
+        """The largest number of pairs in a round."""
         return self.config.episodes * (1 if self.alike else self.judge.length) // 2
 
-    def init(self, key: AnyArray) -> Survey:
+    def init(self, key: AnyArray) -> PreferenceState:
         first, second, third = jax.random.split(key, 3)
-        learning, nets = begun(self.policy, first), self.reward.init(second)
+        learning, nets = init_policy_state(self.policy, first), self.reward.init(second)
         kept = None
         if self.config.kept:
-            shapes = jax.eval_shape(lambda k: self.asked(learning, k)[0], key)
+            shapes = jax.eval_shape(lambda k: self.query(learning, k)[0], key)
             kept = jax.tree.map(lambda x: jnp.zeros((self.config.kept, *x.shape[1:]), x.dtype), shapes)
         novel = None if self.curious is None else self.curious.init(third)
-        return Survey(learning, nets, self._adam.init((nets.theta, nets.phi)), kept, jnp.int32(0), novel)
+        return PreferenceState(learning, nets, self._adam.init((nets.theta, nets.phi)), kept, jnp.int32(0), novel)
 
-    def asked(self, learning: Learning, key: AnyArray) -> tuple[Pairs, Played]:
-        """The pairs of a round, of episodes that the policy plays anew, and their steps (T, E, ...)."""
+    def query(self, learning: PolicyState, key: AnyArray) -> tuple[Pairs, StepBatch]:
+        """Return the labelled pairs of a round, from new episodes of the policy, and their steps (T, E, ...)."""
         begin, noise, coins = jax.random.split(key, 3)
-        world, act = self.judge, acting(self.judge, learning.policy.actor)
-        chances = jax.random.bernoulli(coins, self.config.random, (world.length, self.config.episodes))
-        noises = world.head.noise(noise, chances.shape)
+        world, act = self.judge, sampler(self.judge, learning.policy.actor)
+        at_random = jax.random.bernoulli(coins, self.config.random, (world.length, self.config.episodes))
+        noises = world.head.noise(noise, at_random.shape)
 
         def step(walk: Any, drawn: tuple[AnyArray, AnyArray]) -> Any:
             noise, at_random = drawn
             return world.step(walk, jnp.where(at_random[:, None], world.head.uniform(noise), act(walk.seen, noise)))
 
-        _, steps = jax.lax.scan(step, world.begin(begin, self.config.episodes), (noises, chances))
+        _, steps = jax.lax.scan(step, world.begin(begin, self.config.episodes), (noises, at_random))
         live = jnp.cumprod(jnp.concatenate([jnp.ones_like(steps.ended[:1]), 1 - steps.ended[:-1]]), axis=0)
         return self.compared(steps, live), steps
 
-    def compared(self, steps: Played, live: AnyArray) -> Pairs:
-        """Neighbours among episodes; where these differ in length, among their steps, as long segments do not fit into all."""
+    def compared(self, steps: StepBatch, live: AnyArray) -> Pairs:
+        """Return pairs of neighbouring episodes; of single steps, if episodes differ in length."""
         world = self.judge
-        gains = steps.reward * live * jnp.float32(world.task.discount) ** steps.time
+        advantages = steps.reward * live * jnp.float32(world.task.discount) ** steps.time
         order = None if self.alike else jnp.argsort(1 - live.T.reshape(-1), stable=True)
 
         def paired(x: AnyArray) -> AnyArray:
@@ -100,15 +107,15 @@ class Asking:
             rows = rows if order is None else rows.reshape(-1, 1, *x.shape[2:])[order]
             return rows[: 2 * self.pairs].reshape(self.pairs, 2, *rows.shape[1:])
 
-        at, lives = Looks(*map(paired, looks(steps))), paired(live)
-        returns = paired(gains).sum(-1)
+        at, lives = RewardInputs(*map(paired, reward_inputs(steps))), paired(live)
+        returns = paired(advantages).sum(-1)
         same = (jnp.abs(returns[:, 0] - returns[:, 1]) < 1e-6) | self.ties
         better = jnp.where(same, 0.5, (returns[:, 0] > returns[:, 1]).astype(jnp.float32))
         weight = lives.max(-1).min(-1) * jnp.where(same & self.config.total, 0.0, 1.0)
         return Pairs(at, lives, better, weight)
 
     def loss(self, trainable: Any, nets: RewardNets, pairs: Pairs) -> AnyArray:
-        """Minus the log-likelihood of the comparisons (Bradley and Terry)."""
+        """Return minus the log-likelihood of the labels (Bradley and Terry, 1952)."""
         nets = nets._replace(theta=trainable[0], phi=trainable[1])
         sums = (self.reward(nets, pairs.at) * pairs.live).sum(-1)
         ahead = sums[:, 0] - sums[:, 1]
@@ -116,33 +123,33 @@ class Asking:
         total = (each * pairs.weight).sum()
         return total if self.config.total else total / jnp.maximum(pairs.weight.sum(), 1.0)
 
-    def advance(self, survey: Survey, key: AnyArray, _: Any) -> Survey:
+    def advance(self, survey: PreferenceState, key: AnyArray, _: Any) -> PreferenceState:
         ask, draw, play, improve = jax.random.split(key, 4)
         learning = survey.learning
-        pairs, steps = self.asked(learning, ask)
+        pairs, steps = self.query(learning, ask)
         kept, count = self._kept(survey, pairs)
-        nets, optimiser = self._fitted(survey, pairs if kept is None else kept, count, draw)
+        nets, optimiser = self._fit(survey, pairs if kept is None else kept, count, draw)
         if self.config.stale:
             walk = self.policy.world.begin(draw, self.policy.experience.lanes)
             learning = learning._replace(walk=walk._replace(seen=learning.walk.seen))
-        walk, own = played(self.policy, learning, play)
-        pay, novel = self.reward(nets, looks(own)), survey.novel
+        walk, own = collect(self.policy, learning, play)
+        pay, novel = self.reward(nets, reward_inputs(own)), survey.novel
         if self.curious is not None and novel is not None:
-            novel = self.curious.fitted(novel, looks(steps))
-            bonus, novel = self.curious.bonus(novel, looks(own))
+            novel = self.curious.fit(novel, reward_inputs(steps))
+            bonus, novel = self.curious.bonus(novel, reward_inputs(own))
             pay = pay + bonus
         policy = self.policy.update(learning.policy, own, walk, pay, improve)
-        return Survey(Learning(policy, walk), nets, optimiser, kept, count, novel)
+        return PreferenceState(PolicyState(policy, walk), nets, optimiser, kept, count, novel)
 
-    def _kept(self, survey: Survey, pairs: Pairs) -> tuple[Pairs | None, AnyArray]:
+    def _kept(self, survey: PreferenceState, pairs: Pairs) -> tuple[Pairs | None, AnyArray]:
         if survey.kept is None:
             return None, survey.count
         places = (survey.count + jnp.arange(self.pairs)) % self.config.kept
         kept = jax.tree.map(lambda old, new: old.at[places].set(new), survey.kept, pairs)
         return kept, survey.count + self.pairs
 
-    def _fitted(self, survey: Survey, pairs: Pairs, count: AnyArray, key: AnyArray) -> tuple[RewardNets, Any]:
-        """The reward after the gradient steps of a round."""
+    def _fit(self, survey: PreferenceState, pairs: Pairs, count: AnyArray, key: AnyArray) -> tuple[RewardNets, Any]:
+        """Return the reward after the gradient steps of a round."""
         config = self.config
         known = jnp.minimum(count, config.kept) if config.kept else self.pairs
 
@@ -160,18 +167,18 @@ class Asking:
         return jax.lax.scan(once, (survey.nets, survey.optimiser), keys)[0]
 
 
-def preferred(config: Comparing, case: LearnerCase) -> list[NetPolicy]:
-    """Policies that learned from comparisons; each has the reward that it learned."""
+def train_from_preferences(config: Comparing, case: LearnerCase) -> list[NetPolicy]:
+    """Train policies from comparisons; each has the reward that it learned."""
     experience = config.policy.experience
     world = world_of(case.task, experience)
     judge = world_of(case.judge, experience)
-    asking = Asking(config, PpoUpdate(config.policy, world), judge)
-    each = asking.policy.steps * experience.lanes
+    training = PreferenceRound(config, PpoUpdate(config.policy, world), judge)
+    each = training.policy.steps * experience.lanes
     counted = round(each / config.budget_factor)
 
-    def found(survey: Survey) -> list[NetPolicy]:
-        rewards = lambda i: asking.reward.learned(of_seed(survey.nets, i), "f")  # noqa: E731
+    def found(survey: PreferenceState) -> list[NetPolicy]:
+        rewards = lambda i: training.reward.learned(seed_slice(survey.nets, i), "f")  # noqa: E731
         return policies(case, world, survey.learning.policy.actor, rewards)
 
-    plan = Schedule(rounds(case, counted), counted, asking.pairs, found)
-    return found(trained(case, asking.init, asking.advance, plan))
+    plan = Schedule(rounds(case, counted), counted, training.pairs, found)
+    return found(train_seeds(case, training.init, training.advance, plan))

@@ -13,27 +13,24 @@ import optax
 from taskspec.base.arrays import AnyArray
 from taskspec.data.episodes import role
 from taskspec.learners.case import LearnerCase
-from taskspec.learners.deep.nets import says
-from taskspec.learners.deep.ppo import ActorCritic, PolicyNet, PpoUpdate, acting, begun_actor
+from taskspec.learners.deep.nets import forward
+from taskspec.learners.deep.ppo import ActorCritic, PolicyNet, PpoUpdate, init_actor, sampler
 from taskspec.learners.deep.trpo import TrpoUpdate
-from taskspec.learners.deep.world import Played, Schedule, Walk, World, of_seed, trained
+from taskspec.learners.deep.world import RolloutState, Schedule, StepBatch, World, seed_slice, train_seeds
 from taskspec.learners.learned import NetPolicy
-from taskspec.learners.settings import Cloning, Experience, Ppo, Trpo
+from taskspec.learners.table import Cloning, Experience, Ppo, Trpo
 from taskspec.model.model import misused
 from taskspec.modifiers import modify
 from taskspec.task.task import Task
 
-# ---------- reinforce
-# Training a policy on the true reward, and the parts that all learners with nets share.
-
 Update = PpoUpdate | TrpoUpdate
 
 
-class Learning(NamedTuple):
+class PolicyState(NamedTuple):
     """A policy in training, and where its lanes are."""
 
     policy: ActorCritic
-    walk: Walk
+    walk: RolloutState
 
 
 def world_of(task: Task, experience: Experience) -> World:
@@ -44,71 +41,70 @@ def world_of(task: Task, experience: Experience) -> World:
     return World.of(task, experience.absorb)
 
 
-def update_of(config: Ppo | Trpo, world: World) -> Update:
-    """How a policy is improved."""
+def policy_update(config: Ppo | Trpo, world: World) -> Update:
+    """Return the optimiser of a policy's settings."""
     return PpoUpdate(config, world) if isinstance(config, Ppo) else TrpoUpdate(config, world)
 
 
-def begun(update: Update, key: AnyArray) -> Learning:
-    """A policy that has learned nothing."""
+def init_policy_state(update: Update, key: AnyArray) -> PolicyState:
+    """Return an untrained policy at the start of its episodes."""
     first, second = jax.random.split(key)
-    return Learning(update.init(first), update.world.begin(second, update.experience.lanes))
+    return PolicyState(update.init(first), update.world.begin(second, update.experience.lanes))
 
 
-def played(update: Update, learning: Learning, key: AnyArray) -> tuple[Walk, Played]:
-    """A round of steps with the policy as it is."""
+def collect(update: Update, learning: PolicyState, key: AnyArray) -> tuple[RolloutState, StepBatch]:
+    """Return the steps of a round of the current policy, and the state that they led to."""
     first, second = jax.random.split(key)
     world, experience = update.world, update.experience
     walk = world.begin(first, experience.lanes) if experience.whole else learning.walk
-    return world.walk(walk, acting(world, learning.policy.actor), second, update.steps)
+    return world.rollout(walk, sampler(world, learning.policy.actor), second, update.steps)
 
 
 def policies(
     case: LearnerCase, world: World, actors: PolicyNet, rewards: Callable[[int], Any] | None = None
 ) -> list[NetPolicy]:
-    """A policy for each seed; `rewards` gives what a seed learned of the reward."""
+    """Return a policy for each seed, as NumPy arrays; `rewards` gives the reward that a seed learned."""
     found = []
     for i, seed in enumerate(case.seeds):
-        actor = of_seed(actors, i)
+        actor = seed_slice(actors, i)
         layers = [(np.asarray(w, np.float64), np.asarray(b, np.float64)) for w, b in actor.net]
         reward = None if rewards is None else rewards(i)
         found.append(NetPolicy(world.seen, world.head.vectors, layers, np.asarray(actor.deviations), seed, reward))
     return found
 
 
-def reinforced(config: Ppo, case: LearnerCase) -> list[NetPolicy]:
-    """Policies that learned from the reward."""
+def train_ppo(config: Ppo, case: LearnerCase) -> list[NetPolicy]:
+    """Train policies on the true reward."""
     world = world_of(case.task, config.experience)
     update = PpoUpdate(config, world)
 
-    def advance(learning: Learning, key: AnyArray, shared: Any) -> Learning:
+    def advance(learning: PolicyState, key: AnyArray, shared: Any) -> PolicyState:
         first, second = jax.random.split(key)
-        walk, steps = played(update, learning, first)
-        return Learning(update.update(learning.policy, steps, walk, steps.reward, second), walk)
+        walk, steps = collect(update, learning, first)
+        return PolicyState(update.update(learning.policy, steps, walk, steps.reward, second), walk)
 
     each = update.steps * update.experience.lanes
     plan = Schedule(rounds(case, each), each, shown=lambda learning: policies(case, world, learning.policy.actor))
-    last = trained(case, lambda key: begun(update, key), advance, plan)
+    last = train_seeds(case, lambda key: init_policy_state(update, key), advance, plan)
     return policies(case, world, last.policy.actor)
 
 
 def rounds(case: LearnerCase, each: int) -> int:
-    """How many rounds of so many counted steps there are in the budget.
+    """Return the number of rounds of `each` counted steps in the budget.
 
     Raises:
-        SpecError: E713 where there is not one.
+        SpecError: E713 if there is none.
     """
     if case.steps < each:
         misused(f"a round of this learner takes {each:,} steps, and {case.steps:,} are granted")
     return case.steps // each
 
 
-# ---------- clone
-# Behavioural cloning: the expert's actions as a problem of supervised learning.
+# -- behavioural cloning ------------------------------------------------------------------------------------------
 
 
-def cloned(config: Cloning, case: LearnerCase) -> list[NetPolicy]:
-    """Policies that do what was demonstrated."""
+def train_bc(config: Cloning, case: LearnerCase) -> list[NetPolicy]:
+    """Train policies by supervised learning of the demonstrated actions."""
     world, shown = world_of(case.task, Experience()), case.demonstrations
     first = shown.starts[max(1, round(config.share * len(shown.starts))) :]
     rows = int(first[0]) if len(first) else len(shown)
@@ -118,7 +114,7 @@ def cloned(config: Cloning, case: LearnerCase) -> list[NetPolicy]:
     adam = optax.adam(config.learning_rate)
 
     def init(key: AnyArray) -> Any:
-        actor = begun_actor(key, world, config.hidden)
+        actor = init_actor(key, world, config.hidden)
         return actor, adam.init(actor)
 
     def advance(state: Any, key: AnyArray, data: Any) -> Any:
@@ -129,15 +125,15 @@ def cloned(config: Cloning, case: LearnerCase) -> list[NetPolicy]:
         return optax.apply_updates(actor, change), optimiser
 
     updates = max(config.updates, config.epochs * -(-rows // config.batch))
-    actor, _ = trained(case, init, advance, Schedule(updates, 0), data)
+    actor, _ = train_seeds(case, init, advance, Schedule(updates, 0), data)
     return policies(case, world, actor)
 
 
 def loss(actor: PolicyNet, config: Cloning, world: World, seen: AnyArray, action: AnyArray) -> AnyArray:
-    """How far the actor is from actions (N, K) on what is seen (N, D)."""
-    said, vectors = says(actor.net, seen), world.head.vectors
+    """Return the loss of a policy on actions (N, K) and observations (N, D)."""
+    output, vectors = forward(actor.net, seen), world.head.vectors
     if not vectors.counts and config.loss == "squared":
-        return ((said - action) ** 2).mean()
+        return ((output - action) ** 2).mean()
     if vectors.counts and config.joint:
-        return -(vectors.one_hot(action) * jax.nn.log_softmax(said)).sum(-1).mean()
-    return -jnp.mean(world.head.log_prob(said, actor.deviations, action))
+        return -(vectors.one_hot(action) * jax.nn.log_softmax(output)).sum(-1).mean()
+    return -jnp.mean(world.head.log_prob(output, actor.deviations, action))

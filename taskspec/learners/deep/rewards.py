@@ -11,17 +11,14 @@ import optax
 
 from taskspec.base.arrays import AnyArray
 from taskspec.data import Demonstrations
-from taskspec.learners.deep.nets import Net, net, says
-from taskspec.learners.deep.world import Played, World
+from taskspec.learners.deep.nets import Net, forward, net
+from taskspec.learners.deep.world import StepBatch, World
 from taskspec.learners.learned import LearnedReward
-from taskspec.learners.settings import Novelty, Reward
-
-# ---------- rewards
-# Nets that say how good a step is, and what they see of it.
+from taskspec.learners.table import Novelty, Reward
 
 
-class Looks(NamedTuple):
-    """Steps (N, ...) as discriminators and rewards see them (see `Played`)."""
+class RewardInputs(NamedTuple):
+    """The fields of steps (N, ...) that rewards and discriminators take (see `StepBatch`)."""
 
     seen: AnyArray
     gone: AnyArray
@@ -32,7 +29,7 @@ class Looks(NamedTuple):
 
 
 class RewardNets(NamedTuple):
-    """theta, and phi where it is shaped; the mean and variance of what was seen, and of how much."""
+    """theta, and phi if it is shaped; the mean, variance and number of observations so far."""
 
     theta: Net
     phi: Net | None
@@ -41,28 +38,28 @@ class RewardNets(NamedTuple):
     count: AnyArray
 
 
-def looks(steps: Played) -> Looks:
-    return Looks(steps.seen, steps.gone, steps.action, steps.taken, steps.next_seen, steps.next_gone)
+def reward_inputs(steps: StepBatch) -> RewardInputs:
+    return RewardInputs(steps.seen, steps.gone, steps.action, steps.taken, steps.next_seen, steps.next_gone)
 
 
-def shown_looks(world: World, shown: Demonstrations) -> Looks:
-    """Demonstrations, in which terminal states last until the horizon where they do so in the world."""
+def demonstration_inputs(world: World, shown: Demonstrations) -> RewardInputs:
+    """Return demonstrated steps; terminal states last until the horizon if they do so in the world."""
     vectors = world.head.vectors
     action = vectors.flat(np.asarray(shown.acts))
     over = np.asarray(shown.terminated & world.absorbs, np.float32)
     seen, following = (world.seen(np.asarray(o)) for o in (shown.obs, shown.next_obs))
-    found = Looks(
+    found = RewardInputs(
         seen, np.zeros(len(over), np.float32), action, vectors.one_hot(action), following * (1 - over)[:, None], over
     )
     last = shown.starts + shown.lengths - 1
     more = int((over[last] * np.maximum((world.horizon or 0) - shown.lengths, 0)).sum())
-    rest = Looks(*(np.zeros((more, *x.shape[1:]), x.dtype) for x in found))
+    rest = RewardInputs(*(np.zeros((more, *x.shape[1:]), x.dtype) for x in found))
     rest = rest._replace(gone=np.ones(more, np.float32), next_gone=np.ones(more, np.float32))
-    return Looks(*(jnp.asarray(np.concatenate(pair)) for pair in zip(found, rest, strict=True)))
+    return RewardInputs(*(jnp.asarray(np.concatenate(pair)) for pair in zip(found, rest, strict=True)))
 
 
-class RewardOf:
-    """How a reward of a world is begun and asked."""
+class RewardModel:
+    """A learned reward on a world: f = theta(s, a), and if shaped + gamma phi(s') - phi(s)."""
 
     def __init__(self, config: Reward, world: World, discount: float) -> None:
         self.config, self.world, self.discount = config, world, discount
@@ -75,15 +72,15 @@ class RewardOf:
         size = self.world.seen.size
         return RewardNets(net(first, inputs, config.hidden, 1), phi, jnp.zeros(size), jnp.ones(size), jnp.float32(0))
 
-    def __call__(self, nets: RewardNets, at: Looks) -> AnyArray:
-        """f (...) of steps (..., D)."""
+    def __call__(self, nets: RewardNets, at: RewardInputs) -> AnyArray:
+        """Return the rewards f (...) of steps (..., D)."""
         state = self._state(nets, at.seen, at.gone)
         inputs = state if self.config.inputs == "state" else jnp.concatenate([state, at.taken], -1)
-        found = says(nets.theta, inputs, self.config.activation)[..., 0]
+        found = forward(nets.theta, inputs, self.config.activation)[..., 0]
         if nets.phi is None:
             return found
         after = self._state(nets, at.next_seen, at.next_gone)
-        ahead, here = (says(nets.phi, x, self.config.activation)[..., 0] for x in (after, state))
+        ahead, here = (forward(nets.phi, x, self.config.activation)[..., 0] for x in (after, state))
         return found + self.discount * ahead - here
 
     def _state(self, nets: RewardNets, seen: AnyArray, gone: AnyArray) -> AnyArray:
@@ -93,17 +90,17 @@ class RewardOf:
             seen = (seen - nets.mean) / jnp.maximum(jnp.sqrt(nets.variance), 0.1)
         return seen if not self.world.absorbs else jnp.concatenate([seen * (1 - gone)[..., None], gone[..., None]], -1)
 
-    def watched(self, nets: RewardNets, seen: AnyArray) -> RewardNets:
-        """The nets, with the mean and variance of more observations (N, D) in theirs."""
+    def with_statistics(self, nets: RewardNets, seen: AnyArray) -> RewardNets:
+        """Return the nets with more observations (N, D) in their mean and variance."""
         if not self.config.standardised:
             return nets
         count = nets.count + len(seen)
-        share, apart = len(seen) / count, seen.mean(0) - nets.mean
-        variance = (1 - share) * nets.variance + share * seen.var(0) + share * (1 - share) * apart**2
-        return nets._replace(mean=nets.mean + share * apart, variance=variance, count=count)
+        share, distance = len(seen) / count, seen.mean(0) - nets.mean
+        variance = (1 - share) * nets.variance + share * seen.var(0) + share * (1 - share) * distance**2
+        return nets._replace(mean=nets.mean + share * distance, variance=variance, count=count)
 
     def learned(self, nets: RewardNets, pay: str) -> LearnedReward:
-        """What was learned, of NumPy arrays."""
+        """Return the learned reward, as NumPy arrays."""
         config = self.config
         mean, deviation = np.zeros(self.world.seen.size), np.ones(self.world.seen.size)
         if config.standardised:
@@ -122,12 +119,11 @@ def _arrays(layers: Net) -> tuple[Any, ...]:
     return tuple((np.asarray(w, np.float64), np.asarray(b, np.float64)) for w, b in layers)
 
 
-# ---------- novelty
-# Random network distillation (Burda et al., 2018): what a net has not learned yet of a random one is new.
+# -- random network distillation (Burda et al., 2018): novel inputs are those where one net does not predict a random one
 
 
-class Novel(NamedTuple):
-    """The net that learns and the random one, and the running mean and variance of how far they are apart."""
+class NoveltyState(NamedTuple):
+    """The learning and the random net, and the running mean and variance of their distance."""
 
     learner: Net
     target: Net
@@ -136,32 +132,32 @@ class Novel(NamedTuple):
     variance: AnyArray
 
 
-class Curiosity:
-    """How a bonus for what is new is begun, learned and paid."""
+class NoveltyBonus:
+    """A bonus for novel steps."""
 
     def __init__(self, config: Novelty, world: World) -> None:
         self.config, self.world = config, world
         self._adam = optax.adam(config.learning_rate)
 
-    def init(self, key: AnyArray) -> Novel:
+    def init(self, key: AnyArray) -> NoveltyState:
         inputs = self.world.seen.size + self.world.head.vectors.size
         nets = [net(k, inputs, self.config.hidden, self.config.outputs) for k in jax.random.split(key)]
-        return Novel(nets[0], nets[1], self._adam.init(nets[0]), jnp.float32(0), jnp.float32(1))
+        return NoveltyState(nets[0], nets[1], self._adam.init(nets[0]), jnp.float32(0), jnp.float32(1))
 
-    def apart(self, learner: Net, target: Net, at: Looks) -> AnyArray:
-        """How far the nets are apart on steps (...), the mean square of their outputs' differences."""
+    def distance(self, learner: Net, target: Net, at: RewardInputs) -> AnyArray:
+        """Return the mean squared difference (...) of the nets' outputs on steps."""
         inputs = jnp.concatenate([self.world.seen.scaled(at.seen), at.taken], -1)
-        return ((says(learner, inputs, "relu") - says(target, inputs, "relu")) ** 2).mean(-1)
+        return ((forward(learner, inputs, "relu") - forward(target, inputs, "relu")) ** 2).mean(-1)
 
-    def fitted(self, novel: Novel, at: Looks) -> Novel:
-        """After a gradient step on what was seen."""
-        slope = jax.grad(lambda n: self.apart(n, novel.target, at).mean())(novel.learner)
+    def fit(self, novel: NoveltyState, at: RewardInputs) -> NoveltyState:
+        """Return the state after a gradient step on observed steps."""
+        slope = jax.grad(lambda n: self.distance(n, novel.target, at).mean())(novel.learner)
         change, optimiser = self._adam.update(slope, novel.optimiser)
         return novel._replace(learner=optax.apply_updates(novel.learner, change), optimiser=optimiser)
 
-    def bonus(self, novel: Novel, at: Looks) -> tuple[AnyArray, Novel]:
-        """What steps (T, E) are paid, standardised by averages that move with each of them."""
-        errors, rate = self.apart(novel.learner, novel.target, at), self.config.rate
+    def bonus(self, novel: NoveltyState, at: RewardInputs) -> tuple[AnyArray, NoveltyState]:
+        """Return the bonus of steps (T, E), standardised by running averages, and the state with these averages."""
+        errors, rate = self.distance(novel.learner, novel.target, at), self.config.rate
 
         def once(carry: tuple[AnyArray, AnyArray], error: AnyArray) -> tuple[tuple[AnyArray, AnyArray], AnyArray]:
             mean, variance = carry

@@ -11,21 +11,29 @@ import optax
 from jax.flatten_util import ravel_pytree
 
 from taskspec.base.arrays import AnyArray
-from taskspec.learners.deep.nets import net, orthogonal, says, xavier
-from taskspec.learners.deep.ppo import ActorCritic, PolicyNet, advantages, critic_inputs, judged, mean, standardised
-from taskspec.learners.deep.world import Played, Walk, World, complete, round_length
-from taskspec.learners.settings import Trpo
+from taskspec.learners.deep.nets import forward, net, orthogonal, xavier
+from taskspec.learners.deep.ppo import (
+    ActorCritic,
+    PolicyNet,
+    critic_input_size,
+    critic_observations,
+    gae,
+    mean,
+    standardise,
+)
+from taskspec.learners.deep.world import RolloutState, StepBatch, World, in_complete_episode, round_length
+from taskspec.learners.table import Trpo
 
 Product = Callable[[AnyArray], AnyArray]
 """A symmetric matrix times a vector."""
 LONG = 100
-"""Steps that the regression counts time in."""
+"""Steps in a unit of time in the features of the regression."""
 CUT = 1e-6
-"""Eigenvalues that are smaller than the largest by this are taken for 0, as float32 cannot tell."""
+"""Eigenvalues below this fraction of the largest count as 0: float32 cannot distinguish them."""
 
 
 class TrpoUpdate:
-    """How a policy of `world` is begun, acts, and is improved (see `PpoUpdate`)."""
+    """TRPO on a world: initial policies and their updates (see `PpoUpdate`)."""
 
     def __init__(self, config: Trpo, world: World) -> None:
         self.config, self.world = config, world
@@ -41,68 +49,68 @@ class TrpoUpdate:
             first, self.world.seen.size, config.hidden, head.vectors.size, xavier if plain else orthogonal(0.01)
         )
         actor = PolicyNet(layers, jnp.zeros(head.deviations))
-        inputs = critic_inputs(self.world, self.experience.critic_sees_time)
+        inputs = critic_input_size(self.world, self.experience.critic_sees_time)
         if config.critic == "ridge":
             return ActorCritic(actor, jnp.zeros(2 * inputs + 4), ())
         critic = net(second, inputs, config.hidden, 1, xavier if plain else orthogonal(1.0))
         return ActorCritic(actor, critic, self._adam.init(critic))
 
-    def update(self, held: ActorCritic, steps: Played, walk: Walk, rewards: AnyArray, key: AnyArray) -> ActorCritic:
-        """The policy after a round of steps (T, E, ...), paid `rewards` (T, E), that led to `walk`."""
-        config, lasts = self.config, complete(steps) if self.experience.whole else jnp.ones_like(rewards)
-        seen = judged(self.world, steps, walk, self.experience.critic_sees_time)
+    def update(
+        self, held: ActorCritic, steps: StepBatch, walk: RolloutState, rewards: AnyArray, key: AnyArray
+    ) -> ActorCritic:
+        """Return the policy after a rollout (T, E, ...) with `rewards` (T, E) that led to `walk`."""
+        config, lasts = self.config, in_complete_episode(steps) if self.experience.whole else jnp.ones_like(rewards)
+        seen = critic_observations(self.world, steps, walk, self.experience.critic_sees_time)
         if config.critic == "ridge":
-            seen = features(seen, jnp.concatenate([steps.time, walk.state.time[None]]))
+            seen = ridge_features(seen, jnp.concatenate([steps.time, walk.state.time[None]]))
             values = seen @ held.critic
         else:
-            values = says(held.critic, seen)[..., 0]
-        gains = advantages(rewards, values, steps.ended, config.discount, config.trace)
-        targets = (gains + values[:-1]).reshape(-1)
+            values = forward(held.critic, seen)[..., 0]
+        advantages = gae(rewards, values, steps.ended, config.discount, config.gae_lambda)
+        targets = (advantages + values[:-1]).reshape(-1)
         flat = steps._replace(weight=steps.weight * lasts).flat()
-        actor = self.improved(held.actor, flat, standardised(gains.reshape(-1), flat.weight))
+        actor = self.natural_gradient_step(held.actor, flat, standardise(advantages.reshape(-1), flat.weight))
         rows = seen[:-1].reshape(len(targets), -1)
         if config.critic == "ridge":
-            return ActorCritic(actor, regression(rows, targets, lasts.reshape(-1), config.ridge), ())
-        return ActorCritic(actor, *self._fitted(held, rows, targets, key))
+            return ActorCritic(actor, ridge_regression(rows, targets, lasts.reshape(-1), config.ridge), ())
+        return ActorCritic(actor, *self._fit(held, rows, targets, key))
 
-    def improved(self, actor: PolicyNet, steps: Played, gains: AnyArray) -> PolicyNet:
-        """The policy after a step along the natural gradient, of standardised advantages (N,)."""
+    def natural_gradient_step(self, actor: PolicyNet, steps: StepBatch, advantages: AnyArray) -> PolicyNet:
+        """Return the policy after a step along the natural gradient, for standardised advantages (N,)."""
         config, (start, whole) = self.config, ravel_pytree(actor)
-        better, apart = objective(self.world, actor, steps, gains, config.entropy)
-        some = Played(*(x[:: config.fisher_every] for x in steps))
-        _, near = objective(self.world, actor, some, gains[:: config.fisher_every], 0.0)
+        better, distance = objective(self.world, actor, steps, advantages, config.entropy)
+        some = StepBatch(*(x[:: config.fisher_every] for x in steps))
+        _, near = objective(self.world, actor, some, advantages[:: config.fisher_every], 0.0)
         slope = jax.grad(lambda x: better(whole(x)))(start)
         curve = jax.grad(lambda x: near(whole(x)))
 
         def fisher(v: AnyArray) -> AnyArray:
             return jax.jvp(curve, (start,), (v,))[1] + config.damping * v
 
-        way = conjugate_gradients(fisher, slope, config.cg_iterations)
-        full = way * jnp.sqrt(2 * config.kl / jnp.maximum(way @ fisher(way), 1e-12))
+        direction = conjugate_gradients(fisher, slope, config.cg_iterations)
+        full = direction * jnp.sqrt(2 * config.kl / jnp.maximum(direction @ fisher(direction), 1e-12))
         before = better(actor)
 
         def refused(k: AnyArray) -> AnyArray:
             there = whole(start + config.shrink**k * full)
-            gain, distance = better(there) - before, apart(there)
-            fits = (
-                (gain > 0) & (distance < config.accepted_kl)
-                if config.strict
-                else (gain >= 0) & (distance <= config.accepted_kl)
-            )
-            return ~fits
+            gain = better(there) - before
+            kl = distance(there)
+            if config.strict:
+                return ~((gain > 0) & (kl < config.accepted_kl))
+            return ~((gain >= 0) & (kl <= config.accepted_kl))
 
         k = jax.lax.while_loop(lambda k: (k < config.halvings) & refused(k), lambda k: k + 1.0, 0.0)
         return whole(start + jnp.where(k < config.halvings, config.shrink**k, 0.0) * full)  # type: ignore[no-any-return]
 
-    def _fitted(self, held: ActorCritic, rows: AnyArray, targets: AnyArray, key: AnyArray) -> tuple[Any, Any]:
-        """The critic, a few epochs nearer to its targets."""
+    def _fit(self, held: ActorCritic, rows: AnyArray, targets: AnyArray, key: AnyArray) -> tuple[Any, Any]:
+        """Return the critic after some epochs of regression on its targets."""
         config, size = self.config, len(targets)
         each = min(config.critic_batch, size)
         orders = jax.vmap(lambda k: jax.random.permutation(k, size))(jax.random.split(key, config.critic_epochs))
 
         def batch(carry: Any, chosen: AnyArray) -> tuple[Any, None]:
             critic, optimiser = carry
-            slope = jax.grad(lambda c: ((says(c, rows[chosen])[:, 0] - targets[chosen]) ** 2).mean())(critic)
+            slope = jax.grad(lambda c: ((forward(c, rows[chosen])[:, 0] - targets[chosen]) ** 2).mean())(critic)
             change, optimiser = self._adam.update(slope, optimiser)
             return (optax.apply_updates(critic, change), optimiser), None
 
@@ -110,25 +118,27 @@ class TrpoUpdate:
         return jax.lax.scan(batch, (held.critic, held.optimiser), orders)[0]
 
 
-def objective(world: World, actor: PolicyNet, steps: Played, gains: AnyArray, entropy: float) -> tuple[Any, Any]:
-    """Functions of a policy: what it gains over `actor` on these steps, and how far it is from it."""
-    head, old = world.head, (says(actor.net, steps.seen), actor.deviations)
+def objective(
+    world: World, actor: PolicyNet, steps: StepBatch, advantages: AnyArray, entropy: float
+) -> tuple[Any, Any]:
+    """Return two functions of a policy: its surrogate advantage on these steps, and its mean divergence from `actor`."""
+    head, old = world.head, (forward(actor.net, steps.seen), actor.deviations)
     before = head.log_prob(*old, steps.action)
 
     def better(new: PolicyNet) -> AnyArray:
-        said = says(new.net, steps.seen)
-        ratio = jnp.exp(head.log_prob(said, new.deviations, steps.action) - before)
-        spread = jax.lax.stop_gradient(head.entropy(said, new.deviations))
-        return mean(ratio * (gains + entropy * spread), steps.weight)
+        output = forward(new.net, steps.seen)
+        ratio = jnp.exp(head.log_prob(output, new.deviations, steps.action) - before)
+        spread = jax.lax.stop_gradient(head.entropy(output, new.deviations))
+        return mean(ratio * (advantages + entropy * spread), steps.weight)
 
-    def apart(new: PolicyNet) -> AnyArray:
-        return mean(head.divergence(old, (says(new.net, steps.seen), new.deviations)), steps.weight)
+    def distance(new: PolicyNet) -> AnyArray:
+        return mean(head.divergence(old, (forward(new.net, steps.seen), new.deviations)), steps.weight)
 
-    return better, apart
+    return better, distance
 
 
 def conjugate_gradients(product: Product, target: AnyArray, iterations: int) -> AnyArray:
-    """About x with product(x) = target."""
+    """Return an approximation of x with product(x) = target."""
 
     def once(_: int, carry: tuple[AnyArray, AnyArray, AnyArray]) -> tuple[AnyArray, AnyArray, AnyArray]:
         x, rest, way = carry
@@ -141,14 +151,14 @@ def conjugate_gradients(product: Product, target: AnyArray, iterations: int) -> 
     return found
 
 
-def features(seen: AnyArray, time: AnyArray) -> AnyArray:
-    """What the regression sees, (..., 2 D + 4): what is seen (..., D) and its squares, and powers of the time."""
+def ridge_features(seen: AnyArray, time: AnyArray) -> AnyArray:
+    """Return features (..., 2 D + 4): observations (..., D), their squares, and powers of the time."""
     o, u = jnp.clip(seen, -10, 10), (time / LONG).astype(jnp.float32)[..., None]
     return jnp.concatenate([o, o**2, u, u**2, u**3, jnp.ones_like(u)], -1)
 
 
-def regression(rows: AnyArray, targets: AnyArray, weight: AnyArray, ridge: float) -> AnyArray:
-    """The weights (D,) with the least squared error on rows (N, D) that count, and the least themselves among those."""
+def ridge_regression(rows: AnyArray, targets: AnyArray, weight: AnyArray, ridge: float) -> AnyArray:
+    """Return the weights (D,) of least squared error on weighted rows (N, D), and of least norm among those."""
     scaled = rows * weight[:, None]
     values, vectors = jnp.linalg.eigh(scaled.T @ rows + ridge * jnp.eye(rows.shape[1]))
     inverse = jnp.where(values > CUT * values[-1], 1 / values, 0.0)

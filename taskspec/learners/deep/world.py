@@ -1,4 +1,4 @@
-"""A task as learners with nets act in it, and training of all seeds of a block at once."""
+"""A task as learners with nets act in it, and the training of all seeds of a block at once."""
 
 from __future__ import annotations
 
@@ -17,28 +17,25 @@ from taskspec.base.progress import tell
 from taskspec.lang.ir import Const
 from taskspec.learners.case import LearnerCase, Vectors, cannot_learn
 from taskspec.learners.deep.nets import ActionHead
-from taskspec.learners.settings import Experience
+from taskspec.learners.table import Experience
 from taskspec.modifiers import modify
 from taskspec.task.task import Task
 
-# ---------- world
-# A task as learners with nets act in it: vectors in place of observations, and rounds of a fixed number of steps.
 
-
-class Walk(NamedTuple):
-    """Where the lanes of a learner are: the program's state, what is seen of it (E, D), and whether all is over (E,)."""
+class RolloutState(NamedTuple):
+    """The lanes of a learner: the program's state, observations (E, D), and 1.0 in absorbing states (E,)."""
 
     state: State
     seen: AnyArray
     gone: AnyArray
 
 
-class Played(NamedTuple):
-    """Steps, (T, E, ...) where they are in order; `next_seen` is what the step itself led to, whatever begins anew.
+class StepBatch(NamedTuple):
+    """Steps, (T, E, ...) in order; `next_seen` is the observation after the step, before a reset.
 
-    `gone` is 1.0 where the step was taken in a state that absorbs, and `next_gone` where it led to one; `seen` and `taken`
-    (actions as vectors) are 0 there. `time` counts the steps before it in its episode. `ended` is 1.0 for the last step of one.
-    `weight` is 0.0 for steps that do not count.
+    `gone` is 1.0 for steps taken in an absorbing state, and `next_gone` for those that led to one; `seen` and `taken`
+    (actions as vectors) are 0 there. `time` counts the earlier steps of the episode. `ended` is 1.0 for the last step of an
+    episode. `weight` is 0.0 for steps that do not count.
     """
 
     seen: AnyArray
@@ -52,18 +49,18 @@ class Played(NamedTuple):
     ended: AnyArray
     weight: AnyArray
 
-    def flat(self) -> Played:
-        """One axis in the place of the first two."""
-        return Played(*(x.reshape(-1, *x.shape[2:]) for x in self))
+    def flat(self) -> StepBatch:
+        """Return the steps with the first two axes joined."""
+        return StepBatch(*(x.reshape(-1, *x.shape[2:]) for x in self))
 
 
 Act = Callable[[AnyArray, AnyArray], AnyArray]
-"""Actions (E, K) of what is seen (E, D) and of noise (E, size)."""
+"""From observations (E, D) and noise (E, size) to actions (E, K)."""
 
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A task, how it is seen, and how one acts in it."""
+    """A task with its observations as vectors and its actions as distributions."""
 
     task: Task
     horizon: int | None
@@ -73,7 +70,7 @@ class World:
 
     @classmethod
     def of(cls, task: Task, absorb: bool) -> World:
-        """`absorb`: as in `Experience`."""
+        """Return the world of a task; `absorb` as in `Experience`."""
         ends = not (isinstance(task.terminal, Const) and not task.terminal.value)
         absorbs = absorb and ends and task.horizon is not None and task.ending == "terminate"
         program = compile_jax(modify(task, "absorbing") if absorbs else task)
@@ -87,10 +84,10 @@ class World:
 
     @property
     def length(self) -> int:
-        """The most steps that an episode may take.
+        """The largest number of steps of an episode.
 
         Raises:
-            CannotLearn: where there is no telling.
+            CannotLearn: there is no limit.
         """
         if self.horizon is not None:
             return self.horizon
@@ -98,35 +95,35 @@ class World:
             return 1
         return cannot_learn(f"episodes of {self.task.id} have no horizon", "give the task one")
 
-    def begin(self, key: AnyArray, lanes: int) -> Walk:
-        """New episodes."""
+    def begin(self, key: AnyArray, lanes: int) -> RolloutState:
+        """Begin an episode in every lane."""
         words = jax.random.bits(key, (2, lanes), jnp.uint32)
         program = compile_jax(self.task)
         state, seen = program.reset(words)
-        return Walk(state, self._vectors(seen), jnp.zeros(lanes))
+        return RolloutState(state, self._vectors(seen), jnp.zeros(lanes))
 
-    def step(self, walk: Walk, action: AnyArray) -> tuple[Walk, Played]:
-        """A step of every lane; an episode that ends begins anew."""
+    def step(self, walk: RolloutState, action: AnyArray) -> tuple[RolloutState, StepBatch]:
+        """Take a step in every lane; lanes whose episodes end are reset."""
         program = compile_jax(self.task)
-        after, result = program.step(walk.state, acted(program.action, self.head.played(action)))
+        after, result = program.step(walk.state, acted(program.action, self.head.program_action(action)))
         gone = after.values[-1].astype(jnp.float32) if self.absorbs else jnp.zeros_like(walk.gone)
         next_seen = self._vectors(result.observation) * (1 - gone)[:, None]
         ended = result.terminated | result.truncated
-        state, begun = program.again(after, result)
-        following = Walk(
+        state, first_seen = program.again(after, result)
+        following = RolloutState(
             state,
-            jnp.where(ended[:, None], self._vectors(begun), next_seen),
+            jnp.where(ended[:, None], self._vectors(first_seen), next_seen),
             jnp.where(ended, 0.0, gone),
         )
         taken = self.head.vectors.one_hot(action) * (1 - walk.gone)[:, None]
-        told = Played(
+        step = StepBatch(
             walk.seen, walk.gone, walk.state.time, action, taken, next_seen, gone,
             result.reward, ended.astype(jnp.float32), 1 - walk.gone,
         )  # fmt: skip
-        return following, told
+        return following, step
 
-    def walk(self, walk: Walk, act: Act, key: AnyArray, steps: int) -> tuple[Walk, Played]:
-        """So many steps of every lane: (T, E, ...)."""
+    def rollout(self, walk: RolloutState, act: Act, key: AnyArray, steps: int) -> tuple[RolloutState, StepBatch]:
+        """Take steps in every lane: (T, E, ...)."""
         noise = self.head.noise(key, (steps, len(walk.seen)))
         return jax.lax.scan(lambda w, n: self.step(w, act(w.seen, n)), walk, noise)
 
@@ -136,33 +133,30 @@ class World:
 
 
 def round_length(world: World, experience: Experience) -> int:
-    """The steps of a lane in a round: rounds of whole episodes have room for enough of the longest."""
+    """Return the steps of a lane in a round; rounds of whole episodes are long enough for the longest."""
     if not experience.whole:
         return experience.steps
     return -(-experience.steps // world.length) * world.length
 
 
-def complete(steps: Played) -> AnyArray:
-    """1.0 for steps (T, E) of episodes whose ends are among them; 0.0 for those of the last one where it was cut."""
+def in_complete_episode(steps: StepBatch) -> AnyArray:
+    """Return 1.0 for steps (T, E) of episodes that end within them, 0.0 for those of a last one that is cut off."""
     return jnp.flip(jax.lax.cummax(jnp.flip(steps.ended, 0), axis=0), 0)
 
 
-# ---------- engine
-# Training: all seeds of a block at once, in chunks of rounds.
+# -- training -----------------------------------------------------------------------------------------------------
 
 CHUNKS = 10
-"""How often it is told how far training is, and a point of the learning curve is shown; the last, shorter one is one more."""
+"""Chunks of rounds; progress and a point of the learning curve are reported after each."""
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long it is trained.
+    """The length of a training.
 
     Attributes:
-        rounds: of training.
-        steps: of the environment that a round is counted as.
-        comparisons: that are made in a round.
-        shown: the policies, one for each seed, of the state of all seeds: a point of the learning curve.
+        steps, comparisons: counted for a round.
+        shown: from the state of all seeds to a policy for each: a point of the learning curve.
     """
 
     rounds: int
@@ -171,18 +165,18 @@ class Schedule:
     shown: Callable[[Any], list[Any]] | None = None
 
 
-def trained(
+def train_seeds(
     case: LearnerCase,
     init: Callable[[AnyArray], Any],
     advance: Callable[[Any, AnyArray, Any], Any],
     plan: Schedule,
     shared: Any = (),
 ) -> Any:
-    """The state of every seed in the end, seeds first.
+    """Train all seeds and return their last states, seeds first.
 
     Args:
-        init: the first state of a seed, of its key.
-        advance: the state after a round, of the state, the round's key, and what is `shared`.
+        init: from a seed's key to its first state.
+        advance: from a state, the round's key and `shared` to the state after the round.
         shared: arrays that all seeds read.
     """
 
@@ -207,6 +201,6 @@ def trained(
     return state
 
 
-def of_seed(state: Any, i: int) -> Any:
-    """The part of a state that belongs to one seed, as NumPy arrays."""
+def seed_slice(state: Any, i: int) -> Any:
+    """Return one seed's part of a state, as NumPy arrays."""
     return jax.tree.map(lambda x: np.asarray(x[i]), state)

@@ -102,7 +102,7 @@ def one_row(model: Model, step: Any, keys: dict[int, Key], row: int, at: tuple[K
     for o in outcomes:
         expected[o.state, o.terminated] = expected.get((o.state, o.terminated), 0.0) + float(o.probability)
     found: Row = {}
-    for matrix, ends in ((step.going, False), (step.ending, True)):
+    for matrix, ends in ((step.P, False), (step.P_end, True)):
         if matrix is not None:
             part = slice(matrix.indptr[row], matrix.indptr[row + 1])
             for column, p in zip(matrix.indices[part], matrix.data[part], strict=True):
@@ -112,8 +112,8 @@ def one_row(model: Model, step: Any, keys: dict[int, Key], row: int, at: tuple[K
     compare(expected, {k: p for k, p in found.items() if p}, "model row", where)
     reward = sum((o.probability * exact(o.reward) for o in outcomes), Fraction(0))
     size = sum((o.probability * abs(exact(o.reward)) for o in outcomes), Fraction(0))
-    if abs(reward - exact(float(step.reward[row]))) > NEAR * size:
-        raise Difference("model reward", f"{where}: {step.reward[row]}, expected {float(reward)}")
+    if abs(reward - exact(float(step.R[row]))) > NEAR * size:
+        raise Difference("model reward", f"{where}: {step.R[row]}, expected {float(reward)}")
 
 
 def exact(x: Any) -> Fraction:

@@ -60,7 +60,7 @@ def compare(case: Case, model: Model) -> int:
     asked = Case(real | {"abstraction": section}, None, case.seed, case.given)
     truth, others = solve.returns(model), decoys(asked, model)
     try:
-        found = Results(asked.task).faith
+        found = Results(asked.task).abstraction_check
     except SpecError:
         if wrong:  # a stand-in with a mistake may be no task
             return 0

@@ -33,6 +33,7 @@ from taskspec.rules.evaluator import Evaluator, Truth, Undecidable
 from taskspec.rules.vocabulary import RESULTS, RETURNS, InvalidClaim, holds_of_all, refuse_misplaced, rule_named
 from taskspec.scores.partial_observability import SEARCHES, best_observing
 from taskspec.scores.returns import Results
+from taskspec.solve.backward import Rule
 from taskspec.solve.enclosure import (
     Enclosure,
     Inexact,
@@ -44,7 +45,6 @@ from taskspec.solve.enclosure import (
     digits,
     negative,
 )
-from taskspec.solve.policy_rules import Rule
 from taskspec.solve.solver import Solver
 
 
@@ -58,9 +58,9 @@ class Reason:
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """How a claim is evaluated: by which reading of floats; at which confidence and on how many episodes if simulated.
+    """Settings of an evaluation: the reading of floats; confidence and episodes of simulations.
 
-    With `soundly`, intervals of simulated returns hold whatever their distribution; otherwise they are normal ones.
+    With `soundly`, intervals of simulated returns hold for any distribution; otherwise they are normal ones.
     """
 
     as_written: bool = False
@@ -153,11 +153,8 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         except Inexact:
             return Enclosure.exactly(value)
 
-    def negative(self, number: Enclosure) -> Enclosure:
-        return negative(number)
-
-    def arithmetic(self, op: str, left: Enclosure, right: Enclosure) -> Enclosure:
-        return arithmetic(op, left, right)
+    def arithmetic(self, op: str, *numbers: Enclosure) -> Enclosure:
+        return negative(*numbers) if op == "neg" else arithmetic(op, *numbers)
 
     def quantity(self, expr: s.Expr) -> Enclosure:
         match expr:
@@ -223,7 +220,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         model = self.results.model
         if model is None:
             raise Undecidable(f"this claim needs an exact model, which does not exist: {self.results.why_not}", expr)
-        if self.results.faith is not None and self.results.faith.problem is not None:
+        if self.results.abstraction_check is not None and self.results.abstraction_check.problem is not None:
             raise Undecidable("the abstraction that this would be told from is not faithful", expr)
         self.rests_on = max(self.rests_on, self.results.tested())
         return model
@@ -314,7 +311,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
 
 
 def _sides(left: s.Expr, a: Enclosure, right: s.Expr, b: Enclosure, holds: bool | None) -> str:
-    """Both sides with their values, in as many digits as tell them apart."""
+    """Return both sides with their values, in enough digits to distinguish them."""
     shown = str(a), str(b)
     if not holds and shown[0] == shown[1]:
         shown = _closely(a), _closely(b)

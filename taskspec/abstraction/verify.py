@@ -1,4 +1,9 @@
-"""Whether an abstraction is faithful: proved by looking at every step of it, or tested by episodes beside it."""
+"""Verify that an abstraction is faithful: by a proof over all of its steps, or by tests on episodes of the task.
+
+It is proved if the task can be rewritten over the mapped state (`factor`), or is finite itself, and then agrees with the
+stand-in in every state, for every action, in the probability of every outcome (`homomorphism`). Otherwise episodes are
+compared with it.
+"""
 
 from __future__ import annotations
 
@@ -22,19 +27,18 @@ from taskspec.model.transitions import is_finite, joint_outcomes
 from taskspec.rollout.rollout import Choose, Moved, Rollout, at_random, by_expert, is_bounded, reads_of, sampled_actions
 from taskspec.task.task import Component, Task
 
-# ---------- trials
-# Episodes of a task beside the finite stand-in that an abstraction gives it: does it do what they do, as often?
-
 State = dict[str, Array]
 STARTS = 4096
 LANES, FEWEST, STEPS = 512, 32, 200_000
-"""Episodes that are run side by side, at least, and steps of all together that are looked at."""
+"""The most and the fewest episodes, and the steps of all of them together."""
 LONGEST = 2000
+"""Steps of an episode that are compared."""
 SIGMAS = 6.0
+"""Standard deviations that a count may be from its expectation."""
 
 
-def endless_draw(task: Task) -> str | None:
-    """What of a stand-in has endlessly many outcomes, so that none can be found among them."""
+def infinite_draw(task: Task) -> str | None:
+    """Return the problem with a stand-in that has infinitely many outcomes, or None."""
     for draw in draws((*task.initial, *task.next, task.reward, task.terminal)):
         if not is_finite(draw):
             return f"it draws from a {draw.base} distribution, which has infinitely many outcomes"
@@ -42,24 +46,29 @@ def endless_draw(task: Task) -> str | None:
 
 
 class _Tally:
-    """How often each of several outcomes happened, and how often it was expected to."""
+    """Observed and expected counts of each of several outcomes."""
 
     def __init__(self) -> None:
-        self.known: dict[tuple[int, int], Array] = {}  # seen, expected, variance
+        self.counts: dict[tuple[int, int], Array] = {}  # observed, expected, variance
 
     def add(self, number: Array, count: Array, seen: Array, chance: Array) -> None:
-        """Outcomes by their number among so many of a step: how much each was seen, and its probability."""
+        """Count outcomes by their number among all of a step.
+
+        Args:
+            number, count, seen, chance: the number of each outcome, the number of outcomes of its step, its share of what was
+                observed, and its probability; all (N,).
+        """
         key = number * (int(count.max(initial=0)) + 1) + count
         for k in np.unique(key).tolist():
             here = key == k
             p = chance[here]
             total = np.array([seen[here].sum(), p.sum(), (p * (1 - p)).sum()])
             name = (int(number[here][0]) + 1, int(count[here][0]))
-            self.known[name] = self.known.get(name, np.zeros(3)) + total
+            self.counts[name] = self.counts.get(name, np.zeros(3)) + total
 
-    def surprising(self) -> str | None:
-        """What differs from its expectation by more than chance makes likely."""
-        for (number, count), (seen, expected, variance) in self.known.items():
+    def problem(self) -> str | None:
+        """Return an outcome whose count is too far from its expectation, or None."""
+        for (number, count), (seen, expected, variance) in self.counts.items():
             if abs(seen - expected) > SIGMAS * math.sqrt(max(variance, 0.0)) + SIGMAS:
                 return (
                     f"number {number} of {count} outcomes was seen {seen:.0f} times, where {expected:.0f} are expected"
@@ -68,15 +77,18 @@ class _Tally:
 
 
 class Simulation:
-    """Episodes of the task, each step of which is compared with what the stand-in would do."""
+    """Episodes of the task, each step of which is compared with the outcomes of the stand-in."""
 
     def __init__(self, found: Abstraction, seed: int) -> None:
-        self.found, self.seed, self.task, self.stand_in = found, seed, found.task, found.stand_in
+        self.found = found
+        self.seed = seed
+        self.task = found.task
+        self.stand_in = found.stand_in
         self.last = min(found.task.horizon or LONGEST, LONGEST)
         self.lanes = max(FEWEST, min(LANES, STEPS // self.last))
 
     def starts(self) -> tuple[str | None, int] | None:
-        """A problem with where episodes start, or None."""
+        """Return a problem with the first states, and the number of episodes; or None."""
         mapped = _rows(self.found.map(Rollout(self.task, STARTS, self.seed).start()))
         values, counts = np.unique(mapped, axis=0, return_counts=True)
         expected = _start_distribution(self.stand_in)
@@ -94,19 +106,20 @@ class Simulation:
             yield by_expert(self.task)
 
     def steps(self) -> tuple[str | None, int]:
-        """A problem with steps, or None; and how many episodes were looked at."""
-        tally, episodes = _Tally(), 0
+        """Return a problem with steps, or None; and the number of episodes."""
+        tally = _Tally()
+        episodes = 0
         for i, choose in enumerate(self.choosers()):
             episodes += self.lanes
             for t, state, action, moved in self._walk(choose, self.seed + i * self.lanes):
-                here, there = self.found.map(state), self.found.map(moved.state)
-                problem = self._compare(t, here, action, there, moved, tally)
+                problem = self._compare(t, state, action, moved, tally)
                 if problem is not None:
                     return problem, episodes
-        return tally.surprising(), episodes
+        return tally.problem(), episodes
 
     def _walk(self, choose: Choose, seed: int) -> Iterator[tuple[int, State, Any, Moved]]:
-        rollout, rng = Rollout(self.task, self.lanes, seed), np.random.default_rng(seed)
+        rollout = Rollout(self.task, self.lanes, seed)
+        rng = np.random.default_rng(seed)
         state = rollout.start()
         for t in range(self.last):
             action = choose(state, t, rng)
@@ -114,17 +127,19 @@ class Simulation:
             yield t, state, action, moved
             state = {n: np.where(moved.terminal, state[n], moved.state[n]) for n in state}
 
-    def _compare(self, t: int, here: State, action: Any, there: State, moved: Moved, tally: _Tally) -> str | None:
-        """Whether some outcome of the stand-in agrees with what happened, in every lane; each outcome is counted."""
+    def _compare(self, t: int, state: State, action: Any, moved: Moved, tally: _Tally) -> str | None:
+        """Return a lane in which no outcome of the stand-in agrees with the step; otherwise count outcomes."""
         task = self.stand_in
-        roots, reads = (*task.next, task.reward, task.terminal), reads_of(here, action, t)
+        here = self.found.map(state)
+        there = self.found.map(moved.state)
+        roots = (*task.next, task.reward, task.terminal)
 
         def agrees(values: Sequence[Array], at: Array) -> Array:
             *following, paid, ended = values
             same = np.isclose(paid, moved.reward[at], rtol=1e-9, atol=1e-9) & (ended == moved.terminal[at])
             return np.asarray(same & _all_equal(task.state, following, there, at))
 
-        where = self._unexplained(_outcomes(roots, reads, self.lanes, agrees), here, tally)
+        where = self._unexplained(_outcomes(roots, reads_of(here, action, t), self.lanes, agrees), here, tally)
         if where is None:
             return None
         row, lane = where
@@ -132,7 +147,7 @@ class Simulation:
         return f"from {row} with {did} it gives another reward, end or next state than the task does"
 
     def _unexplained(self, found: _Outcomes, here: State, tally: _Tally) -> tuple[str, int] | None:
-        """A state, and its lane, where no outcome agrees; outcomes that do are counted."""
+        """Return a state, and its lane, in which no outcome agrees; count the outcomes that do if there is none."""
         explained = np.bincount(found.at[found.same], found.weight[found.same], self.lanes)
         if (explained == 0).any():
             lane = int(np.flatnonzero(explained == 0)[0])
@@ -151,18 +166,18 @@ class Simulation:
     # -- experts ------------------------------------------------------------------------------------------------------
 
     def experts(self) -> tuple[str | None, int]:
-        """A problem with what the expert of the stand-in does, or None; and how many episodes were looked at."""
-        mine, others = self.task.expert, self.stand_in.expert
-        if not isinstance(mine, tuple) or not isinstance(others, tuple):
+        """Return a problem with the expert of the stand-in, or None; and the number of episodes."""
+        nodes = self.stand_in.expert
+        if not isinstance(self.task.expert, tuple) or not isinstance(nodes, tuple):
             return None, self.lanes
-        tally, expert = _Tally(), by_expert(self.task)
-        for t, state, action, _ in self._walk(expert, self.seed):
-            problem = self._acting(t, self.found.map(state), action, others, tally)
+        tally = _Tally()
+        for t, state, action, _ in self._walk(by_expert(self.task), self.seed):
+            problem = self._compare_expert(t, self.found.map(state), action, nodes, tally)
             if problem is not None:
                 return problem, self.lanes
-        return tally.surprising(), self.lanes
+        return tally.problem(), self.lanes
 
-    def _acting(self, t: int, here: State, action: Any, nodes: Sequence[Node], tally: _Tally) -> str | None:
+    def _compare_expert(self, t: int, here: State, action: Any, nodes: Sequence[Node], tally: _Tally) -> str | None:
         def agrees(values: Sequence[Array], at: Array) -> Array:
             return _all_equal(self.task.action, values, action, at)
 
@@ -172,7 +187,7 @@ class Simulation:
 
 @dataclass(frozen=True)
 class _Outcomes:
-    """Outcomes of all lanes: the lane of each, its probability, and whether it agrees with what happened; all (N,)."""
+    """Outcomes of all lanes: the lane of each, its probability, and whether it agrees with the step; all (N,)."""
 
     at: Array
     weight: Array
@@ -190,7 +205,7 @@ def _outcomes(
 def _all_equal(
     components: Sequence[Component], values: Sequence[Array], others: Mapping[str, Array], at: Array
 ) -> Array:
-    """Where (N,) all components have the values of the lanes."""
+    """Return where (N,) all components have the values of the lanes."""
     same = np.ones(len(at), np.bool_)
     for c, value in zip(components, values, strict=True):
         same &= (value == others[c.name][..., at]).reshape(-1, len(at)).all(axis=0)
@@ -207,7 +222,7 @@ def _start_distribution(task: Task) -> dict[tuple[Any, ...], float]:
 
 
 def _rows(state: State) -> Array:
-    """All elements of a state as numbers, (lanes, elements)."""
+    """Return all elements of a state as integers (lanes, elements)."""
     return np.concatenate([v.reshape(-1, v.shape[-1]).astype(np.int64) for v in state.values()]).T
 
 
@@ -220,21 +235,18 @@ def _describe(task: Task, row: Array) -> str:
     return ", ".join(words)
 
 
-# ---------- faith
-# Whether an abstraction is faithful: proved by looking at every step of it, or tested on episodes of the task.
-#
-# It is proved where the task can be rewritten over the mapped state (`homomorphism.factor`), or is finite itself, and then
-# agrees with the stand-in in every state, for every action, in the probability of every outcome. Elsewhere episodes are
-# compared with it; what rests on such an abstraction is tested, and no more.
+# -- verification -----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Faith:
-    """What is known of an abstraction.
+class AbstractionCheck:
+    """The result of the verification of an abstraction.
 
-    `problem` says where it differs from the task (None: nowhere that was looked at). Otherwise it is proved where
-    `episodes` is 0, and was tested on that many; `expert_episodes` is the same for its expert. `why` says what stood in
-    the way of a proof.
+    Args:
+        episodes: on which it was tested; 0 if it is proved.
+        expert_episodes: the same for its expert.
+        why: the reason for which there is no proof.
+        problem: a difference from the task; None if none was found.
     """
 
     episodes: int = 0
@@ -247,7 +259,7 @@ class Faith:
         return self.problem is None and not self.episodes
 
 
-def examined(found: Abstraction, seed: int = 0) -> Faith:
+def verify(found: Abstraction, seed: int = 0) -> AbstractionCheck:
     """Prove an abstraction, or test it."""
     try:
         proof = _proof(found)
@@ -258,42 +270,41 @@ def examined(found: Abstraction, seed: int = 0) -> Faith:
     if proof.problem is not None or not isinstance(found.task.expert, tuple) or not proof.why:
         return proof
     problem, episodes = Simulation(found, seed).experts()
-    return Faith(0, episodes, proof.why, problem)
+    return AbstractionCheck(0, episodes, proof.why, problem)
 
 
-def unfaithful(found: Abstraction, faith: Faith | None = None) -> Diagnostic | None:
-    """What is wrong with an abstraction, or None."""
-    problem = (faith or examined(found)).problem
+def unfaithful(found: Abstraction, check: AbstractionCheck | None = None) -> Diagnostic | None:
+    """Return E604 for an abstraction that is not faithful, or None."""
+    problem = (check or verify(found)).problem
     if problem is None:
         return None
     expr = next(iter(found.task.surface.sections["abstraction"].values()))
     return Diagnostic("E604", expr.place.span, f"the abstraction is not faithful: {problem}")
 
 
-def _proof(found: Abstraction) -> Faith:
-    """`why` says why the expert is not part of the proof."""
+def _proof(found: Abstraction) -> AbstractionCheck:
+    """Return the result of a proof; with `why` if the expert is not part of it."""
     if found.task.is_finite:
-        task, nodes, has_expert = found.task, found.nodes, isinstance(found.task.expert, tuple)
+        task = found.task
+        nodes = found.nodes
+        has_expert = isinstance(found.task.expert, tuple)
     else:
         result = factored(found)
-        task, has_expert = result.task, result.has_expert
-        nodes = tuple(_read(c) for c in task.state)
+        task = result.task
+        has_expert = result.has_expert
+        nodes = tuple(Read(Role.STATE, c.name, c.type, c.least, c.most) for c in task.state)
     wrong = difference(task, nodes, found.stand_in, has_expert and isinstance(found.stand_in.expert, tuple))
     if wrong is not None:
-        return Faith(problem=wrong)
-    return Faith(why="" if has_expert else "the expert depends on more than the mapped state")
+        return AbstractionCheck(problem=wrong)
+    return AbstractionCheck(why="" if has_expert else "the expert depends on more than the mapped state")
 
 
-def _read(c: Component) -> Node:
-    return Read(Role.STATE, c.name, c.type, c.least, c.most)
-
-
-def _tested(found: Abstraction, seed: int, why: str) -> Faith:
-    endless = endless_draw(found.stand_in)
-    if endless is not None:
-        return Faith(why=why, problem=endless)
+def _tested(found: Abstraction, seed: int, why: str) -> AbstractionCheck:
+    problem = infinite_draw(found.stand_in)
+    if problem is not None:
+        return AbstractionCheck(why=why, problem=problem)
     simulation = Simulation(found, seed)
     problem, episodes = simulation.starts() or simulation.steps()
     if problem is None and isinstance(found.task.expert, tuple):
         problem, _ = simulation.experts()
-    return Faith(episodes, episodes, why, problem)
+    return AbstractionCheck(episodes, episodes, why, problem)

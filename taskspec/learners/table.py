@@ -1,17 +1,12 @@
-"""The settings of each learner, and those that a file changes, checked against their dataclasses."""
+"""The table of learners: their settings, with the defaults of the published algorithms, and one entry each.
+
+Neither JAX nor SciPy is imported here: an entry names its trainer.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
-from types import NoneType
-from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
-
-from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
-from taskspec.source import Document, Path
-
-# ---------- configurations
-# What can be set of each learner. The defaults are those of the algorithms as published.
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 Activation = Literal["relu", "tanh"]
 
@@ -50,7 +45,7 @@ class Ppo:
     epochs: int = 4
     minibatches: int = 4
     discount: float = 0.99
-    trace: float = 0.95
+    gae_lambda: float = 0.95
     clip: float = 0.2
     value_clip: float | None = 0.2
     entropy: float = 0.01
@@ -75,7 +70,7 @@ class Trpo:
     hidden: tuple[int, ...] = (64, 64)
     weights: Literal["orthogonal", "xavier"] = "orthogonal"
     discount: float = 0.99
-    trace: float = 0.98
+    gae_lambda: float = 0.98
     kl: float = 0.01
     accepted_kl: float = 0.015
     strict: bool = False
@@ -224,87 +219,77 @@ class Matching:
     absorb: bool = True
 
 
-Configuration = Ppo | Cloning | Adversarial | Comparing | Matching
+# -- entries ------------------------------------------------------------------------------------------------------
 
 
-# ---------- settings
-# Settings of a learner that a file changes, checked against its dataclasses, each with its place.
+@dataclass(frozen=True, slots=True)
+class BuiltIn:
+    """One learner of the table.
 
-T = TypeVar("T")
-_KINDS = {bool: "true or false", int: "a whole number", float: "a number", NoneType: "null"}
-
-
-def changed(base: T, document: Document, path: Path) -> T:
-    """A configuration with the settings that stand at a path of a document laid over it, section by section.
-
-    Raises:
-        SpecError: with every mistake: E201 for what is no mapping, E202 for an unknown setting, E204 and E206 for its value.
+    Attributes:
+        summary: what it is, in a phrase.
+        learns_from: what it has to be granted, of "reward", "demonstrations" and "preferences".
+        settings: as published, a frozen dataclass. Families and files change its fields.
+        trainer: `module:function`, called with settings and a `LearnerCase`; returns a policy for each of the case's seeds.
     """
-    data: Any = document.data
-    for step in path:
-        data = data[step]
-    problems: list[Diagnostic] = []
-    found = _changed(base, data, document, path, problems)
-    if problems:
-        raise SpecError(problems)
-    return found  # type: ignore[no-any-return]
+
+    name: str
+    summary: str
+    learns_from: tuple[str, ...]
+    settings: Any
+    trainer: str
 
 
-def _changed(base: Any, data: Any, document: Document, path: Path, problems: list[Diagnostic]) -> Any:
-    if not isinstance(data, dict):
-        problems.append(Diagnostic("E201", document.span(path), "settings are a mapping: `name: value`"))
-        return base
-    hints, found = _hints(type(base)), {}
-    for name, value in data.items():
-        place = (*path, name)
-        if name not in hints:
-            message = f"{type(base).__name__} has no setting '{name}'"
-            hint = suggest(name, hints) or f"it has {', '.join(hints)}"
-            problems.append(Diagnostic("E202", document.key_span(place), message, hint))
-            continue
-        now = getattr(base, name)
-        section = next((t for t in _options(hints[name]) if is_dataclass(t)), None)
-        if section is not None and value is not None:
-            found[name] = _changed(now if now is not None else section(), value, document, place, problems)  # type: ignore[operator]
-        elif (fitting := list(_fitting(hints[name], value))) != []:
-            found[name] = fitting[0]
-        else:
-            problems.append(_unfit(hints[name], value, document, place))
-    return replace(base, **found)
+_FU = Trpo(
+    Experience(lanes=2, steps=100, whole=True), hidden=(32, 32), weights="xavier", gae_lambda=1.0, accepted_kl=0.01, strict=True,
+    halvings=15, shrink=0.8, damping=1e-5, fisher_every=1, critic="ridge",
+)  # fmt: skip
+_GAIL_IM = Adversarial(budget_factor=0.64)
+_GAIL_SB = Adversarial(
+    Trpo(), Reward(hidden=(100, 100), activation="tanh", standardised=True, learning_rate=3e-4),
+    updates=1, batch=0, every=3, kept=0, entropy=1e-3, budget_factor=3.0,
+)  # fmt: skip
+_GAIL_FU = Adversarial(_FU, pay="-softplus(-l)", updates=50, batch=32, kept=0)
+_AIRL_SA = replace(
+    _GAIL_IM, reward=Reward(shaped=True, scaled=True), pay="l", minus_log_policy=True, deviation_as_variance=True
+)
+_AIRL_SO = replace(_AIRL_SA, reward=Reward(inputs="state", shaped=True, scaled=True))
+_AIRL_FU = replace(_GAIL_FU, policy=replace(_FU, entropy=1.0), pay="f", minus_log_policy=True, updates=100)
+_DRLHP_SA = Comparing(budget_factor=0.64)
+_DRLHP_SO = replace(_DRLHP_SA, reward=Reward(inputs="state", shaped=True, scaled=True))
 
+_REWARD = ("reward",)
+_SHOWN = ("demonstrations",)
+_COMPARED = ("preferences",)
+_PPO = "taskspec.learners.deep.reinforce:train_ppo"
+_BC = "taskspec.learners.deep.reinforce:train_bc"
+_ADVERSARIAL = "taskspec.learners.deep.adversarial:train_adversarial"
+_PREFERENCES = "taskspec.learners.deep.preferences:train_from_preferences"
+_MAXENT = "taskspec.learners.tabular:train_maxent"
 
-def _unfit(hint: Any, value: Any, document: Document, place: Path) -> Diagnostic:
-    words = [repr(word) for option in _options(hint) if get_origin(option) is Literal for word in get_args(option)]
-    if words:
-        return Diagnostic("E206", document.span(place), f"{value!r} is not one of {', '.join(words)}")
-    kinds = [_KINDS.get(option, "a list of numbers") for option in _options(hint)]
-    return Diagnostic("E204", document.span(place), f"{value!r} is not {' or '.join(kinds)}")
-
-
-def _fitting(hint: Any, value: Any) -> Iterator[Any]:
-    """The value as one of the types that are allowed."""
-    for option in _options(hint):
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if get_origin(option) is Literal and value in get_args(option):
-            yield value
-        elif get_origin(option) is tuple and isinstance(value, list):
-            of = get_args(option)
-            each = [list(_fitting(of[0], v)) for v in value]
-            if all(each) and (of[-1] is Ellipsis or len(of) == len(value)):
-                yield tuple(v[0] for v in each)
-        elif option is float and number:
-            yield float(value)
-        elif (option is int and number and isinstance(value, int)) or (option is bool and isinstance(value, bool)):
-            yield value
-        elif option is NoneType and value is None:
-            yield None
-
-
-def _options(hint: Any) -> tuple[Any, ...]:
-    """The types of a union; a single one by itself."""
-    return (hint,) if isinstance(hint, type) or get_origin(hint) in (tuple, Literal) else get_args(hint)
-
-
-def _hints(kind: Any) -> dict[str, Any]:
-    hints = get_type_hints(kind)
-    return {f.name: hints[f.name] for f in fields(kind)}
+BUILT_IN: dict[str, BuiltIn] = {
+    entry.name: entry
+    for entry in (
+        BuiltIn("ppo", "proximal policy optimisation on the true reward", _REWARD, Ppo(), _PPO),
+        BuiltIn("bc", "behavioural cloning", _SHOWN, Cloning(), _BC),
+        BuiltIn("gail_im", "GAIL with PPO and reward -log(1 - D) >= 0", _SHOWN, _GAIL_IM, _ADVERSARIAL),
+        BuiltIn("gail_sb", "GAIL with TRPO and reward -log(1 - D) >= 0", _SHOWN, _GAIL_SB, _ADVERSARIAL),
+        BuiltIn("gail_fu", "GAIL with TRPO and reward log D <= 0", _SHOWN, _GAIL_FU, _ADVERSARIAL),
+        BuiltIn("airl_im_sa", "AIRL with PPO and a reward of state and action", _SHOWN, _AIRL_SA, _ADVERSARIAL),
+        BuiltIn("airl_im_so", "AIRL with PPO and a reward of the state", _SHOWN, _AIRL_SO, _ADVERSARIAL),
+        BuiltIn("airl_fu", "AIRL with TRPO", _SHOWN, _AIRL_FU, _ADVERSARIAL),
+        BuiltIn("drlhp_sa", "DRLHP with PPO and a reward of state and action", _COMPARED, _DRLHP_SA, _PREFERENCES),
+        BuiltIn("drlhp_so", "DRLHP with PPO and a reward of the state", _COMPARED, _DRLHP_SO, _PREFERENCES),
+        BuiltIn("drlhp_slow", "drlhp_sa with a low learning rate of the policy", _COMPARED,
+              replace(_DRLHP_SA, policy=Ppo(learning_rate=1e-4)), _PREFERENCES),
+        BuiltIn("drlhp_eps", "drlhp_sa with some random actions in the episodes that are compared", _COMPARED,
+              replace(_DRLHP_SA, random=0.1), _PREFERENCES),
+        BuiltIn("drlhp_rnd", "drlhp_sa with a bonus for novelty", _COMPARED,
+              replace(_DRLHP_SA, novelty=Novelty()), _PREFERENCES),
+        BuiltIn("maxent", "maximum-entropy inverse reinforcement learning on the exact model", _SHOWN,
+              Matching(causal=False), _MAXENT),
+        BuiltIn("mce", "the causal version, which does not assume that it can choose random outcomes", _SHOWN,
+              Matching(), _MAXENT),
+    )
+}  # fmt: skip
+"""Every learner by its name."""

@@ -1,0 +1,301 @@
+"""Evaluate findings and diagnoses on scores of seeds, and check them before there are any."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any, NoReturn
+
+import numpy as np
+
+from taskspec.base.diagnostics import Collector, suggest
+from taskspec.lang import syntax as s
+from taskspec.rollout.statistics import Estimate, estimate
+from taskspec.rules.evaluator import Evaluator, Truth, Undecidable, combine, evidence_for
+from taskspec.rules.scores import FIXED, FUNCTIONS, NUMBERS, ONE, QUANTIFIERS, SIDES, RuleNames, SeedScores
+from taskspec.solve.enclosure import Enclosure, compare
+
+_NUMERIC: dict[str, Callable[..., Any]] = {
+    "+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "neg": np.negative,
+    "abs": np.abs, "min": lambda *x: np.minimum.reduce(np.broadcast_arrays(*x)),
+    "max": lambda *x: np.maximum.reduce(np.broadcast_arrays(*x)),
+}  # fmt: skip
+
+
+def check_rule(rule: s.Expr, names: RuleNames, collector: Collector) -> None:
+    """Report every mistake in a rule: names, functions, arguments, and kinds of values."""
+    ScoreEvaluator(SeedScores({}), names, collector=collector).truth(rule)
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Evidence: the number that was compared, its estimate and interval, and the tasks and learners that it is about.
+
+    If both sides rest on seeds, the number is their difference. `margin` is the distance of the interval of the difference
+    of both sides from 0; negative if 0 is inside.
+    """
+
+    text: str
+    value: float
+    low: float
+    high: float
+    tasks: tuple[str, ...] = ()
+    learners: tuple[str, ...] = ()
+    margin: float = math.nan
+
+    @property
+    def is_missing(self) -> bool:
+        """True if results that it needs are missing; the text names them."""
+        return math.isnan(self.value)
+
+    def __str__(self) -> str:
+        if self.is_missing:
+            return self.text
+        if np.isinf(self.low):
+            return f"{self.text} = {_number(self.value)}, of too few seeds for an interval"
+        interval = "" if self.low == self.high else f" [{_number(self.low)}, {_number(self.high)}]"
+        return f"{self.text} = {_number(self.value)}{interval}"
+
+
+def _number(value: float) -> str:
+    text = f"{value:.2f}"
+    return ("0.00" if text == "-0.00" else text).replace("-", "−")
+
+
+@dataclass(frozen=True)
+class ScoreEvaluator(Evaluator[Estimate, Comparison]):
+    """Evaluate rules on the scores of one learner, or of several.
+
+    Args:
+        unable: tasks by learner that quantifiers pass over.
+        bound: variables of comprehensions, each with its task or learner.
+        collector: for mistakes in a rule that is only checked: one member of each group stands for all.
+    """
+
+    scores: SeedScores
+    names: RuleNames
+    unable: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    bound: Mapping[str, str] = field(default_factory=dict)
+    collector: Collector | None = None
+    _known: dict[tuple[str, str, str, str], Estimate] = field(default_factory=dict)
+
+    # -- conditions -------------------------------------------------------------------------------
+
+    def statement(self, expr: s.Expr) -> Truth[Comparison]:
+        try:
+            return self._statement(expr)
+        except Undecidable:  # a mistake, which is reported
+            return Truth(None)
+
+    def _statement(self, expr: s.Expr) -> Truth[Comparison]:
+        match expr:
+            case s.Boolean(value=value):
+                return Truth(value)
+            case s.Call(function="most"):
+                parts = list(self._each(expr))
+                holds = _compare(">", _counted(parts).map(lambda n: n - len(parts) / 2))
+                return Truth(holds, evidence_for(holds, parts))
+            case s.Call(function="all"):
+                return combine("and", self._each(expr))
+            case s.Call(function="any"):
+                return combine("or", self._each(expr))
+        self._fail("E306", expr, "a condition is needed here", "for example `score(task) > 0.9`")
+
+    def compared(self, left: s.Expr, op: str, right: s.Expr, chain: s.Compare) -> Truth[Comparison]:
+        tasks, learners = self._subjects((left, right))
+        try:
+            if op in ("in", "not in"):
+                self._fail("E316", right, "`in` is allowed only after the `if` of a comprehension")
+            a, b = self._both(left, right)
+        except Undecidable as error:
+            return Truth(None, (Comparison(str(error), np.nan, -np.inf, np.inf, tasks, learners),))
+        difference = a.map(np.subtract, b)
+        estimated = [(e, n) for e, n in ((left, a), (right, b)) if not isinstance(e, s.Number | s.Unary)]
+        if len(estimated) == 1:
+            side, number = estimated[0]
+            text = self._text(side)
+        else:
+            number = difference
+            text = f"{self._text(left)} − {self._text(right)}"
+        low, high = difference.interval
+        found = Comparison(text, number.value, *number.interval, tasks, learners, max(low, -high))
+        return Truth(_compare(op, difference), (found,))
+
+    def _both(self, left: s.Expr, right: s.Expr) -> tuple[Estimate, Estimate]:
+        """Return two numbers; mistakes in both are reported."""
+        try:
+            a = self.number(left)
+        except Undecidable:
+            if self.collector is not None:
+                self.number(right)
+            raise
+        return a, self.number(right)
+
+    def _subjects(self, exprs: Sequence[s.Expr]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return the tasks and the learners that are named in some expressions, in order."""
+        names = [n.id for expr in exprs for n in s.names(expr) if isinstance(n, s.Name)]
+        ids = dict.fromkeys(self.bound.get(name, name) for name in names)
+        known = (*self.names.tasks, *self.names.instances)
+        return tuple(i for i in ids if i in known), tuple(i for i in ids if i in self.names.learners)
+
+    def _text(self, expr: s.Expr) -> str:
+        """Return an expression as it is written, with the members of groups for their variables."""
+        written = expr.place.written
+        if not self.bound:
+            return written
+        variables = rf"\b({'|'.join(map(re.escape, self.bound))})\b"
+        return re.sub(variables, lambda found: self.bound[found[1]], written)
+
+    # -- numbers ----------------------------------------------------------------------------------
+
+    def constant(self, value: int | float) -> Estimate:
+        return Estimate.exactly(float(value))
+
+    def arithmetic(self, op: str, *numbers: Estimate) -> Estimate:
+        return numbers[0].map(_NUMERIC[op], *numbers[1:])
+
+    def quantity(self, expr: s.Expr) -> Estimate:
+        """Return a number over seeds.
+
+        Raises:
+            Undecidable: if results that it needs are missing.
+        """
+        match expr:
+            case s.Call(function="count"):
+                return _counted(list(self._each(expr)))
+            case s.Call(function=name, args=args, keywords=keywords) if name in FUNCTIONS:
+                low, high, _ = FUNCTIONS[name]
+                if keywords or not low <= len(args) <= high:
+                    self._fail("E304", expr, f"{name} takes {low if low == high else f'{low} or more'} numbers")
+                return self.arithmetic(name, *map(self.number, args))
+            case s.Call(function=name) if name in NUMBERS or name in FIXED:
+                return self._over_seeds(expr)
+            case s.Call(function=name):
+                known = (*NUMBERS, *FIXED, *FUNCTIONS, *QUANTIFIERS)
+                hint = suggest(name, known) or f"there are {', '.join(known)}"
+                self._fail("E303", expr, f"there is no function '{name}' in rules", hint)
+            case s.Name(id=name):
+                self._fail("E306", expr, f"a number is needed here, not '{name}'", f"for example `score({name})`")
+            case _:
+                self._fail("E306", expr, "a number is needed here", "for example `score(task)`")
+
+    def _over_seeds(self, expr: s.Call) -> Estimate:
+        """Return a number about `(learner, task, side)`: a learner if there are several, and optionally a side."""
+        name, args = expr.function, expr.args
+        kinds = ["learner", "task"] if self.names.learners and name in NUMBERS else ["task"]
+        has_sides = name in NUMBERS
+        if expr.keywords or not len(kinds) <= len(args) <= len(kinds) + has_sides:
+            hint = f"behind them may stand {', '.join(SIDES)}" if has_sides else None
+            self._fail("E304", expr, f"{name} takes other arguments: {name}({', '.join(kinds)})", hint)
+        *learners, task = [self._member(arg, kind) for kind, arg in zip(kinds, args, strict=False)]
+        sides = [self._name(arg, tuple(SIDES), "side of a task") for arg in args[len(kinds) :]]
+        if name in FIXED:
+            return Estimate.exactly(self.scores.constant(task))
+        learner = learners[0] if learners else ONE
+        side = sides[0] if sides else "printed"
+        key = (name, learner, task, side)
+        if key not in self._known:
+            values = self.scores.values(learner, task, side, NUMBERS[name].entry)
+            self._known[key] = estimate(values, NUMBERS[name].statistic, "/".join(key[1:]))
+        return self._known[key]
+
+    def _member(self, expr: s.Expr, kind: str) -> str:
+        """Return a task or a learner by its name, or by a variable."""
+        if isinstance(expr, s.Name) and expr.id in self.bound:
+            member = self.bound[expr.id]
+            if self._kind_of(member) != kind:
+                self._fail("E306", expr, f"'{expr.id}' is a {self._kind_of(member)} here; a {kind} is needed")
+            return member
+        known = (*self.names.tasks, *self.names.instances) if kind == "task" else self.names.learners
+        return self._name(expr, known, kind, tuple(self.bound))
+
+    def _kind_of(self, member: str) -> str:
+        return "learner" if member in self.names.learners else "task"
+
+    def _name(self, expr: s.Expr, known: tuple[str, ...], kind: str, others: tuple[str, ...] = ()) -> str:
+        if not isinstance(expr, s.Name) or expr.primed:
+            self._fail("E306", expr, f"the name of a {kind} is needed here", f"one of {', '.join(known)}")
+        if expr.id not in known:
+            hint = suggest(expr.id, (*known, *others)) or f"one of {', '.join(known)}"
+            self._fail("E302", expr, f"there is no {kind} '{expr.id}' here", hint)
+        return expr.id
+
+    # -- quantifiers ------------------------------------------------------------------------------
+
+    def _each(self, expr: s.Call) -> Iterator[Truth[Comparison]]:
+        """Yield the condition of a quantifier for each member of its groups."""
+        if len(expr.args) != 1 or expr.keywords or not isinstance(expr.args[0], s.Comprehension):
+            hint = f"`{expr.function}(score(t) > 0.9 for t in tasks)`"
+            self._fail("E304", expr, f"{expr.function} takes a condition for each of some tasks", hint)
+        comprehension = expr.args[0]
+        for inner in self._chosen(comprehension.clauses):
+            tasks, learners = inner._subjects((comprehension.element,))
+            if not any(task in self.unable.get(learner, ()) for learner in learners for task in tasks):
+                yield inner.truth(comprehension.element)
+
+    def _chosen(self, clauses: Sequence[s.Clause]) -> Iterator[ScoreEvaluator]:
+        """Yield an evaluator for each choice of members that the filters let through."""
+        if not clauses:
+            yield self
+            return
+        clause, *rest = clauses
+        members = self._members(clause.domain)
+        if len(clause.targets) != 1:
+            self._fail("E316", clause.domain, "one variable goes through a group")
+        for member in members if self.collector is None else members[:1]:
+            inner = replace(self, bound={**self.bound, clause.targets[0]: member})
+            passes = [inner._passes(condition) for condition in clause.conditions]
+            if all(passes) or self.collector is not None:
+                yield from inner._chosen(rest)
+
+    def _members(self, expr: s.Expr) -> tuple[str, ...]:
+        """Return the members of a group, or of a list of names."""
+        match expr:
+            case s.Name(id=name):
+                members = self.names.group(name)
+                if members is None:
+                    self._name(expr, self.names.known_groups, "group")
+                return members or ()
+            case s.SetOf(items=items) | s.Vector(items=items):
+                unbound = replace(self, bound={})
+                is_learners = any(isinstance(i, s.Name) and i.id in self.names.learners for i in items)
+                return tuple(unbound._member(item, "learner" if is_learners else "task") for item in items)
+            case _:
+                self._fail("E306", expr, "a group is needed here", f"one of {', '.join(self.names.known_groups)}")
+
+    def _passes(self, expr: s.Expr) -> bool:
+        """Return whether members pass a condition after `if`, which narrows a group by names."""
+        match expr:
+            case s.Logical(op=op, operands=operands):
+                return (all if op == "and" else any)([self._passes(operand) for operand in operands])
+            case s.Compare(first=s.Name(id=name), rest=(("in" | "not in" as op, others),)) if name in self.bound:
+                return (self.bound[name] in self._members(others)) is (op == "in")
+            case s.Compare(first=s.Name(id=name), rest=(("==" | "!=" as op, other),)) if name in self.bound:
+                member = self.bound[name]
+                return (member == self._member(other, self._kind_of(member))) is (op == "==")
+        hint = "for example `if t != Sort`, or `if t not in {Sort, Parabola}`"
+        self._fail("E316", expr, "a group is narrowed by names only", hint)
+
+    def _fail(self, code: str, expr: s.Expr, message: str, hint: str | None = None) -> NoReturn:
+        """Report a mistake in a rule that is checked."""
+        assert self.collector is not None, message
+        self.collector.add(
+            code, expr.name_place if code == "E303" and isinstance(expr, s.Call) else expr.place, message, hint
+        )
+        raise Undecidable(message)
+
+
+def _counted(parts: Sequence[Truth[Comparison]]) -> Estimate:
+    """Return how many parts hold: an interval if some are undecided."""
+    true = sum(part.holds is True for part in parts)
+    undecided = sum(part.holds is None for part in parts)
+    return Estimate.between(true, true + undecided) if undecided else Estimate.exactly(true)
+
+
+def _compare(op: str, difference: Estimate) -> bool | None:
+    """Return whether the left side is greater, smaller or equal, by the interval of the difference of both."""
+    low, high = (end if math.isinf(end) else Fraction(end) for end in difference.interval)
+    return compare(op, Enclosure(low, high), Enclosure.exactly(0), Fraction(0))
