@@ -9,13 +9,13 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from taskspec.base import ids
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.records import dataclass
 from taskspec.source import scan
 
 if TYPE_CHECKING:
@@ -157,7 +157,8 @@ def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) ->
     if is_path(asked.name):
         return _load_file(Path(asked.name), variant, parameters)
     entry = find(asked.name)
-    return _load_file(entry.path, variant or entry.variant, parameters, entry.suite)
+    is_shipped = shipped().get(entry.id) is entry
+    return _built(document(str(entry.path)), variant or entry.variant, parameters, entry.suite, is_shipped)
 
 
 def instance(source: str) -> ids.InstanceId:
@@ -217,9 +218,8 @@ def find(task_id: str) -> Entry:
     raise SpecError([Diagnostic("E701", None, f"there is no task '{task_id}'", hint)])
 
 
-def _load_file(path: Path, variant: str | None, parameters: dict[str, Any], suite: str | None = None) -> Task:
-    suite = suite_of(path) if suite is None else suite
-    return _built(document(str(path)), variant, parameters, suite)
+def _load_file(path: Path, variant: str | None, parameters: dict[str, Any]) -> Task:
+    return _built(document(str(path)), variant, parameters, suite_of(path))
 
 
 def document(path: str) -> Document:
@@ -257,10 +257,12 @@ def _stamp(path: str) -> tuple[int, int]:
     return found.st_mtime_ns, found.st_size
 
 
-def _built(document: Document, variant: str | None, parameters: Mapping[str, Any], suite: str) -> Task:
+def _built(
+    document: Document, variant: str | None, parameters: Mapping[str, Any], suite: str, well_formed: bool = False
+) -> Task:
     from taskspec.task.build import build
 
-    return build(document, variant, parameters, suite)
+    return build(document, variant, parameters, suite, well_formed=well_formed)
 
 
 @lru_cache(maxsize=64)

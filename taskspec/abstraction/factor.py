@@ -351,8 +351,6 @@ class Dependence(enum.IntEnum):
     REARRANGEMENT = 2
 
 
-
-
 def dependence(roots: Sequence[Node], name: str) -> list[Dependence | None]:
     """Return the dependence of expressions on a state component, a vector of reals; None if it is none of the kinds."""
     found: dict[int, Dependence | None] = {}

@@ -6,9 +6,10 @@ and an explanation in Markdown with a wrong and a corrected example.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
+
+from taskspec.base.records import dataclass
 
 Severity = Literal["error", "warning"]
 """How bad a diagnostic is."""

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import difflib
 import re
-import textwrap
 import unicodedata
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import accumulate
 from typing import Literal, Protocol
@@ -21,6 +19,7 @@ from taskspec.base.codes import CODES as CODES
 from taskspec.base.codes import Code as Code
 from taskspec.base.codes import Severity as Severity
 from taskspec.base.display import visible, visible_json
+from taskspec.base.records import dataclass
 
 __all__ = [
     "CODES",
@@ -264,6 +263,8 @@ def _broken(text: str, width: int | None, used: int, indent: int) -> str:
     lead, margin = " " * used, " " * indent
     if used + _width(text.split(" ")[0]) > width:  # no room beside a long path
         lead, text = "", f"{margin}{text}"
+    import textwrap
+
     lines = textwrap.wrap(text, max(width, indent + 20), initial_indent=lead, subsequent_indent=margin)
     return "\n".join(lines)[used:] if lead else "\n" + "\n".join(lines)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import unicodedata
 from collections.abc import Iterable, Sequence
-from html import escape
 from typing import Any
 
 _HIDDEN = frozenset({"Cc", "Cf", "Cn", "Cs", "Zl", "Zp"})
@@ -56,4 +55,6 @@ def _cells(tag: str, values: Sequence[object]) -> str:
 
 
 def _shown(value: object) -> str:
+    from html import escape
+
     return escape(visible(str(value)))

@@ -10,10 +10,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from functools import lru_cache
 
 from taskspec.base.diagnostics import SpecError, spec_error, suggest
+from taskspec.base.records import dataclass
 
 VARIABLE = "TASKSPEC_LIMITS"
 HOPELESS = 1e12

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
+import multiprocessing
+import os
+import sys
+import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
-from taskspec.base.progress import tell
+from taskspec.base.progress import progress_listener, tell, telling
 from taskspec.source import scan
 from taskspec.targets import File, name_of, task_in, variants_of
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from taskspec.abstraction.symmetries import SymmetryCheck
     from taskspec.check.names import Accepted
     from taskspec.check.report import Report
@@ -28,7 +36,8 @@ class Finding:
     """The result of checking one task.
 
     `how` says in a few words how soundness was decided, `method` in full. `cases` counts the other parameter values that
-    were tried, `proved` and `tested` the claims of these statuses (`exact.statuses`), which `verdicts` has one by one.
+    were tried, `proved` and `tested` the claims of these statuses (`exact.statuses`), which `verdicts` has one by one, as
+    `--json` writes them.
     `accepted` are the warnings that the spec gives a reason for, which are not among the `diagnostics`.
     """
 
@@ -43,8 +52,8 @@ class Finding:
     accepted: tuple[Accepted, ...] = ()
     examples: int = 0
     wrong_examples: int = 0
-    verdicts: tuple[Verdict, ...] = ()
-    symmetries: tuple[SymmetryCheck, ...] = ()
+    verdicts: tuple[dict[str, Any], ...] = ()
+    symmetries: tuple[dict[str, Any], ...] = ()
 
     @property
     def claims_words(self) -> str:
@@ -54,9 +63,8 @@ class Finding:
     @property
     def symmetries_words(self) -> str:
         """The same of symmetries."""
-        proved = sum(each.is_proved for each in self.symmetries)
-        tested = sum(each.problem is None for each in self.symmetries) - proved
-        return _words(len(self.symmetries), proved, tested)
+        statuses = [each["status"] for each in self.symmetries]
+        return _words(len(statuses), statuses.count("proved"), statuses.count("tested"))
 
     @property
     def examples_words(self) -> str:
@@ -78,8 +86,24 @@ def finding(report: Report, examples: int) -> Finding:
     return Finding(
         report.diagnostics, _how(report.method), str(report.method), len(report.cases), len(statuses),
         statuses.count("proved"), statuses.count("tested"), report.skipped, report.accepted,
-        examples, len(report.wrong_examples), report.verdicts, report.symmetries,
+        examples, len(report.wrong_examples), tuple(map(_claim, report.verdicts)), tuple(map(_symmetry, report.symmetries)),
     )  # fmt: skip
+
+
+def _claim(verdict: Verdict) -> dict[str, Any]:
+    """One claim for one choice of parameters, with its status (`exact.statuses`)."""
+    return {
+        "claim": verdict.claim.text, "parameters": dict(verdict.parameters), "status": verdict.status,
+        "detail": verdict.detail, "episodes": verdict.episodes,
+    }  # fmt: skip
+
+
+def _symmetry(found: SymmetryCheck) -> dict[str, Any]:
+    """One symmetry: `points` is how many it was tested at, 0 where it is proved."""
+    status = "false" if found.problem is not None else "proved" if found.is_proved else "tested"
+    return {
+        "symmetry": found.symmetry.name, "status": status, "detail": found.problem or "", "points": found.points
+    }  # fmt: skip
 
 
 def _how(method: Method) -> str:
@@ -93,10 +117,14 @@ Examine = Callable[["Task"], Finding]
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """One task of a file: the result, and the seconds that it took. `task` is None where it could not be built."""
+    """One task of a file: the result, and the seconds that it took.
+
+    `id` is None where the task could not be built, and `task` also where it was checked in another process.
+    """
 
     name: str
     variant: str | None
+    id: str | None
     task: Task | None
     finding: Finding
     seconds: float
@@ -104,7 +132,7 @@ class Checked:
     @property
     def title(self) -> str:
         """The task's id; its name where it could not be built."""
-        return self.name if self.task is None else self.task.id
+        return self.id or self.name
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
@@ -121,6 +149,60 @@ class FileReport:
     accepted: tuple[Accepted, ...] = ()
     kind: scan.Kind = "taskspec"
     entries: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """The check of one file, to be run here or in another process."""
+
+    path: Path
+    run: Callable[[], FileReport]
+
+
+@contextmanager
+def started(checks: Sequence[Check], jobs: int | None = None) -> Iterator[Callable[[], list[FileReport]]]:
+    """Start checks; within the block, a function waits for their reports, and gives them in order.
+
+    Args:
+        jobs: processes; None for one for each processor. In several, reports leave the tasks out.
+    """
+    processes = min(jobs or os.cpu_count() or 1, len(checks))
+    if processes < 2 or not _can_fork():
+        yield lambda: [check.run() for check in telling(checks, lambda check: str(check.path))]
+        return
+    longest_first = sorted(range(len(checks)), key=lambda i: -_length(checks[i].path))
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("fork")) as pool:
+        running = {i: pool.submit(_run_apart, checks[i]) for i in longest_first}
+
+        def reports() -> list[FileReport]:
+            done = {i: running[i].result() for i in telling(longest_first, lambda i: str(checks[i].path))}
+            return [done[i] for i in range(len(checks))]
+
+        try:
+            yield reports
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _can_fork() -> bool:
+    """Whether this process can be forked safely: on macOS none can, nor one with threads, such as those of JAX."""
+    return sys.platform not in ("darwin", "win32") and threading.active_count() == 1 and "jax" not in sys.modules
+
+
+def _length(path: Path) -> int:
+    """The length of a file, by which the time that its check takes is guessed."""
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
+def _run_apart(check: Check) -> FileReport:
+    with progress_listener(lambda what, share: None):  # the first process reports progress
+        report = check.run()
+    tasks = tuple(dataclasses.replace(each, task=None) for each in report.tasks)
+    return dataclasses.replace(report, tasks=tasks)
 
 
 def check_file(file: File, prove: Examine) -> FileReport:
@@ -141,7 +223,7 @@ def check_task(file: File, variant: str | None, prove: Examine) -> Checked:
         task = task_in(file, variant)
     except SpecError as error:
         found = Finding(error.diagnostics, "not built")
-        return Checked(_name(file, variant), variant, None, found, time.perf_counter() - start)
+        return Checked(_name(file, variant), variant, None, None, found, time.perf_counter() - start)
     tell(task.id)
     try:
         found = prove(task)
@@ -149,7 +231,7 @@ def check_task(file: File, variant: str | None, prove: Examine) -> Checked:
         place = task.document.span(("name",))
         placed = [d if d.span is not None else dataclasses.replace(d, span=place) for d in error.diagnostics]
         found = Finding(in_order(placed), "given up")
-    return Checked(task.name, variant, task, found, time.perf_counter() - start)
+    return Checked(task.name, variant, task.id, task, found, time.perf_counter() - start)
 
 
 def _name(file: File, variant: str | None) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,10 +21,8 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from taskspec.abstraction.symmetries import SymmetryCheck
     from taskspec.check.files import Checked, FileReport, Finding
     from taskspec.check.report import Report
-    from taskspec.exact import Verdict
     from taskspec.source.scan import Kind
     from taskspec.targets import File
     from taskspec.task.task import Task
@@ -38,6 +36,10 @@ Format = Annotated[
     typer.Option(
         "--format", metavar="|".join(FORMATS), help="Text, JSON, or GitHub annotations.", autocompletion=lambda: FORMATS
     ),
+]
+Jobs = Annotated[
+    int | None,
+    typer.Option("--jobs", "-j", min=1, help="Processes; one for each processor by default.", show_default=False),
 ]
 Strict = Annotated[bool, typer.Option("--strict", help="Count warnings as errors.")]
 Quick = Annotated[
@@ -54,6 +56,7 @@ def check(
     json: Json = False,
     strict: Strict = False,
     quick: Quick = False,
+    jobs: Jobs = None,
     limits: LimitsGiven = None,
 ) -> None:
     """Prove that specs are correct, or say exactly what is wrong and where.
@@ -74,24 +77,25 @@ def check(
     files = files_of(targets or [], parameters or [], modifiers or [])
     if variant is not None:
         files = [replace(file, variants=(variant,)) for file in files]
-    reports = [check_other(path, kind) for path, kind in others_of(targets or [])]
-    reports += _checked(files, sense=not quick)
+    reports = _checked(others_of(targets or []), files, not quick, jobs)
     errors, warnings = counts(d for report in reports for d in report.diagnostics)
     _PRINTERS[format](reports, errors, warnings, time.perf_counter() - start)
     if errors or (strict and warnings):
         raise typer.Exit(1)
 
 
-def _checked(files: Sequence[File], sense: bool) -> list[FileReport]:
-    from taskspec.base.progress import telling
-    from taskspec.check.files import check_file
+def _checked(
+    others: Iterable[tuple[Path, Kind]], files: Iterable[File], sense: bool, jobs: int | None
+) -> list[FileReport]:
+    from taskspec.check.files import Check, check_file, started
     from taskspec.cli.progress import progress
 
-    with progress("check"):
-        return [
-            check_file(file, partial(examine, sense=sense, defaults=not file.parameters))
-            for file in telling(files, lambda file: str(file.path))
-        ]
+    checks = [Check(path, partial(check_other, path, kind)) for path, kind in others]
+    for file in files:
+        prove = partial(examine, sense=sense, defaults=not file.parameters)
+        checks.append(Check(file.path, partial(check_file, file, prove)))
+    with started(checks, jobs) as reports, progress("check"):
+        return reports()
 
 
 def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
@@ -163,7 +167,7 @@ def table_of(reports: Sequence[FileReport]) -> Table:
     """What was checked, file by file, and how."""
     from taskspec.cli.console import VisibleText, columns
 
-    built = any(each.task is not None for report in reports for each in report.tasks)
+    built = any(each.id is not None for report in reports for each in report.tasks)
     shown = any(each.finding.examples for report in reports for each in report.tasks)
     mirrored = any(each.finding.symmetries for report in reports for each in report.tasks)
     headers = [
@@ -266,29 +270,12 @@ def _record(path: str, each: Checked) -> dict[str, Any]:
 
     errors, warnings = counts(each.diagnostics)
     return {
-        "id": each.title if each.task else None,
-        "name": each.name, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
+        "id": each.id, "name": each.name, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
         "method": each.finding.method, "other_parameter_values": each.finding.cases,
         "claims_proved": each.finding.proved, "claims_tested": each.finding.tested,
-        "claims": [_claim(verdict) for verdict in each.finding.verdicts],
+        "claims": each.finding.verdicts,
         "examples": each.finding.examples, "examples_wrong": each.finding.wrong_examples, "skipped": each.finding.skipped,
-        "symmetries": [_symmetry(found) for found in each.finding.symmetries], "seconds": round(each.seconds, 6),
-    }  # fmt: skip
-
-
-def _claim(verdict: Verdict) -> dict[str, Any]:
-    """One claim for one choice of parameters, with its status (`exact.statuses`)."""
-    return {
-        "claim": verdict.claim.text, "parameters": dict(verdict.parameters), "status": verdict.status,
-        "detail": verdict.detail, "episodes": verdict.episodes,
-    }  # fmt: skip
-
-
-def _symmetry(found: SymmetryCheck) -> dict[str, Any]:
-    """One symmetry: `points` is how many it was tested at, 0 where it is proved."""
-    status = "false" if found.problem is not None else "proved" if found.is_proved else "tested"
-    return {
-        "symmetry": found.symmetry.name, "status": status, "detail": found.problem or "", "points": found.points
+        "symmetries": each.finding.symmetries, "seconds": round(each.seconds, 6),
     }  # fmt: skip
 
 

@@ -24,7 +24,6 @@ from taskspec.envs.state import flat_state, overridden, plain_state
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.lang.variates.sample import sampler
-from taskspec.modifiers import with_options
 from taskspec.registry import load
 from taskspec.task.parameters import Ending, RenderMode
 from taskspec.task.spaces import space
@@ -68,7 +67,11 @@ class Environment(gymnasium.Env[Any, Any]):
         one_of("ending", ending, ENDINGS)
         if render_mode not in (None, "ansi"):
             window.require()
-        self.task: Task = with_options(load(task), ending, observe_time)
+        self.task: Task = load(task)
+        if ending == "absorb" or observe_time:
+            from taskspec.modifiers import with_options
+
+            self.task = with_options(self.task, ending, observe_time)
         self.render_mode: str | None = render_mode
         self._window: window.Window | None = None
         self._frames: list[window.Frame] = []

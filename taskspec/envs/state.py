@@ -147,4 +147,4 @@ def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str,
         return {}
     before[~stepped] = after[~stepped] = 0
     found = {"old_state": before, "new_state": after}
-    return {key: value for name in task.spec.info for key, value in ((name, found[name]), (f"_{name}", stepped))}
+    return {key: value for name in task.info for key, value in ((name, found[name]), (f"_{name}", stepped))}

@@ -166,7 +166,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             ActionError: the actions are not in the batched action space.
             NotRunningError: before the first reset; without autoreset, where an episode is over.
         """
-        before = self._before() if self.task.spec.info and not self._same_step else None
+        before = self._before() if self.task.info and not self._same_step else None
         try:
             ended = self._engine.step(actions)
         except BadActionError:

@@ -8,7 +8,6 @@ import itertools
 import math
 import re
 import string
-import textwrap
 import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -80,6 +79,8 @@ def frame(
 
     title = picture.heading(task, time)
     if note is not None:
+        import textwrap
+
         lines = textwrap.wrap(_set(note), LETTERS, max_lines=LINES, placeholder="…")
         title = "\n".join([title, *lines, *[""] * (LINES - len(lines))])
     return render_frame(task, state, title, seen=seen or {time: state})

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from taskspec.source import Document
+from taskspec.task.merge import Merged
 from taskspec.task.task import Task
 
 _EXPERT = ("expert", "memory", "claims", "examples")
@@ -26,6 +27,7 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
         sign: what rewards are multiplied by that are not granted.
     """
     names = _EXPERT if "reward" in learns_from else (*_EXPERT, *_REWARD)
+    document = _document(task.document, names)
     builder = task.builder
     reward = task.reward
     absorbing_reward = task.absorbing_reward
@@ -45,28 +47,24 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
         memory=None,
         claims=(),
         examples=(),
-        spec=task.spec.model_copy(update=_spec(task, names)),
+        merged=_merged(task.merged, document, names),
         surface=replace(
             task.surface,
             sections={name: part for name, part in task.surface.sections.items() if name not in names},
             meanings={key: part for key, part in task.surface.meanings.items() if key[0] not in names},
         ),
-        document=_document(task.document, names),
+        document=document,
         written_as=as_written,
         content_hash=hashlib.sha256(changed.encode()).hexdigest(),
     )
 
 
-def _spec(task: Task, names: Collection[str]) -> dict[str, Any]:
-    """What changes in the model of a spec."""
-    found: dict[str, Any] = {"expert": None, "memory": {}, "claims": [], "examples": [], "variants": {}}
-    abstraction: dict[str, Any] = {"expert": None}
+def _merged(merged: Merged, document: Document, names: Collection[str]) -> Merged:
+    """The sections of a task without some."""
+    data = _sections(merged.data, names)
     if "reward" in names:
-        found |= {"reward": 0, "absorbing_reward": 0}
-        abstraction["reward"] = None
-    if task.spec.abstraction is not None:
-        found["abstraction"] = task.spec.abstraction.model_copy(update=abstraction)
-    return found
+        data["reward"] = 0
+    return Merged(document, merged.name, merged.variant, data, {})
 
 
 def _document(document: Document, names: Collection[str]) -> Document:

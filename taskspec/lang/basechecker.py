@@ -5,12 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any, NoReturn, TypeVar
 
 from taskspec.base.diagnostics import Collector
 from taskspec.base.limits import how_to_raise, limits
+from taskspec.base.records import dataclass
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import is_distribution

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from taskspec.base.limits import Limits
+from taskspec.base.records import dataclass
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.operators.entry import ENCLOSED, Brackets, Level, NodeMaker
 from taskspec.lang.types import INT, INT_MAX, Kind, Refused, Shape, Type

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from taskspec.base.records import dataclass
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Node
 from taskspec.lang.types import Domain

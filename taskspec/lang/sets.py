@@ -6,7 +6,6 @@ Sets are enumerated as arrays, all candidates at once, so that a set of a millio
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
+from taskspec.base.records import dataclass
 from taskspec.lang import alternatives, batch
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker, check_comparable

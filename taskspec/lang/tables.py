@@ -9,12 +9,12 @@ from __future__ import annotations
 import itertools
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from typing import Any
 
 from taskspec.base.limits import limits
+from taskspec.base.records import dataclass
 from taskspec.lang import alternatives
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker

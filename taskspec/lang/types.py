@@ -5,8 +5,9 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from taskspec.base.records import dataclass
 
 INF = math.inf
 Interval = tuple[float, float]

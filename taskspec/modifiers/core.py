@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
+from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Draw, Node, Read, Role, draws, reads, rewrite

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Literal, TypeAlias, get_args
 
+from taskspec.base.records import dataclass
 from taskspec.task.task import Task
 
 Arguments: TypeAlias = Mapping[str, Any]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Origin, Span, SpecError
+from taskspec.base.records import dataclass
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker

@@ -6,10 +6,11 @@ import os
 import pathlib
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, TypeAlias
 
 from taskspec.base.diagnostics import Diagnostic, Origin, Span, SpecError
+from taskspec.base.records import dataclass
 from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from taskspec.source.scalars import places
 

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Literal, TypeAlias, cast
+
+from taskspec.base.records import dataclass
 
 REQUIRED = ("state", "action", "initial", "dynamics", "reward", "horizon")
 """Sections without which a spec, or a variant of it, is not a task."""

@@ -26,8 +26,6 @@ from taskspec.task.merge import Merged, abstracted, merge, stripped, variant_nam
 from taskspec.task.names import Names, check_names, signature
 from taskspec.task.observe import remembered
 from taskspec.task.parameters import Varying
-from taskspec.task.schema.check import check_shape, remainder, validated
-from taskspec.task.schema.models import Spec
 from taskspec.task.task import Parameter, Task
 
 SEMANTIC = (
@@ -43,13 +41,40 @@ def build(
     variant: str | None = None,
     parameters: Mapping[str, Any] | None = None,
     suite: str = "",
+    *,
+    well_formed: bool = False,
 ) -> Task:
     """Return the task that a document describes, for given parameter values; it is built once, for tasks are immutable.
+
+    Args:
+        well_formed: the document is known to have the shape of a spec, as shipped ones do (a test checks them all). The
+            shape is then checked only if the build fails, and pydantic is not imported.
 
     Raises:
         SpecError: with every mistake found.
     """
-    given = tuple((name, value, _kind(value)) for name, value in (parameters or {}).items())
+    values = parameters or {}
+    if not well_formed:
+        _check_form(document, variant, values)
+    try:
+        return _built_once(document, variant, values, suite)
+    except Exception:
+        if well_formed:
+            _check_form(document, variant, values)
+        raise
+
+
+def _check_form(document: Document, variant: str | None, parameters: Mapping[str, Any]) -> None:
+    """Raise SpecError if a document, or a variant of it, does not have the shape of a spec."""
+    from taskspec.task.schema.check import check_shape, validated
+
+    if has_errors(check_shape(document)):
+        raise SpecError(mistakes(document, [variant], parameters))
+    validated(merge(document, variant))
+
+
+def _built_once(document: Document, variant: str | None, parameters: Mapping[str, Any], suite: str) -> Task:
+    given = tuple((name, value, _kind(value)) for name, value in parameters.items())
     try:
         hash(given)
     except TypeError:  # a list, say: no parameter takes one, and the build says so
@@ -65,9 +90,7 @@ def _kind(value: Any) -> tuple[str, float]:
 @lru_cache(maxsize=256)
 def _built(document: Document, variant: str | None, given: tuple[Any, ...], suite: str, _within: Limits) -> Task:
     values = {name: value for name, value, _ in given}
-    if has_errors(check_shape(document)):
-        raise SpecError(mistakes(document, [variant], values))
-    return build_merged(merge(document, variant), values, suite)
+    return _checked(merge(document, variant), values, suite)
 
 
 def mistakes(
@@ -76,6 +99,8 @@ def mistakes(
     """Return what is wrong with the shape of a document, and with its tasks (all of them unless variants are given)
     in other parts.
     """
+    from taskspec.task.schema.check import check_shape, remainder
+
     found = list(check_shape(document))
     rest = remainder(document)
     if rest is None:
@@ -109,6 +134,8 @@ def bound_parameters(
     Raises:
         SpecError: for a value that a parameter cannot have, or values that may not go together.
     """
+    from taskspec.task.schema.check import check_shape, validated
+
     raise_if_errors(check_shape(document))
     merged = merge(document, variant)
     validated(merged)
@@ -138,16 +165,24 @@ def build_merged(merged: Merged, parameters: Mapping[str, Any], suite: str) -> T
     Raises:
         SpecError: with every mistake found, or with the limit that there are too many operations for.
     """
-    spec, collector = validated(merged), Collector()
+    from taskspec.task.schema.check import validated
+
+    validated(merged)
+    return _checked(merged, parameters, suite)
+
+
+def _checked(merged: Merged, parameters: Mapping[str, Any], suite: str) -> Task:
+    """Return the task of merged sections whose shape is right."""
+    collector = Collector()
     try:
-        return check_on_request(_pipeline(spec, Context(merged, collector), dict(parameters), suite))
+        return check_on_request(_pipeline(Context(merged, collector), dict(parameters), suite))
     except Refused as refused:  # a limit of the whole task, reached outside of any expression
         collector.raise_if_errors()
         place = merged.span(("name",))
         raise SpecError([Diagnostic(refused.code, place, refused.message, refused.hint)]) from None
 
 
-def _pipeline(spec: Spec, context: Context, given: dict[str, Any], suite: str) -> Task:
+def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
     """Return the task of a merged spec: everything declared is bound, then each section becomes nodes, in this order.
 
     Mistakes are collected in `context` and raised together, as soon as nothing more can be read without what is broken.
@@ -205,13 +240,13 @@ def _pipeline(spec: Spec, context: Context, given: dict[str, Any], suite: str) -
     collector.raise_if_errors()
     builder.settle(context.checker.checked)
     return Task(
-        name=context.merged.name, suite=suite, version=spec.version, variant=context.merged.variant,
+        name=context.merged.name, suite=suite, version=context.data.get("version", 0), variant=context.merged.variant,
         parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,
         horizon=context.horizon, discount=discount, initial=tuple(initial), next=tuple(following), reward=reward,
         raw_initial=raw_initial, raw_next=raw_next, terminal=terminal, absorbing_reward=absorbing, expert=expert,
         claims=claims, examples=examples, figure=drawn, builder=builder,
         reset_draws=tuple((initial_draws | observation_draws).values()),
-        step_draws=tuple((dynamics_draws | observation_draws).values()), spec=spec, document=context.merged.document,
+        step_draws=tuple((dynamics_draws | observation_draws).values()), merged=context.merged, document=context.merged.document,
         content_hash=content_hash(context), surface=context.surface(), fixed=bind.fixed_constants(context), memory=memory,
         symmetries=mirrors, required=tuple(context.required),
     )  # fmt: skip

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from typing import Any, TypeAlias
 
 from taskspec.base.diagnostics import Diagnostic, Span, SpecError, suggest
+from taskspec.base.records import dataclass
 from taskspec.source import Document, Path
 from taskspec.source.scan import REQUIRED, task_name
 

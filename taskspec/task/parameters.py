@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 from math import prod
@@ -13,6 +12,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
+from taskspec.base.records import dataclass
 from taskspec.lang.types import INT_WIDEST
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal
 
+from taskspec.base.records import dataclass
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import ClampedIndex
 from taskspec.lang.ir import Node, Role

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from taskspec.base.display import html_table
 from taskspec.base.ids import InstanceId
+from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, rewrite
 from taskspec.lang.types import Kind
 from taskspec.lang.variates.sample import WordLayout
 from taskspec.source import Document
+from taskspec.task.merge import Merged
 from taskspec.task.parameters import Ending
 from taskspec.task.parts import COUNTABLE as COUNTABLE
 from taskspec.task.parts import FINITE_SPACES as FINITE_SPACES
@@ -77,7 +79,7 @@ class Task:
     builder: Builder
     reset_draws: tuple[Draw, ...]
     step_draws: tuple[Draw, ...]
-    spec: Spec
+    merged: Merged
     surface: Surface
     document: Document
     content_hash: str
@@ -127,6 +129,18 @@ class Task:
         """
         return str(InstanceId(self.id, dict(sorted(self.values.items())), tuple(map(str, self.modifiers))))
 
+    @cached_property
+    def spec(self) -> Spec:
+        """The spec, with its variant's changes, as a pydantic model; made on first use, since environments need none."""
+        from taskspec.task.schema.check import validated
+
+        return validated(self.merged)
+
+    @property
+    def info(self) -> tuple[str, ...]:
+        """What infos of steps hold: "old_state", "new_state", both or neither."""
+        return tuple(self.merged.data.get("info") or ())
+
     @property
     def title(self) -> str:
         """The heading that the spec gives it, or its name."""
@@ -170,7 +184,7 @@ class Task:
     @cached_property
     def action_layout(self) -> SpaceLayout:
         """Actions as Gymnasium values."""
-        is_number = all(entry.shape is not None for entry in self.spec.action.values())
+        is_number = all(entry.get("shape") is not None for entry in self.merged.data["action"].values())
         return action_layout(self.action, is_number)
 
     @cached_property

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -328,3 +330,24 @@ def test_a_start_outside_the_map_is_no_fault_of_the_figure(
     done = Done(command[0], "grid.yaml", *command[1:])
     assert "E712" not in done.out + done.err
     assert ("can start outside" in done.out) if command == ["solve"] else ("grid.yaml:9:14: error[E404" in done.err)
+
+
+def test_check_in_several_processes_finds_the_same(tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text(
+        (ROOT / "tasks/derail/branching.yaml").read_text(encoding="utf-8").replace("horizon", "horizn"), "utf-8"
+    )
+    files = [
+        "tasks/derail/experiments/noise.yaml",
+        "tasks/derail/risky_path.yaml",
+        str(wrong),
+        "tasks/derail/sort.yaml",
+    ]
+    found = []
+    for jobs in ("1", "2"):
+        command = [sys.executable, "-m", "taskspec", "check", *files, "--json", "-j", jobs]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+        assert done.returncode == 1
+        found.append(re.sub(r'"seconds": [\d.e-]+', "", done.stdout))
+    assert found[0] == found[1]
+    assert "E202" in found[0]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
+from taskspec.base.records import dataclass
 from taskspec.draws import NEVER
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Draw, Node, Read, Role, children, reads, rewrite, walk

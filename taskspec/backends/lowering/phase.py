@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from taskspec.backends.lowering.hoist import WIDE, everywhere, maximal_draws, word_names
+from taskspec.base.records import dataclass
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import Kind, Type

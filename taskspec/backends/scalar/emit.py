@@ -139,12 +139,12 @@ def _shape(task: Task) -> tuple[int, ...]:
 
 def is_kept(task: Task) -> bool:
     """Whether infos tell the state by an array, which is kept from step to step."""
-    return bool(task.spec.info) and not _is_number(task)
+    return bool(task.info) and not _is_number(task)
 
 
 def old_state(task: Task, names: Sequence[str]) -> list[str]:
     """The statement that keeps the state left, before the state moves on."""
-    if "old_state" not in task.spec.info:
+    if "old_state" not in task.info:
         return []
     return [f"old_state = {'told' if is_kept(task) else flat_state(task, names)}"]
 
@@ -179,7 +179,7 @@ def info(task: Task, names: Sequence[str]) -> str:
     """The source of a step's info, after the state has moved on."""
     new_state = "told" if is_kept(task) else flat_state(task, names)
     sources = {"old_state": "old_state", "new_state": new_state}
-    return "{" + ", ".join(f'"{name}": {sources[name]}' for name in task.spec.info) + "}"
+    return "{" + ", ".join(f'"{name}": {sources[name]}' for name in task.info) + "}"
 
 
 # -- the observation ----------------------------------------------------------------------------------------------

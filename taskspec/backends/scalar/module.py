@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from taskspec.backends.emit.lane import LaneEmitter, LaneValue
@@ -22,6 +21,7 @@ from taskspec.backends.scalar.emit import (
     read_action,
     told_state,
 )
+from taskspec.base.records import dataclass
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Type
 from taskspec.task.spaces import SpaceLayout

@@ -6,7 +6,7 @@ import math
 import operator
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -19,6 +19,7 @@ from taskspec.backends.lowering.phase import Phase
 from taskspec.backends.scalar.emit import row_names, sees_state
 from taskspec.backends.scalar.module import Parts, generate
 from taskspec.backends.scalar.stream import phase_stream
+from taskspec.base.records import dataclass
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.variates.sample import sampler
@@ -120,7 +121,7 @@ def compile_scalar(task: Task) -> ScalarProgram:
     roots = invariants.replaced(task, (*task.next, task.reward, task.terminal))
     seen = () if invariants.observation else invariants.replaced(task, task.next_observation)
     cold = cold_components(task, (*changing(task, roots), *seen))
-    cold = frozenset() if task.spec.info and not sees_state(task, observation) else cold
+    cold = frozenset() if task.info and not sees_state(task, observation) else cold
     initial = [task.builder.scalar(0) if c.name in cold else n for c, n in zip(task.state, task.initial, strict=True)]
     reset = Phase.of(task, (*initial, *invariants.at_reset), task.first_observation, observation, task.reset_words)
     step = Phase.of(task, roots, seen, observation, task.step_words)

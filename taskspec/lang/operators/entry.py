@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum, IntEnum
 from typing import Any, Protocol
 
+from taskspec.base.records import dataclass
 from taskspec.lang.ir import Apply, Const, Node
 from taskspec.lang.operators.signatures import Promote, TypeRule, to_result
 from taskspec.lang.types import EVERYTHING, Args, Interval, Kind, Shape, Type

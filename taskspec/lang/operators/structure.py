@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any, ClassVar
 
+from taskspec.base.records import dataclass
 from taskspec.lang.ir import Apply
 from taskspec.lang.operators import bounding, signatures
 from taskspec.lang.operators.entry import (
