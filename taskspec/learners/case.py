@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import numpy as np
 
 from taskspec.base.arrays import AnyArray
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.data import Demonstrations
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
+
+if TYPE_CHECKING:
+    from taskspec.data import Demonstrations
 
 
 class CannotLearn(SpecError):
