@@ -61,7 +61,7 @@ def make(
     modifiers: Iterable[Written] = (),
     **parameters: Any,
 ) -> Environment:
-    """The scalar environment of a task: `load` and `taskspec.envs.Environment` in one call."""
+    """Return the scalar environment of a task: `load` and `taskspec.envs.Environment` in one call."""
     from taskspec.envs import Environment
 
     task = _loaded(source, variant, {**parameters, "modifiers": modifiers})
@@ -155,7 +155,8 @@ def make_vec(
     instance_seed: int | Sequence[int] | None = None,
     **parameters: Any,
 ) -> VectorEnvironment:
-    """Many environments of a task, stepped together: `load` and `taskspec.envs.vector.VectorEnvironment` in one call.
+    """Return many environments of a task, stepped together: `load` and `taskspec.envs.vector.VectorEnvironment` in one
+    call.
 
     With a list as `instance_seed`, lane i has the constants of the seed at i; the list is taken from its beginning again where
     `num_envs` says that there are more lanes.
@@ -177,7 +178,7 @@ def make_vec(
 
 
 def _loaded(source: TaskLike, variant: str | None, given: Mapping[str, Any]) -> Task:
-    """The task for keyword arguments of a maker.
+    """Return the task for keyword arguments of a maker.
 
     Raises:
         UnexpectedKeywordError: where one of them is neither an option nor a parameter.
@@ -213,10 +214,11 @@ def _of_instances(
 
 
 def made_by(task: Task) -> EnvSpec | None:
-    """How Gymnasium makes a task's environment; None where no id that it knows stands for the task."""
+    """Return how Gymnasium makes a task's environment; None where no id that it knows stands for the task."""
     from gymnasium.envs.registration import registry as known
 
-    found, options = known.get(task.id), dict(task.values)
+    found = known.get(task.id)
+    options = dict(task.values)
     if task.modifiers:
         options["modifiers"] = list(map(str, task.modifiers))
     if found is None or load(task.id, **options) != task:
@@ -234,7 +236,7 @@ def make_registered(
     modifiers: Iterable[Written] = (),
     **options: Any,
 ) -> Environment:
-    """What `gym.make` calls: `task` is an id, `path` a spec's file; options are parameters and those of `make`.
+    """Return what `gym.make` calls: `task` is an id, `path` a spec's file; options are parameters and those of `make`.
 
     `id_modifiers` are those that stand in the id; others come after them.
 
@@ -256,7 +258,7 @@ def make_vec_registered(
     modifiers: Iterable[Written] = (),
     **options: Any,
 ) -> VectorEnvironment:
-    """What `gym.make_vec` calls; options are parameters and those of `make_vec`.
+    """Return what `gym.make_vec` calls; options are parameters and those of `make_vec`.
 
     Raises:
         SpecError: E713, where `max_episode_steps`, as the spec of an environment has it, is not the horizon.

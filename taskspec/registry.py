@@ -45,7 +45,7 @@ _registered: dict[str, Entry] = {}
 
 
 def tasks_root() -> Path:
-    """The folder of the shipped suites, one sub-folder of YAML specs per suite.
+    """Return the folder of the shipped suites, one sub-folder of YAML specs per suite.
 
     A wheel carries the folder inside the package; an editable install finds it beside the package.
     """
@@ -56,13 +56,13 @@ def tasks_root() -> Path:
 
 @lru_cache(maxsize=1)
 def shipped() -> dict[str, Entry]:
-    """The shipped tasks by id."""
+    """Return the shipped tasks by id."""
     found = [entry for folder in sorted(tasks_root().iterdir()) if folder.is_dir() for entry in entries(folder)]
     return {entry.id: entry for entry in found}
 
 
 def entries(folder: Path) -> Iterable[Entry]:
-    """The tasks of a suite's folder, in order of file and variant."""
+    """Yield the tasks of a suite's folder, in order of file and variant."""
     for path, text in _texts(folder):
         if scan.kind(text) == "taskspec":
             found = scan.scan(text)
@@ -71,18 +71,18 @@ def entries(folder: Path) -> Iterable[Entry]:
 
 
 def files_in(folder: Path) -> list[tuple[Path, scan.Kind]]:
-    """The YAML files of a folder, sorted by name, and what each of them holds."""
+    """Return the YAML files of a folder, sorted by name, and what each of them holds."""
     return [(path, scan.kind(text)) for path, text in _texts(folder)]
 
 
 def _texts(folder: Path) -> Iterable[tuple[Path, str]]:
-    """The YAML files of a folder, sorted by name, with their texts."""
+    """Yield the YAML files of a folder, sorted by name, with their texts."""
     for path in sorted(p for p in folder.iterdir() if p.suffix in (".yaml", ".yml")):
         yield path, path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
 
 
 def known() -> dict[str, Entry]:
-    """Every task known by id: the shipped ones and those registered."""
+    """Return every task known by id: the shipped ones and those registered."""
     return {**shipped(), **_registered}
 
 
@@ -92,7 +92,7 @@ def add(entry: Entry) -> None:
 
 
 def task_ids() -> list[str]:
-    """The ids of all known tasks."""
+    """Return the ids of all known tasks."""
     return sorted(known())
 
 
@@ -102,7 +102,7 @@ def task_ids() -> list[str]:
 def load(
     source: TaskLike, /, variant: str | None = None, *, modifiers: Iterable[Written] = (), **parameters: Any
 ) -> Task:
-    """The task of an id, of a spec's file, or the task itself, with parameters bound.
+    """Return the task of an id, of a spec's file, or the task itself, with parameters bound.
 
     Args:
         source: `suite/Name-vN` (the version, and the suite when the name is unique, may be left out), a path, or a task.
@@ -142,7 +142,7 @@ def _check_variant(variant: object) -> None:
 
 
 def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) -> Task:
-    """What `load` gives before any more modifiers."""
+    """Return what `load` gives before any more modifiers."""
     from taskspec.task.task import Task
 
     if not isinstance(source, Task | str | os.PathLike):
@@ -162,7 +162,8 @@ def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) ->
 
 
 def instance(source: str) -> ids.InstanceId:
-    """What an id or a path names, with the parameters and modifiers behind it; a file that is there is called as it is called.
+    """Return what an id or a path names, with the parameters and modifiers behind it; a file that is there is called as it
+    is called.
 
     Raises:
         SpecError: E713 for something else than values behind it.
@@ -171,7 +172,7 @@ def instance(source: str) -> ids.InstanceId:
 
 
 def _together(asked: ids.InstanceId, parameters: dict[str, Any]) -> dict[str, Any]:
-    """The values that an id gives, and those given beside it."""
+    """Return the values that an id gives, and those given beside it."""
     twice = next((name for name in parameters if name in asked.parameters), None)
     if twice is not None:
         raise SpecError([Diagnostic("E713", None, f"'{twice}' is given in the id and separately; give it once")])
@@ -179,7 +180,7 @@ def _together(asked: ids.InstanceId, parameters: dict[str, Any]) -> dict[str, An
 
 
 def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Task:
-    """A task with other values of parameters; in another variant the others have their defaults."""
+    """Return a task with other values of parameters; in another variant the others have their defaults."""
     if variant is None and not parameters:
         return task
     from taskspec.modifiers import modify
@@ -191,7 +192,7 @@ def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Tas
 
 
 def is_path(name: str) -> bool:
-    """Whether a name is meant as a file and not as an id."""
+    """Return whether a name is meant as a file and not as an id."""
     try:
         return name.endswith((".yaml", ".yml")) or Path(name).is_file()
     except (OSError, ValueError):  # too long for a path, or with characters that none has
@@ -199,7 +200,7 @@ def is_path(name: str) -> bool:
 
 
 def find(task_id: str) -> Entry:
-    """The entry of an id; the version may be left out, and the suite when the name is unique.
+    """Return the entry of an id; the version may be left out, and the suite when the name is unique.
 
     Raises:
         SpecError: E701 when there is none, or more than one.
@@ -236,7 +237,7 @@ _Version: TypeAlias = tuple[tuple[int, int], ...]
 
 
 def _version(path: str) -> _Version:
-    """The version of a file as it is now."""
+    """Return the version of a file as it is now."""
     files: tuple[str, ...] = ()
     while True:
         version = tuple(map(_stamp, (path, *files)))
@@ -273,7 +274,7 @@ def _document(path: str, version: _Version) -> Document:
 
 
 def suite_of(path: Path) -> str:
-    """The suite that a spec's folder makes, or none where the folder's name could not be part of an id."""
+    """Return the suite that a spec's folder makes, or none where the folder's name could not be part of an id."""
     try:
         name = path.resolve().parent.name
     except (OSError, ValueError):  # no path at all; reading it will say so

@@ -102,7 +102,9 @@ def kind_of(target: str) -> scan.Kind | None:
 
 
 def _others(target: str) -> list[tuple[Path, scan.Kind]]:
-    path, suite, kind = Path(target), registry.tasks_root() / target, kind_of(target)
+    path = Path(target)
+    suite = registry.tasks_root() / target
+    kind = kind_of(target)
     if kind is not None:
         return [(path, kind)] if kind in OTHERS else []
     if path.is_dir():

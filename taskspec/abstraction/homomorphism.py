@@ -93,7 +93,8 @@ class _Comparison:
             mine[int(self.mapped[state])] += p
         others = _first(self.other, self.chances)
         for state in sorted(mine.keys() | others.keys()):
-            p, q = mine.get(state, Fraction(0)), others.get(state, Fraction(0))
+            p = mine.get(state, Fraction(0))
+            q = others.get(state, Fraction(0))
             if p != q:
                 odds = f"probability {float(p):.6g}, and {float(q):.6g} in the abstraction"
                 return f"episodes start in {self.other.state_name(state)} with {odds}"
@@ -135,7 +136,8 @@ class _Comparison:
 
 def _difference_of_laws(mine: Law, others: Law) -> str | None:
     for outcome in mine.keys() | others.keys():
-        p, q = mine.get(outcome, Fraction(0)), others.get(outcome, Fraction(0))
+        p = mine.get(outcome, Fraction(0))
+        q = others.get(outcome, Fraction(0))
         if p != q:
             odds = f"one has probability {float(p):.6g}, and {float(q):.6g} in the abstraction"
             return f"it gives another reward, end or next state: {odds}"
@@ -196,7 +198,8 @@ class _Laws:
         counts = np.diff(self.first)[rows]
         apart = counts != np.diff(others.first)[theirs]
         if not apart.any():
-            own, other = _ranges(self.first[rows], counts), _ranges(others.first[theirs], counts)
+            own = _ranges(self.first[rows], counts)
+            other = _ranges(others.first[theirs], counts)
             wrong = np.zeros(len(own), np.bool_)
             for name in ("to", "ends", "reward", "weight"):
                 wrong |= once(operator.ne, getattr(self, name)[own], getattr(others, name)[other]).astype(np.bool_)

@@ -57,7 +57,8 @@ def verify_symmetry(task: Task, symmetry: Symmetry) -> SymmetryCheck:
         if clash is not None:
             problem = f"{_in_words(symmetry.seen, clash[0])} and {_in_words(symmetry.seen, clash[1])} look alike"
         elif not part.is_decided:
-            problem, points = _returning(symmetry, part), SAMPLES
+            problem = _returning(symmetry, part)
+            points = SAMPLES
     return SymmetryCheck(symmetry, points, problem)
 
 
@@ -76,7 +77,8 @@ def _of_actions(task: Task, symmetry: Symmetry) -> str | None:
         if not part.is_decided:
             names = " and ".join(f"'{c.name}'" for c in part.inputs)
             return f"what it does to {names} is more than to move elements about, and there are too many values to try"
-        found, clash = outside(part), part.clash()
+        found = outside(part)
+        clash = part.clash()
         if found is not None:
             return f"the action {_in_words(task.action, found[0])} becomes {_in_words(task.action, found[1])}, where actions end"
         if clash is not None:

@@ -29,7 +29,9 @@ from taskspec.task.task import Component, Task
 
 State = dict[str, Array]
 STARTS = 4096
-LANES, FEWEST, STEPS = 512, 32, 200_000
+LANES = 512
+FEWEST = 32
+STEPS = 200_000
 """The most and the fewest episodes, and the steps of all of them together."""
 LONGEST = 2000
 """Steps of an episode that are compared."""
@@ -227,7 +229,8 @@ def _rows(state: State) -> Array:
 
 
 def _describe(task: Task, row: Array) -> str:
-    words, at = [], 0
+    words = []
+    at = 0
     for c in task.state:
         value = row[at : at + c.type.size].reshape(c.type.shape)
         words.append(f"{c.name} = {shown(c, value)}")

@@ -30,7 +30,8 @@ class Ahead:
     """The hoisted values and named words of a phase, step after step, for the lanes of some buffers."""
 
     def __init__(self, hoisted: Hoisted, buffers: Buffers) -> None:
-        self._hoisted, self._buffers = hoisted, buffers
+        self._hoisted = hoisted
+        self._buffers = buffers
         self._words = hoisted.word_numbers
         count = hoisted.layout.count
         lanes = buffers.lanes
@@ -51,7 +52,8 @@ class Ahead:
 
     def restart(self, everywhere: bool) -> None:
         """Drop fetched values, because all lanes or some were seeded."""
-        self._at, self._together = self._depth, everywhere
+        self._at = self._depth
+        self._together = everywhere
 
     def part_ways(self) -> None:
         """From now on lanes may have taken different numbers of steps since they were seeded."""
@@ -84,7 +86,9 @@ class Ahead:
         return [np.take(i.reshape(*i.shape[:-2], -1), places, axis=-1, mode="clip") for i in self._items]
 
     def _fetch(self) -> None:
-        steps, lanes, depth = self._buffers.steps, len(self._lanes), self._depth
+        steps = self._buffers.steps
+        lanes = len(self._lanes)
+        depth = self._depth
         self._base = steps.copy()
         self._at = 0
         words = draws.lanes_ahead(self._buffers.seeds, steps, depth, self._hoisted.layout.count)
@@ -100,7 +104,8 @@ class Ready:
 
     def __init__(self, roots: Sequence[Node], layout: WordLayout, buffers: Buffers) -> None:
         # What is observed at first is often the state itself: such values are kept once.
-        self._roots, self._buffers = tuple(dict.fromkeys(roots)), buffers
+        self._roots = tuple(dict.fromkeys(roots))
+        self._buffers = buffers
         self._places = [self._roots.index(root) for root in roots]
         self._layout = layout
         self.fixed = not draws_below(roots)
@@ -131,7 +136,8 @@ class Ready:
     def _refresh(self) -> None:
         """Compute new first states for all lanes that have used theirs."""
         stale = np.flatnonzero(self._stale)
-        seeds, episodes = self._buffers.seeds[stale], self._buffers.episodes[stale]
+        seeds = self._buffers.seeds[stale]
+        episodes = self._buffers.episodes[stale]
         words = draws.lanes_block(seeds, draws.RESET, episodes, self._layout.count)
         for held, new in zip(self._held, evaluated(self._roots, self._layout, words), strict=True):
             held[..., stale] = new

@@ -37,11 +37,11 @@ class Values:
         return cls(layout, tuple(_raw(part, lanes, gap) for part in layout.parts))
 
     def view(self) -> Any:
-        """The values with the lanes first, sharing memory: what Gymnasium's batched space holds."""
+        """Return the values with the lanes first, sharing memory: what Gymnasium's batched space holds."""
         return self._shown(self.parts)
 
     def fresh(self) -> Any:
-        """The same in memory of its own."""
+        """Return the same in memory of its own."""
         return self._shown([part.copy() for part in self.parts])
 
     def _shown(self, raw: Sequence[Array]) -> Any:
@@ -49,11 +49,13 @@ class Values:
         return {p.name: a for p, a in zip(self.layout.parts, shown, strict=True)} if self.layout.is_dict else shown[0]
 
     def part(self, lanes: slice) -> Values:
-        """A range of the lanes, sharing memory."""
+        """Return a range of the lanes, sharing memory."""
         return Values(self.layout, tuple(part[..., lanes] for part in self.parts))
 
     def segments(self) -> list[Array]:
-        """The arrays of the layout's segments, sharing memory: (*shape, lanes) of the component, or a row for each value."""
+        """Return the arrays of the layout's segments, sharing memory: (*shape, lanes) of the component, or a row for each
+        value.
+        """
         found = []
         for segment in self.layout.segments:
             raw = self.parts[segment.part]
@@ -66,7 +68,9 @@ class Values:
 
 
 def _lanes_first(array: Array) -> Array:
-    """An array (*shape, lanes) as (lanes, *shape). `moveaxis` would take longer than the rest of a step of few lanes."""
+    """Return an array (*shape, lanes) as (lanes, *shape). `moveaxis` would take longer than the rest of a step of few
+    lanes.
+    """
     return array.T if array.ndim <= 2 else array.transpose(-1, *range(array.ndim - 1))
 
 
@@ -135,7 +139,7 @@ class Buffers:
         return len(self.seeds)
 
     def part(self, lanes: slice) -> Buffers:
-        """A range of the lanes, sharing memory."""
+        """Return a range of the lanes, sharing memory."""
         return Buffers(
             self.seeds[lanes],
             self.steps[lanes],
@@ -152,7 +156,7 @@ class Buffers:
         )
 
     def nbytes(self) -> int:
-        """Bytes of all arrays."""
+        """Return bytes of all arrays."""
         flags = (self.running, self.terminated, self.truncated, self.ended)
         counters = (self.seeds, self.steps, self.episodes, self.time, self.reward)
         values: Sequence[Array] = (*self.state, *self.seen.parts, *self.final.parts)

@@ -21,28 +21,35 @@ class Interpreter:
     """
 
     def __init__(self, task: Task, seed: int) -> None:
-        self.task, self.seed = task, seed
-        self.episode, self.steps, self.time = 0, 0, 0
+        self.task = task
+        self.seed = seed
+        self.episode = 0
+        self.steps = 0
+        self.time = 0
         self.state: list[Flat] = []
         self._reset_roots = task.reset_roots
         self._step_roots = task.step_roots
-        self._reset_layout, self._step_layout = task.reset_words, task.step_words
+        self._reset_layout = task.reset_words
+        self._step_layout = task.step_words
 
     def reset(self) -> list[Flat]:
-        """The first observation of the next episode."""
+        """Return the first observation of the next episode."""
         layout = self._reset_layout
         words = draws.words(self.seed, draws.RESET, self.episode, layout.count)
         values = evaluate(self._reset_roots, {}, sampler(layout, words))
-        self.episode, self.time = self.episode + 1, 0
+        self.episode = self.episode + 1
+        self.time = 0
         self.state = values[: len(self.task.state)]
         return values[len(self.task.state) :]
 
     def step(self, action: Sequence[Flat]) -> tuple[list[Flat], float, bool, bool]:
         """Observation, reward, terminated, truncated."""
-        task, n = self.task, len(self.task.state)
+        task = self.task
+        n = len(self.task.state)
         words = draws.words(self.seed, draws.STEP, self.steps, self._step_layout.count)
         values = evaluate(self._step_roots, self._reads(action), sampler(self._step_layout, words))
-        self.steps, self.time = self.steps + 1, self.time + 1
+        self.steps = self.steps + 1
+        self.time = self.time + 1
         self.state = values[:n]
         truncated = task.horizon is not None and self.time >= task.horizon
         return values[n + 2 :], values[n][0], values[n + 1][0], truncated

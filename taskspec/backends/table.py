@@ -74,13 +74,13 @@ def choose(task: Task, backend: str) -> str:
 
 
 def installed(backend: str) -> bool:
-    """Whether the package that a backend needs can be imported."""
+    """Return whether the package that a backend needs can be imported."""
     needs = BACKENDS[backend].needs
     return needs is None or is_installed(needs)
 
 
 def suits(backend: str, task: Task) -> bool:
-    """Whether a task suits an installed backend."""
+    """Return whether a task suits an installed backend."""
     asked = BACKENDS[backend].suits
     return asked is None or _named(asked)(task)
 

@@ -86,7 +86,8 @@ class Episodes:
 
     def seed(self, seeds: Array, lanes: Array | None) -> None:
         """Restart the streams of some lanes (indices; None: all)."""
-        b, chosen = self.buffers, slice(None) if lanes is None else lanes
+        b = self.buffers
+        chosen = slice(None) if lanes is None else lanes
         b.seeds[chosen] = seeds
         b.steps[chosen] = 0
         b.episodes[chosen] = 0

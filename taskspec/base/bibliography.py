@@ -22,7 +22,7 @@ class Reference:
     fields: Mapping[str, str]
 
     def plain(self, field: str) -> str:
-        """A field as text, without TeX's braces and accents."""
+        """Return a field as text, without TeX's braces and accents."""
         text = _ACCENTS.sub(r"\1", self.fields.get(field, ""))
         return re.sub(r"\s+", " ", text.replace("{", "").replace("}", "").replace("--", "–").replace("~", " ")).strip()
 
@@ -47,7 +47,7 @@ class Reference:
 
 
 def read(text: str) -> dict[str, Reference]:
-    """The entries of a BibTeX text by key; what cannot be read is passed over."""
+    """Return the entries of a BibTeX text by key; what cannot be read is passed over."""
     found = {}
     for match in _ENTRY.finditer(text):
         fields = dict(_fields(text, match.end()))
@@ -66,14 +66,15 @@ def _fields(text: str, at: int) -> Iterable[tuple[str, str]]:
 
 
 def _value(text: str, at: int) -> tuple[str, int]:
-    """A value in braces, in quotes, or bare; and where it ends."""
+    """Return a value in braces, in quotes, or bare; and where it ends."""
     if text[at : at + 1] == '"':
         end = text.find('"', at + 1)
         return (text[at + 1 : end], end + 1) if end > 0 else (text[at + 1 :], len(text))
     if text[at : at + 1] != "{":
         bare = re.compile(r"[^,}\s]*").match(text, at)
         return (bare[0], bare.end()) if bare else ("", len(text))
-    depth, end = 0, at
+    depth = 0
+    end = at
     while end < len(text):
         depth += {"{": 1, "}": -1}.get(text[end], 0)
         end += 1
@@ -83,7 +84,7 @@ def _value(text: str, at: int) -> tuple[str, int]:
 
 
 def beside(specs: Iterable[str | Path]) -> dict[str, Reference]:
-    """The entries of every `references.bib` that lies beside one of the specs."""
+    """Return the entries of every `references.bib` that lies beside one of the specs."""
     folders = dict.fromkeys(Path(spec).parent for spec in specs)
     found: dict[str, Reference] = {}
     for folder in folders:

@@ -242,7 +242,8 @@ def _text(diagnostic: Diagnostic, color: bool, width: int | None) -> str:
         number = str(diagnostic.span.line)
         margin = " " * max(5, len(number))
         if hint is not None and "\n" not in hint and len(pad) + len(visible(hint)) < room:
-            marks, hint = f"{marks} {visible(hint)}", None
+            marks = f"{marks} {visible(hint)}"
+            hint = None
         lines += [f"{number:>5} | {excerpt}".rstrip(), f"{margin} | {marks}"]
     if hint is not None:
         remarks.insert(0, ("hint", hint))
@@ -260,9 +261,11 @@ def _broken(text: str, width: int | None, used: int, indent: int) -> str:
     """Wrap text between words: the first line starts at column `used`, the others are indented."""
     if width is None or used + _width(text) <= width:
         return text
-    lead, margin = " " * used, " " * indent
+    lead = " " * used
+    margin = " " * indent
     if used + _width(text.split(" ")[0]) > width:  # no room beside a long path
-        lead, text = "", f"{margin}{text}"
+        lead = ""
+        text = f"{margin}{text}"
     import textwrap
 
     lines = textwrap.wrap(text, max(width, indent + 20), initial_indent=lead, subsequent_indent=margin)
@@ -281,7 +284,8 @@ def _excerpt(span: Span, room: int) -> tuple[str, str]:
     whole = not skipped and ((len(near) == len(line) and edges[-1] <= room) or edges[end] <= room // 2)
     first = 0 if whole else bisect_left(edges, edges[start] - room // 2)
     last = max(first + 1, bisect_right(edges, edges[first] + room) - 1)
-    head, tail = ("…" if skipped + first else ""), ("…" if skipped + last < len(line) else "")
+    head = "…" if skipped + first else ""
+    tail = "…" if skipped + last < len(line) else ""
     marked = edges[max(start, min(end, last))] - edges[start]
     pad = " " * (len(head) + edges[start] - edges[first])
     return head + "".join(cells[first:last]) + tail, pad + "^" * max(1, marked)
@@ -311,7 +315,8 @@ def _record(diagnostic: Diagnostic) -> dict[str, object]:
 
 def _github(diagnostic: Diagnostic) -> str:
     """Return a workflow command `::error file=...,line=...::message`, escaped as GitHub requires."""
-    code, span = CODES[diagnostic.code], diagnostic.span
+    code = CODES[diagnostic.code]
+    span = diagnostic.span
     fields: dict[str, object] = {}
     if span is not None:
         fields = {"file": span.origin.name, "line": span.line, "endLine": span.end_line}

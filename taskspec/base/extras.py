@@ -1,13 +1,19 @@
-"""Optional packages: imported when they are first needed, with the command that installs what is missing."""
+"""Optional packages, and names of this package, that are imported on first use."""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
+import sys
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from taskspec.base.diagnostics import SpecError, spec_error
+
+# ---------- extras
+# Optional packages: imported when they are first needed, with the command that installs what is missing.
 
 DISTRIBUTION = "taskspec-rl"
 """The name of this package for `pip`; on the public index, `taskspec` is another project."""
@@ -59,3 +65,24 @@ def _checkout() -> str | None:
         return None
     here = Path(project.name)
     return "." if here.is_file() and here.samefile(project) else str(project.parent)
+
+
+# ---------- lazily
+# Public names of packages that are imported on first use.
+
+
+def on_demand(package: str, places: Mapping[str, str]) -> Callable[[str], object]:
+    """Return the `__getattr__` of a package whose names are in other modules.
+
+    Args:
+        places: the module of each name.
+    """
+
+    def find(name: str) -> object:
+        if name not in places:
+            raise AttributeError(f"module '{package}' has no attribute {name!r}")
+        value: object = getattr(import_module(places[name]), name)
+        setattr(sys.modules[package], name, value)
+        return value
+
+    return find

@@ -1,20 +1,25 @@
-"""Limits on the cost of a spec, in one table, checked before the cost is spent.
-
-The environment variable `TASKSPEC_LIMITS` changes them, `TASKSPEC_LIMITS=seconds=60,candidates=1e7`; the message of each says so.
-Where something is refused for want of time, the time is worked out beforehand from how much there is to do, at a nominal
-rate: what is refused does not depend on the machine.
-"""
+"""Limits on what a spec may cost, and listeners to the progress of long analyses."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import field, fields, replace
 from functools import lru_cache
+from typing import TypeAlias, TypeVar
 
 from taskspec.base.diagnostics import SpecError, spec_error, suggest
 from taskspec.base.records import dataclass
+
+# ---------- limits
+# Limits on the cost of a spec, in one table, checked before the cost is spent.
+#
+# The environment variable `TASKSPEC_LIMITS` changes them, `TASKSPEC_LIMITS=seconds=60,candidates=1e7`; the message of
+# each says so.
+# Where something is refused for want of time, the time is worked out beforehand from how much there is to do, at a nominal
+# rate: what is refused does not depend on the machine.
 
 VARIABLE = "TASKSPEC_LIMITS"
 HOPELESS = 1e12
@@ -166,3 +171,36 @@ def count(number: int) -> str:
     if abs(number) < 10**15:
         return f"{number:,}"
     return f"about 10^{int(abs(number).bit_length() * 0.30103)}"
+
+
+# ---------- progress
+# Progress of long analyses, reported to a listener where one is set.
+
+Listener: TypeAlias = Callable[[str, "float | None"], None]
+T = TypeVar("T")
+
+_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
+
+
+def tell(what: str, share: float | None = None) -> None:
+    """Report in a few words what is done now; for one of many parts, also the share that is done."""
+    listener = _listener.get()
+    if listener is not None:
+        listener(what, share)
+
+
+def telling(items: Sequence[T], name: Callable[[T], str]) -> Iterator[T]:
+    """Yield items one after the other, and report each by its name."""
+    for i, item in enumerate(items):
+        tell(name(item), i / len(items))
+        yield item
+
+
+@contextmanager
+def progress_listener(listener: Listener) -> Iterator[None]:
+    """Send all progress within the block to this listener."""
+    token = _listener.set(listener)
+    try:
+        yield
+    finally:
+        _listener.reset(token)

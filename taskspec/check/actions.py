@@ -25,7 +25,7 @@ LONGER = 1000
 
 
 def later_rewards(context: LintContext) -> Iterator[Doubt]:
-    """The horizon ends episodes before rewards differ."""
+    """Yield the horizon ends episodes before rewards differ."""
     if not context.is_constant or context.paid is None:
         return
     value = words(context.paid[0])
@@ -37,7 +37,7 @@ def later_rewards(context: LintContext) -> Iterator[Doubt]:
 
 
 def same_reward(context: LintContext) -> Iterator[Doubt]:
-    """All rewards are the same, however long the episode."""
+    """Yield all rewards are the same, however long the episode."""
     if context.is_constant and context.paid is not None and _later_reward(context, context.paid[0]) is None:
         message = f"every possible step has reward {words(context.paid[0])}"
         yield Doubt(context.merged.span(("reward",)), message)
@@ -62,7 +62,7 @@ def _later_reward(context: LintContext, before: float) -> int | None:
 
 
 def indifferent(context: LintContext) -> Iterator[Doubt]:
-    """The best return is that of random actions."""
+    """Yield the best return is that of random actions."""
     if context.is_constant:
         return
     optimal = context.results.optimal
@@ -78,7 +78,7 @@ def indifferent(context: LintContext) -> Iterator[Doubt]:
 
 
 def inert(context: LintContext) -> Iterator[Doubt]:
-    """A component of the action that changes nothing."""
+    """Yield a component of the action that changes nothing."""
     read = reads((*context.task.next, context.task.reward, context.task.terminal))
     for c in context.task.action:
         if c.is_finite and c.counts == (1,) * c.type.size:
@@ -98,7 +98,7 @@ ROUNDING = 1e-12
 
 
 def twins(context: LintContext) -> Iterator[Doubt]:
-    """Two values of an action that do the same in every state."""
+    """Yield two values of an action that do the same in every state."""
     for c in context.task.action:
         count = c.counts[0] if c.is_finite and c.type.is_scalar else 0
         if not 2 < count <= FEW:
@@ -115,7 +115,7 @@ def twins(context: LintContext) -> Iterator[Doubt]:
 
 
 def _classes(count: int, same: Callable[[int, int], bool]) -> list[list[int]]:
-    """The numbers below `count`, those that are the same together."""
+    """Return the numbers below `count`, those that are the same together."""
     found: list[list[int]] = []
     for number in range(count):
         known = next((alike for alike in found if same(alike[0], number)), None)
@@ -132,7 +132,8 @@ def _step(task: Task) -> tuple[Node, ...]:
 
 def _by_form(task: Task, c: Component) -> Callable[[int, int], bool]:
     """Compares what is left of a step once the value is known: equal forms are one node."""
-    b, roots = task.builder, _step(task)
+    b = task.builder
+    roots = _step(task)
 
     def chosen(value: int) -> tuple[Node, ...]:
         def leaf(node: Node) -> Node | None:
@@ -147,13 +148,15 @@ def _by_form(task: Task, c: Component) -> Callable[[int, int], bool]:
 
 def _by_model(model: Model, c: Component) -> Callable[[int, int], bool]:
     """Compares all that the values do in the states in which episodes act."""
-    table, acting = groups(model, c.name), np.flatnonzero(model.acting)
+    table = groups(model, c.name)
+    acting = np.flatnonzero(model.acting)
 
     def rows(number: int) -> Any:
         return (table[:, number][:, None] * model.n_states + acting[None, :]).reshape(-1)
 
     def same(one: int, other: int) -> bool:
-        a, b = rows(one), rows(other)
+        a = rows(one)
+        b = rows(other)
         return all(_is_zero(found) for step in _steps(model) for found in _gaps(step, a, b))
 
     return same
@@ -178,19 +181,22 @@ def _is_zero(found: Any) -> bool:
 
 
 def expert(context: LintContext) -> Iterator[Doubt]:
-    """An expert below the optimum, or no better than random actions where that is all there is to compare with."""
-    found, optimal = context.results.expert, context.results.optimal
+    """Yield an expert below the optimum, or no better than random actions where that is all there is to compare with."""
+    found = context.results.expert
+    optimal = context.results.optimal
     if found is None or isinstance(context.task.expert, Soft) or _says_so(context.task):
         return
     if optimal is None:
         yield from _no_better(context, found)
         return
-    best, whose = optimal.value, ""
+    best = optimal.value
+    whose = ""
     if context.task.memory is not None and (seen := pomdp_bounds(context.results)) is not None:
         if seen.remembering is None:
             whose = ", which knows the state"
         else:
-            best, whose = seen.remembering.value, " of those who remember what they see"
+            best = seen.remembering.value
+            whose = " of those who remember what they see"
     gap = best - found.value
     if gap > SAME * max(1.0, abs(best)):
         message = f"the expert returns {_shown(found)}, which is {gap:.6g} below the optimum of {best:.10g}{whose}"

@@ -59,7 +59,8 @@ class LintContext:
         model = self.results.model
         if model is None:
             return None
-        low, high = [], []
+        low = []
+        high = []
         for t, level in model.levels() if model.is_timed else [(0, model.acting)]:
             rewards = model.step(t).R.reshape(model.n_actions, -1)
             for paid in rewards if level.any() else ():  # one action at a time, to save memory
@@ -70,7 +71,8 @@ class LintContext:
     @property
     def is_constant(self) -> bool:
         """True if all steps have the same reward, and their number makes no difference."""
-        paid, model = self.paid, self.results.model
+        paid = self.paid
+        model = self.results.model
         if model is None or paid is None or not np.isfinite(paid).all() or paid[1] - paid[0] > SAME:
             return False
         return all(step.P_end is None for step in model.steps) or abs(paid[0]) <= SAME

@@ -33,7 +33,7 @@ BATCH = 4096
 
 
 def moved(context: LintContext) -> Iterator[Doubt]:
-    """An index that lies outside in a state in which episodes act, where its value matters."""
+    """Yield an index that lies outside in a state in which episodes act, where its value matters."""
     task = context.task
     left = {id(m.node): m for m in task.surface.moved}
     for roots in (task.observation.nodes, _expert(task), (*task.raw_next, task.reward, task.terminal)):
@@ -64,7 +64,8 @@ def _problem(m: ClampedIndex, index: int, reads: Reads, task: Task) -> Doubt:
 
 def _points(context: LintContext, roots: Sequence[Node]) -> Iterator[Reads]:
     """Yield the values read at points at which episodes act: all if there is an exact model, otherwise samples."""
-    model, read = context.model, reads(roots)
+    model = context.model
+    read = reads(roots)
     if model is None:
         found = visited(context.task)
         yield from _batches({k: v for k, v in found.items() if k in read}, max(v.shape[-1] for v in found.values()))
@@ -91,7 +92,7 @@ def _batches(found: Mapping[Any, Array], lanes: int) -> Iterator[Reads]:
 def _outside(
     roots: Sequence[Node], found: Sequence[ClampedIndex], points: Reads, task: Task
 ) -> Iterator[tuple[ClampedIndex, int, Reads, Task]]:
-    """The indices that lie outside at a point where they matter: the value, and what is read there."""
+    """Yield the indices that lie outside at a point where they matter: the value, and what is read there."""
     lanes = max((v.shape[-1] for v in points.values()), default=1)
     layout = WordLayout.of(roots)
     sample = batch_sampler(layout, np.random.default_rng(0).integers(0, 2**32, (layout.count, lanes), dtype=np.uint32))
@@ -139,14 +140,14 @@ SECTIONS = ("noise", "initial", "dynamics", "reward", "terminal", "observation",
 
 
 def past_the_end(context: LintContext) -> Iterator[Doubt]:
-    """A slice that asks for more than there is."""
+    """Yield a slice that asks for more than there is."""
     for _, nodes, where in _sliced(context.task):
         for node, cut in nodes:
             yield from _check_ends(node, cut, where)
 
 
 def _sliced(task: Task) -> Iterator[tuple[s.Expr, list[Cut], SectionScope]]:
-    """The slices of every expression, as long as there are not too many."""
+    """Yield the slices of every expression, as long as there are not too many."""
     left = MOST
     for expr, where in expressions(task):
         subscripts = (n for n in s.below(expr) if isinstance(n, s.Subscript))
@@ -171,7 +172,7 @@ def _check_ends(node: s.Subscript, cut: s.Slice, where: SectionScope) -> Iterato
 
 
 def uneven(context: LintContext) -> Iterator[Doubt]:
-    """A first and a last part of one vector that overlap, or that leave something out between them.
+    """Yield a first and a last part of one vector that overlap, or that leave something out between them.
 
     `v[1:]` beside `v[:-1]` sets neighbours side by side, and `concat(v[:i], v[j:])` cuts a piece out: both are meant so.
     """
@@ -202,7 +203,8 @@ def _parts(found: list[Cut], where: SectionScope, head: bool) -> Iterator[tuple[
         end, other = (cut.stop, cut.start) if head else (cut.start, cut.stop)
         if end is None or other is not None or cut.step is not None or len(node.indices) > 1:
             continue
-        vector, at = where.value(node.value), _constant(end, where)
+        vector = where.value(node.value)
+        at = _constant(end, where)
         if vector is not None and at is not None and vector.node.type.shape:
             yield vector, at + vector.node.type.shape[0] * (at < 0), node
 
@@ -218,7 +220,7 @@ def _constant(expr: s.Expr, where: SectionScope) -> int | None:
 
 
 def expressions(task: Task) -> Iterator[tuple[s.Expr, SectionScope]]:
-    """Every expression of the sections that act, and of the definitions, with a section whose names it can use."""
+    """Yield every expression of the sections that act, and of the definitions, with a section whose names it can use."""
     for section in SECTIONS:
         found = task.surface.sections.get(section)
         for expr in found.values() if isinstance(found, dict) else [found]:
@@ -233,7 +235,7 @@ def expressions(task: Task) -> Iterator[tuple[s.Expr, SectionScope]]:
 
 
 def certain(context: LintContext) -> Iterator[Doubt]:
-    """A draw with a single outcome. Where a real parameter has a say, its ends may be why."""
+    """Yield a draw with a single outcome. Where a real parameter has a say, its ends may be why."""
     reals = {p.name for p in context.task.parameters if p.kind == "real"}
     for written, where in _written(context.task):
         words = {n.id for n in s.names(written) if isinstance(n, s.Name)}
@@ -242,7 +244,7 @@ def certain(context: LintContext) -> Iterator[Doubt]:
 
 
 def _written(task: Task) -> Iterator[tuple[s.Call | s.Weights, SectionScope]]:
-    """Every distribution of the spec, with the section it stands in."""
+    """Yield every distribution of the spec, with the section it stands in."""
     for section in SECTIONS:
         entries = task.surface.sections.get(section)
         where = SectionScope(task, section)
@@ -293,14 +295,14 @@ def _above_zero(node: Node | None) -> bool:
 
 
 def whole(context: LintContext) -> Iterator[Doubt]:
-    """A real component of the state that is whole in every state of every episode."""
+    """Yield a real component of the state that is whole in every state of every episode."""
     for c in _whole_components(context.task):
         message = f"'{c.name}' is declared real, but only takes whole values"
         yield Doubt(context.key("state", c.name), message, "declare it `type: int`")
 
 
 def _whole_components(task: Task) -> list[Component]:
-    """The largest set of real components that start whole and stay whole while all of them are."""
+    """Return the largest set of real components that start whole and stay whole while all of them are."""
     reals = {p.name for p in task.parameters if p.kind == "real"}
     nodes = {c.name: pair for c, *pair in zip(task.state, task.initial, task.next, strict=True)}
     found = {

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
-from taskspec.base.progress import progress_listener, tell, telling
+from taskspec.base.limits import progress_listener, tell, telling
 from taskspec.source import scan
 from taskspec.targets import File, name_of, task_in, variants_of
 
@@ -91,7 +91,7 @@ def finding(report: Report, examples: int) -> Finding:
 
 
 def _claim(verdict: Verdict) -> dict[str, Any]:
-    """One claim for one choice of parameters, with its status (`exact.statuses`)."""
+    """Return one claim for one choice of parameters, with its status (`exact.statuses`)."""
     return {
         "claim": verdict.claim.text, "parameters": dict(verdict.parameters), "status": verdict.status,
         "detail": verdict.detail, "episodes": verdict.episodes,
@@ -99,7 +99,7 @@ def _claim(verdict: Verdict) -> dict[str, Any]:
 
 
 def _symmetry(found: SymmetryCheck) -> dict[str, Any]:
-    """One symmetry: `points` is how many it was tested at, 0 where it is proved."""
+    """Return one symmetry: `points` is how many it was tested at, 0 where it is proved."""
     status = "false" if found.problem is not None else "proved" if found.is_proved else "tested"
     return {
         "symmetry": found.symmetry.name, "status": status, "detail": found.problem or "", "points": found.points
@@ -186,12 +186,12 @@ def started(checks: Sequence[Check], jobs: int | None = None) -> Iterator[Callab
 
 
 def _can_fork() -> bool:
-    """Whether this process can be forked safely: on macOS none can, nor one with threads, such as those of JAX."""
+    """Return whether this process can be forked safely: on macOS none can, nor one with threads, such as those of JAX."""
     return sys.platform not in ("darwin", "win32") and threading.active_count() == 1 and "jax" not in sys.modules
 
 
 def _length(path: Path) -> int:
-    """The length of a file, by which the time that its check takes is guessed."""
+    """Return the length of a file, by which the time that its check takes is guessed."""
     try:
         return path.stat().st_size
     except OSError:

@@ -28,7 +28,7 @@ _WORD = re.compile(r"[^\W\d]\w*")
 
 
 def unused_names(context: LintContext) -> Iterator[Doubt]:
-    """Parameters, constants, definitions and noise that nothing depends on."""
+    """Yield parameters, constants, definitions and noise that nothing depends on."""
     for section, name in unused(context.task):
         what = {"parameters": "parameter", "constants": "constant", "definitions": "definition"}.get(section, "noise")
         yield Doubt(context.key(section, name), f"nothing uses the {what} '{name}'")
@@ -104,7 +104,7 @@ _KINDS = {
 
 
 def printed_alike(context: LintContext) -> Iterator[Doubt]:
-    """Two names with one symbol, or a name and a label; labels of different components may share theirs."""
+    """Yield two names with one symbol, or a name and a label; labels of different components may share theirs."""
     notation = of_task(context.task)
     seen: dict[str, str] = {}
     for section, written, name in _names(context):
@@ -132,7 +132,7 @@ ALIKE = str.maketrans(
 
 
 def foreign_letters(context: LintContext) -> Iterator[Doubt]:
-    """A name that looks like one in Latin letters."""
+    """Yield a name that looks like one in Latin letters."""
     names = [((section, written), name) for section, written, name in _names(context)]
     for section, components in (("state", context.task.state), ("action", context.task.action)):
         labels = [((section, c.name), str(label)) for c in components if c.domain for label in c.domain.labels]
@@ -163,8 +163,9 @@ def _same_symbol(place: Span, symbol: str, first: str, second: str) -> Doubt:
 
 
 def idle_errata(context: LintContext) -> Iterator[Doubt]:
-    """An erratum of a variant about a section that is as it is without the variant."""
-    task, merged = context.task, context.merged
+    """Yield an erratum of a variant about a section that is as it is without the variant."""
+    task = context.task
+    merged = context.merged
     based = before(task.document, task.variant)
     if based is None or not merged.data.get("errata") or not merged.is_own(("errata",)):
         return
@@ -189,7 +190,8 @@ class Accepted:
 
 def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic], list[Accepted]]:
     """Split diagnostics into those to report, and warnings that the task accepts."""
-    reasons, merged = task.spec.accept, merge(task.document, task.variant)
+    reasons = task.spec.accept
+    merged = merge(task.document, task.variant)
     accepted = [
         Accepted(each, reasons[each.code], merged.key_span(("accept", each.code)))
         for each in found
@@ -201,7 +203,8 @@ def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic]
 
 def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) -> list[Diagnostic]:
     """Reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
-    reasons, merged = task.spec.accept, merge(task.document, task.variant)
+    reasons = task.spec.accept
+    merged = merge(task.document, task.variant)
     unneeded = [code for code in reasons if code not in {*unknown, *(each.warning.code for each in accepted)}]
     return [
         Diagnostic("W511", merged.key_span(("accept", code)), f"there is no {code} to accept", "remove this entry")

@@ -25,7 +25,7 @@ from taskspec.task.task import Component, Task
 
 
 def leak(context: LintContext) -> Iterator[Doubt]:
-    """The reward is written into the next observation."""
+    """Yield the reward is written into the next observation."""
     task = context.task
     if task.observation.is_state:
         return
@@ -46,7 +46,8 @@ def _bare(node: Node) -> Node:
 
 def hidden_goal(context: LintContext) -> Iterator[Doubt]:
     """First states that look the same and have no best action in common."""
-    model, task = context.model, context.task
+    model = context.model
+    task = context.task
     if model is None or task.observation.is_state:
         return
     first = np.flatnonzero(model.start > 0)
@@ -94,7 +95,7 @@ def _first_looks(model: Model, first: Array) -> Array | None:
 
 
 def constant(context: LintContext) -> Iterator[Doubt]:
-    """A part of the observation that is always the same."""
+    """Yield a part of the observation that is always the same."""
     for c, node in _shown(context):
         value = _only_value(node, context.model)
         if value is not None:
@@ -104,7 +105,7 @@ def constant(context: LintContext) -> Iterator[Doubt]:
 
 
 def duplicate(context: LintContext) -> Iterator[Doubt]:
-    """Two parts of the observation that show the same."""
+    """Yield two parts of the observation that show the same."""
     known: dict[object, str] = {}
     for c, node in _shown(context):
         values = _values(node, context.model)
@@ -117,7 +118,7 @@ def duplicate(context: LintContext) -> Iterator[Doubt]:
 
 
 def hidden(context: LintContext) -> Iterator[Doubt]:
-    """A component of the state that the reward depends on and the observation says nothing about."""
+    """Yield a component of the state that the reward depends on and the observation says nothing about."""
     task = context.task
     if task.observation.is_state or "W509" in context.codes:
         return
@@ -173,7 +174,7 @@ EPISODES = 200
 
 
 def idle_symmetry(context: LintContext) -> Iterator[Doubt]:
-    """The expert of the task as printed does in a twin about as well as in the task."""
+    """Yield the expert of the task as printed does in a twin about as well as in the task."""
     task = context.task
     places = dict(_places(task))
     if not task.symmetries or not isinstance(task.expert, tuple) or task.memory is not None or task.modifiers:
@@ -201,7 +202,8 @@ def idle_symmetry(context: LintContext) -> Iterator[Doubt]:
 
 def _places(task: Task) -> Iterator[tuple[str, tuple[int, Component]]]:
     """Yield the positions of components of the state in the observation as one vector."""
-    state, at = {c.name: c for c in task.state}, 0
+    state = {c.name: c for c in task.state}
+    at = 0
     for c, node in zip(task.observation.components, task.observation.nodes, strict=True):
         shown = _bare(node)
         if isinstance(shown, Read) and shown.role is Role.STATE:
@@ -211,7 +213,8 @@ def _places(task: Task) -> Iterator[tuple[str, tuple[int, Component]]]:
 
 def _as_printed(task: Task, twin: Task, places: Mapping[str, tuple[int, Component]]) -> Choose:
     """Return the expert of a task, acting on observations of the twin as if they were those of the task."""
-    nodes, expert = twin.observation.nodes, by_expert(task)
+    nodes = twin.observation.nodes
+    expert = by_expert(task)
     layout = WordLayout.of(nodes)
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
@@ -239,7 +242,7 @@ def _value(c: Component, rows: Array) -> Array:
 
 
 def infinite_abstraction(context: LintContext) -> Iterator[Doubt]:
-    """A component of the stand-in that has infinitely many values, so that there is no exact model of it."""
+    """Yield a component of the stand-in that has infinitely many values, so that there is no exact model of it."""
     found = context.results.abstraction
     for c in () if found is None else found.stand_in.state:
         if not c.is_finite:

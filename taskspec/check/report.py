@@ -18,7 +18,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, in_o
 from taskspec.base.display import html_table
 from taskspec.base.extras import install, is_installed
 from taskspec.base.files import write_text
-from taskspec.base.progress import tell
+from taskspec.base.limits import tell
 from taskspec.check.names import Accepted, idle, set_aside
 from taskspec.check.warnings import warnings
 from taskspec.model.model import misused
@@ -77,7 +77,7 @@ class Report:
         return Results(self.task) if self.results is None or self.results.limit is not None else self.results
 
     def _repr_html_(self) -> str:
-        """Diagnostics and verdicts on claims, for notebooks."""
+        """Return diagnostics and verdicts on claims, for notebooks."""
         found = [(f"{d.severity} {d.code}", d.span or "", d.message, d.hint or "") for d in self.diagnostics]
         said = [(v.status, "", v.claim.text, v.detail) for v in self.verdicts]
         caption = f"{self.task.id}: {len(self.errors)} errors, {len(self.warnings)} warnings"
@@ -202,7 +202,7 @@ class Scores:
         ]
 
     def _repr_html_(self) -> str:
-        """The returns, for notebooks."""
+        """Return the returns, for notebooks."""
         rows = [(row["return"], row["value"], row["error"], row["status"]) for row in self.rows()]
         return html_table(self.id, ("return", "value", "error", "status"), rows)
 
@@ -245,7 +245,8 @@ def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) ->
     """
     tell("the exact model")
     results = task if isinstance(task, Results) else Results(load(task), episodes, seed)
-    task, model = results.task, results.model
+    task = results.task
+    model = results.model
     return Scores(
         task.id, task.content_hash, task.values, results.optimal, results.random, results.worst, results.expert,
         None if model is None else int(model.entered.sum()), None if model is None else model.n_actions,

@@ -25,7 +25,7 @@ SLACK = 1e-6
 
 
 def unreachable(context: LintContext) -> Iterator[Doubt]:
-    """Values of a component that occur in no episode, however long, of this task or of one that shares its roles.
+    """Yield values of a component that occur in no episode, however long, of this task or of one that shares its roles.
 
     With an exact model, all values are checked; otherwise the ends of ranges, by interval arithmetic.
     """
@@ -51,7 +51,8 @@ def _missing(place: Span, c: Component, missing: list[str]) -> Iterator[Doubt]:
 
 def _missing_values(c: Component, seen: Array) -> list[str]:
     """Return values that a component never has, in words; for a vector only those at the ends of its range."""
-    low, high = int(c.least), int(c.most)
+    low = int(c.least)
+    high = int(c.most)
     if high - low >= 100_000 or not seen.size:
         return []
     every = np.arange(low, high + 1)
@@ -91,7 +92,8 @@ def _beyond(context: LintContext) -> Iterator[Doubt]:
 
 
 def _unused_ends(c: Component, found: Interval) -> Iterator[str]:
-    low, high = c.least, c.most
+    low = c.least
+    high = c.most
     if not np.isfinite([low, high]).any():
         return
     slack = SLACK * max([1.0, *(abs(v) for v in found if np.isfinite(v))])
@@ -122,7 +124,7 @@ def _normal(task: Task) -> set[str]:
 
 
 def unread(context: LintContext) -> Iterator[Doubt]:
-    """A component on which neither rewards nor ends depend, which is not shown, or is drawn all the same."""
+    """Yield a component on which neither rewards nor ends depend, which is not shown, or is drawn all the same."""
     task = context.task
     matters = _followed(task, (task.reward, task.terminal))
     shown = _followed(task, () if task.observation.is_state else task.observation.nodes)
@@ -139,7 +141,7 @@ def unread(context: LintContext) -> Iterator[Doubt]:
 
 
 def forgotten(context: LintContext) -> Iterator[Doubt]:
-    """A component of the expert's memory that no action of it depends on."""
+    """Yield a component of the expert's memory that no action of it depends on."""
     task = context.task
     if task.memory is None:
         return

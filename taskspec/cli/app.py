@@ -29,7 +29,10 @@ from taskspec.cli.scoring import score, solve
 from taskspec.cli.show import show
 from taskspec.cli.sweep import sweep
 
-READ, WRITE, USE, PRINT = "Read tasks", "Write tasks", "Run and score tasks", "Print tasks"
+READ = "Read tasks"
+WRITE = "Write tasks"
+USE = "Run and score tasks"
+PRINT = "Print tasks"
 COMMANDS = (
     ("list", listing.list_tasks, READ),
     ("show", show, READ),

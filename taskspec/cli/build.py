@@ -37,14 +37,15 @@ def build(targets: Targets = None, output: Output = Path("build"), limits: Limit
     An index of the tasks, their scores, the generated code, the schema for editors, and the documentation as a site
     (html), for a paper (latex) and for a repository (markdown). Nothing is written if a spec has an error.
     """
-    from taskspec.base.progress import telling
+    from taskspec.base.limits import telling
     from taskspec.check.files import check_file, counts
     from taskspec.cli.check import verdict
     from taskspec.cli.console import console, line
     from taskspec.cli.progress import progress
     from taskspec.targets import files_of
 
-    start, known = time.perf_counter(), _Gathered()
+    start = time.perf_counter()
+    known = _Gathered()
     with progress("check"):
         files = telling(files_of(targets or []), lambda file: str(file.path))
         reports = [check_file(file, known.examine) for file in files]
@@ -76,7 +77,7 @@ class _Gathered:
 
     def examine(self, task: Task) -> Finding:
         from taskspec.base.extras import is_installed
-        from taskspec.base.progress import tell
+        from taskspec.base.limits import tell
         from taskspec.check.files import finding
         from taskspec.cli.check import reported
         from taskspec.exact import scores
@@ -107,7 +108,7 @@ def _tasks(reports: Sequence[FileReport]) -> list[Task]:
 
 
 def _table(reports: Sequence[FileReport], width: int) -> Any:
-    """Every task with its size and how it was checked."""
+    """Return every task with its size and how it was checked."""
     from taskspec.cli.check import mark
     from taskspec.cli.console import VisibleText, columns
     from taskspec.task.record import horizon, size
@@ -140,7 +141,9 @@ def write(tasks: Sequence[Task], known: _Gathered, folder: Path) -> list[tuple[P
 
 
 def _docs(tasks: Sequence[Task], facts: Mapping[str, Facts], folder: Path) -> list[tuple[Path, str]]:
-    """The documentation, a folder for each format; left out, with a word, where the packages that write it are missing."""
+    """Return the documentation, a folder for each format; left out, with a word, where the packages that write it are
+    missing.
+    """
     from taskspec.base.extras import install, is_installed
     from taskspec.pages.write import gather_pages, write_pages
 
@@ -160,7 +163,7 @@ def _schema(folder: Path) -> tuple[Path, str]:
 
 
 def _index(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
-    """Every task with its spaces, parameters and content hash."""
+    """Return every task with its spaces, parameters and content hash."""
     from taskspec.base import __version__
     from taskspec.task.record import record
 
@@ -169,7 +172,7 @@ def _index(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
 
 
 def _sources(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
-    """The generated module of every task, in a folder for each suite."""
+    """Return the generated module of every task, in a folder for each suite."""
     from taskspec.backends.scalar.program import compile_scalar
 
     for task in tasks:

@@ -164,7 +164,7 @@ def _print_text(reports: Sequence[FileReport], errors: int, warnings: int, secon
 
 
 def table_of(reports: Sequence[FileReport]) -> Table:
-    """What was checked, file by file, and how."""
+    """Return what was checked, file by file, and how."""
     from taskspec.cli.console import VisibleText, columns
 
     built = any(each.id is not None for report in reports for each in report.tasks)
@@ -193,13 +193,13 @@ def table_of(reports: Sequence[FileReport]) -> Table:
 
 
 def remarks(reports: Sequence[FileReport]) -> list[str]:
-    """What was left out, and why, each reason once."""
+    """Return what was left out, and why, each reason once."""
     skipped = [each.finding.skipped for report in reports for each in report.tasks]
     return list(dict.fromkeys(reason for reason in skipped if reason))
 
 
 def mark(diagnostics: Sequence[Any]) -> Any:
-    """A sign for errors, for warnings, for neither."""
+    """Return a sign for errors, for warnings, for neither."""
     from taskspec.check.files import counts
     from taskspec.cli.console import VisibleText
 
@@ -210,7 +210,7 @@ def mark(diagnostics: Sequence[Any]) -> Any:
 
 
 def verdict(reports: Sequence[FileReport], errors: int, warnings: int, seconds: float) -> Any:
-    """The last line: how many tasks, how many problems, how long."""
+    """Return the last line: how many tasks, how many problems, how long."""
     from taskspec.cli.console import line
 
     tasks = sum(len(report.tasks) for report in reports)
@@ -251,7 +251,7 @@ def _print_json(reports: Sequence[FileReport], errors: int, warnings: int, secon
 
 
 def records(diagnostics: Sequence[Any]) -> Any:
-    """Diagnostics as data, as `diagnostics.render` writes them."""
+    """Return diagnostics as data, as `diagnostics.render` writes them."""
     from json import loads
 
     from taskspec.base.diagnostics import render

@@ -150,7 +150,7 @@ def _print(data: Demonstrations | Preferences, output: Path) -> None:
 
 
 def _rows(told: Any) -> list[str]:
-    """What the data amounts to, line by line."""
+    """Return what the data amounts to, line by line."""
     if told["kind"] == "demonstrations":
         value = told["return"]
         exact = "" if value is None else f"; the policy earns {value['value']:.6g} ({value['status']})"

@@ -133,7 +133,8 @@ def figure(
 
 
 def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[list[Task], list[Diagnostic]]:
-    """All tasks of ids, files and folders, and the instances of experiments that are named; and what is wrong with others.
+    """Return all tasks of ids, files and folders, and the instances of experiments that are named; and what is wrong with
+    others.
 
     Raises:
         SpecError: for a target that does not exist.
@@ -159,7 +160,7 @@ def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[lis
 
 
 def _printable(tasks: Sequence[Task]) -> tuple[list[Task], list[Diagnostic], list[Diagnostic]]:
-    """The tasks that can be printed, warnings about their figures, and what is wrong with the others."""
+    """Return the tasks that can be printed, warnings about their figures, and what is wrong with the others."""
     from taskspec import pages
     from taskspec.check.names import set_aside
 
@@ -178,7 +179,7 @@ def _printable(tasks: Sequence[Task]) -> tuple[list[Task], list[Diagnostic], lis
 
 
 def _instances(target: str, modifiers: Sequence[str]) -> list[Task]:
-    """The tasks of an experiment.
+    """Return the tasks of an experiment.
 
     Raises:
         SpecError: when it has a mistake.
@@ -195,7 +196,7 @@ def _instances(target: str, modifiers: Sequence[str]) -> list[Task]:
 
 
 def has_scores() -> bool:
-    """Whether scores can be worked out, for which SciPy is needed; where it is missing, standard error says so."""
+    """Return whether scores can be worked out, for which SciPy is needed; where it is missing, standard error says so."""
     from taskspec.base.extras import install, is_installed
 
     if is_installed("scipy"):
@@ -205,11 +206,11 @@ def has_scores() -> bool:
 
 
 def _facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Facts]:
-    """Scores and verdicts at the defaults, by id of the task; those of other settings are gathered with its page.
+    """Return scores and verdicts at the defaults, by id of the task; those of other settings are gathered with its page.
 
     Why a task has none is added to the problems.
     """
-    from taskspec.base.progress import telling
+    from taskspec.base.limits import telling
     from taskspec.pages.facts import gather
     from taskspec.pages.write import together
 
@@ -224,7 +225,7 @@ def _facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Fa
 
 
 def _named(option: str, texts: Sequence[str], allowed: Sequence[str]) -> list[str]:
-    """The names in an option; several may stand in one, with commas between them."""
+    """Return the names in an option; several may stand in one, with commas between them."""
     wanted = [name.strip() for text in texts for name in text.split(",")]
     for name in wanted:
         if name not in allowed:

@@ -118,7 +118,8 @@ def exam(
     from taskspec.exam import Running
     from taskspec.experiments.reading import read_if_experiment
 
-    running, terms = Running(jobs, cluster, time_limit, retry), _terms(seeds, steps, transitions, twins, probes)
+    running = Running(jobs, cluster, time_limit, retry)
+    terms = _terms(seeds, steps, transitions, twins, probes)
     written = read_if_experiment(learner)
     if written is None:
         about = {"suite": suite or "derail", "tasks": _tasks(_split(tasks)), "learns_from": _split(learns_from)}
@@ -160,7 +161,7 @@ def _examine_all(
 def _terms(
     seeds: int | None, steps: str | None, transitions: str | None, twins: int | None, probes: bool | None
 ) -> dict[str, Any]:
-    """What is given of an exam's terms."""
+    """Return what is given of an exam's terms."""
     counts = {"steps": _count("--steps", steps), "transitions": _count("--transitions", transitions)}
     given = {"seeds": seeds, "twins": twins, "probes": probes, **counts}
     return {name: value for name, value in given.items() if value is not None}
@@ -174,7 +175,7 @@ def _refuse(given: dict[str, Any]) -> None:
 
 
 def _tasks(names: Sequence[str] | None) -> list[TaskLike] | None:
-    """Tasks by name; those of an experiment where one is named."""
+    """Return tasks by name; those of an experiment where one is named."""
     from taskspec.experiments.instances import expand
     from taskspec.experiments.reading import read_if_experiment
 
@@ -195,7 +196,7 @@ def _split(given: Sequence[str] | None) -> list[str] | None:
 
 
 def _count(option: str, text: str | None) -> int | None:
-    """A number such as 500k or 1.5M; None where none is given."""
+    """Return a number such as 500k or 1.5M; None where none is given."""
     if text is None:
         return None
     found = _COUNT.fullmatch(text.replace("_", "").replace(",", ""))

@@ -53,7 +53,7 @@ def _parts(exam: Mapping[str, Any]) -> Iterable[RenderableType]:
 
 
 def _table(exam: Mapping[str, Any]) -> Table:
-    """A row for each capability with its verdict, and under it its tasks with their mean scores on their colours."""
+    """Return a row for each capability with its verdict, and under it its tasks with their mean scores on their colours."""
     table = columns("", "score", "95 %", "twins", "drawn", "constant", right=range(1, 6))
     rows = report_rows.rows(exam)
     verdicts: Mapping[str, Mapping[str, Any]] = exam["verdicts"]
@@ -76,7 +76,7 @@ def _add_task(table: Table, row: TaskRow) -> None:
 
 
 def shaded(cell: SeedCell) -> VisibleText:
-    """A mean score on its colour."""
+    """Return a mean score on its colour."""
     if cell.mean is None:
         return VisibleText(cell.words or "·", style="quiet")
     background = report_rows.colour(cell.mean)

@@ -43,7 +43,7 @@ def explain(
 
 
 def _find(text: str) -> Code:
-    """The code with this number or name, however it is spelt."""
+    """Return the code with this number or name, however it is spelt."""
     wanted = text.strip("[]").split(" ")[0].lower()
     for code in CODES.values():
         if wanted in (code.code.lower(), code.slug):

@@ -52,7 +52,8 @@ def show(diagnostics: Iterable[Diagnostic], err: bool = True) -> None:
     """Print problems; on a terminal in colour, and wrapped to its width."""
     from taskspec.cli.console import colored, terminal_width
 
-    color, width = colored(err), terminal_width(err)
+    color = colored(err)
+    width = terminal_width(err)
     text = "\n\n".join(render([each], color=color, width=width) for each in diagnostics)
     if text:
         typer.echo(text, err=err, color=color)

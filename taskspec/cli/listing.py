@@ -40,7 +40,7 @@ def list_tasks(targets: Targets = None, json: Json = False) -> None:
 
 
 def _grouped(tasks: list[Task]) -> list[Task]:
-    """Tasks that isolate the same thing side by side, in order of first mention."""
+    """Return tasks that isolate the same thing side by side, in order of first mention."""
     order: dict[str, int] = {}
     for task in tasks:
         order.setdefault(_words(task, "capability"), len(order))
@@ -65,7 +65,7 @@ def _print(tasks: list[Task]) -> None:
 
 
 def _wide(tasks: list[Task], width: int) -> Table:
-    """One row a task, with as much of its summary as there is room for."""
+    """Return one row a task, with as much of its summary as there is room for."""
     from rich.cells import cell_len
 
     from taskspec.cli.console import VisibleText, columns

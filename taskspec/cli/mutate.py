@@ -60,7 +60,7 @@ def mutate(
 
 
 def _specs(targets: Sequence[str]) -> list[Path]:
-    """The specs to change.
+    """Return the specs to change.
 
     Raises:
         SpecError: E713 for an instance of a task: what is changed is the spec, of which all its instances are made.
@@ -90,7 +90,7 @@ def _print_text(found: Mapping[Path, Sequence[Judged]], classes: Sequence[str]) 
 
 
 def _table(found: Mapping[Path, Sequence[Judged]]) -> Any:
-    """How many changes there are of each class, spec by spec."""
+    """Return how many changes there are of each class, spec by spec."""
     from taskspec.cli.console import VisibleText, columns
     from taskspec.mutation import CLASSES
 

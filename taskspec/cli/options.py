@@ -17,7 +17,7 @@ MAX_OFFERED = 100
 
 
 def flowed(doc: str) -> str:
-    """A docstring with its paragraphs on one line each, for the width of whoever reads it; indented lines stay."""
+    """Return a docstring with its paragraphs on one line each, for the width of whoever reads it; indented lines stay."""
     paragraphs = inspect.cleandoc(doc).split("\n\n")
     return "\n\n".join(p if p.startswith(" ") else " ".join(p.split("\n")) for p in paragraphs)
 
@@ -56,7 +56,7 @@ def complete_paths(incomplete: str) -> list[tuple[str, str]]:
 
 
 def complete_experiments(incomplete: str) -> list[tuple[str, str]]:
-    """The experiments that come with the suites, and files on disk."""
+    """Return the experiments that come with the suites, and files on disk."""
     from taskspec.experiments.reading import shipped
 
     return [(name, path.name) for name, path in shipped().items() if name.startswith(incomplete)] + complete_paths(
@@ -65,7 +65,7 @@ def complete_experiments(incomplete: str) -> list[tuple[str, str]]:
 
 
 def complete_learners(incomplete: str) -> list[tuple[str, str]]:
-    """The learners that come with the package, experiments, and files on disk."""
+    """Return the learners that come with the package, experiments, and files on disk."""
     from taskspec.learners import BUILT_IN
 
     own = [(entry.name, entry.summary) for entry in BUILT_IN.values() if entry.name.startswith(incomplete)]
@@ -104,7 +104,7 @@ def complete_variants(ctx: typer.Context, incomplete: str) -> list[tuple[str, st
 
 
 def _target_in(ctx: typer.Context) -> str | None:
-    """The task that the words before the cursor name. An option still without its value leaves them all in `args`."""
+    """Return the task that the words before the cursor name. An option still without its value leaves them all in `args`."""
     found = ctx.params.get("task") or ctx.params.get("targets") or ctx.args
     words = [found] if isinstance(found, str) else found
     return next((word for word in words if not word.startswith("-")), None)
@@ -146,7 +146,7 @@ def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None
 
 
 def complete_policies(incomplete: str) -> list[tuple[str, str]]:
-    """Names of policies, and files."""
+    """Return names of policies, and files."""
     from taskspec.policies.named import NAMES
 
     return [p for p in NAMES.items() if p[0].startswith(incomplete)] + complete_paths(incomplete)

@@ -38,7 +38,7 @@ _STYLES = {"word": "bright_blue", "call": "magenta", "number": "green"}
 
 
 def colored(text: str) -> VisibleText:
-    """An expression with its words, functions and numbers in colour."""
+    """Return an expression with its words, functions and numbers in colour."""
     line = VisibleText(text)
     for found in _TOKENS.finditer(text):
         assert found.lastgroup is not None
@@ -47,7 +47,7 @@ def colored(text: str) -> VisibleText:
 
 
 def body(expr: s.Expr) -> RenderableType:
-    """The right-hand side of an equation: a line, or rows for what is decided case by case."""
+    """Return the right-hand side of an equation: a line, or rows for what is decided case by case."""
     match expr:
         case s.Piecewise(branches=branches, otherwise=otherwise):
             cases = [(value, f"if {written(condition)}") for condition, value in branches]
@@ -59,7 +59,7 @@ def body(expr: s.Expr) -> RenderableType:
 
 
 def _table_rows(rows: tuple[s.TableRow, ...], depth: int) -> Iterator[list[str]]:
-    """Rows of a decision table: the keys, blank where one cell is for all of them, and the cell."""
+    """Yield rows of a decision table: the keys, blank where one cell is for all of them, and the cell."""
     for row in rows:
         key = "else" if row.key is None else written(row.key)
         if isinstance(row.body, tuple):
@@ -139,7 +139,7 @@ def _indented(content: RenderableType, top: int = 0) -> Padding:
 
 
 def _words(text: Any) -> str:
-    """A spec's prose, with `$mathematics$` as plain characters."""
+    """Return a spec's prose, with `$mathematics$` as plain characters."""
     return _MATH.sub(lambda m: _plain(m[1]), visible(str(text))).strip()
 
 
@@ -236,7 +236,8 @@ def _lines(lines: Sequence[_Shown]) -> RenderableType:
 
 def _blocks(task: Task) -> Iterable[tuple[str, list[_Shown]]]:
     """Sections in the order of a paper's appendix, with their lines."""
-    constants, sections = task.spec.constants, task.surface.sections
+    constants = task.spec.constants
+    sections = task.surface.sections
     if constants:
         yield (
             "constants",
@@ -279,7 +280,7 @@ def _expert(task: Task) -> list[_Shown]:
 
 
 def _drawn(task: Task, name: str) -> str:
-    """What a constant that draws is in this instance, after an equals sign; nothing for any other."""
+    """Return what a constant that draws is in this instance, after an equals sign; nothing for any other."""
     written = str(task.spec.constants[name])
     if name not in task.constants or not any(f"{dist}(" in written for dist in (*DISTS, CATEGORICAL.name)):
         return ""
@@ -302,7 +303,7 @@ def _constant(value: Any, drawn: str = "") -> RenderableType:
 
 
 def _symmetries(task: Task) -> RenderableType | None:
-    """A line for each: its name and what it is; and one for each of its maps."""
+    """Return a line for each: its name and what it is; and one for each of its maps."""
     lines: list[RenderableType] = []
     for each in task.symmetries:
         lines.append(VisibleText.assemble((visible(each.name), "cyan"), f"  {_words(each.doc or '')}"))
@@ -325,7 +326,7 @@ def _claims(task: Task) -> RenderableType | None:
 
 
 def _examples(task: Task) -> RenderableType | None:
-    """A line for each: what is given, an arrow, what follows."""
+    """Return a line for each: what is given, an arrow, what follows."""
     lines = []
     for example in task.examples:
         given = [f"{name} = {written(expr)}" for (_, name), expr in example.given.items()]
@@ -339,7 +340,7 @@ def _examples(task: Task) -> RenderableType | None:
 
 
 def _followed(found: Followed) -> str:
-    """One thing that follows: `s' = goal`, `reward 1`, `observed x = 0`."""
+    """Return one thing that follows: `s' = goal`, `reward 1`, `observed x = 0`."""
     if found.name is None:
         return f"{found.section} {written(found.expr)}"
     word = {"observation": "observed ", "expert": "expert "}.get(found.section, "")

@@ -47,8 +47,10 @@ class _Teller:
     """Says how every episode ended."""
 
     def __init__(self, task: Task) -> None:
-        self.discount, self.factor = task.discount, 1.0
-        self.total, self.steps = 0.0, 0
+        self.discount = task.discount
+        self.factor = 1.0
+        self.total = 0.0
+        self.steps = 0
 
     def __call__(self, before: Any, after: Any, action: Any, reward: float, ended: bool, cut: bool, info: Any) -> None:
         self.total += self.factor * float(reward)
@@ -56,4 +58,6 @@ class _Teller:
         self.steps += 1
         if ended or cut:
             say(f"return {self.total:g} in {self.steps} steps, {'terminated' if ended else 'truncated'}")
-            self.total, self.steps, self.factor = 0.0, 0, 1.0
+            self.total = 0.0
+            self.steps = 0
+            self.factor = 1.0

@@ -15,13 +15,14 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 from taskspec.base.display import visible
-from taskspec.base.progress import progress_listener
+from taskspec.base.limits import progress_listener
 from taskspec.cli.console import say
 
 if TYPE_CHECKING:
     from taskspec.jobs.engine import Standing
 
-PATIENCE, EVERY = 1.0, 0.1
+PATIENCE = 1.0
+EVERY = 0.1
 """Seconds before the line is shown, and between its changes."""
 BETWEEN_LINES = 10.0
 """Seconds between the lines of a run where there is no terminal."""
@@ -34,7 +35,7 @@ WIDTH = 20
 
 
 def is_terminal() -> bool:
-    """Whether somebody sees it."""
+    """Return whether somebody sees it."""
     return sys.stderr.isatty()
 
 
@@ -118,8 +119,10 @@ class _Lines:
 
 class _Line:
     def __init__(self, name: str) -> None:
-        self.name, self.start = name, time.monotonic()
-        self.due, self.is_shown = self.start + PATIENCE, False
+        self.name = name
+        self.start = time.monotonic()
+        self.due = self.start + PATIENCE
+        self.is_shown = False
         self.share: float | None = None
         self.began = self.start  # with what the share is of
 
@@ -127,16 +130,19 @@ class _Line:
         now = time.monotonic()
         if share is not None:  # what is told from now on is of this part
             self.began = now if self.share is None or share < self.share else self.began
-            self.name, self.share, what = what, share, ""
+            self.name = what
+            self.share = share
+            what = ""
         if now < self.due:
             return
         words = visible(f"{self._bar(now)}{': '.join(filter(None, (self.name, what)))} ({now - self.start:.0f} s)")
         sys.stderr.write("\r\x1b[K" + words[: shutil.get_terminal_size().columns - 1])
         sys.stderr.flush()
-        self.due, self.is_shown = now + EVERY, True
+        self.due = now + EVERY
+        self.is_shown = True
 
     def _bar(self, now: float) -> str:
-        """How much is over, and for how long the rest may take."""
+        """Return how much is over, and for how long the rest may take."""
         if self.share is None:
             return ""
         done = round(WIDTH * self.share)

@@ -31,7 +31,8 @@ def print_findings(suite: str, folders: Sequence[Path], output: Path, json: bool
     from taskspec.exam.findings import evaluate, html, markdown
 
     exams = results_of(folders)
-    found, how = evaluate(suite, merged(exams)), setups([exam for *_, exam in exams])
+    found = evaluate(suite, merged(exams))
+    how = setups([exam for *_, exam in exams])
     write_text(output / "findings.md", markdown(found, how))
     write_text(output / "findings.html", html(found, how))
     write_text(output / "findings.json", to_json(found.data) + "\n")
@@ -48,7 +49,7 @@ Result = tuple[str, str, "Exam"]
 
 
 def results_of(folders: Sequence[Path]) -> list[Result]:
-    """The exams in some folders, and below them."""
+    """Return the exams in some folders, and below them."""
     from taskspec.exam import read
 
     places = list(dict.fromkeys(place.resolve() for folder in folders for place in exams_in(folder)))
@@ -56,7 +57,7 @@ def results_of(folders: Sequence[Path]) -> list[Result]:
 
 
 def exams_in(folder: Path) -> list[Path]:
-    """The folders with an exam, where there are some below this one; else this one."""
+    """Return the folders with an exam, where there are some below this one; else this one."""
     from taskspec.exam.results import NAMES
 
     if not folder.is_dir():
@@ -79,7 +80,7 @@ def merged(results: Sequence[Result]) -> dict[str, dict[str, dict[str, Any]]]:
 
 
 def setups(exams: Sequence[Exam]) -> list[str]:
-    """How results were obtained, in lines: one for each that differs."""
+    """Return how results were obtained, in lines: one for each that differs."""
     from taskspec.exam.report.rows import duration
 
     commands = dict.fromkeys(exam["command"] for exam in exams if exam["command"])
@@ -100,7 +101,7 @@ def setups(exams: Sequence[Exam]) -> list[str]:
 
 
 def table_of(found: FindingsResult) -> Table:
-    """A row for each finding: what it says, and what became of it with each set of results."""
+    """Return a row for each finding: what it says, and what became of it with each set of results."""
     from taskspec.cli.console import VisibleText, columns
 
     table = columns("", "the paper says", *found.sets, fold=(1,))

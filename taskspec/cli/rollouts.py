@@ -46,9 +46,12 @@ Watch = Callable[["Environment", str, bool], None]
 
 
 def rollout(env: Environment, policy: Act, seed: int | None, max_steps: int, watch: Watch | None) -> Episode:
-    """One episode. A seed restarts the stream of draws; without one it goes on."""
+    """Return one episode. A seed restarts the stream of draws; without one it goes on."""
     observation, _ = env.reset(seed=seed)
-    total, plain, weight, length = 0.0, 0.0, 1.0, 0
+    total = 0.0
+    plain = 0.0
+    weight = 1.0
+    length = 0
     if watch is not None:
         watch(env, "", False)
     while length < max_steps:
@@ -57,7 +60,9 @@ def rollout(env: Environment, policy: Act, seed: int | None, max_steps: int, wat
         except ScriptEnd:
             return Episode(total, plain, length, "script")
         observation, reward, terminated, truncated, _ = env.step(action)
-        total, plain, length = total + weight * reward, plain + reward, length + 1
+        total = total + weight * reward
+        plain = plain + reward
+        length = length + 1
         weight *= env.task.discount
         if watch is not None:
             note = f"action {shown(env, action)}, reward {reward:.6g}, return {total:.6g}"
@@ -68,7 +73,7 @@ def rollout(env: Environment, policy: Act, seed: int | None, max_steps: int, wat
 
 
 def shown(env: Environment, action: Any) -> str:
-    """An action for people: labels where it has them, and names for the other components of several."""
+    """Return an action for people: labels where it has them, and names for the other components of several."""
     components = env.task.action
     words = [_words(c, flat) for c, flat in zip(components, unpack(env.task.action_layout, action), strict=True)]
     if len(words) == 1:
@@ -81,7 +86,7 @@ def _has_labels(c: Component) -> bool:
 
 
 def _words(c: Component, flat: tuple[Any, ...]) -> str:
-    """A component's value: labels, true and false, or numbers; in brackets where it has several elements."""
+    """Return a component's value: labels, true and false, or numbers; in brackets where it has several elements."""
     if c.type.kind is Kind.BOOL:
         items = [BOOLEAN_LABELS[int(x)] for x in flat]
     elif c.domain is not None:
@@ -95,7 +100,7 @@ def _words(c: Component, flat: tuple[Any, ...]) -> str:
 def rollouts(
     env: Environment, policy: Act, seed: int, count: int, max_steps: int, watch: Watch | None
 ) -> Iterator[Episode]:
-    """Episodes one after the other, all functions of the seed."""
+    """Yield episodes one after the other, all functions of the seed."""
     for i in range(count):
         yield rollout(env, policy, seed if i == 0 else None, max_steps, watch)
 
@@ -150,12 +155,13 @@ def summarize(episodes: Sequence[Episode], seconds: float) -> Summary:
 
 
 def student(freedom: int) -> float:
-    """The 97.5 % quantile of Student's t: tabulated for few degrees of freedom, else the Cornish-Fisher expansion.
+    """Return the 97.5 % quantile of Student's t: tabulated for few degrees of freedom, else the Cornish-Fisher expansion.
 
     Source: Abramowitz and Stegun, 26.7.5; the error is below 0.005 from 5 degrees of freedom on.
     """
     if freedom <= len(_STUDENT):
         return _STUDENT[freedom - 1]
-    z, v = 1.959964, freedom
+    z = 1.959964
+    v = freedom
     third = (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / (384 * v**3)
     return z + (z**3 + z) / (4 * v) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * v**2) + third

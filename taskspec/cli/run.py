@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from taskspec.task.parameters import RenderMode
     from taskspec.task.task import Task
 
-EPISODES, MAX_STEPS = 100, 10_000
+EPISODES = 100
+MAX_STEPS = 10_000
 RENDER_MODES: dict[str, RenderMode] = {"ansi": "ansi", "human": "human", "gif": "rgb_array", "mp4": "rgb_array"}
 """The render mode of environments for each value of `--render`."""
 FILMS = ("gif", "mp4")
@@ -80,7 +81,8 @@ def run(
     if json and kind == "ansi":
         raise misuse("--json and --render ansi cannot be combined")
     found = tasks_of(task, variant, parameters or [], modifiers or [])
-    count, records = episodes or (1 if kind else EPISODES), []
+    count = episodes or (1 if kind else EPISODES)
+    records = []
     for each in found:
         path = output or Path(f"{each.name}.{kind}")
         path = path if len(found) == 1 else beside(path, each)
@@ -98,7 +100,7 @@ def run(
 def _rolled_out(
     task: Task, policy: str, seed: int, count: int, max_steps: int, kind: str | None, path: Path, quiet: bool
 ) -> tuple[Summary, list[Episode]]:
-    """Episodes, shown as was asked for, and how they went."""
+    """Return episodes, shown as was asked for, and how they went."""
     from taskspec.cli.rollouts import Stopwatch, summarize
 
     clock = Stopwatch()
@@ -110,7 +112,7 @@ def _rolled_out(
 def _episodes(
     task: Task, policy: str, seed: int, count: int, max_steps: int, kind: str | None, watch: Watch | None, quiet: bool
 ) -> Iterator[Episode]:
-    """Episodes, shown step by step or behind a progress bar."""
+    """Yield episodes, shown step by step or behind a progress bar."""
     from taskspec.cli.policies import policy_for
     from taskspec.cli.rollouts import rollouts
     from taskspec.envs import Environment

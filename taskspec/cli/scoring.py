@@ -75,7 +75,8 @@ def solve(
     found = tasks_of(task, variant, parameters or [], modifiers or [])
     for each in found:
         with progress(each.instance_id):
-            measured, results = exact.scores(each, episodes, seed), exact.Results(each)
+            measured = exact.scores(each, episodes, seed)
+            results = exact.Results(each)
             seen = exact.pomdp_bounds(results)
             hard = exact.difficulty(results) if difficulty else None
         if output is not None:
@@ -121,7 +122,7 @@ def score(
 
 
 def _known(path: Path, task: Task) -> Scores:
-    """Scores from a file; refused when they are those of another version of the task."""
+    """Return scores from a file; refused when they are those of another version of the task."""
     from taskspec.exact import Scores
 
     try:
@@ -134,7 +135,8 @@ def _known(path: Path, task: Task) -> Scores:
 
 
 def read_returns(path: Path) -> list[float]:
-    """Returns of episodes from a file: a JSON list, or `returns` of a JSON object; or CSV, in the first column or in `r`.
+    """Return returns of episodes from a file: a JSON list, or `returns` of a JSON object; or CSV, in the first column or
+    in `r`.
 
     Raises:
         SpecError: E710, E711 when there is no such file, or no numbers in it.
@@ -160,7 +162,7 @@ def _from_json(text: str) -> list[Any]:
 
 
 def _from_csv(text: str) -> list[str]:
-    """The column `r` or `return`, else the first one; comments start with `#`."""
+    """Return the column `r` or `return`, else the first one; comments start with `#`."""
     rows = list(csv.reader(line for line in text.splitlines() if line.strip() and not line.startswith("#")))
     header = [cell.strip().lower() for cell in rows[0]]
     column = next((header.index(name) for name in ("r", "return", "returns", "score") if name in header), 0)
@@ -179,7 +181,7 @@ def _is_number(text: str) -> bool:
 
 
 def _seen_record(seen: PomdpBounds) -> dict[str, Any]:
-    """The best returns of those who see observations only, as the bounds that are proved."""
+    """Return the best returns of those who see observations only, as the bounds that are proved."""
     values = {"remembering": seen.remembering, "memoryless": seen.memoryless}
     told = {k: None if v is None else list(v.ends) for k, v in values.items()}
     return told | {"why_not": seen.why_not}
@@ -214,7 +216,7 @@ def _score_table(found: Scores, seen: PomdpBounds | None) -> Table:
 
 
 def _seen_rows(seen: PomdpBounds) -> Iterator[tuple[str, str, str, str]]:
-    """Rows for the best of those who see observations only: name, return, how sure it is, a remark."""
+    """Yield rows for the best of those who see observations only: name, return, how sure it is, a remark."""
     from taskspec.exact import Return
 
     told = (
@@ -232,7 +234,7 @@ def _seen_rows(seen: PomdpBounds) -> Iterator[tuple[str, str, str, str]]:
 
 
 def _return(value: Return | None) -> tuple[str, str]:
-    """A return, and how sure it is."""
+    """Return a return, and how sure it is."""
     from taskspec.scores.saved import NUMBERS
 
     if value is None:
@@ -257,7 +259,7 @@ def _remark(found: Scores, name: str) -> str:
 
 
 def _ground(found: Scores) -> str:
-    """What the numbers rest on."""
+    """Return what the numbers rest on."""
     if found.states is not None:
         return f"  from an exact model of {found.states:,} states and {found.actions:,} actions"
     return f"  no exact model: {found.why_not_exact}"

@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from taskspec.experiments import Swept
-    from taskspec.experiments.results import Measured
+    from taskspec.experiments.sweeping import Measured
 
-TABLES, PICTURES = ("json", "csv", "parquet"), ("svg", "png", "pdf")
+TABLES = ("json", "csv", "parquet")
+PICTURES = ("svg", "png", "pdf")
 FORMATS = (*TABLES, *PICTURES)
 Experiment = Annotated[
     str,
@@ -109,9 +110,9 @@ def _formats(asked: Sequence[str] | None) -> list[str]:
 
 
 def _write(swept: Swept, output: Path, wanted: Sequence[str]) -> list[Path]:
-    """The files in the formats that are wanted."""
+    """Return the files in the formats that are wanted."""
     from taskspec.experiments import picture
-    from taskspec.experiments.results import WRITERS
+    from taskspec.experiments.sweeping import WRITERS
 
     paths = []
     for kind in wanted:
@@ -151,7 +152,7 @@ MEASURES = ("solution_length", "best_at_random")
 
 
 def table_of(rows: Sequence[Measured], measures: Sequence[str] | None = None) -> Table:
-    """A row for each instance: sizes, returns, measures, roll-outs."""
+    """Return a row for each instance: sizes, returns, measures, roll-outs."""
     from taskspec.cli.console import VisibleText, columns
 
     chosen = [name for name in (MEASURES if measures is None else measures) if name not in ("states", "actions")]
@@ -180,7 +181,7 @@ def _return(row: Measured, name: str) -> str:
 
 
 def _with_half(value: Any, half: Any) -> str:
-    """A number, with half of its 95 % confidence interval where it is estimated."""
+    """Return a number, with half of its 95 % confidence interval where it is estimated."""
     from taskspec.base.numbers import decimal, estimate
 
     if not isinstance(value, int | float):

@@ -22,7 +22,7 @@ from taskspec.backends.vector import Options
 from taskspec.base import __version__
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.base.progress import tell
+from taskspec.base.limits import tell
 from taskspec.data.transitions import Transitions, columns, concatenated, mapped
 from taskspec.envs.options import positive, seed_of
 from taskspec.model.model import misused
@@ -63,7 +63,8 @@ def recorded(
             return concatenated(run(partial(_record, task, policy, seed), iter(whole)))
         assert transitions is not None
         endless = ((first, size) for first in count(0, size))
-        parts, total = [], 0
+        parts = []
+        total = 0
         while total < transitions:
             parts += list(run(partial(_record, task, policy, seed), islice(endless, jobs)))
             total = sum(map(len, parts))
@@ -83,7 +84,7 @@ def _check_sent(policy: Any, jobs: int) -> None:
 
 
 def _together(task: Task) -> int:
-    """How many episodes are stepped together; a function of the task alone."""
+    """Return how many episodes are stepped together; a function of the task alone."""
     numbers = sum(max(1, math.prod(part.shape)) for part in task.observation_layout.parts) + 8
     return max(1, min(LANES, NUMBERS // (numbers * (task.horizon or 1000))))
 
@@ -103,7 +104,7 @@ def _mapping(jobs: int) -> Iterator[Run]:
 
 
 def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
-    """Some episodes, stepped together until all are over."""
+    """Return some episodes, stepped together until all are over."""
     first, lanes = part
     acting = policy_of(task, policy)
     seeds = draws.lane_seeds(seed, lanes, first)
@@ -111,12 +112,15 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
     engine = NumpyEngine(task, lanes, Options("same_step"))
     engine.seed(seeds)
     engine.reset()
-    b, tape, running = engine.buffers, _Tape(), np.ones(lanes, np.bool_)
+    b = engine.buffers
+    tape = _Tape()
+    running = np.ones(lanes, np.bool_)
     for t in count():
         if t >= LONGEST and task.horizon is None:
             _refuse_endless(task, acting)
         tell(f"episodes {first + 1:,} to {first + lanes:,}, step {t + 1:,}")
-        seen, state = b.seen.fresh(), {c.name: s for c, s in zip(task.state, b.state, strict=True)}
+        seen = b.seen.fresh()
+        state = {c.name: s for c, s in zip(task.state, b.state, strict=True)}
         actions = _asked(acting, EpisodeBatch(t, state, seen, SeededDraws(seeds, t), running), policy)
         _step(engine, actions, task, acting)
         after = _after(b.seen.fresh(), b.final.view(), b.ended)
@@ -128,7 +132,7 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
 
 
 def _asked(acting: TaskPolicy, batch: EpisodeBatch, policy: Any) -> Any:
-    """What the policy does. Where a file has it, its mistakes are messages; other mistakes are the caller's to see."""
+    """Return what the policy does. Where a file has it, its mistakes are messages; other mistakes are the caller's to see."""
     try:
         return acting.act(batch)
     except SpecError:
@@ -153,7 +157,7 @@ def _shown(actions: Any) -> str:
 
 
 def _after(seen: Any, final: Any, ended: Array) -> Any:
-    """The observations that a step leads to: where an episode has ended, its last one."""
+    """Return the observations that a step leads to: where an episode has ended, its last one."""
     if isinstance(seen, dict):
         return {name: _after(seen[name], final[name], ended) for name in seen}
     seen[ended] = final[ended]
@@ -171,7 +175,7 @@ class _Tape:
         self.rows.append(row)
 
     def transitions(self, first: int) -> Transitions:
-        """The transitions lane by lane; the lanes' episodes are numbered from `first`."""
+        """Return the transitions lane by lane; the lanes' episodes are numbered from `first`."""
         *kept, running = (_stacked([row[i] for row in self.rows]) for i in range(7))
         seen, actions, rewards, after, terminated, truncated = (mapped(each, lambda a: a[running]) for each in kept)
         lane, time = np.nonzero(running)
@@ -179,7 +183,7 @@ class _Tape:
 
 
 def _stacked(steps: list[Any]) -> Any:
-    """Arrays (lanes, *shape) of each step as one (lanes, steps, *shape); dicts of arrays as a dict of them."""
+    """Return arrays (lanes, *shape) of each step as one (lanes, steps, *shape); dicts of arrays as a dict of them."""
     if isinstance(steps[0], dict):
         return {name: _stacked([step[name] for step in steps]) for name in steps[0]}
     return np.stack([np.asarray(step) for step in steps], axis=1)
@@ -218,7 +222,7 @@ def demonstrations(
     seed: int = 0,
     jobs: int = 1,
 ) -> Demonstrations:
-    """Episodes of a policy, in the variant in which the spec's `roles` have the expert act.
+    """Return episodes of a policy, in the variant in which the spec's `roles` have the expert act.
 
     Episode i is the first one of the scalar environment after `reset(seed=seed + i)`, whatever the number of jobs.
 
@@ -248,7 +252,7 @@ def demonstrations(
 
 
 def role(task: Task, who: Literal["expert", "learner"]) -> Task:
-    """The task in the variant in which somebody acts; the task itself where its spec tells no roles apart."""
+    """Return the task in the variant in which somebody acts; the task itself where its spec tells no roles apart."""
     key = task.roles.get(who)
     if key is None or key == task.variant:
         return task
@@ -256,7 +260,7 @@ def role(task: Task, who: Literal["expert", "learner"]) -> Task:
 
 
 def described(task: Task, kind: str, acting: TaskPolicy, seed: int) -> dict[str, Any]:
-    """What data is of, as plain data."""
+    """Return what data is of, as plain data."""
     value = acting.value
     told = None if value is None else {"value": value.value, "bound": value.bound, "status": value.status}
     return {

@@ -1,4 +1,4 @@
-"""Data in files: NumPy's npz, Parquet, and the datasets of imitation and Minari."""
+"""Data in files: NumPy's npz, Parquet, and the data sets of imitation and Minari; every array is checked when it is read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.extras import need
 from taskspec.base.files import whole, whole_folder
-from taskspec.data.checks import check_pairs, check_transitions, check_whole
 from taskspec.data.episodes import Demonstrations
 from taskspec.data.preferences import Preferences
 from taskspec.data.transitions import COLUMNS, Trajectory, Transitions, columns
@@ -28,6 +27,120 @@ from taskspec.model.model import misused
 
 if TYPE_CHECKING:
     from taskspec.data.episodes import Demonstrations
+
+# ---------- checks
+# Checks of data that was read from a file: every array has its shape and type, and the rows make up episodes.
+#
+# What is wrong is a `ValueError`, in words for people.
+
+REAL = (np.dtype(np.float64),)
+BOOL = (np.dtype(np.bool_),)
+WHOLE = (np.dtype(np.int64),)
+SPACE = (np.dtype(np.int64), np.dtype(np.float32))
+"""The types of observations and of actions."""
+
+
+def check_transitions(data: Transitions) -> None:
+    """Check the arrays of transitions, and that each episode or segment is a run of steps of which only the last may end it.
+
+    Raises:
+        ValueError: for the first array that is not as it should be.
+    """
+    rows = len(data.rews) if np.ndim(data.rews) else 0
+    if not rows:
+        raise ValueError("it has no transitions")
+    _check("rews", data.rews, REAL, (rows,))
+    if not np.isfinite(data.rews).all():
+        row = int(np.argmin(np.isfinite(data.rews)))
+        raise ValueError(f"`rews` is {data.rews[row]} in row {row}")
+    _check("terminated", data.terminated, BOOL, (rows,))
+    _check("truncated", data.truncated, BOOL, (rows,))
+    _check("episode", data.episode, WHOLE, (rows,))
+    _check("time", data.time, WHOLE, (rows,))
+    _check("acts", data.acts, SPACE, (rows, *np.shape(data.acts)[1:]))
+    _check_seen(data, rows)
+    _check_steps(data)
+
+
+def _check_seen(data: Transitions, rows: int) -> None:
+    """Check that observations before and after a step are of the same kind."""
+    before = _parts("obs", data.obs)
+    after = _parts("next_obs", data.next_obs)
+    if [name.removeprefix("next_") for name in after] != list(before):
+        raise ValueError(f"observations are {', '.join(before)} before a step and {', '.join(after)} after it")
+    for (name, part), (next_name, next_part) in zip(before.items(), after.items(), strict=True):
+        _check(name, part, SPACE, (rows, *np.shape(part)[1:]))
+        _check(next_name, next_part, (part.dtype,), part.shape)
+
+
+def _parts(name: str, seen: Any) -> dict[str, Array]:
+    """Return the arrays of observations, by the names that they have in files."""
+    if isinstance(seen, dict):
+        return {f"{name}.{key}": seen[key] for key in sorted(seen)}
+    return {name: seen}
+
+
+def _check_steps(data: Transitions) -> None:
+    """Check the order of steps and of episodes."""
+    change = np.diff(data.episode)
+    if data.episode[0] < 0 or (change < 0).any():
+        raise ValueError("`episode` is negative somewhere, or falls from one row to the next")
+    inside = change == 0
+    wrong = inside & (np.diff(data.time) != 1)
+    if data.time.min() < 0 or wrong.any():
+        raise ValueError("`time` does not count the steps of an episode")
+    if (data.dones[:-1] & inside).any():
+        row = int(np.argmax(data.dones[:-1] & inside))
+        raise ValueError(f"episode {data.episode[row]} ends in row {row}, and has more steps after it")
+
+
+def check_whole(data: Transitions) -> None:
+    """Check that the transitions are those of whole episodes.
+
+    Raises:
+        ValueError: for the first episode that begins late or has no end.
+    """
+    late = np.flatnonzero(data.time[data.starts] != 0)
+    if len(late):
+        raise ValueError(f"episode {data.episode[data.starts[late[0]]]} does not begin at time 0")
+    last = data.starts + data.lengths - 1
+    endless = np.flatnonzero(~data.dones[last])
+    if len(endless):
+        raise ValueError(
+            f"episode {data.episode[last[endless[0]]]} is neither terminated nor truncated in its last row"
+        )
+
+
+def check_pairs(segments: Transitions, preferences: Array, returns: Array, queries: Array) -> None:
+    """Check what is told of each pair of segments.
+
+    Raises:
+        ValueError: for the first array that is not as it should be.
+    """
+    pairs = len(preferences) if np.ndim(preferences) else 0
+    if not np.array_equal(segments.episode[segments.starts], np.arange(2 * pairs)):
+        raise ValueError(f"`episode` does not number the segments of {pairs} pairs from 0 to {2 * pairs - 1}")
+    _check("preferences", preferences, REAL, (pairs,))
+    _check("returns", returns, REAL, (pairs, 2))
+    _check("queries", queries, WHOLE, (pairs,))
+    if not ((preferences >= 0) & (preferences <= 1)).all():
+        raise ValueError("`preferences` are not all between 0 and 1")
+    if not np.isfinite(returns).all():
+        raise ValueError("`returns` are not all finite")
+
+
+def _check(name: str, value: Any, types: tuple[np.dtype[Any], ...], shape: tuple[int, ...]) -> None:
+    """Check the type and the shape of an array."""
+    if not isinstance(value, np.ndarray):
+        raise ValueError(f"`{name}` is not one array")
+    if value.dtype not in types:
+        raise ValueError(f"`{name}` is {value.dtype}, not {' or '.join(map(str, types))}")
+    if value.shape != shape:
+        raise ValueError(f"`{name}` has the shape {value.shape}, not {shape}")
+
+
+# ---------- files
+# Data in files: NumPy's npz, Parquet, and the datasets of imitation and Minari.
 
 # ---------- parquet
 # Tables in Parquet: arrays as lists of fixed length, metadata under the key `taskspec`; pyarrow is imported here.
@@ -43,14 +156,15 @@ def write_table(
     Raises:
         SpecError: E705 where pyarrow is not installed.
     """
-    arrow, parquet = need("pyarrow", "parquet", "Parquet"), need("pyarrow.parquet", "parquet", "Parquet")
+    arrow = need("pyarrow", "parquet", "Parquet")
+    parquet = need("pyarrow.parquet", "parquet", "Parquet")
     table = arrow.table({name: _column(arrow, values) for name, values in columns.items()})
     kept = None if metadata is None else {KEY: json.dumps(metadata)}
     parquet.write_table(table.replace_schema_metadata(kept), path)
 
 
 def read_table(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Columns (N, *shape) and metadata, of which `shapes` says what each value was.
+    """Return columns (N, *shape) and metadata, of which `shapes` says what each value was.
 
     Raises:
         SpecError: E705 where pyarrow is not installed.
@@ -95,7 +209,8 @@ def write_minari(folder: Path, place: Path, data: Demonstrations) -> None:
         )
     storage = need("minari.dataset.minari_storage", EXTRA, "this format").MinariStorage
     need("h5py", EXTRA, "this format")
-    buffer, told = need("minari.data_collector").EpisodeBuffer, data.metadata
+    buffer = need("minari.data_collector").EpisodeBuffer
+    told = data.metadata
     made = storage.new(
         folder / "data", observation_space=data.task.observation_space, action_space=data.task.action_space,
         env_spec=made_by(data.task), data_format="hdf5",
@@ -202,7 +317,7 @@ def write(data: Data, path: str | PathLike[str], format: str | None = None) -> N
 
 
 def format_of(path: Path, name: str | None = None) -> Format:
-    """The format of a name, or of the suffix of a path.
+    """Return the format of a name, or of the suffix of a path.
 
     Raises:
         SpecError: E713, for one that there is not.
@@ -249,7 +364,7 @@ PAIRS = {"preferences": "preference", "returns": "return", "queries": "query"}
 
 
 def flat(data: Data) -> dict[str, Array]:
-    """The arrays of data by name; those of a dict of observations are `obs.NAME`."""
+    """Return the arrays of data by name; those of a dict of observations are `obs.NAME`."""
     segments = data.segments if isinstance(data, Preferences) else data
     found: dict[str, Array] = {}
     for name, value in columns(segments).items():
@@ -258,7 +373,7 @@ def flat(data: Data) -> dict[str, Array]:
 
 
 def _table(data: Data) -> dict[str, Array]:
-    """The columns of a table with a row for each transition."""
+    """Return the columns of a table with a row for each transition."""
     found = flat(data)
     if isinstance(data, Preferences):
         pair, second = np.divmod(data.segments.episode, 2)
@@ -269,7 +384,7 @@ def _table(data: Data) -> dict[str, Array]:
 
 
 def _data(found: Mapping[str, Any], metadata: dict[str, Any]) -> Data:
-    """What was kept as flat arrays, or as columns of a table."""
+    """Return what was kept as flat arrays, or as columns of a table."""
     transitions = Transitions(**{name: _nested(found, name) for name in COLUMNS})
     check_transitions(transitions)
     if metadata["kind"] == "demonstrations":

@@ -30,7 +30,9 @@ from taskspec.task.task import Task, TaskLike
 # The irrationalities are those of B-Pref: Lee, Smith, Dragan and Abbeel, "B-Pref: Benchmarking preference-based reinforcement
 # learning", NeurIPS Datasets and Benchmarks 2021, section 3 and algorithm 1, in the order of its algorithm.
 
-FIRST, EQUAL, SECOND = 1.0, 0.5, 0.0
+FIRST = 1.0
+EQUAL = 0.5
+SECOND = 0.0
 """Labels: the probability with which the first segment is said to be the better one."""
 WORDS = 2
 """Random words that a label takes: one for the choice, one for the mistake."""
@@ -77,7 +79,8 @@ class Teacher:
     def labels(
         self, first: Array, second: Array, near: tuple[Array, Array], ends: tuple[float, float], words: Array
     ) -> Array:
-        """Labels float64 (P,): 1 where the first segment is preferred, 0 the second, 0.5 where they are equal, nan for no answer.
+        """Return labels float64 (P,): 1 where the first segment is preferred, 0 the second, 0.5 where they are equal, nan
+        for no answer.
 
         Args:
             first, second: the segments' true returns, (P,).
@@ -85,7 +88,8 @@ class Teacher:
             ends: the lowest and the highest return that a segment may have, from the exact model.
             words: uint32 (2, P), fresh for each pair.
         """
-        low, unit = ends[0], ends[1] - ends[0]
+        low = ends[0]
+        unit = ends[1] - ends[0]
         prefers = _preferred(near[0] - near[1], self.boltzmann * unit, words[0])
         wrong = words[1] * 2.0**-32 < self.mistaken
         found = np.where(wrong & (prefers != EQUAL), 1 - prefers, prefers)
@@ -96,7 +100,7 @@ class Teacher:
         return found
 
     def seen(self, segments: Transitions, discount: float) -> Array:
-        """The returns (E,) of segments as a myopic teacher sees them."""
+        """Return the returns (E,) of segments as a myopic teacher sees them."""
         if self.myopic == 1:
             return segments.returns(discount)
         before = segments.time - np.repeat(segments.time[segments.starts], segments.lengths)
@@ -134,14 +138,15 @@ _CALL = re.compile(r"(\w+)\(([^()]+)\)")
 
 
 def teacher_of(text: str | Teacher) -> Teacher:
-    """The teacher of a text such as `myopic(0.9) + mistaken(0.1)`.
+    """Return the teacher of a text such as `myopic(0.9) + mistaken(0.1)`.
 
     Raises:
         SpecError: E713 when it is none.
     """
     if isinstance(text, Teacher):
         return text
-    found, given = Teacher(), set[str]()
+    found = Teacher()
+    given = set[str]()
     for part in map(str.strip, str(text).split("+")):
         if part == "noiseless":
             continue
@@ -154,7 +159,8 @@ def teacher_of(text: str | Teacher) -> Teacher:
 
 
 def _read(part: str) -> tuple[str, float]:
-    call, called = _CALL.fullmatch(part), {known.partition("(")[0]: known for known in NAMES}
+    call = _CALL.fullmatch(part)
+    called = {known.partition("(")[0]: known for known in NAMES}
     kind = part.partition("(")[0]
     try:
         if call and kind in called and kind != "noiseless":
@@ -204,13 +210,14 @@ class Preferences:
         return self.segments.trajectories
 
     def imitation(self) -> Any:
-        """The pairs as imitation's `PreferenceDataset`.
+        """Return the pairs as imitation's `PreferenceDataset`.
 
         Raises:
             SpecError: E705 where imitation is not installed.
         """
         comparisons = need("imitation.algorithms.preference_comparisons", EXTRA, "this")
-        found, dataset = self.segments.imitation(), comparisons.PreferenceDataset()
+        found = self.segments.imitation()
+        dataset = comparisons.PreferenceDataset()
         dataset.push(list(zip(found[::2], found[1::2], strict=True)), self.preferences.astype(np.float32))
         return dataset
 
@@ -225,7 +232,7 @@ def preferences(
     seed: int = 0,
     jobs: int = 1,
 ) -> Preferences:
-    """Pairs of a policy's trajectories, in the variant in which the spec's `roles` have the learner act.
+    """Return pairs of a policy's trajectories, in the variant in which the spec's `roles` have the learner act.
 
     Pair i is of episodes 2 i and 2 i + 1 as `demonstrations` records them; its label is a function of the seed and i alone.
 
@@ -241,13 +248,17 @@ def preferences(
     Raises:
         SpecError: as for `demonstrations`; E712 where the teacher needs the exact range of returns, and there is none.
     """
-    found, who = role(load(task), "learner"), teacher_of(teacher)
-    pairs, seed, acting = positive("pairs", pairs), seed_of(seed), policy_of(found, policy)
+    found = role(load(task), "learner")
+    who = teacher_of(teacher)
+    pairs = positive("pairs", pairs)
+    seed = seed_of(seed)
+    acting = policy_of(found, policy)
     length = None if length is None else positive("length", length)
     ends = return_ends(found, length) if who.needs_range else (0.0, 0.0)
     whole = recorded(found, policy, 2 * pairs, None, seed, positive("jobs", jobs))
     segments = whole if length is None else _cut(whole, length, seed)
-    returns, labels = segments.returns(found.discount), _labels(segments, found, who, ends, seed)
+    returns = segments.returns(found.discount)
+    labels = _labels(segments, found, who, ends, seed)
     kept = np.flatnonzero(~np.isnan(labels))
     if not len(kept):
         misused(f"the teacher {who} skipped all {pairs:,} pairs", "lower its threshold, or compare a better policy")
@@ -258,15 +269,16 @@ def preferences(
 
 
 def _labels(segments: Transitions, task: Task, who: Teacher, ends: tuple[float, float], seed: int) -> Array:
-    """What the teacher says of each pair (P,)."""
-    returns, near = segments.returns(task.discount), who.seen(segments, task.discount)
+    """Return what the teacher says of each pair (P,)."""
+    returns = segments.returns(task.discount)
+    near = who.seen(segments, task.discount)
     pairs = len(returns) // 2
     words = draws.lanes_block(np.full(pairs, seed, np.uint64), draws.TEACHER, np.arange(pairs), WORDS)
     return who.labels(returns[::2], returns[1::2], (near[::2], near[1::2]), ends, words)
 
 
 def return_ends(task: Task, length: int | None) -> tuple[float, float]:
-    """The worst and the optimal return, exact; of segments the share that they have in the horizon.
+    """Return the worst and the optimal return, exact; of segments the share that they have in the horizon.
 
     Raises:
         SpecError: E712 where there is no exact model, E713 where all policies earn the same.
@@ -276,7 +288,8 @@ def return_ends(task: Task, length: int | None) -> tuple[float, float]:
         why = results.why_not or "its returns are not finite"
         hint = results.remedy or "a noiseless, myopic or mistaken teacher needs none"
         refuse(f"the teacher needs the exact range of the returns of {task.id}: {why}", hint)
-    worst, optimal = results.worst, results.optimal
+    worst = results.worst
+    optimal = results.optimal
     assert worst is not None and optimal is not None
     share = 1.0 if length is None or task.horizon is None else min(1.0, length / task.horizon)
     if worst.value == optimal.value:
@@ -285,7 +298,7 @@ def return_ends(task: Task, length: int | None) -> tuple[float, float]:
 
 
 def _cut(whole: Transitions, length: int, seed: int) -> Transitions:
-    """A segment of every episode, beginning at a time that is uniform over those where it fits."""
+    """Return a segment of every episode, beginning at a time that is uniform over those where it fits."""
     seeds = draws.lane_seeds(seed, len(whole.starts))
     words = draws.lanes_block(seeds, draws.TEACHER, 2**32 - 1, 1)[0]
     begin = draws.indices(words, np.maximum(whole.lengths - length, 0) + 1)
@@ -294,7 +307,7 @@ def _cut(whole: Transitions, length: int, seed: int) -> Transitions:
 
 
 def _of_pairs(segments: Transitions, kept: Array) -> Transitions:
-    """The segments of some pairs, numbered anew."""
+    """Return the segments of some pairs, numbered anew."""
     number = np.full(len(segments.starts) // 2, -1)
     number[kept] = np.arange(len(kept))
     pair = number[segments.episode // 2]

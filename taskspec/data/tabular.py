@@ -96,7 +96,8 @@ class Tabular:
         nodes = self.task.observation.nodes
         if draws(nodes) or any(role is Role.TIME for role, _ in reads(nodes)):
             refuse(f"the observation in {self.task.id} is not a function of the state", "take the states instead")
-        layout, held = self.task.observation_layout, Values.empty(self.task.observation_layout, self.n_states)
+        layout = self.task.observation_layout
+        held = Values.empty(self.task.observation_layout, self.n_states)
         values = evaluate(nodes, self.model.reads())
         flats = [np.broadcast_to(v, (*v.shape[:-1], self.n_states)) for v in values]
         write(layout, held.segments(), flats, np.arange(self.n_states))
@@ -110,7 +111,8 @@ class Tabular:
         Raises:
             SpecError: as for `observations`.
         """
-        layout, seen = self.task.observation_layout, self.observations
+        layout = self.task.observation_layout
+        seen = self.observations
         parts = [part.reshape(self.n_states, -1) for part in (seen.values() if isinstance(seen, dict) else [seen])]
         if layout.form in ("discrete", "multi_discrete"):
             each = zip(parts[0].T, layout.counts, _lowest(layout), strict=True)
@@ -126,7 +128,8 @@ class Tabular:
         known: dict[bytes, int] = {}
         for i, row in enumerate(_rows(self.observations)):
             if not self.absorbed[i] and known.setdefault(row, i) != i:
-                twin, name = self.model.state_name(known[row]), self.model.state_name(i)
+                twin = self.model.state_name(known[row])
+                name = self.model.state_name(i)
                 message = f"{twin} and {name} look alike in {self.task.id}"
                 raise LookAlike([Diagnostic("E713", None, message, "give `occupancy()` instead")])
         found = [known.get(row) for row in _rows(observations)]
@@ -144,17 +147,21 @@ class Tabular:
         """
         if self.horizon is None:
             refuse(f"episodes of {self.task.id} have no horizon", "give the task one")
-        plan, going = named(self.task, policy).plan(self.model), self.going
-        now, total, factor = self.p0, self.p0.copy(), 1.0
+        plan = named(self.task, policy).plan(self.model)
+        going = self.going
+        now = self.p0
+        total = self.p0.copy()
+        factor = 1.0
         for t in range(self.horizon):
-            now, factor = going.T @ (plan(t) * now).reshape(-1), factor * self.discount
+            now = going.T @ (plan(t) * now).reshape(-1)
+            factor = factor * self.discount
             total += factor * now
         return total
 
     # -- for others ---------------------------------------------------------------------------------------------------
 
     def seals(self) -> Any:
-        """The same as a `seals.base_envs.TabularModelMDP`, whose observations are the numbers of states.
+        """Return the same as a `seals.base_envs.TabularModelMDP`, whose observations are the numbers of states.
 
         Raises:
             SpecError: E705 where seals is not installed.
@@ -165,7 +172,8 @@ class Tabular:
         )
 
     def imitation(self) -> Any:
-        """What `imitation.algorithms.mce_irl.MCEIRL` takes: a `seals.base_envs.TabularModelPOMDP` that shows `features`.
+        """Return what `imitation.algorithms.mce_irl.MCEIRL` takes: a `seals.base_envs.TabularModelPOMDP` that shows
+        `features`.
 
         Raises:
             SpecError: E705 where seals, which comes with imitation, is not installed.
@@ -178,7 +186,7 @@ class Tabular:
 
 
 def tabular(task: TaskLike) -> Tabular:
-    """The exact model of a task as arrays; where episodes may end early, states that absorb stand for their ends.
+    """Return the exact model of a task as arrays; where episodes may end early, states that absorb stand for their ends.
 
     All states that are declared are there, where that is cheap and no end is terminal; else those that episodes enter. An action
     that would leave the state space, where no episode acts, leads nowhere else and pays nothing.
@@ -206,18 +214,18 @@ def tabular(task: TaskLike) -> Tabular:
 
 
 def _lasts(task: Task) -> bool:
-    """Whether no state is terminal: episodes end after some number of steps, or never."""
+    """Return whether no state is terminal: episodes end after some number of steps, or never."""
     return not draws([task.terminal]) and set(reads([task.terminal])) <= {(Role.TIME, "t")}
 
 
 def _steps_until_over(model: Model) -> int | None:
-    """The steps of an episode of a task in which the time alone, or nothing, ends it: to the first at which all do."""
+    """Return the steps of an episode of a task in which the time alone, or nothing, ends it: to the first at which all do."""
     over = (t for t, step in enumerate(model.steps, 1) if not step.P.sum())
     return next(over, model.horizon)
 
 
 def _whole(step: Step) -> Sparse:
-    """Where a step leads, whether or not it ends the episode."""
+    """Return where a step leads, whether or not it ends the episode."""
     return step.P if step.P_end is None else step.P + step.P_end
 
 
@@ -226,11 +234,14 @@ def _alike(a: Step, b: Step) -> bool:
 
 
 def _inside(model: Model) -> tuple[Sparse, Array]:
-    """Transitions (A * S, S) and rewards (S, A) in which no row leaves the state space."""
-    step, shape = model.step(0), (model.n_actions, model.n_states)
-    going, rewards = _whole(step), step.R
+    """Return transitions (A * S, S) and rewards (S, A) in which no row leaves the state space."""
+    step = model.step(0)
+    shape = (model.n_actions, model.n_states)
+    going = _whole(step)
+    rewards = step.R
     if step.escaping is not None and step.escaping.any():
-        sparse, rows = scipy_sparse(), np.flatnonzero(step.escaping)
+        sparse = scipy_sparse()
+        rows = np.flatnonzero(step.escaping)
         stays = sparse.csr_array((np.ones(len(rows)), (rows, rows % model.n_states)), shape=going.shape)
         going = sparse.csr_array(sparse.diags_array((~step.escaping).astype(np.float64)) @ going + stays)
         rewards = np.where(step.escaping, 0.0, rewards)
@@ -238,12 +249,12 @@ def _inside(model: Model) -> tuple[Sparse, Array]:
 
 
 def _rows(observations: Any) -> list[bytes]:
-    """Observations (N, *shape), or a dict of them, one by one, as keys."""
+    """Return observations (N, *shape), or a dict of them, one by one, as keys."""
     parts = observations.values() if isinstance(observations, dict) else [observations]
     held = [np.asarray(part, np.float64) for part in parts]
     return [b"".join(part[i].tobytes() for part in held) for i in range(len(held[0]))]
 
 
 def _lowest(layout: SpaceLayout) -> Sequence[int]:
-    """The lowest value of each number of a discrete observation, as the environment shows it."""
+    """Return the lowest value of each number of a discrete observation, as the environment shows it."""
     return layout.starts if layout.form == "discrete" else [0] * len(layout.counts)

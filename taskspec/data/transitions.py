@@ -97,11 +97,11 @@ class Transitions:
         return np.add.reduceat(weights * self.rews, self.starts)
 
     def rows(self, indices: Array) -> Transitions:
-        """Some of the transitions (indices, or a mask)."""
+        """Return some of the transitions (indices, or a mask)."""
         return Transitions(**{name: mapped(value, lambda a: a[indices]) for name, value in columns(self).items()})
 
     def imitation(self) -> list[Any]:
-        """The trajectories as imitation's `TrajectoryWithRew`.
+        """Return the trajectories as imitation's `TrajectoryWithRew`.
 
         Raises:
             SpecError: E705 where imitation is not installed.
@@ -120,25 +120,25 @@ COLUMNS = ("obs", "acts", "rews", "next_obs", "terminated", "truncated", "episod
 
 
 def columns(data: Transitions) -> dict[str, Any]:
-    """The arrays of transitions by name."""
+    """Return the arrays of transitions by name."""
     return {name: getattr(data, name) for name in COLUMNS}
 
 
 def concatenated(parts: Iterable[Transitions]) -> Transitions:
-    """Transitions one after the other; at least one part."""
+    """Return transitions one after the other; at least one part."""
     held = list(parts)
     return Transitions(**{name: joined([getattr(part, name) for part in held]) for name in COLUMNS})
 
 
 def joined(parts: list[Any]) -> Any:
-    """Arrays, or dicts of arrays, one after the other."""
+    """Return arrays, or dicts of arrays, one after the other."""
     if isinstance(parts[0], dict):
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     return np.concatenate(parts)
 
 
 def mapped(value: Any, function: Callable[[Array], Array]) -> Any:
-    """A function of an array, or of each in a dict of arrays."""
+    """Return a function of an array, or of each in a dict of arrays."""
     if isinstance(value, Mapping):
         return {name: function(part) for name, part in value.items()}
     return function(value)

@@ -25,7 +25,7 @@ POISSON_LIMIT = Limits.poisson
 
 
 def index(word: int, n: int) -> int:
-    """An integer below n, for 0 < n < 2^31: (w n) >> 32.
+    """Return an integer below n, for 0 < n < 2^31: (w n) >> 32.
 
     With 32 bits alone and n <= 2^16: ((w >> 16) n + ((w & 0xffff) n >> 16)) >> 16.
     """
@@ -39,7 +39,7 @@ def indices(words: Words, n: ArrayLike) -> Ints:
 
 
 def thresholds(probabilities: Sequence[Fraction | float]) -> tuple[int, ...]:
-    """The k - 1 words at which outcomes 1 to k - 1 begin: round(2^32 x cumulative probability).
+    """Return the k - 1 words at which outcomes 1 to k - 1 begin: round(2^32 x cumulative probability).
 
     Fractions are exact, floats are taken at their exact value, and all are relative to their total.
     An outcome of probability 0 has no words: where it comes first, outcome 1 begins at word 0;
@@ -57,7 +57,7 @@ def thresholds(probabilities: Sequence[Fraction | float]) -> tuple[int, ...]:
 
 
 def categorical(word: int, thresholds: Sequence[int]) -> int:
-    """The outcome of a word: how many thresholds are at most the word."""
+    """Return the outcome of a word: how many thresholds are at most the word."""
     return bisect_right(thresholds, word)
 
 
@@ -73,7 +73,7 @@ def categoricals(words: Words, thresholds: Sequence[int] | Words) -> Ints:
 
 
 def reachable(thresholds: Sequence[int]) -> Words:
-    """The thresholds that some word reaches, in 32 bits."""
+    """Return the thresholds that some word reaches, in 32 bits."""
     return np.array([t for t in thresholds if t < NEVER], np.uint32)
 
 
@@ -92,7 +92,7 @@ def threshold_table(
 
 
 def row_categorical(word: int, row: int, table: Words, last: Ints) -> int:
-    """A draw from one row of a `threshold_table`."""
+    """Return a draw from one row of a `threshold_table`."""
     return min(bisect_right(table[row].tolist(), word), int(last[row]))
 
 
@@ -104,12 +104,12 @@ def row_categoricals(words: Words, row: NDArray[np.integer], table: Words, last:
 
 
 def weighted_categorical(word: int, weights: Sequence[float]) -> int:
-    """An outcome in proportion to float32 weights; see `weighted_categoricals`."""
+    """Return an outcome in proportion to float32 weights; see `weighted_categoricals`."""
     return int(weighted_categoricals(np.array([word], np.uint32), np.asarray(weights)[:, None])[0])
 
 
 def weighted_categoricals(words: Words, weights: ArrayLike) -> Ints:
-    """Outcomes in proportion to weights (k, ...) known only at run time: int32 (...).
+    """Return outcomes in proportion to weights (k, ...) known only at run time: int32 (...).
 
     How many of the first k - 1 running sums are at most uniform × total. That product rounds to
     less than the total, and a weight of 0 (as a negative one and NaN count) leaves the running sum
@@ -126,7 +126,7 @@ def weighted_categoricals(words: Words, weights: ArrayLike) -> Ints:
 
 
 def permutation(words: Sequence[int]) -> tuple[int, ...]:
-    """The order that sorts the words, equal words keeping theirs."""
+    """Return the order that sorts the words, equal words keeping theirs."""
     return tuple(sorted(range(len(words)), key=words.__getitem__))
 
 
@@ -165,25 +165,26 @@ def _poisson_below(rate: float) -> Iterator[float]:
 
 
 def _poisson_above(rate: float) -> Iterator[float]:
-    weight, k = 1.0, int(rate) + 1
+    weight = 1.0
+    k = int(rate) + 1
     while (weight := weight * (rate / k)) >= _FAINTEST:
         yield weight
         k += 1
 
 
 def poisson_words(bound: float) -> int:
-    """How many words a Poisson draw takes whose rate is at most ``bound``."""
+    """Return how many words a Poisson draw takes whose rate is at most ``bound``."""
     return max(1, math.ceil(bound / POISSON_SHARE))
 
 
 def poisson_terms(bound: float) -> int:
-    """The largest count that one of its words is searched for."""
+    """Return the largest count that one of its words is searched for."""
     first, table = poisson_table(bound / poisson_words(bound))
     return first + len(table)
 
 
 def poisson(words: Sequence[int], rate: float, bound: float) -> int:
-    """A Poisson draw whose rate is known only at run time; see `poissons`."""
+    """Return a Poisson draw whose rate is known only at run time; see `poissons`."""
     return int(poissons(np.array(words, np.uint32)[:, None], np.asarray([rate]), bound)[0])
 
 

@@ -49,13 +49,13 @@ def split(x: Reals) -> tuple[Ints, Reals]:
 
 
 def log(x: Reals) -> Reals:
-    """The natural logarithm of positive normal x, within 2e-7 (1 + |log x|)."""
+    """Return the natural logarithm of positive normal x, within 2e-7 (1 + |log x|)."""
     e, log_m = split(x)
     return e.astype(np.float32) * LN2 + log_m
 
 
 def exp(x: Reals) -> Reals:
-    """The exponential of x, within 2e-7 of itself; 0 below -87, and that of 88 above 88."""
+    """Return the exponential of x, within 2e-7 of itself; 0 below -87, and that of 88 above 88."""
     y = np.minimum(np.maximum(x, F(-87)), F(88))
     k = np.rint(y * LOG2E)
     f = (y - k * LN2_HIGH) - k * LN2_LOW  # the first product is exact
@@ -82,7 +82,7 @@ def exponential(words: Words) -> Reals:
 
 
 def direction(words: Words) -> tuple[Reals, Reals]:
-    """A point ``(cos, sin)`` of the unit circle for each word, within 3e-7.
+    """Return a point ``(cos, sin)`` of the unit circle for each word, within 3e-7.
 
     The lower 31 bits, as a signed fraction x of [-1, 1], give the angle πx/2 of a point of the
     right half circle, and the top bit moves it to the left half: no quadrants, no selection.
@@ -95,7 +95,7 @@ def direction(words: Words) -> tuple[Reals, Reals]:
 
 
 def normal_pair(radius: Words, angle: Words) -> tuple[Reals, Reals]:
-    """Two independent standard normals for each pair of words, by Box and Muller; |x| <= 6.67."""
+    """Return two independent standard normals for each pair of words, by Box and Muller; |x| <= 6.67."""
     r = np.sqrt(exponential(radius) * F(2))  # exact product
     cosine, sine = direction(angle)
     return r * cosine, r * sine

@@ -77,13 +77,13 @@ def threefry(key: tuple[int, int], counter: tuple[int, int], lanes: int = 1) -> 
 
 
 def words(seed: int, phase: int, n: int, count: int) -> tuple[int, ...]:
-    """The first ``count`` words of one step or reset, as Python integers below 2**32."""
+    """Return the first ``count`` words of one step or reset, as Python integers below 2**32."""
     data = _packed_block(seed, phase, n, 1, _slots(count))
     return struct.unpack_from(f"<{count}I", data)
 
 
 def rows(seed: int, phase: int, first_n: int, how_many: int, count: int) -> list[tuple[int, ...]]:
-    """The words of ``how_many`` consecutive n at once: row i is that of ``first_n + i``."""
+    """Return the words of ``how_many`` consecutive n at once: row i is that of ``first_n + i``."""
     if not count:
         return [()] * how_many
     data = _packed_block(seed, phase, first_n, how_many, _slots(count))
@@ -95,7 +95,7 @@ def _slots(count: int) -> int:
 
 
 def _packed_block(seed: int, phase: int, first_n: int, how_many: int, slots: int) -> bytes:
-    """The words of consecutive n, two for each slot, as little-endian bytes."""
+    """Return the words of consecutive n, two for each slot, as little-endian bytes."""
     lanes = how_many * slots
     ones = _ones(lanes)
     ramp, slot = _ramps(how_many, slots)
@@ -136,7 +136,7 @@ def threefry_arrays(key: Pair, counter: Pair) -> tuple[Words, Words]:
 
 
 def block(seed: int, phase: int, first_n: int, how_many: int, count: int) -> Words:
-    """Words of consecutive n for one environment: uint32 ``(how_many, count)``.
+    """Return words of consecutive n for one environment: uint32 ``(how_many, count)``.
 
     Row i equals ``words(seed, phase, first_n + i, count)``.
     """
@@ -153,7 +153,7 @@ def block(seed: int, phase: int, first_n: int, how_many: int, count: int) -> Wor
 
 
 def lane_seeds(seed: int, lanes: int, first: int = 0) -> NDArray[np.uint64]:
-    """The seeds of the lanes from ``first`` on of a vector environment: uint64 (lanes,).
+    """Return the seeds of the lanes from ``first`` on of a vector environment: uint64 (lanes,).
 
     Lane i has the seed ``seed + i`` modulo 2**64, as a scalar environment with that seed has.
     """
@@ -161,15 +161,18 @@ def lane_seeds(seed: int, lanes: int, first: int = 0) -> NDArray[np.uint64]:
 
 
 def lanes_block(seeds: NDArray[np.uint64], phase: int, n: ArrayLike, count: int, out: Words | None = None) -> Words:
-    """Words of many environments: uint32 ``(count, lanes)``, written to ``out`` if it is given.
+    """Return words of many environments: uint32 ``(count, lanes)``, written to ``out`` if it is given.
 
     ``seeds``: uint64 (lanes,), see `lane_seeds`. ``n``: an integer, or integers (lanes,), modulo
     2**32. Column i equals ``words(int(seeds[i]), phase, n[i], count)``.
     """
-    lanes, slots = len(seeds), _slots(count)
+    lanes = len(seeds)
+    slots = _slots(count)
     result = np.empty((count, lanes), np.uint32) if out is None else out
-    k0, k1 = seeds.astype(np.uint32), (seeds >> np.uint64(32)).astype(np.uint32)
-    n, slot = _uint32(n), np.arange(slots, dtype=np.uint32)[:, None] + np.uint32(phase)
+    k0 = seeds.astype(np.uint32)
+    k1 = (seeds >> np.uint64(32)).astype(np.uint32)
+    n = _uint32(n)
+    slot = np.arange(slots, dtype=np.uint32)[:, None] + np.uint32(phase)
     if lanes * slots <= PACKED_BLOCKS:
         return _packed_lanes((k0, k1), (n, slot), (slots, lanes), result)
     _fill(_schedule(k0, k1), n, slot, result[0::2], result[1::2])
@@ -177,15 +180,17 @@ def lanes_block(seeds: NDArray[np.uint64], phase: int, n: ArrayLike, count: int,
 
 
 def lanes_ahead(seeds: NDArray[np.uint64], n: NDArray[np.uint32], depth: int, count: int) -> Words:
-    """Words of ``depth`` consecutive steps of many environments: uint32 ``(count, depth * lanes)``.
+    """Return words of ``depth`` consecutive steps of many environments: uint32 ``(count, depth * lanes)``.
 
     Column ``d * lanes + i`` equals ``words(int(seeds[i]), STEP, n[i] + d, count)``.
     """
-    lanes, slots = len(seeds), _slots(count)
+    lanes = len(seeds)
+    slots = _slots(count)
     if lanes * depth * slots <= PACKED_BLOCKS or (n != n[:1]).any():
         each = (n + np.arange(depth, dtype=np.uint32)[:, None]).ravel()
         return lanes_block(np.tile(seeds, depth), STEP, each, count)
-    k0, k1 = seeds.astype(np.uint32), (seeds >> np.uint64(32)).astype(np.uint32)
+    k0 = seeds.astype(np.uint32)
+    k1 = (seeds >> np.uint64(32)).astype(np.uint32)
     # All lanes are at the same step, so that a row of blocks shares one counter, and the keys are scheduled once.
     steps = np.tile(n[0] + np.arange(depth, dtype=np.uint32), slots)[:, None]
     slot = np.repeat(np.arange(slots, dtype=np.uint32) + np.uint32(STEP), depth)[:, None]
@@ -219,7 +224,7 @@ def _uint32(values: ArrayLike) -> Words:
 
 
 def _schedule(k0: Words, k1: Words) -> Schedule:
-    """What is added to the two halves before the first round and after every fourth."""
+    """Return what is added to the two halves before the first round and after every fourth."""
     keys = (k0, k1, k0 ^ k1 ^ np.uint32(PARITY))
     return [(keys[i % 3], np.add(keys[(i + 1) % 3], _CONSTANTS[i])) for i in range(6)]
 
@@ -241,9 +246,14 @@ def _fill(schedule: Schedule, c0: Words, c1: Words, y0: Words, y1: Words) -> Non
 
 
 def _rounds(keys: Schedule, c0: Words, c1: Words, shape: tuple[int, ...], both: bool) -> tuple[Words, Words]:
-    """All but the last addition of the key, in place in this thread's scratch arrays; of the first half, or of both."""
-    add, left, right = np.add, np.left_shift, np.right_shift
-    xor, merge = np.bitwise_xor, np.bitwise_or
+    """Return all but the last addition of the key, in place in this thread's scratch arrays; of the first half, or of
+    both.
+    """
+    add = np.add
+    left = np.left_shift
+    right = np.right_shift
+    xor = np.bitwise_xor
+    merge = np.bitwise_or
     x0, x1, shifted = _buffers(shape)
     add(c0, keys[0][0], x0)
     add(c1, keys[0][1], x1)
@@ -280,7 +290,7 @@ def _chunks(height: int, width: int) -> Iterator[tuple[slice, slice]]:
 
 
 def _part(values: Words, place: tuple[slice, slice]) -> Words:
-    """The part of a scalar, a (columns,) or a (rows, 1) array that belongs to a chunk."""
+    """Return the part of a scalar, a (columns,) or a (rows, 1) array that belongs to a chunk."""
     match values.ndim:
         case 0:
             return values

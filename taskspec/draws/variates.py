@@ -22,7 +22,8 @@ from taskspec.draws.threefry import CHUNK, Words
 
 GAMMA_TRIES = 4
 GAMMA_WORDS = 9  # two pairs for the normals of four tries, four for their tests, one for alpha < 1
-SMALLEST_ALPHA, LARGEST_ALPHA = F(2**-100), F(2**100)
+SMALLEST_ALPHA = F(2**-100)
+LARGEST_ALPHA = F(2**100)
 LEAST = F(2**-126)  # the least normal float32; some machines flush what is below it
 
 # ------------------------------------------------------------------------------ reals
@@ -49,7 +50,7 @@ def bernoullis(words: Words, p: ArrayLike) -> NDArray[np.bool_]:
 
 
 def exponential(word: int) -> float:
-    """A standard exponential: `polynomials.exponential` of one word."""
+    """Return a standard exponential: `polynomials.exponential` of one word."""
     return float(exponentials(np.array([word], np.uint32))[0])
 
 
@@ -59,7 +60,7 @@ def exponentials(words: Words) -> Reals:
 
 
 def normal_words(n: int) -> int:
-    """How many words n normals take: one each, made even."""
+    """Return how many words n normals take: one each, made even."""
     return n + (n & 1)
 
 
@@ -78,7 +79,8 @@ def normals(words: Words, n: int) -> Reals:
     pairs = len(words) // 2
     step = max(1, CHUNK * pairs // max(1, words.size // 2))
     for i in range(0, 2 * pairs, 2 * step):
-        radius, angle = words[i : i + 2 * step : 2], words[i + 1 : i + 2 * step : 2]
+        radius = words[i : i + 2 * step : 2]
+        angle = words[i + 1 : i + 2 * step : 2]
         first, second = polynomials.normal_pair(radius, angle)
         out[i : i + 2 * step : 2] = first
         out[i + 1 : i + 2 * step : 2] = second
@@ -86,7 +88,7 @@ def normals(words: Words, n: int) -> Reals:
 
 
 def dirichlet_words(n: int) -> int:
-    """How many words a Dirichlet draw of n parts takes."""
+    """Return how many words a Dirichlet draw of n parts takes."""
     return GAMMA_WORDS * n
 
 
@@ -114,7 +116,7 @@ def dirichlets(words: Words, alphas: ArrayLike) -> Reals:
 
 
 def gamma_words(n: int) -> int:
-    """How many words n gamma variates take."""
+    """Return how many words n gamma variates take."""
     return GAMMA_WORDS * n
 
 

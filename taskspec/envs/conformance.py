@@ -30,7 +30,8 @@ def check_environment(make: Callable[[], gymnasium.Env[Any, Any]], steps: int = 
     Raises:
         AssertionError: says what the environment does wrong.
     """
-    one, other = make(), make()
+    one = make()
+    other = make()
     _refuses_to_step(one, "before the first reset")
     assert _trajectory(one, steps, seed) == _trajectory(other, steps, seed), "a seed does not fix the trajectory"
     assert _trajectory(one, steps, seed) == _trajectory(other, steps, seed), "a second reset(seed) starts elsewhere"
@@ -45,7 +46,7 @@ def _refuses_to_step(env: gymnasium.Env[Any, Any], when: str) -> None:
 
 
 def _trajectory(env: gymnasium.Env[Any, Any], steps: int, seed: int) -> list[Any]:
-    """What is seen and paid, as comparable data."""
+    """Return what is seen and paid, as comparable data."""
     env.action_space.seed(seed)
     seen, _ = env.reset(seed=seed)
     found = [_plain(seen)]
@@ -74,7 +75,8 @@ class ReferenceEnv:
 
     def __init__(self, task: Task) -> None:
         self.task = task
-        self._observation, self._action = task.observation_layout, task.action_layout
+        self._observation = task.observation_layout
+        self._action = task.action_layout
         self._run = Interpreter(task, 0)
 
     def reset(self, *, seed: int | None = None) -> tuple[Any, dict[str, Any]]:
@@ -179,7 +181,8 @@ class Agreement:
 
     def close(self, actual: Any, expected: Any) -> None:
         """Whole numbers are equal; reals are equal up to the tolerance of the backend, and zeros have the same sign."""
-        a, e = np.asarray(actual), np.asarray(expected)
+        a = np.asarray(actual)
+        e = np.asarray(expected)
         assert a.shape == e.shape
         if a.dtype.kind != "f":
             assert np.array_equal(a, e)

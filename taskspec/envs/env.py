@@ -116,7 +116,9 @@ class Environment(gymnasium.Env[Any, Any]):
         return self._lane.step(action)  # replaced on each instance by the generated function itself
 
     def render(self) -> Any:
-        """The present state: as text ("ansi"), as pixels ("rgb_array", "rgb_array_list"), or in the window ("human": None)."""
+        """Return the present state: as text ("ansi"), as pixels ("rgb_array", "rgb_array_list"), or in the window
+        ("human": None).
+        """
         match self.render_mode:
             case "ansi":
                 return picture.text(self.task, self.state, self.time)
@@ -135,13 +137,15 @@ class Environment(gymnasium.Env[Any, Any]):
         super().close()
 
     def _drawn(self) -> window.Frame:
-        state, clock = self.state, self._clock
+        state = self.state
+        clock = self._clock
         return self._drawing.draw(self.task, state, clock.time, episode=clock.episodes)
 
     def _taken(self) -> list[window.Frame]:
         if self._seed is None:
             raise NotRunningError("E707: there is nothing to see before the first reset()")
-        frames, self._frames = self._frames, []
+        frames = self._frames
+        self._frames = []
         return frames
 
     def _show(self) -> None:
@@ -192,7 +196,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self._lane.put(flat_state(self.task, value, self._values()), self._clock)
 
     def _values(self) -> tuple[Any, ...]:
-        """The present component values; what the program does not keep is replayed."""
+        """Return the present component values; what the program does not keep is replayed."""
         values, clock = self._lane.get()
         if self._seed is None or not any(v is None for v in values):
             return values
@@ -214,7 +218,7 @@ class Environment(gymnasium.Env[Any, Any]):
         return self._observe(self._values())
 
     def _observe(self, values: tuple[Any, ...]) -> Any:
-        """The observation of a state at time 0, by the reference interpreter."""
+        """Return the observation of a state at time 0, by the reference interpreter."""
         layout = self.task.reset_words
         assert self._seed is not None
         words = draws.words(self._seed, draws.RESET, self._clock.episodes - 1, layout.count)
@@ -261,7 +265,7 @@ class Environment(gymnasium.Env[Any, Any]):
         return NotRunningError("E708: step() after the end of the episode; call reset() to start another")
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but the window and the generated functions; the stream of draws goes on where it was."""
+        """Return everything but the window and the generated functions; the stream of draws goes on where it was."""
         kept = {k: v for k, v in self.__dict__.items() if k not in ("step", "reset", "_lane", "_program")}
         return {**kept, "_window": None, "lane_state": (self._values(), self._clock)}
 

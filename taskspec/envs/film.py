@@ -9,7 +9,7 @@ from typing import Any, Literal
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import need
 from taskspec.base.files import Unfinished, refused, write_bytes
-from taskspec.base.progress import tell
+from taskspec.base.limits import tell
 from taskspec.envs import window
 from taskspec.envs.env import Environment
 

@@ -51,7 +51,7 @@ class TaskFuncEnv(_FuncEnv):
         return FuncState(following, seen, reward, info["terminated"])
 
     def get_default_params(self, **changes: Any) -> Any:
-        """The parameters in `varying`, as the task was loaded with them or with other values (see `Functional`)."""
+        """Return the parameters in `varying`, as the task was loaded with them or with other values (see `Functional`)."""
         return self._functional.default_params.replace(**changes)
 
     def observation(self, state: FuncState, rng: Any, params: Any = None) -> Any:

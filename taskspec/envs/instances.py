@@ -73,7 +73,7 @@ class InstanceLanes(VectorEnvironment):
         return self._joined(found), {}
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None] | None:
-        """A seed for each lane; lanes of different instances have different streams from the first reset on."""
+        """Return a seed for each lane; lanes of different instances have different streams from the first reset on."""
         if seed is None and self._seeded:
             return None
         if seed is None:
@@ -97,14 +97,15 @@ class InstanceLanes(VectorEnvironment):
         """Last observations of the episodes that ended in this step, as `VectorEnvironment` has them."""
         if not any(infos for *_, infos in found):
             return {}
-        last, ended = np.full(self.num_envs, None, dtype=object), np.zeros(self.num_envs, np.bool_)
+        last = np.full(self.num_envs, None, dtype=object)
+        ended = np.zeros(self.num_envs, np.bool_)
         for lanes, (*_, infos) in zip(self._where, found, strict=True):
             for k, lane in enumerate(lanes.tolist()) if infos else ():
                 last[lane], ended[lane] = infos["final_obs"][k], infos["_final_obs"][k]
         return {"final_obs": last, "_final_obs": ended, "final_info": {}, "_final_info": ended.copy()}
 
     def _joined(self, parts: list[Any]) -> Any:
-        """Values of all lanes, in order, from those of the instances."""
+        """Return values of all lanes, in order, from those of the instances."""
         if isinstance(parts[0], dict):
             return {name: self._joined([part[name] for part in parts]) for name in parts[0]}
         whole = np.empty((self.num_envs, *parts[0].shape[1:]), parts[0].dtype)

@@ -53,7 +53,7 @@ class LaneView:
         return space(self.engine.action)
 
     def render(self) -> Any:
-        """The present state as text or as pixels, as the render mode says; None without one."""
+        """Return the present state as text or as pixels, as the render mode says; None without one."""
         match self.render_mode:
             case "ansi":
                 return state.text(self.task, self.state, self.time)
@@ -70,7 +70,7 @@ KNOWN = ("task", "state", "time", "observation_space", "action_space", "render_m
 
 
 def asked(lane: LaneView, name: str, *args: Any, **options: Any) -> Any:
-    """An attribute of a lane, or what a method of it gives.
+    """Return an attribute of a lane, or what a method of it gives.
 
     Raises:
         LaneError: lanes have nothing of that name.
@@ -93,7 +93,7 @@ def unset(name: str) -> NoReturn:
 
 
 def rendered(mode: RenderMode | None) -> RenderMode | None:
-    """A render mode of lanes.
+    """Return a render mode of lanes.
 
     Raises:
         SpecError: E713 for another one; E705 without the packages that pixels need.

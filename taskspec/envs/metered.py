@@ -23,7 +23,7 @@ class Meter(Protocol):
         """Is told before steps are taken; what it raises ends in the hands of whoever wanted them."""
 
     def paid(self, before: Any, actions: Any, after: Any, rewards: Array) -> Array:
-        """The rewards (N,) that are paid for N steps, from those of the task; observations and actions are batches."""
+        """Return the rewards (N,) that are paid for N steps, from those of the task; observations and actions are batches."""
 
 
 class Metered(gymnasium.Env[Any, Any]):
@@ -44,7 +44,8 @@ class Metered(gymnasium.Env[Any, Any]):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         if seed is None:
-            seed, self._seed = self._seed, None
+            seed = self._seed
+            self._seed = None
         self._before, told = self._inside.reset(seed=seed, options=options)
         return self._before, told
 
@@ -60,7 +61,7 @@ class Metered(gymnasium.Env[Any, Any]):
 
 
 def _one(seen: Any) -> Any:
-    """An observation as a batch of one."""
+    """Return an observation as a batch of one."""
     return {name: [part] for name, part in seen.items()} if isinstance(seen, dict) else [seen]
 
 
@@ -88,7 +89,8 @@ class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         if seed is None:
-            seed, self._seed = self._seed, None
+            seed = self._seed
+            self._seed = None
         self._before, told = self._inside.reset(seed=seed, options=options)
         return self._before, told
 
@@ -105,7 +107,7 @@ class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
 
 def _led_to(after: Any, told: dict[str, Any], ended: Array) -> Any:
-    """The observations that steps led to: of episodes that have begun anew within the step, the last one."""
+    """Return the observations that steps led to: of episodes that have begun anew within the step, the last one."""
     final = told.get("final_obs")
     if final is None or isinstance(after, dict):
         return after

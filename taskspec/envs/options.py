@@ -42,7 +42,7 @@ Autoreset: TypeAlias = Literal["NextStep", "SameStep", "Disabled"]
 
 
 def invalid(message: str, hint: str | None = None) -> SpecError:
-    """The error (E713) about an option that means nothing."""
+    """Return the error (E713) about an option that means nothing."""
     return SpecError([Diagnostic("E713", None, message, hint)])
 
 
@@ -76,7 +76,7 @@ def uncopied(env: object) -> NoReturn:
 
 
 def positive(name: str, value: Any) -> int:
-    """A positive int of any kind.
+    """Return a positive int of any kind.
 
     Raises:
         SpecError: E713 for anything else.
@@ -91,12 +91,13 @@ def positive(name: str, value: Any) -> int:
 
 
 def lanes_of(task: Task, number: int) -> int:
-    """A number of environments to step together.
+    """Return a number of environments to step together.
 
     Raises:
         SpecError: E713 for more than there is room for, in number or in the bytes of their states.
     """
-    most, widest = limits(), max(c.type.size for c in (*task.state, *task.action, *task.observation.components))
+    most = limits()
+    widest = max(c.type.size for c in (*task.state, *task.action, *task.observation.components))
     if number > most.lanes:
         message = f"num_envs may be {most.lanes:,} at most, not {count(number)}"
         raise invalid(message, how_to_raise("lanes", number))
@@ -107,7 +108,7 @@ def lanes_of(task: Task, number: int) -> int:
 
 
 def seed_of(value: Any) -> int:
-    """A seed: an int of any kind from 0 to 2**64 - 1.
+    """Return a seed: an int of any kind from 0 to 2**64 - 1.
 
     Raises:
         SpecError: E713 for anything else.

@@ -58,7 +58,8 @@ class Sb3VecEnv(VecEnv):
         render_mode: RenderMode | None = None,
     ) -> None:
         self.task: Task = load(task)
-        num_envs, num_threads = positive("num_envs", num_envs), positive("num_threads", num_threads)
+        num_envs = positive("num_envs", num_envs)
+        num_threads = positive("num_threads", num_threads)
         self._engine = table.engine(self.task, num_envs, backend, Options("same_step", num_threads))
         self.metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 4}
         self.render_mode: str | None = rendered(render_mode)
@@ -86,7 +87,7 @@ class Sb3VecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[Any, Any, Any, list[dict[str, Any]]]:
-        """Observations, float32 rewards, dones, and an info for every lane."""
+        """Return observations, float32 rewards, dones, and an info for every lane."""
         try:
             ended = self._engine.step(self._actions)
         except BadActionError:
@@ -116,13 +117,13 @@ class Sb3VecEnv(VecEnv):
         uncopied(self)
 
     def get_images(self) -> Sequence[Any]:
-        """The picture of every lane; None without `render_mode="rgb_array"`."""
+        """Return the picture of every lane; None without `render_mode="rgb_array"`."""
         return self.env_method("render") if self.render_mode == "rgb_array" else [None] * self.num_envs
 
     # -- what SB3 asks of environments one by one -----------------------------------------------------------------
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute of lanes ("state", "time", "task", ...).
+        """Return an attribute of lanes ("state", "time", "task", ...).
 
         Raises:
             LaneError: lanes have nothing of that name.
@@ -134,7 +135,7 @@ class Sb3VecEnv(VecEnv):
         unset(attr_name)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """What a method of lanes gives ("render", "get_keys_to_action").
+        """Return what a method of lanes gives ("render", "get_keys_to_action").
 
         Raises:
             LaneError: lanes have nothing of that name.
@@ -167,7 +168,9 @@ class Sb3Expert(BasePolicy):
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
     ) -> tuple[Any, Any]:
-        """Actions for one observation or a batch of them, and the steps taken so far, as `Expert.predict` gives them."""
+        """Return actions for one observation or a batch of them, and the steps taken so far, as `Expert.predict` gives
+        them.
+        """
         return self.expert.predict(observation, state, episode_start, deterministic)
 
     def _predict(self, observation: Any, deterministic: bool = False) -> Any:
@@ -176,7 +179,7 @@ class Sb3Expert(BasePolicy):
 
 
 def _of_lane(view: Any, lane: int) -> Any:
-    """The observation of one lane, copied."""
+    """Return the observation of one lane, copied."""
     if isinstance(view, dict):
         return {name: np.array(part[lane]) for name, part in view.items()}
     return np.array(view[lane])

@@ -45,7 +45,8 @@ def scalar(env: Any) -> Drive:
     env.reset(seed=0)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(SCALAR_ACTIONS)]
-    step, reset = env.step, env.reset
+    step = env.step
+    reset = env.reset
 
     def drive() -> int:
         for action in actions:

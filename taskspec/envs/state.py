@@ -17,13 +17,13 @@ from taskspec.task.task import Component, Task
 
 
 def text(task: Task, state: dict[str, Any], time: int) -> str:
-    """One line a component, and the time."""
+    """Return one line a component, and the time."""
     width = max(len(name) for name in state)
     return "\n".join([heading(task, time), *(f"  {name:<{width}} = {_shown(value)}" for name, value in state.items())])
 
 
 def heading(task: Task, time: int) -> str:
-    """The task and the time."""
+    """Return the task and the time."""
     return f"{task.name}, step {time}" + ("" if task.horizon is None else f" of {task.horizon}")
 
 
@@ -39,7 +39,7 @@ _DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: 
 
 
 def plain_state(task: Task, values: tuple[Any, ...]) -> dict[str, Any]:
-    """Values by component name: labels for choices, Python numbers, arrays for vectors."""
+    """Return values by component name: labels for choices, Python numbers, arrays for vectors."""
     return {c.name: _plain(c, value) for c, value in zip(task.state, values, strict=True)}
 
 
@@ -52,7 +52,7 @@ def _plain(c: Component, value: Any) -> Any:
 
 
 def flat_state(task: Task, override: Mapping[str, Any], values: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The flat state with some components replaced.
+    """Return the flat state with some components replaced.
 
     Raises:
         StateError: for a component that does not exist or a value outside its domain.
@@ -84,7 +84,7 @@ def _flat(c: Component, value: Any) -> Any:
 
 
 def _element(c: Component, item: Any, low: float, high: float) -> Any:
-    """An element as a number of its kind, or None where it is outside; bounds hold to float32, as spaces have them."""
+    """Return an element as a number of its kind, or None where it is outside; bounds hold to float32, as spaces have them."""
     if c.type.kind is Kind.REAL:
         return min(max(float(item), low), high) if single(low) <= single(item) <= single(high) else None
     if not float(item).is_integer() or not low <= item <= high:
@@ -110,7 +110,7 @@ def _needs(c: Component) -> str:
 
 
 def overridden(options: Any) -> Mapping[str, Any] | None:
-    """The components that the options of a reset override."""
+    """Return the components that the options of a reset override."""
     if not isinstance(options, Mapping):
         raise StateError(f"E713: options are a mapping such as {{'state': {{...}}}}, not {options!r}")
     for name in options:
@@ -126,7 +126,8 @@ def overridden(options: Any) -> Mapping[str, Any] | None:
 
 
 def told(task: Task, state: Sequence[Array]) -> Array:
-    """States of all lanes as one array with the lanes first: (N, *shape) where the state is one component, else (N, elements).
+    """Return states of all lanes as one array with the lanes first: (N, *shape) where the state is one component, else (N,
+    elements).
 
     Elements are int64 where all components are finite, and float32 elsewhere.
 
@@ -142,7 +143,9 @@ def told(task: Task, state: Sequence[Array]) -> Array:
 
 
 def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str, Array]:
-    """What the spec's `info` asks for of a step, each with a mask, bool (N,): the lanes in which one was taken, others are 0."""
+    """Return what the spec's `info` asks for of a step, each with a mask, bool (N,): the lanes in which one was taken,
+    others are 0.
+    """
     if not stepped.any():
         return {}
     before[~stepped] = after[~stepped] = 0

@@ -100,7 +100,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         observe_time: bool = False,
         render_mode: RenderMode | None = None,
     ) -> None:
-        num_envs, num_threads = positive("num_envs", num_envs), positive("num_threads", num_threads)
+        num_envs = positive("num_envs", num_envs)
+        num_threads = positive("num_threads", num_threads)
         one_of("ending", ending, ENDINGS)
         if not isinstance(autoreset_mode, AutoresetMode):
             one_of("autoreset_mode", autoreset_mode, _MODES)
@@ -118,7 +119,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         options = Options(_MODES[self.autoreset_mode.value], num_threads)
         self._engine = table.engine(self.task, num_envs, self.backend, options)
         self._set_spaces()
-        self._same_step, self._reuse = self.autoreset_mode == AutoresetMode.SAME_STEP, reuse
+        self._same_step = self.autoreset_mode == AutoresetMode.SAME_STEP
+        self._reuse = reuse
         self._seeded = False
         self._drawings: defaultdict[int, Frames] = defaultdict(Frames)
 
@@ -128,7 +130,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.observation_space: gymnasium.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
         self.action_space: gymnasium.Space[Any] = batch_space(self.single_action_space, self.num_envs)
         b = self._engine.buffers
-        self._seen, self._results = b.seen.view(), (b.reward, b.terminated, b.truncated)
+        self._seen = b.seen.view()
+        self._results = (b.reward, b.terminated, b.truncated)
         self._last = None if isinstance(self._seen, dict) else b.final.view()
 
     @property
@@ -182,16 +185,16 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return self._observation(), reward.copy(), terminated.copy(), truncated.copy(), infos
 
     def _before(self) -> tuple[Array, Array]:
-        """The states that a step leaves, and in which lanes one will be taken, instead of a reset."""
+        """Return the states that a step leaves, and in which lanes one will be taken, instead of a reset."""
         b = self._engine.buffers
         return told(self.task, b.state), ~b.ended
 
     def render(self) -> tuple[Any, ...] | None:
-        """The present state of every lane: texts, or pixels (480, 640, 3) of uint8. None without a render mode."""
+        """Return the present state of every lane: texts, or pixels (480, 640, 3) of uint8. None without a render mode."""
         return None if self.render_mode is None else self.call("render")
 
     def call(self, name: str, *args: Any, **options: Any) -> tuple[Any, ...]:
-        """An attribute of every lane ("state", "time", "task", ...), or what its method gives ("render", ...).
+        """Return an attribute of every lane ("state", "time", "task", ...), or what its method gives ("render", ...).
 
         Raises:
             LaneError: lanes have nothing of that name.
@@ -199,7 +202,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return tuple(asked(self._lane(i), name, *args, **options) for i in range(self.num_envs))
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of every lane; see `call`."""
+        """Return an attribute of every lane; see `call`."""
         return self.call(name)
 
     def set_attr(self, name: str, values: Any) -> None:
@@ -279,7 +282,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return self._engine.buffers.time.copy()
 
     def state(self, lane: int) -> Mapping[str, Any]:
-        """The present state of a lane by component: labels for choices, numbers, arrays for vectors."""
+        """Return the present state of a lane by component: labels for choices, numbers, arrays for vectors."""
         return self._lane(lane).state
 
     # -- errors ---------------------------------------------------------------------------------------------------
@@ -306,7 +309,7 @@ def _reset_mask(options: Any) -> Any:
 
 
 def _rows(seen: Any, ended: Array) -> Array:
-    """The observation of every lane that has ended, None for the others: what Gymnasium's own environments give."""
+    """Return the observation of every lane that has ended, None for the others: what Gymnasium's own environments give."""
     rows = np.full(len(ended), None, dtype=object)
     for lane in np.flatnonzero(ended):
         rows[lane] = {name: part[lane] for name, part in seen.items()} if isinstance(seen, dict) else seen[lane]

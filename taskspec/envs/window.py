@@ -25,7 +25,8 @@ from taskspec.task.task import Component, Task
 
 # Figures lie above environments in the layers, so they are resolved by name when needed.
 
-LETTERS, LINES = 42, 2
+LETTERS = 42
+LINES = 2
 """Of a line of a note, and as many lines as there is room for, in every frame."""
 KEPT = 200
 """Steps of an episode that are kept, to be drawn over time: `figures.values.STEPS`."""
@@ -42,7 +43,7 @@ def require() -> None:
 
 
 def labels(c: Component, value: Any) -> Any:
-    """A component's value for people: labels for choices, bools for conditions."""
+    """Return a component's value for people: labels for choices, bools for conditions."""
     if c.domain is not None and c.type.is_scalar:
         return c.domain.labels[int(value)]
     return bool(value) if c.type.kind is Kind.BOOL and c.type.is_scalar else value
@@ -56,9 +57,10 @@ class Frames:
         self._episode = 0
 
     def draw(self, task: Task, state: dict[str, Any], time: int, note: str | None = None, *, episode: int = 0) -> Frame:
-        """The present state; another number, or an earlier time than before, begins another episode."""
+        """Return the present state; another number, or an earlier time than before, begins another episode."""
         if episode != self._episode:
-            self._seen, self._episode = {}, episode
+            self._seen = {}
+            self._episode = episode
         kept = {t: s for t, s in self._seen.items() if time - KEPT <= t < time}
         self._seen = kept | {time: state}
         return frame(task, state, time, note, self._seen)
@@ -71,7 +73,7 @@ def frame(
     note: str | None = None,
     seen: Mapping[int, dict[str, Any]] | None = None,
 ) -> Frame:
-    """A state as pixels: (height, width, 3), uint8; a note stands above it, cut to what has room.
+    """Return a state as pixels: (height, width, 3), uint8; a note stands above it, cut to what has room.
 
     `seen` are the states of the episode by time, the present one included.
     """
@@ -87,7 +89,7 @@ def frame(
 
 
 def _set(note: str) -> str:
-    """A note with minus signs, and with numbers that stay on the line of what they are the values of."""
+    """Return a note with minus signs, and with numbers that stay on the line of what they are the values of."""
     note = re.sub(r"(?<![\w-])-(?=[\d.]|inf)|(?<=\de)-(?=\d)", "−", note)
     return re.sub(r"(?<=\w) (?==)|(?<=[\w=]) (?=[−\d]|inf)|(?<==) ", "\u00a0", note)
 
@@ -101,7 +103,8 @@ class Window:
     """
 
     def __init__(self, title: str, fps: float) -> None:
-        self._title, self._pause = title, 1.0 / fps
+        self._title = title
+        self._pause = 1.0 / fps
         self._figure: Any = None
         self._image: Any = None
 
@@ -155,7 +158,7 @@ Step = Callable[[Any, Any, Any, float, bool, bool, dict[str, Any]], None]
 
 
 def actions(task: Task) -> list[Any]:
-    """All actions, in order, the last component changing fastest.
+    """Return all actions, in order, the last component changing fastest.
 
     Raises:
         SpecError: E713, where they are infinite, or more than there are keys.
@@ -181,7 +184,7 @@ def keys_to_action(task: Task) -> dict[tuple[int, ...], Any]:
 
 
 def names(task: Task) -> list[str]:
-    """The actions in words, in the order of `actions`."""
+    """Return the actions in words, in the order of `actions`."""
     layout = task.action_layout
 
     def name(action: Any) -> str:

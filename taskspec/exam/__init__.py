@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from taskspec.base.lazily import on_demand
+from taskspec.base.extras import on_demand
 
 if TYPE_CHECKING:
     from taskspec.exam.case import BudgetSpent as BudgetSpent

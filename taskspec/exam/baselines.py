@@ -23,7 +23,7 @@ from taskspec.task.task import Task
 
 
 def results_of(task: Task, episodes: int) -> Results:
-    """The results of a task, with so many episodes for what has to be simulated."""
+    """Return the results of a task, with so many episodes for what has to be simulated."""
     return _results(pickle.dumps(task), episodes)
 
 
@@ -63,7 +63,7 @@ def measured(task: Task, episodes: int) -> dict[str, Any]:
 
 
 def score(value: float, random: float | None, expert: float | None) -> float | None:
-    """A return on the scale random 0, expert 1; None where the task has no such scale."""
+    """Return a return on the scale random 0, expert 1; None where the task has no such scale."""
     if random is None or expert is None:
         return None
     found = normalised(value, random, expert, floor=None)
@@ -71,13 +71,15 @@ def score(value: float, random: float | None, expert: float | None) -> float | N
 
 
 def _constant(results: Results) -> Return:
-    """The best return of those who always take the same action."""
+    """Return the best return of those who always take the same action."""
     found = (policy_value(results, _Constant(action), True).value for action in _actions(results.task))
     return max(found, key=lambda value: value.value)
 
 
 def _actions(task: Task) -> list[Any]:
-    """Actions as the environment takes them: all where they are few, otherwise some; of ranges the ends and the middle."""
+    """Return actions as the environment takes them: all where they are few, otherwise some; of ranges the ends and the
+    middle.
+    """
     layout = task.action_layout
     if layout.form == "discrete":
         return list(range(layout.starts[0], layout.starts[0] + min(layout.counts[0], MOST)))

@@ -1,8 +1,9 @@
-"""What a learner is given: one task, what it may learn from, and a budget of steps."""
+"""What a learner is given: one task without what is withheld, a budget of steps, and answers about preferences."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import hashlib
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
@@ -12,13 +13,176 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import TaskspecError
 from taskspec.data import Demonstrations, demonstrations
+from taskspec.data.preferences import WORDS, Teacher, return_ends
 from taskspec.envs.metered import Metered
-from taskspec.exam.oracle import Oracle
-from taskspec.exam.withheld import withheld
+from taskspec.source import Document
+from taskspec.task.merge import Merged
 from taskspec.task.task import Task
 
 if TYPE_CHECKING:
     from taskspec.envs.metered import MeteredVector
+
+# ---------- withheld
+# The task as a learner gets it: without its reward, unless that is granted, and without its expert.
+
+_EXPERT = ("expert", "memory", "claims", "examples")
+"""Sections of a spec that say what an expert does, and what it earns."""
+_REWARD = ("reward", "absorbing_reward")
+"""Sections of a spec that say what is paid."""
+
+
+def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Task:
+    """Return a task without what a learner is not granted, of which nothing is left in its spec and in the task as written.
+
+    Demonstrations come from an expert who is never part of the task: who may see them sees so many, and no more.
+
+    Args:
+        learns_from: what is granted; without "reward", what is paid is not that of the task.
+        sign: what rewards are multiplied by that are not granted.
+    """
+    names = _EXPERT if "reward" in learns_from else (*_EXPERT, *_REWARD)
+    document = _document(task.document, names)
+    builder = task.builder
+    reward = task.reward
+    absorbing_reward = task.absorbing_reward
+    if "reward" not in learns_from and sign == 0:
+        reward = builder.scalar(0.0)
+        absorbing_reward = builder.scalar(0.0)
+    elif "reward" not in learns_from:
+        reward = builder.apply("mul", builder.scalar(sign), reward)
+        absorbing_reward = builder.apply("mul", builder.scalar(sign), absorbing_reward)
+    as_written = None if task.written_as is None else withheld(task.written_as, learns_from, sign)
+    changed = f"{task.content_hash} without {', '.join(names)}, {sign:g}"
+    return replace(
+        task,
+        reward=reward,
+        absorbing_reward=absorbing_reward,
+        expert=None,
+        memory=None,
+        claims=(),
+        examples=(),
+        merged=_merged(task.merged, document, names),
+        surface=replace(
+            task.surface,
+            sections={name: part for name, part in task.surface.sections.items() if name not in names},
+            meanings={key: part for key, part in task.surface.meanings.items() if key[0] not in names},
+        ),
+        document=document,
+        written_as=as_written,
+        content_hash=hashlib.sha256(changed.encode()).hexdigest(),
+    )
+
+
+def _merged(merged: Merged, document: Document, names: Collection[str]) -> Merged:
+    """Return the sections of a task without some."""
+    data = _sections(merged.data, names)
+    if "reward" in names:
+        data["reward"] = 0
+    return Merged(document, merged.name, merged.variant, data, {})
+
+
+def _document(document: Document, names: Collection[str]) -> Document:
+    """Return a document, and those that it extends, without some sections."""
+    others = {name: _document(other, names) for name, other in document.others.items()}
+    data = document.data
+    if isinstance(data, Mapping):
+        data = _sections(data, names)
+        if "reward" in names:
+            data["reward"] = 0
+    return replace(document, data=data, others=others)
+
+
+def _sections(data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    """Return the sections of a spec, or of a variant, without some."""
+    found = {key: value for key, value in data.items() if key not in names}
+    if isinstance(found.get("abstraction"), Mapping):
+        found["abstraction"] = _sections(found["abstraction"], names)
+    if isinstance(found.get("variants"), Mapping):
+        variants = found["variants"].items()
+        found["variants"] = {
+            key: _sections(entry, names) if isinstance(entry, Mapping) else entry for key, entry in variants
+        }
+    return found
+
+
+# ---------- oracle
+# Who says which of two trajectories is better, although the rewards of neither are told.
+
+Key = tuple[Hashable, Hashable, Hashable]
+KEPT = 250_000
+"""Different steps that are remembered at least, of which the latest count."""
+
+
+class Oracle:
+    """Remembers what the steps that a learner saw were worth, and compares by that.
+
+    A trajectory is recognised by its observations and actions: where two steps look alike and pay differently, the last one
+    seen counts.
+
+    Args:
+        task: by whose rewards it goes.
+        seed: of its mistakes.
+    """
+
+    def __init__(self, task: Task, seed: int) -> None:
+        self.task = task
+        self.rng = np.random.default_rng([seed, 0x7EAC4])
+        self.seen, self.done = (_dtype(layout.form) for layout in (task.observation_layout, task.action_layout))
+        self.rewards: dict[Key, float] = {}
+        self.older: dict[Key, float] = {}
+
+    def keep(self, before: Any, actions: Any, after: Any, rewards: Array) -> None:
+        """Remember steps; each argument is a batch of N. What was not seen for long is forgotten."""
+        if len(self.rewards) >= KEPT:
+            self.rewards, self.older = {}, self.rewards
+        for key, reward in zip(self._keys(before, actions, after), rewards.tolist(), strict=True):
+            self.rewards[key] = reward
+
+    def prefer(self, first: Any, second: Any, temperature: float) -> float:
+        """1.0 for the first, 0.0 for the second, 0.5 for neither."""
+        one = np.array([self._value(first)])
+        other = np.array([self._value(second)])
+        teacher = Teacher(boltzmann=temperature)
+        words = self.rng.integers(0, 2**32, (WORDS, 1), dtype=np.uint32)
+        ends = return_ends(self.task, len(first.acts)) if teacher.needs_range else (0.0, 0.0)
+        return float(teacher.labels(one, other, (one, other), ends, words)[0])
+
+    def _value(self, trajectory: Any) -> float:
+        obs = trajectory.obs
+        discount = self.task.discount
+        keys = self._keys(_rows(obs, slice(None, -1)), trajectory.acts, _rows(obs, slice(1, None)))
+        try:
+            rewards = [self.rewards[key] if key in self.rewards else self.older[key] for key in keys]
+        except KeyError:
+            message = (
+                "`prefer` compares steps that `case.env()`, `case.make_vec()` or the demonstrations have shown, among the "
+                f"latest {KEPT:,}"
+            )
+            raise ValueError(message) from None
+        return sum(discount**t * reward for t, reward in enumerate(rewards))
+
+    def _keys(self, before: Any, actions: Any, after: Any) -> Iterator[Key]:
+        return zip(_each(before, self.seen), _each(actions, self.done), _each(after, self.seen), strict=True)
+
+
+def _dtype(form: str) -> type[np.generic]:
+    return np.int64 if form in ("discrete", "multi_discrete") else np.float32
+
+
+def _rows(seen: Any, which: slice) -> Any:
+    return {name: part[which] for name, part in seen.items()} if isinstance(seen, dict) else seen[which]
+
+
+def _each(batch: Any, dtype: type[np.generic]) -> Iterator[Hashable]:
+    """Return each of a batch of observations or actions, as something that a dictionary finds again."""
+    if isinstance(batch, dict):
+        return zip(*(_each(batch[name], np.float64) for name in sorted(batch)), strict=True)
+    array = np.ascontiguousarray(batch, dtype)
+    return iter(array.tolist()) if array.ndim == 1 else (row.tobytes() for row in array)
+
+
+# ---------- case
+# What a learner is given: one task, what it may learn from, and a budget of steps.
 
 Source = Literal["reward", "demonstrations", "preferences"]
 SOURCES: tuple[Source, ...] = get_args(Source)
@@ -124,14 +288,14 @@ class Case:
         return tuple(Case(self._judge, (seed,), self.terms, self._negated) for seed in self.seeds)
 
     def spent_by(self, i: int) -> Spent:
-        """What one seed of the block has used: what all of them did together, and what it did alone."""
+        """Return what one seed of the block has used: what all of them did together, and what it did alone."""
         alone = self.each[i].spent if "each" in vars(self) else Spent()
         return Spent(**{name: value + vars(alone)[name] for name, value in vars(self.spent).items()})
 
     # -- steps --------------------------------------------------------------------------------------------------------
 
     def env(self) -> Metered:
-        """An environment. Its steps are counted; where the reward is not granted, it pays 0."""
+        """Return an environment. Its steps are counted; where the reward is not granted, it pays 0."""
         return Metered(self._judge, self._meter, self._next_seed())
 
     def make_vec(self, lanes: int, **options: Any) -> MeteredVector:
@@ -155,7 +319,7 @@ class Case:
         self.spent.comparisons += comparisons
 
     def _next_seed(self) -> int:
-        """Seeds of environments are far apart from each other, and from those that policies are scored on."""
+        """Return seeds of environments are far apart from each other, and from those that policies are scored on."""
         self._made += 1
         return (self.seed + 1 << 32) + (self._made << 20)
 
@@ -187,7 +351,8 @@ class Case:
         return replace(found, rews=np.zeros_like(found.rews), task=task, metadata=metadata)
 
     def prefer(self, first: Any, second: Any, temperature: float = 0.0) -> float:
-        """Which of two trajectories, or segments, is better by true return: 1.0 the first, 0.0 the second, 0.5 neither.
+        """Return which of two trajectories, or segments, is better by true return: 1.0 the first, 0.0 the second, 0.5
+        neither.
 
         Args:
             first, second: with `obs` (one more than steps) and `acts`, as `case.env()` or the demonstrations showed them.

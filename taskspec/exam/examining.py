@@ -19,9 +19,8 @@ from taskspec.exam.case import ExamTerms
 from taskspec.exam.findings import diagnose
 from taskspec.exam.learners import Examinee, learner_of
 from taskspec.exam.results import FORMAT, Exam, Examined, Score, read, write
-from taskspec.exam.suites import exam_id, tasks_of
 from taskspec.exam.trial import LearnerFailed, Row, Trial, run_trial
-from taskspec.exam.twins import Modifiers, twins_of
+from taskspec.exam.twins import Modifiers, exam_id, tasks_of, twins_of
 from taskspec.exam.verdicts import check_comparable, flags, verdicts
 from taskspec.jobs.engine import Standing, run
 from taskspec.jobs.store import Job, JobResult, Store
@@ -89,7 +88,8 @@ def examine(
     """
     numbers = tuple(range(seeds)) if isinstance(seeds, int) else tuple(seeds)
     _check(seeds=len(numbers), steps=steps, transitions=transitions)
-    who, asked = learner_of(learner, learns_from), tasks_of(suite, tasks)
+    who = learner_of(learner, learns_from)
+    asked = tasks_of(suite, tasks)
     terms = ExamTerms(steps, who.learns_from, transitions)
     baseline = None if against is None else _baseline(against, asked, terms)
     plan = _plan(asked, who, numbers, terms, twins, probes)
@@ -100,7 +100,7 @@ def examine(
 
 
 def _baseline(folder: Path | str, asked: Sequence[Task], terms: ExamTerms) -> Exam:
-    """An earlier exam that this one can be compared with."""
+    """Return an earlier exam that this one can be compared with."""
     found = read(folder)
     hashes = {exam_id(task): task.content_hash for task in asked}
     check_comparable(found, str(folder), hashes, {"steps": terms.steps, "transitions": terms.transitions})
@@ -184,7 +184,7 @@ def _elsewhere(plan: Sequence[Planned], asked: Sequence[Task], store: Store, run
 
 
 def _measuring(task: Task) -> Job:
-    """The job that works out the yardsticks of a task."""
+    """Return the job that works out the yardsticks of a task."""
     limits = written()
     key = baselines.key(task.content_hash, EPISODES, limits)
     return Job(key, task.instance_id, baselines.measured_within, (task, EPISODES, limits))
@@ -206,7 +206,8 @@ def _exam(who: Examinee, suite: str, plan: Sequence[Planned], rows: Rows, tasks:
         if planned.twin is None and not planned.trial.negated:
             tasks[exam_id(planned.task)]["cannot"] = row.get("cannot")
     scores = [_score(p, row, tasks[exam_id(p.task)]) for p, row in pairs if "cannot" not in row]
-    terms, seeds = plan[0].trial.terms, list(dict.fromkeys(seed for p in plan for seed in p.trial.seeds))
+    terms = plan[0].trial.terms
+    seeds = list(dict.fromkeys(seed for p in plan for seed in p.trial.seeds))
     cost = {
         name: float(sum(s[name] or 0 for s in scores)) for name in ("steps", "demonstrations", "comparisons", "seconds")
     }
@@ -221,7 +222,7 @@ def _exam(who: Examinee, suite: str, plan: Sequence[Planned], rows: Rows, tasks:
 
 
 def _concluded(found: Exam, suite: str, baseline: Exam | None, folder: Path | None) -> Exam:
-    """What follows from the scores; kept in the folder."""
+    """Return what follows from the scores; kept in the folder."""
     found["verdicts"] = verdicts(found["tasks"], found["scores"])
     found["flags"] = flags(found["tasks"], found["scores"], baseline)
     found["diagnoses"] = diagnose(found, suite)
@@ -239,12 +240,12 @@ def _examined(task: Task, found: dict[str, Any]) -> Examined:
 
 
 def _finite(value: float | None) -> float | None:
-    """A number as JSON has it; None for others."""
+    """Return a number as JSON has it; None for others."""
     return value if value is not None and math.isfinite(value) else None
 
 
 def _score(planned: Planned, row: Row, about: Examined) -> Score:
-    """A row of results on the scale of its task. Twins have the scale of the task: every return is the same."""
+    """Return a row of results on the scale of its task. Twins have the scale of the task: every return is the same."""
     ends = about["random"], about["expert"]
 
     def scaled(value: float | None) -> float | None:

@@ -45,7 +45,8 @@ class Examinee:
 
 
 def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | None = None) -> Examinee:
-    """The learner of `file.py:train`, of `module:train`, of a name or a file that `taskspec.learners` knows, or of a function.
+    """Return the learner of `file.py:train`, of `module:train`, of a name or a file that `taskspec.learners` knows, or of
+    a function.
 
     Args:
         learns_from: what it is granted, in place of what it says itself.
@@ -79,7 +80,7 @@ def _sources(wanted: Any) -> tuple[Source, ...]:
 
 
 def _absolute(place: str) -> str:
-    """A place that means the same in every folder."""
+    """Return a place that means the same in every folder."""
     if place.endswith((".yaml", ".yml")):
         return str(Path(place).resolve())
     if not is_function(place):

@@ -19,7 +19,8 @@ from taskspec.source.json_places import json_span
 from taskspec.task.schema.problems import Problem
 from taskspec.task.schema.results import shape_problem
 
-FORMAT, NAME = 1, "exam.json"
+FORMAT = 1
+NAME = "exam.json"
 NAMES = (NAME, f"{NAME}.gz")
 """What an exam in a folder may be called: it may be compressed."""
 BASELINES = "baselines"
@@ -114,7 +115,7 @@ class Exam(TypedDict):
 
 
 def folder_name(learner: str) -> str:
-    """What the folder of a learner's exam is called: `bc`, `paper/gail_im`, `mine-train` for `some/mine.py:train`."""
+    """Return what the folder of a learner's exam is called: `bc`, `paper/gail_im`, `mine-train` for `some/mine.py:train`."""
     family, slash, name = learner.partition("/")
     if slash and family in FAMILIES and name in BUILT_IN:
         return learner
@@ -133,7 +134,7 @@ def write(exam: Exam, folder: Path) -> Path:
 
 
 def read(folder: Path | str) -> Exam:
-    """What an exam left in a folder, or one that comes with a suite, such as `derail/bc`.
+    """Return what an exam left in a folder, or one that comes with a suite, such as `derail/bc`.
 
     Raises:
         SpecError: E710, E711 when there is nothing, or it cannot be read; E721 when it is something else.
@@ -183,7 +184,7 @@ def _inconsistent(exam: dict[str, Any]) -> Problem | None:
 
 
 def _words(path: tuple[str | int, ...]) -> str:
-    """A path as a programmer writes it: `scores[3].half`."""
+    """Return a path as a programmer writes it: `scores[3].half`."""
     found = ""
     for step in path:
         found += f"[{step}]" if isinstance(step, int) else f".{step}" if found else step
@@ -191,8 +192,9 @@ def _words(path: tuple[str | int, ...]) -> str:
 
 
 def _place(given: Path) -> Path:
-    """The file that a folder, a file, or the name of a baseline means."""
-    suite, name = given.parent, given.name
+    """Return the file that a folder, a file, or the name of a baseline means."""
+    suite = given.parent
+    name = given.name
     shipped = registry.tasks_root() / suite / BASELINES / f"{name}.json"
     if not given.exists() and shipped.is_file():
         return shipped

@@ -62,7 +62,7 @@ class RewardDistance:
 
 
 def reward_distance(task: TaskLike, reward: Any) -> RewardDistance:
-    """How far a learned reward is from the true one; exact, on the exact model `taskspec.data.tabular(task)`.
+    """Return how far a learned reward is from the true one; exact, on the exact model `taskspec.data.tabular(task)`.
 
     Args:
         reward: float (S, A, S) over its states and actions, (S, A), (S,) of the state that is left; or a function of observations
@@ -82,7 +82,7 @@ def reward_distance(task: TaskLike, reward: Any) -> RewardDistance:
 
 
 def told(task: Task, reward: Any) -> dict[str, float | None]:
-    """The same as fields of a result; None where it cannot be worked out."""
+    """Return the same as fields of a result; None where it cannot be worked out."""
     try:
         found = reward_distance(task, reward)
     except SpecError as error:
@@ -96,7 +96,9 @@ class _Chain:
     """The exact model, and rewards on it, as float64 (S, A); 0 where an episode has ended."""
 
     def __init__(self, model: Tabular) -> None:
-        self.model, self.discount, self.horizon = model, model.discount, model.horizon
+        self.model = model
+        self.discount = model.discount
+        self.horizon = model.horizon
         if self.horizon is None and self.discount == 1:
             refuse(f"returns of {model.task.id} have no horizon and no discount", "give the task one of them")
         self.true = np.where(model.absorbed[:, None], 0.0, model.R)
@@ -104,7 +106,8 @@ class _Chain:
     @cached_property
     def acting(self) -> list[Array]:
         """For each step the states (S,) in which an episode may be that goes on; without a horizon, those of all steps in one."""
-        here, found = self.model.p0 > 0, []
+        here = self.model.p0 > 0
+        found = []
         step = (self.model.going.T > 0).astype(np.float64)
         for _ in range(self.horizon or 0):
             found.append(here & ~self.model.absorbed)
@@ -119,20 +122,23 @@ class _Chain:
     # -- rewards ------------------------------------------------------------------------------------------------------
 
     def of_steps(self, reward: Any) -> Array:
-        """The expected reward (S, A) of each step.
+        """Return the expected reward (S, A) of each step.
 
         Raises:
             SpecError: as for `reward_distance`.
         """
         given = None if callable(reward) else np.asarray(reward, np.float64)
-        s, a = self.model.n_states, self.model.n_actions
+        s = self.model.n_states
+        a = self.model.n_actions
         if given is not None and given.shape not in ((s, a, s), (s, a), (s,)):
             misused(f"a reward has shape ({s}, {a}, {s}), ({s}, {a}) or ({s},) here, not {given.shape}")
         found = np.zeros((s, a))
         for action, part in enumerate(self.model.sparse):
             steps = part.tocoo()
             asked = (steps.data > 0) & ~self.model.absorbed[steps.row] & self._ever[steps.row]
-            left, reached, chance = steps.row[asked], steps.col[asked], steps.data[asked]
+            left = steps.row[asked]
+            reached = steps.col[asked]
+            chance = steps.data[asked]
             paid = (
                 self._asked(reward, left, action, reached)
                 if given is None
@@ -149,7 +155,7 @@ class _Chain:
         return np.asarray(np.logical_or.reduce(self.acting))
 
     def _asked(self, reward: Any, left: Array, action: int, reached: Array) -> Array:
-        """What a function of observations says of steps."""
+        """Return what a function of observations says of steps."""
         layout = self.model.task.action_layout
         one = (
             action + layout.starts[0]
@@ -174,7 +180,7 @@ class _Chain:
         return backward(lambda t, value: self._actions(reward, value), choose, end, self.horizon or 0)
 
     def _plan(self, reward: Array) -> list[Array]:
-        """The best actions for a reward as probabilities (S, A), for each step; all that are best alike."""
+        """Return the best actions for a reward as probabilities (S, A), for each step; all that are best alike."""
         size = np.abs(reward).max()
         reward = reward / size if size > 0 else reward
         if self.horizon is None:
@@ -192,13 +198,13 @@ class _Chain:
         return plan
 
     def _value(self, reward: Array, plan: list[Array]) -> Array:
-        """The values (S,) of the states at the beginning under a plan."""
+        """Return the values (S,) of the states at the beginning under a plan."""
         if self.horizon is None:
             return self._lasting(reward, plan[0])
         return first_values(self._backward(reward, lambda t, q: (plan[t] * q).sum(axis=1)))
 
     def _lasting(self, reward: Array, chances: Array) -> Array:
-        """The values (S,) of a policy that does the same at all times, without a horizon."""
+        """Return the values (S,) of a policy that does the same at all times, without a horizon."""
         from scipy import sparse
 
         moves = sum(sparse.diags_array(chances[:, a]) @ part for a, part in enumerate(self.model.sparse))
@@ -208,7 +214,9 @@ class _Chain:
     # -- what is told -------------------------------------------------------------------------------------------------
 
     def canonical(self, reward: Array) -> Array:
-        """The advantages of all actions where all that follows is random, as a vector of length 1; 0 where all are rounding."""
+        """Return the advantages of all actions where all that follows is random, as a vector of length 1; 0 where all are
+        rounding.
+        """
         chances = np.full_like(reward, 1 / self.model.n_actions)
         if self.horizon is None:
             values = [self._actions(reward, self._lasting(reward, chances))]
@@ -224,11 +232,11 @@ class _Chain:
         return np.asarray(found / np.linalg.norm(found))
 
     def apart(self, one: Array, other: Array) -> float:
-        """Half the distance of two rewards in canonical form: at most 1."""
+        """Return half the distance of two rewards in canonical form: at most 1."""
         return min(1.0, float(np.linalg.norm(self.canonical(one) - self.canonical(other))) / 2)
 
     def lost(self, learned: Array) -> float:
-        """What the best policy for a learned reward earns less than the optimum, by the true one."""
+        """Return what the best policy for a learned reward earns less than the optimum, by the true one."""
         best, found = (float(self.model.p0 @ self._value(self.true, self._plan(r))) for r in (self.true, learned))
         return max(0.0, best - found)
 

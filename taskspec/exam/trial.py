@@ -138,7 +138,7 @@ def _curves(case: Case, results: Results) -> list[list[list[float]] | None]:
 
 
 def _words(error: Exception, train: Any) -> str:
-    """An error with the place in the learner's file that it passed last, else in any file but ours."""
+    """Return an error with the place in the learner's file that it passed last, else in any file but ours."""
     words = "".join(traceback.format_exception_only(error)).strip()
     if isinstance(error, TaskspecError):
         words = str(error)

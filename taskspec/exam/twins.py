@@ -1,16 +1,60 @@
-"""Twins: the same task in other words, where a learner that is right earns the same, and one that is right by luck does not."""
+"""The tasks that an exam asks, and their twins: the same task with other names, in which a correct learner earns the same."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from taskspec.base.diagnostics import SpecError
+from taskspec import registry
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.ids import InstanceId
 from taskspec.data import demonstrations
 from taskspec.modifiers import keeps_observers, modify
-from taskspec.task.task import Task
+from taskspec.rules.books import exam_of, read_exam
+from taskspec.task.task import Task, TaskLike
+
+# ---------- suites
+# Which tasks an exam asks.
+
+
+def tasks_of(suite: str, wanted: Sequence[TaskLike] | None) -> list[Task]:
+    """Return the tasks of an exam, in the variants in which a learner acts.
+
+    Args:
+        wanted: those to ask, by their names in the suite, or as anything that `taskspec.load` takes; None for those that the
+            suite's `exam.yaml` names, or all where it names none.
+
+    Raises:
+        SpecError: E701 for what is none; E713 for an unknown suite.
+    """
+    known = {e.name: e.id for e in registry.known().values() if e.suite == suite}
+    if not known and wanted is None:
+        suites = {e.suite for e in registry.known().values()}
+        raise SpecError([Diagnostic("E713", None, f"there is no suite '{suite}'", suggest(suite, suites))])
+    if wanted is None:
+        path = exam_of(suite)
+        wanted = (read_exam(path).described.tasks if path is not None else ()) or tuple(known)
+    found = [registry.load(known.get(task, task) if isinstance(task, str) else task) for task in wanted]
+    ids = [exam_id(task) for task in found]
+    twice = next((i for i in ids if ids.count(i) > 1), None)
+    if twice is not None:
+        raise SpecError([Diagnostic("E713", None, f"{twice} is given twice", "an exam has each task once")])
+    return found
+
+
+def exam_id(task: Task) -> str:
+    """Return what a task is called in results: its id, with the values of parameters that are not their defaults, and
+    modifiers.
+    """
+    values = {p.name: p.value for p in task.parameters if p.value != p.default}
+    return str(InstanceId(task.id, dict(sorted(values.items())), tuple(map(str, task.modifiers))))
+
+
+# ---------- twins
+# Twins: the same task in other words, where a learner that is right earns the same, and one that is right by luck does not.
 
 Modifiers = tuple[str, ...]
 Labels = np.ndarray[Any, Any]
@@ -24,7 +68,7 @@ EPISODES = 8
 
 @lru_cache(maxsize=64)
 def twins_of(task: Task, wanted: int) -> tuple[Modifiers, ...]:
-    """The modifiers of each twin; none where the task has no twins.
+    """Return the modifiers of each twin; none where the task has no twins.
 
     Of finite tasks what is observed is renamed, and in each state anew what the actions do is permuted, by a seed. Where two
     states look alike, it is permuted in all states alike, so that those who see observations alone can earn what they could.
@@ -47,7 +91,7 @@ def twins_of(task: Task, wanted: int) -> tuple[Modifiers, ...]:
 
 
 def _way(task: Task) -> str | None:
-    """How the actions of a task are permuted; None where they or what is observed cannot be renamed."""
+    """Return how the actions of a task are permuted; None where they or what is observed cannot be renamed."""
     try:
         return next((way for way in WAYS if keeps_observers(task, *_modifiers(way, 1))), None)
     except SpecError as error:
@@ -61,7 +105,9 @@ def _modifiers(way: str, seed: int) -> Modifiers:
 
 
 def _labels(task: Task, way: str, seed: int) -> Labels:
-    """What the expert's actions are called, (steps,), in the steps of some episodes, which are the same under every seed."""
+    """Return what the expert's actions are called, (steps,), in the steps of some episodes, which are the same under every
+    seed.
+    """
     twin = modify(task, way.format(seed=seed))
     policy = "optimal" if twin.expert is None else "expert"
     return np.asarray(demonstrations(twin, policy, episodes=EPISODES).acts)

@@ -22,7 +22,7 @@ WORST_FIRST: tuple[Grade, ...] = ("fails", "unsure", "masters")
 
 
 def by_seed(scores: Sequence[Score], task: str, which: str) -> dict[int, float]:
-    """The score of each seed on a task, or its mean over the twins; without the seeds that failed."""
+    """Return the score of each seed on a task, or its mean over the twins; without the seeds that failed."""
     found = defaultdict[int, list[float]](list)
     for score in scores:
         if score["task"] == task and side(score) == which and score["deterministic"] is not None:
@@ -31,14 +31,14 @@ def by_seed(scores: Sequence[Score], task: str, which: str) -> dict[int, float]:
 
 
 def grade(low: float | None, high: float | None) -> Grade:
-    """The verdict from an interval of the mean score."""
+    """Return the verdict from an interval of the mean score."""
     if low is None or high is None:
         return "unsure"
     return "masters" if low >= MASTERED else "fails" if high < MASTERED else "unsure"
 
 
 def told(values: Sequence[float], key: str) -> Told:
-    """The mean of the scores of seeds, its interval, and the verdict."""
+    """Return the mean of the scores of seeds, its interval, and the verdict."""
     if not values:
         return Told(verdict="unsure", mean=None, low=None, high=None)
     found = estimate(values, mean, key)
@@ -47,7 +47,7 @@ def told(values: Sequence[float], key: str) -> Told:
 
 
 def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> dict[str, CapabilityVerdict]:
-    """The verdict of each capability: the worst of its tasks, as printed and on twins."""
+    """Return the verdict of each capability: the worst of its tasks, as printed and on twins."""
     found = {}
     for capability in dict.fromkeys(about["capability"] for about in tasks.values()):
         names = [task for task, about in tasks.items() if about["capability"] == capability and not about.get("cannot")]
@@ -80,7 +80,8 @@ Found = tuple[str, Difference]
 
 
 def flags(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam | None) -> list[Flag]:
-    """Everything that is flagged: failures, impossible scores, twins that differ from their task, peeking, and regressions.
+    """Return everything that is flagged: failures, impossible scores, twins that differ from their task, peeking, and
+    regressions.
 
     Twins that differed in the baseline are not news: where demonstrations say nothing of some states, the names of actions decide
     what even a learner without mistakes does there.
@@ -135,7 +136,7 @@ def _impossible(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> Itera
 
 
 def _compared(tasks: Mapping[str, Examined], scores: Sequence[Score], which: str) -> Iterable[Found]:
-    """How much higher each task as printed is than another side of it, on the seeds of both."""
+    """Yield how much higher each task as printed is than another side of it, on the seeds of both."""
     for task in tasks:
         printed, other = (by_seed(scores, task, side) for side in ("printed", which))
         seeds = printed.keys() & other.keys()
@@ -193,7 +194,7 @@ def _both(now: Sequence[Score], then: Sequence[Score]) -> tuple[tuple[Sequence[S
 
 
 def _common(scores: Sequence[Score], others: Sequence[Score]) -> list[Score]:
-    """The scores on twins that both exams have."""
+    """Return the scores on twins that both exams have."""
     known = {(score["task"], score["twin"]) for score in others}
     return [score for score in scores if (score["task"], score["twin"]) in known]
 

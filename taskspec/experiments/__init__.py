@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from taskspec.base.lazily import on_demand
+from taskspec.base.extras import on_demand
 
 if TYPE_CHECKING:
     from taskspec.experiments.exams import LearnersExamined as LearnersExamined
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from taskspec.experiments.instances import expand as expand
     from taskspec.experiments.reading import ExperimentFile as ExperimentFile
     from taskspec.experiments.reading import read as read
-    from taskspec.experiments.results import Measured as Measured
+    from taskspec.experiments.sweeping import Measured as Measured
     from taskspec.experiments.sweeping import Swept as Swept
     from taskspec.experiments.sweeping import sweep as sweep
 
@@ -26,7 +26,7 @@ __getattr__ = on_demand(__name__, {
     "expand": "taskspec.experiments.instances",
     "ExperimentFile": "taskspec.experiments.reading",
     "read": "taskspec.experiments.reading",
-    "Measured": "taskspec.experiments.results",
+    "Measured": "taskspec.experiments.sweeping",
     "Swept": "taskspec.experiments.sweeping",
     "sweep": "taskspec.experiments.sweeping",
 })  # fmt: skip

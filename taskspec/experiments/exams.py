@@ -11,11 +11,11 @@ from typing import Any
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam import Exam, Running, examine
 from taskspec.exam.results import folder_name
-from taskspec.exam.suites import exam_id
+from taskspec.exam.twins import exam_id
 from taskspec.exam.verdicts import by_seed, told
 from taskspec.experiments.instances import Instance, expand
 from taskspec.experiments.reading import ExperimentFile
-from taskspec.experiments.results import Measured
+from taskspec.experiments.sweeping import Measured
 from taskspec.jobs.engine import Standing
 from taskspec.task.task import Task
 
@@ -37,10 +37,12 @@ class LearnersExamined:
         return tuple(self._row(*each) for each in zip(self.instances, self.tasks, strict=True))
 
     def _row(self, instance: Instance, task: Task) -> Measured:
-        name, values = exam_id(task), dict[str, Any]()
+        name = exam_id(task)
+        values = dict[str, Any]()
         for learner, exam in self.exams.items():
             found = told(list(by_seed(exam["scores"], name, "printed").values()), name)
-            low, high = found["low"], found["high"]
+            low = found["low"]
+            high = found["high"]
             half = None if low is None or high is None else (high - low) / 2
             values |= {learner: found["mean"], f"{learner}_half": half}
         return Measured(instance, "done", values)
@@ -70,7 +72,8 @@ def examine_all(
     given = {"seeds": seeds, "steps": steps, "transitions": transitions, "twins": twins, "probes": probes}
     terms = {name: _either(value, getattr(written.experiment, name)) for name, value in given.items()}
     terms = {name: value for name, value in terms.items() if value is not None}
-    exams, folders = dict[str, Exam](), dict[str, Path]()
+    exams = dict[str, Exam]()
+    folders = dict[str, Path]()
     for learner in written.learners:
         name = folder_name(learner)
         folders[name] = folder / name

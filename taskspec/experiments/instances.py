@@ -38,7 +38,8 @@ class Option:
 
 
 def options(written: str | Mapping[str, Any]) -> list[Option]:
-    """What a modifier stands for: `{sticky: [0.1, 0.25]}` is two, `{distractors: {count: [1, 4], kind: normal}}` as well.
+    """Return what a modifier stands for: `{sticky: [0.1, 0.25]}` is two, `{distractors: {count: [1, 4], kind: normal}}` as
+    well.
 
     Raises:
         SpecError: E718 for one that does not exist, E719 for its arguments, E214 for numbers with a rule that give no values.
@@ -110,7 +111,7 @@ class Instance:
         return ids.parse(self.id).name
 
     def load(self) -> Task:
-        """The task itself.
+        """Return the task itself.
 
         Raises:
             SpecError: with every mistake in it.
@@ -134,7 +135,7 @@ class Expanded:
         raise_if_errors(self.diagnostics)
 
     def tasks(self) -> tuple[Task, ...]:
-        """The task of every instance, in order.
+        """Return the task of every instance, in order.
 
         Raises:
             SpecError: with all that is wrong with the experiment, or with instances of it.
@@ -145,7 +146,7 @@ class Expanded:
 
 
 def expand(written: ExperimentFile, instead: Sequence[Mapping[str, Any]] = ()) -> Expanded:
-    """Every instance once, in the order of the file; the last parameter of an entry changes fastest.
+    """Return every instance once, in the order of the file; the last parameter of an entry changes fastest.
 
     `instead` are settings of parameters, each a combination of values that takes the place of those in the file, for the tasks
     that have the parameters.
@@ -186,7 +187,10 @@ class _Entry:
         collector: Collector,
         instead: Sequence[Mapping[str, Any]] = (),
     ) -> None:
-        self.written, self.index, self.entry, self.collector = written, index, entry, collector
+        self.written = written
+        self.index = index
+        self.entry = entry
+        self.collector = collector
         self.instead = instead
         self.replaced: frozenset[str] = frozenset()
         self.document = written.document
@@ -196,7 +200,7 @@ class _Entry:
         self.varied: tuple[str, ...] = ()
 
     def instances(self) -> Iterator[Instance]:
-        """The instances; none where something is wrong with the entry itself."""
+        """Yield the instances; none where something is wrong with the entry itself."""
         before = len(self.collector.diagnostics)
         source = self._source()
         try:
@@ -227,7 +231,7 @@ class _Entry:
                     yield instance
 
     def _modifiers(self) -> list[list[Option]]:
-        """What each modifier of the entry may be, in order."""
+        """Return what each modifier of the entry may be, in order."""
         found: list[list[Option]] = []
         for i, written in enumerate(self.entry.modifiers):
             try:
@@ -250,7 +254,7 @@ class _Entry:
                 self.collector.extend(replace(d, span=place) for d in error.diagnostics)
 
     def _source(self) -> str:
-        """The task as `registry.load` takes it: paths start from the file's folder."""
+        """Return the task as `registry.load` takes it: paths start from the file's folder."""
         name = self.entry.task
         is_relative = name.endswith((".yaml", ".yml")) and not Path(name).is_absolute()
         return str(self.written.folder / name) if is_relative else name
@@ -280,7 +284,7 @@ class _Entry:
             yield Axis(tuple(kinds[name].name for name in together), list(zip(*lists, strict=True)))
 
     def _replaced(self, axes: list[Axis], known: Sequence[Parameter]) -> list[Axis]:
-        """The axes, with those for which other values were given in their place."""
+        """Return the axes, with those for which other values were given in their place."""
         keys = {key: p.name for p in known for key in (p.name, p.alias) if key and any(key in s for s in self.instead)}
         self.replaced = frozenset(keys)
         if not keys:
@@ -319,7 +323,7 @@ class _Entry:
         return wanted if isinstance(wanted, int) else wanted.count
 
     def _settings(self, axes: Sequence[Axis]) -> Iterable[tuple[Values, ...]]:
-        """One tuple of values for each axis."""
+        """Return one tuple of values for each axis."""
         if self.entry.sample is None:
             return combinations(axes)
         return sample(axes, self._count(), 0 if isinstance(self.entry.sample, int) else self.entry.sample.seed)
@@ -338,12 +342,14 @@ class _Entry:
         ).values()
         if values is None:
             return None
-        problem, bound = None, None
+        problem = None
+        bound = None
         try:
             bound = bound_parameters(self.task.document, self.task.variant, values)
         except SpecError as error:
             problem = "; ".join(d.message for d in error.diagnostics)
-            place, note = self._span("parameters"), f"at {ids.assigned(values.items())}"
+            place = self._span("parameters")
+            note = f"at {ids.assigned(values.items())}"
             self.refused += [replace(d, span=place, notes=(*d.notes, note)) for d in error.diagnostics]
         all_values = dict(values) if bound is None else {p.name: p.value for p in bound.parameters}
         laid = tuple(str(option.modifier) for option in over)
@@ -353,7 +359,7 @@ class _Entry:
         return Instance(name, source, self.task.variant, all_values, laid, shown, hash_, problem, self.index)
 
     def _settled(self, known: Sequence[Parameter], given: Mapping[str, Any]) -> Sequence[Parameter]:
-        """The parameters with the defaults that they have beside the values that are no expressions."""
+        """Return the parameters with the defaults that they have beside the values that are no expressions."""
         texts = {p.name for p in known if p.kind != "choice" and isinstance(given.get(p.name), str)}
         if not texts:
             return known

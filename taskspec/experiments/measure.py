@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base import __version__
-from taskspec.base.limits import also
-from taskspec.base.progress import tell
-from taskspec.data.episodes import recorded
+from taskspec.base.limits import also, tell
 from taskspec.exact import Results, Return
 from taskspec.modifiers import modify
 from taskspec.scores.difficulty import difficulty
@@ -37,7 +35,7 @@ class Sent:
     modifiers: tuple[str, ...]
 
     def task(self) -> Task:
-        """The task.
+        """Return the task.
 
         Raises:
             SpecError: with every mistake found.
@@ -95,7 +93,7 @@ def key(content_hash: str, modifiers: tuple[str, ...], wanted: Questions) -> str
 
 
 def measure(order: Order) -> dict[str, Any]:
-    """Sizes, returns, measures of difficulty and roll-outs of an instance, as JSON data.
+    """Return sizes, returns, measures of difficulty and roll-outs of an instance, as JSON data.
 
     Raises:
         SpecError: where there is no such task, or something that is asked of it cannot be told of any task.
@@ -113,7 +111,11 @@ def measure(order: Order) -> dict[str, Any]:
 
 
 def _rolled_out(task: Task, policy: str, wanted: Questions) -> dict[str, Any]:
-    """The mean return of a policy in all episodes of all seeds, half its 95 % confidence interval, and their mean length."""
+    """Return the mean return of a policy in all episodes of all seeds, half its 95 % confidence interval, and their mean
+    length.
+    """
+    from taskspec.data.episodes import recorded
+
     parts = [recorded(task, policy, wanted.episodes, None, seed * wanted.episodes, 1) for seed in range(wanted.seeds)]
     means = [Return.estimated(part.returns(task.discount)) for part in parts]
     mean = Return.estimated(np.concatenate([part.returns(task.discount) for part in parts]))
@@ -130,7 +132,7 @@ SECONDS = 0.2
 
 
 def _speed(task: Task) -> dict[str, Any]:
-    """Steps per second of one environment and of many on NumPy, in time of the processor."""
+    """Return steps per second of one environment and of many on NumPy, in time of the processor."""
     from taskspec.envs.speed import steps_per_second
 
     return dict(zip(SPEEDS, steps_per_second(task, LANES, SECONDS), strict=True))
@@ -147,7 +149,7 @@ def _sizes(task: Task, results: Results) -> dict[str, Any]:
 
 
 def _returns(results: Results) -> dict[str, Any]:
-    """Returns by name, each with half of its 95 % confidence interval (0 where it is exact) and its status."""
+    """Return returns by name, each with half of its 95 % confidence interval (0 where it is exact) and its status."""
     told: dict[str, Any] = {}
     for name in RETURNS:
         value: Return | None = getattr(results, name)

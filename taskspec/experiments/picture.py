@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from taskspec.experiments.results import Measured
+from taskspec.experiments.sweeping import Measured
 from taskspec.figures import chart, save
 from taskspec.figures.chart import Axes, LegendEntry, Scale
 from taskspec.figures.scene import Box, Dash, Hex, Item, Scene, shifted

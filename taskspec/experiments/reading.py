@@ -80,7 +80,7 @@ def read_if_experiment(source: str) -> ExperimentFile | None:
 
 
 def find(source: str | os.PathLike[str]) -> Path:
-    """The file of an experiment.
+    """Return the file of an experiment.
 
     Raises:
         SpecError: E710 when there is none.
@@ -97,6 +97,6 @@ def find(source: str | os.PathLike[str]) -> Path:
 
 
 def shipped() -> dict[str, Path]:
-    """The experiments that come with the suites, by `suite/name`."""
+    """Return the experiments that come with the suites, by `suite/name`."""
     found = sorted(tasks_root().glob(f"*/{FOLDER}/*.yaml"))
     return {f"{path.parent.parent.name}/{path.stem}": path for path in found}

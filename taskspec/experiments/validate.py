@@ -99,7 +99,8 @@ def _check_measures(written: ExperimentFile, collector: Collector) -> None:
 
 
 def _check_learners(written: ExperimentFile, collector: Collector) -> None:
-    folders, given = [folder_name(name) for name in written.learners], written.experiment.learners
+    folders = [folder_name(name) for name in written.learners]
+    given = written.experiment.learners
     for i, name in enumerate(written.learners):
         first = folders.index(folders[i])
         if first < i:

@@ -32,7 +32,7 @@ KINDS = {"bool": Kind.BOOL, "int": Kind.INT, "real": Kind.REAL}
 
 
 def count(written: Any) -> int:
-    """How many values are written, without listing them."""
+    """Return how many values are written, without listing them."""
     match written:
         case {"range": numbers}:
             start, stop, step = _exact(numbers)
@@ -45,7 +45,7 @@ def count(written: Any) -> int:
 
 
 def listed(written: Any, kind: str) -> list[Any] | Draw:
-    """Values as a list, or a draw of one; `kind` is that of the parameter."""
+    """Return values as a list, or a draw of one; `kind` is that of the parameter."""
     whole = kind == "int"
     match written:
         case {"range": numbers}:
@@ -70,13 +70,13 @@ def _drawn(rng: np.random.Generator, low: float, high: float, whole: bool) -> in
 
 
 def _exact(numbers: Sequence[float]) -> tuple[Fraction, Fraction, Fraction]:
-    """The numbers of a range as they are written, in decimals."""
+    """Return the numbers of a range as they are written, in decimals."""
     start, stop, *rest = (Fraction(str(x)) for x in numbers)
     return start, stop, rest[0] if rest else Fraction(1)
 
 
 def misplaced(written: Any) -> str | None:
-    """Why numbers with a rule give no values; None where they do."""
+    """Return why numbers with a rule give no values; None where they do."""
     match written:
         case {"range": numbers} if not count(written):
             return f"this range is empty: it goes from {numbers[0]} on, and ends below {numbers[1]}"
@@ -105,7 +105,9 @@ class Assignment:
         span: Callable[[str, int, int], Span],
         collector: Collector,
     ) -> None:
-        self.known, self.given, self.span = {p.name: p for p in known}, given, span
+        self.known = {p.name: p for p in known}
+        self.given = given
+        self.span = span
         self.builder = Builder()
         self.checker = _ExactChecker(self.builder, collector)
         bindings: dict[str, Binding] = {
@@ -117,7 +119,7 @@ class Assignment:
         self._busy: list[str] = []
 
     def values(self) -> dict[str, Any] | None:
-        """The given values, worked out; None where one is broken, which is reported."""
+        """Return the given values, worked out; None where one is broken, which is reported."""
         try:
             return {name: self._plain(name) for name in self.given}
         except Poisoned:
@@ -147,7 +149,7 @@ class Assignment:
         return plain(node.value)
 
     def _value(self, name: str, at: s.Name) -> Value:
-        """A parameter as an expression reads it."""
+        """Return a parameter as an expression reads it."""
         parameter = self.known[name]
         value = self._plain(name) if name in self.given else parameter.value
         if isinstance(value, str):
@@ -189,7 +191,7 @@ class Axis:
         return 0 if callable(self.values) else len(self.values)
 
     def without(self, names: frozenset[str]) -> Axis:
-        """The same axis for the other parameters."""
+        """Return the same axis for the other parameters."""
         kept = [i for i, name in enumerate(self.names) if name not in names]
         if callable(self.values):
             return Axis(self.names if kept else (), self.values)
@@ -197,17 +199,17 @@ class Axis:
         return Axis(tuple(self.names[i] for i in kept), list(values))
 
     def drawn(self, rng: np.random.Generator) -> Values:
-        """One of the values."""
+        """Return one of the values."""
         return (self.values(rng),) if callable(self.values) else self.values[int(rng.integers(len(self.values)))]
 
 
 def combinations(axes: Sequence[Axis]) -> Iterator[tuple[Values, ...]]:
-    """One tuple of values for each axis, in every combination, that of the last axis changing fastest."""
+    """Return one tuple of values for each axis, in every combination, that of the last axis changing fastest."""
     return itertools.product(*(axis.values for axis in axes if not callable(axis.values)))
 
 
 def sample(axes: Sequence[Axis], count: int, seed: int) -> Iterator[tuple[Values, ...]]:
-    """Some combinations: each once and in order, or drawn one by one where values are drawn."""
+    """Return some combinations: each once and in order, or drawn one by one where values are drawn."""
     if any(callable(axis.values) for axis in axes):
         rng = np.random.default_rng(seed)
         return (tuple(axis.drawn(rng) for axis in axes) for _ in range(count))
@@ -217,7 +219,7 @@ def sample(axes: Sequence[Axis], count: int, seed: int) -> Iterator[tuple[Values
 
 
 def _at(axes: Sequence[Axis], index: int) -> tuple[Values, ...]:
-    """The combination with an index among all of them."""
+    """Return the combination with an index among all of them."""
     found: list[Values] = []
     for axis in reversed(axes):
         index, i = divmod(index, axis.size)

@@ -19,11 +19,14 @@ from taskspec.lang.types import Kind
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
-CELLS_UP_TO, ROWS, SEEDS = 8, 4, 6
+CELLS_UP_TO = 8
+ROWS = 4
+SEEDS = 6
 LONGEST = 100
 """Steps of an episode that are followed, so that figures stay quick."""
 MOST_BARS = 400
-BELOW, LETTERS = 2.5, 0.28
+BELOW = 2.5
+LETTERS = 0.28
 _COLORS: dict[str, Color] = {"first": "accent", "second": "second", "good": "good", "bad": "bad"}
 
 
@@ -41,7 +44,8 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
     paths = [expert_path(task, steps, seed) for seed in range(SEEDS)] if here is None else [[dict(here)]]
     states, state = max(((_changes(task, node, path), path[0]) for path in paths), key=lambda found: len(found[0]))
     rows = [_row(task, node, each) for each in states]
-    colors, alt = [_colors(task, node, each) for each in states], f"A state of {task.name} as {len(rows[0])}"
+    colors = [_colors(task, node, each) for each in states]
+    alt = f"A state of {task.name} as {len(rows[0])}"
     if len(rows[0]) <= CELLS_UP_TO:
         drawn = list(zip(rows, colors, strict=True))
         shown = drawn if len(drawn) <= ROWS else [*drawn[: ROWS - 1], drawn[-1]]
@@ -164,7 +168,8 @@ def _step(count: int) -> float:
 def _cells(shown: list[tuple[Array, list[Color]]], left_out: int) -> Iterator[Item]:
     """Yield rows of cells, shaded by value, with arrows for elements that moved and dots for rows that are left out."""
     rows = [row for row, _ in shown]
-    low, high = float(np.min(rows)), float(np.max(rows))
+    low = float(np.min(rows))
+    high = float(np.max(rows))
     digits = 0 if all(np.array_equal(row, np.rint(row)) for row in rows) else 2
     for r, (row, colors) in enumerate(shown):
         for i, value in enumerate(row.tolist()):

@@ -83,20 +83,25 @@ def _led(task: Task, pairs: list[tuple[int, int]], cells: Mapping[int, Cell]) ->
 
 # ---------- the board, with equal columns and rows of a large one left out
 
-CELL, ROOMY = 0.8, 1.15
+CELL = 0.8
+ROOMY = 1.15
 """Sides of cells, and of those that have room for a number and arrows beside it."""
 LARGEST = 24
 """Columns or rows that are drawn one by one."""
 KEPT = 2
 """Columns that are drawn on either side of those that are left out, as they are alike."""
-WIDEST, SIGN = 12.0, 0.26
+WIDEST = 12.0
+SIGN = 0.26
 """In centimetres: the cells of boards that are larger still are as small as that needs, and their signs stay as large."""
 CORNERS = ((-1, 1), (1, 1), (-1, -1), (1, -1))
 """In which corners of a cell objects are that share it, from its middle."""
-BADGE, BESIDE_VALUE = (0.3, 0.36), (0.34, 0.28)
+BADGE = (0.3, 0.36)
+BESIDE_VALUE = (0.34, 0.28)
 """How far from the middle of a cell objects in its corners are, and how large, as shares of its side; and beside a value."""
 WALL = "#"
-COORDINATE, LETTER, VALUE = 0.26, 0.3, 0.24
+COORDINATE = 0.26
+LETTER = 0.3
+VALUE = 0.24
 """Heights of letters."""
 
 
@@ -247,9 +252,11 @@ class Board:
             return
         whole = 0.62 if thing.cell not in self.colors else 0.48  # beside a sign
         out, small = BESIDE_VALUE if thing.cell in self.values else BADGE
-        side, word = (whole if not taken else small) * self.cell, m.Words(thing.word)
+        side = (whole if not taken else small) * self.cell
+        word = m.Words(thing.word)
         dx, dy = CORNERS[(taken - 1) % len(CORNERS)] if taken else (0, 0)
-        x, y = at[0] + out * dx * self.cell, at[1] + out * dy * self.cell
+        x = at[0] + out * dx * self.cell
+        y = at[1] + out * dy * self.cell
         yield Box((x - side / 2, y - side / 2), side, side, "second", "ink", round=0.15 * side)
         yield Label((x, y), word, min(0.7 * side, 0.9 * side / (BROAD * text_width(word, 1.0))))
 
@@ -281,7 +288,8 @@ class Board:
         """Yield numbers above the columns (0) or left of the rows (1); if there is no room, those of marked ones."""
         texts: list[m.Math] = [_coordinate(each, axis) for each in stretches]
         rooms = [text_width(text, COORDINATE) * 1.2 if axis == 0 else COORDINATE * 1.2 for text in texts]
-        marked, end = self._marked(axis), float("-inf")
+        marked = self._marked(axis)
+        end = float("-inf")
         for i, (each, text, room) in enumerate(zip(stretches, texts, rooms, strict=True)):
             at = (i + 0.5) * self.cell
             if at - room / 2 < end or (max(rooms) > self.cell and each.first not in marked):

@@ -137,14 +137,17 @@ class Scale:
 def axis(values: Iterable[float], label: str = "", log: bool = False, most: int = 6, margin: float = 0.05) -> Scale:
     """Return an axis that has room for values, with ticks at round numbers."""
     known = [v for v in values if math.isfinite(v) and (v > 0 or not log)] or [1.0]
-    low, high = min(known), max(known)
+    low = min(known)
+    high = max(known)
     if log:
         grow = (high / low) ** margin if high > low else 2.0
-        low, high = low / grow, high * grow
+        low = low / grow
+        high = high * grow
         ticks = log_ticks(low, high)
     else:
         grow = (high - low) * margin if high > low else max(abs(low) * margin, 0.5)
-        low, high = low - grow, high + grow
+        low = low - grow
+        high = high + grow
         ticks = nice_ticks(low, high, most)
     return Scale(low, high, tuple((tick, number(tick)) for tick in ticks), label, log)
 
@@ -181,7 +184,8 @@ def words(text: str, at: Point, size: float = FONT, anchor: Anchor = "middle", c
           bold: bool = False) -> Iterator[Label]:  # fmt: skip
     """Yield a label for each line of a text, around a point."""
     lines = text.split("\n")
-    sin, cos = math.sin(math.radians(angle)), math.cos(math.radians(angle))
+    sin = math.sin(math.radians(angle))
+    cos = math.cos(math.radians(angle))
     for i, line in enumerate(lines):
         down = 1.25 * size * (i - (len(lines) - 1) / 2)
         place = (at[0] + down * sin, at[1] + down * cos)
@@ -220,7 +224,10 @@ def frame(plot: Axes, grid: bool = False, size: float = SMALL) -> Iterator[Item]
 
 def arrow_axes(plot: Axes, symbols: Sequence[m.Math]) -> Iterator[Item]:
     """Yield axes as arrows with the numbers at their ends, and fine lines through zero, as figures of tasks have them."""
-    left, right, top, bottom = plot.left, plot.right, plot.top, plot.bottom
+    left = plot.left
+    right = plot.right
+    top = plot.top
+    bottom = plot.bottom
     if plot.x.low < 0 < plot.x.high:
         x, _ = plot.at(0.0, plot.y.low)
         yield Line(((x, bottom), (x, top)), color="faint", width=0.02)
@@ -407,11 +414,13 @@ class LegendEntry:
 
 def legend(entries: Sequence[LegendEntry], left: float, top: float, room: float, size: float = SMALL) -> Iterator[Item]:
     """Yield entries in rows, each as long as there is room."""
-    x, y = left, top + size / 2
+    x = left
+    y = top + size / 2
     for entry in entries:
         needed = 0.8 + breadth(entry.text, size) + 0.25
         if x > left and x + needed > left + room:
-            x, y = left, y + 1.5 * size
+            x = left
+            y = y + 1.5 * size
         if entry.dash is not None:
             yield Line(((x, y), (x + 0.65, y)), color=entry.color, width=entry.width, dash=entry.dash)
         if entry.shape is not None:

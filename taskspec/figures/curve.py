@@ -49,7 +49,8 @@ def runs(points: Sequence[Sequence[float]], turns: Sequence[float]) -> Iterator[
     yield slice(first, len(points))
 
 
-SAMPLES, SEED = 60, 8
+SAMPLES = 60
+SEED = 8
 MOST_DOTS = 40
 
 

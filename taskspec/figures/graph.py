@@ -18,7 +18,8 @@ from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
 LOOPS_UP_TO = 6
-MOST_ARROWS, MOST_CROSSINGS = 40, 6
+MOST_ARROWS = 40
+MOST_CROSSINGS = 6
 """More arrows or more crossings of them than these are too tangled to draw."""
 WIDEST = 20.0
 """Centimetres between vertices that are farthest apart: on a page wider graphs are too small to read."""
@@ -137,12 +138,14 @@ class _Layout:
             (arc, text) for arc, text in zip(self.drawing.arcs, self.request.texts, strict=True)
             if arc.source != arc.target or self.request.shows_loops
         ]  # fmt: skip
-        spots, vertices = self.spots, list(self.spots)
+        spots = self.spots
+        vertices = list(self.spots)
         rank = {v: i for i, v in enumerate(vertices)}
         pairs = {(arc.source, arc.target) for arc, _ in shown}
         options = []
         for arc, _ in shown:
-            a, b = spots[arc.source], spots[arc.target]
+            a = spots[arc.source]
+            b = spots[arc.target]
             others = [spots[v] for v in vertices if v not in (arc.source, arc.target)]
             arrow = not _is_chance(arc.target)
             options.append(
@@ -197,7 +200,8 @@ class _Layout:
     def _straight(self, places: dict[Vertex, Point]) -> dict[Vertex, Point]:
         """Put vertices on one line if one vertex of each column leads on."""
         on = {a.source for a in self.drawing.arcs if a.source != a.target}
-        good, layers = self.request.good, self.drawing.layers
+        good = self.request.good
+        layers = self.drawing.layers
         mains = [[v for v in layer if v in on or (v in good and v == layer[-1])] for layer in layers]
         if any(len(main) > 1 for main in mains):
             return places

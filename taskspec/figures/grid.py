@@ -141,7 +141,8 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
     colors, unplaced = _marked(task, cells, reads, one)
     by_code = {code: (int(x), int(y)) for code, (x, y) in enumerate(cells)}
     agents = _agents(task, place, by_code, overlay)
-    values, shades = _by_cell(by_code, overlay.values, max), _by_cell(by_code, overlay.occupancy, add)
+    values = _by_cell(by_code, overlay.values, max)
+    shades = _by_cell(by_code, overlay.occupancy, add)
     most = max(shades.values(), default=1.0)
     shades = {cell: share / most for cell, share in shades.items()} if most > 1 else shades
     moves = list(chosen_ways(task, overlay.policy, by_code))

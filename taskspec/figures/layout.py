@@ -13,8 +13,12 @@ from taskspec.figures.machine import Machine, Transition
 
 Vertex = Hashable
 DOTS = "dots"
-LONG, WIDE, MANY = 5, 6, 16
-WHOLE, WHOLE_LONG, WHOLE_WIDE = 60, 16, 10
+LONG = 5
+WIDE = 6
+MANY = 16
+WHOLE = 60
+WHOLE_LONG = 16
+WHOLE_WIDE = 10
 """As many states, layers, and states of a layer as a frame of an episode has room for, which leaves none out."""
 BACK = 3
 """Layers that arrows may lead back among those left out; where they lead further, these are no family that dots stand for."""
@@ -133,14 +137,16 @@ def _elided(layers: list[list[Vertex]], arcs: list[Arc], marked: Collection[Vert
     if len(layers) <= LONG:
         kept = [_narrow(layer, goes_on, marked) for layer in layers]
         return _cut(kept, arcs) if sum(map(len, kept)) <= 2 * MANY else None
-    depth, dots = len(layers) - 1, (DOTS, 2)
+    depth = len(layers) - 1
+    dots = (DOTS, 2)
     to_last = {a.source for a in arcs if a.target in layers[depth]}
     before = [v for v in layers[depth - 1] if v in to_last]
     if len(before) > WIDE or not before or len(layers[1]) > 3 * WIDE:
         return None
     inner = [v for layer in layers[2:depth] for v in layer if v in marked and v not in before]
     middle = [v for v in layers[2] if not goes_on(v) and v not in inner]
-    through, ends = [v for v in inner if goes_on(v)], [v for v in inner if not goes_on(v)]
+    through = [v for v in inner if goes_on(v)]
+    ends = [v for v in inner if not goes_on(v)]
     kept = [_narrow(layers[0], goes_on, marked), _narrow(layers[1], goes_on, marked),
             [*_narrow([*middle, dots], lambda v: v == dots), *through],
             _narrow(before, goes_on, marked), [*_narrow(layers[depth], goes_on, marked), *ends]]  # fmt: skip
@@ -179,8 +185,10 @@ def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: list[Arc] | None = No
 # ---------- the order of vertices within columns
 # Barycentre sweeps (Sugiyama, Tagawa, Toda 1981), then exchanges within a column while they help. Arrows count as straight.
 
-DX, DY = 1.55, 1.05
-SWEEPS, TRIALS = 4, 1500
+DX = 1.55
+DY = 1.05
+SWEEPS = 4
+TRIALS = 1500
 CLOSE = 0.4
 """An arrow nearer to the centre of a vertex than this passes over it."""
 Layers = tuple[tuple[Vertex, ...], ...]
@@ -189,13 +197,15 @@ Layers = tuple[tuple[Vertex, ...], ...]
 def ordered(drawing: Drawing) -> Drawing:
     """Return the drawing with its columns reordered to cross fewer arrows."""
     cost = _Cost(drawing)
-    best, least = drawing.layers, cost(drawing.layers)
+    best = drawing.layers
+    least = cost(drawing.layers)
     if least < 1.0:
         return drawing
     for layers in _sweeps(drawing):
         found = cost(layers)
         if found < least:
-            best, least = layers, found
+            best = layers
+            least = found
     return replace(drawing, layers=_exchanged(best, least, cost))
 
 
@@ -206,7 +216,8 @@ class _Cost:
         self.rank = {v: i for i, v in enumerate(drawing.vertices)}
         pairs = {tuple(sorted((self.rank[a.source], self.rank[a.target]))) for a in drawing.arcs}
         self.ends = np.array(sorted(p for p in pairs if p[0] != p[1]), dtype=np.int64).reshape(-1, 2)
-        a, b = self.ends[:, None, :, None], self.ends[None, :, None, :]
+        a = self.ends[:, None, :, None]
+        b = self.ends[None, :, None, :]
         self.apart = np.triu(~(a == b).any((2, 3)))  # pairs of arrows without a common end
         self.own = (np.arange(len(self.rank))[None, :, None] == self.ends[:, None, :]).any(2)
 
@@ -215,7 +226,8 @@ class _Cost:
         for i, layer in enumerate(layers):
             for k, v in enumerate(layer):
                 at[self.rank[v]] = DX * i, DY * (k - (len(layer) - 1) / 2)
-        a, b = at[self.ends[:, 0]], at[self.ends[:, 1]]
+        a = at[self.ends[:, 0]]
+        b = at[self.ends[:, 1]]
         d = b - a
 
         def side(p: np.ndarray) -> np.ndarray:
@@ -258,7 +270,8 @@ def _sweeps(drawing: Drawing) -> Iterator[Layers]:
 
 def _exchanged(layers: Layers, least: float, cost: _Cost) -> Layers:
     """Exchange two vertices of a column as long as that is better, for a number of trials."""
-    trials, better = 0, True
+    trials = 0
+    better = True
     while better:
         better = False
         for i, layer in enumerate(layers):
@@ -272,5 +285,7 @@ def _exchanged(layers: Layers, least: float, cost: _Cost) -> Layers:
                     trial = (*layers[:i], tuple(changed), *layers[i + 1 :])
                     found = cost(trial)
                     if found < least - 1e-9:
-                        layers, least, better = trial, found, True
+                        layers = trial
+                        least = found
+                        better = True
     return layers

@@ -95,7 +95,9 @@ def _weights(steps: Steps) -> dict[int, float]:
 def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Transition, ...], list[int]] | None:
     """Search breadth first up to the horizon; return states, transitions, and the states first reached at the horizon."""
     seen: dict[int, None] = dict.fromkeys(start.tolist())
-    level, transitions, depth = list(seen), [], 0
+    level = list(seen)
+    transitions = []
+    depth = 0
     while level and (steps.task.horizon is None or depth < steps.task.horizon):
         if len(seen) > MAX_STATES or len(level) * steps.actions.size * steps.branching > MAX_CONSIDERED:
             return None
@@ -108,7 +110,8 @@ def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Trans
         seen |= new | dict.fromkeys(e for e in ends if e not in seen)
         if len(transitions) > MAX_TRANSITIONS:
             return None
-        level, depth = list(new), depth + 1
+        level = list(new)
+        depth = depth + 1
     return (tuple(seen), tuple(transitions), level) if len(seen) <= MAX_STATES else None
 
 
@@ -125,7 +128,8 @@ def _cut(steps: Steps, last: list[int]) -> frozenset[int]:
 def _from(steps: Steps, level: list[int]) -> Iterator[Transition]:
     """Return transitions out of some states, state by state and action by action."""
     actions = steps.actions.size
-    sources, choices = np.repeat(level, actions), np.tile(np.arange(actions), len(level))
+    sources = np.repeat(level, actions)
+    choices = np.tile(np.arange(actions), len(level))
     found: list[Transition] = []
     for o in steps.outcomes(sources, choices, 0):
         origin = np.arange(len(sources)) if o.origin is None else o.origin

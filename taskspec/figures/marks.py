@@ -22,8 +22,10 @@ from taskspec.figures.scene import (
 )
 from taskspec.printers import tree as m
 
-RADIUS, ROUND = 0.31, 0.2
-HATCH, RIM = 0.12, 0.03
+RADIUS = 0.31
+ROUND = 0.2
+HATCH = 0.12
+RIM = 0.03
 """Centimetres between two lines of a hatching, and between these and the outline."""
 
 SIGNS: dict[Paint, tuple[tuple[Point, ...], ...]] = {
@@ -32,7 +34,8 @@ SIGNS: dict[Paint, tuple[tuple[Point, ...], ...]] = {
     "end": (((-0.35, -0.35), (0.35, -0.35), (0.35, 0.35), (-0.35, 0.35), (-0.35, -0.35)),),
 }
 """Strokes of a sign, around (0, 0), one centimetre wide at most."""
-KEY, WORD = 0.36, 0.26
+KEY = 0.36
+WORD = 0.26
 """The side of a square in the key to a figure, and the height of the letters beside it."""
 
 
@@ -50,13 +53,16 @@ def hatched(item: Circle | Box, clear: float = 0.0) -> Iterator[Line]:
         (x, y), rx, ry = _centre(item), item.width / 2, item.height / 2
     count = int((rx + ry) / math.sqrt(2) / HATCH)
     for off in (i * HATCH for i in range(-count, count + 1)):  # distances from the centre
-        rise, middle = off * math.sqrt(2), off / math.sqrt(2)
+        rise = off * math.sqrt(2)
+        middle = off / math.sqrt(2)
         if isinstance(item, Circle):
             half = math.sqrt(max(0.0, rx * rx - off * off) / 2)
-            low, high = middle - half, middle + half
+            low = middle - half
+            high = middle + half
         else:
             inset = RIM + item.round * 0.3
-            low, high = max(-rx + inset, rise - ry + inset), min(rx - inset, rise + ry - inset)
+            low = max(-rx + inset, rise - ry + inset)
+            high = min(rx - inset, rise + ry - inset)
         free = math.sqrt(max(0.0, clear * clear - off * off) / 2)
         for start, end in ((low, middle - free), (middle + free, high)) if free else ((low, high),):
             if end - start > 0.04:
@@ -101,7 +107,9 @@ def sign(role: Paint, at: Point, size: float) -> Iterator[Line]:
 def keyed(scene: Scene) -> Scene:
     """Return the scene with a key of its roles below it, on its left; as it is without any."""
     shown = {item.fill for item in scene.items if isinstance(item, Circle | Box)}
-    key, x, y = list[Item](), 0.0, scene.height + KEY
+    key = list[Item]()
+    x = 0.0
+    y = scene.height + KEY
     for role in SIGNS:
         if role in shown:
             swatch = Box((x, y - KEY / 2), KEY, KEY, role, "muted")
@@ -135,15 +143,19 @@ def chance(p: float) -> m.Math:
 
 def outline(centre: Point, towards: Point, half: float, radius: float) -> Point:
     """Return where the line from the centre of a `shape` to a point outside leaves it."""
-    dx, dy = towards[0] - centre[0], towards[1] - centre[1]
+    dx = towards[0] - centre[0]
+    dy = towards[1] - centre[1]
     length = math.hypot(dx, dy) or 1.0
-    ux, uy = dx / length, dy / length
+    ux = dx / length
+    uy = dy / length
     if half <= radius + 0.02:
         return centre[0] + ux * radius, centre[1] + uy * radius
-    inside, outside = 0.0, half + radius
+    inside = 0.0
+    outside = half + radius
     for _ in range(40):
         t = (inside + outside) / 2
-        qx, qy = abs(ux) * t - (half - ROUND), abs(uy) * t - (radius - ROUND)
+        qx = abs(ux) * t - (half - ROUND)
+        qy = abs(uy) * t - (radius - ROUND)
         beyond = math.hypot(max(qx, 0.0), max(qy, 0.0)) + min(max(qx, qy), 0.0) > ROUND
         inside, outside = (inside, t) if beyond else (t, outside)
     return centre[0] + ux * inside, centre[1] + uy * inside
@@ -151,7 +163,8 @@ def outline(centre: Point, towards: Point, half: float, radius: float) -> Point:
 
 def near(a: Point, b: Point, p: Point) -> bool:
     """Return whether a vertex is in the way of a straight arrow."""
-    dx, dy = b[0] - a[0], b[1] - a[1]
+    dx = b[0] - a[0]
+    dy = b[1] - a[1]
     t = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / ((dx * dx + dy * dy) or 1.0)
     if not 0.05 < t < 0.95:
         return False
@@ -163,8 +176,10 @@ def beside_line(line: Line) -> Point:
     (x0, y0), (x1, y1) = line.points[0], line.points[-1]
     mx, my = bezier(line.points, 0.5) if line.curved else ((x0 + x1) / 2, (y0 + y1) / 2)
     length = math.hypot(x1 - x0, y1 - y0) or 1.0
-    nx, ny = (y1 - y0) / length, -(x1 - x0) / length
+    nx = (y1 - y0) / length
+    ny = -(x1 - x0) / length
     if ny > 0 and not line.curved:
-        nx, ny = -nx, -ny
+        nx = -nx
+        ny = -ny
     off = 0.18
     return mx + nx * off, my + ny * off

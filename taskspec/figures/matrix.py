@@ -13,10 +13,12 @@ from taskspec.figures.values import reads_of
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
-SIDE, LARGEST_CELL = 7.0, 0.55
+SIDE = 7.0
+LARGEST_CELL = 0.55
 """Of the table and of a cell, in centimetres."""
 LETTERS = 0.28
-NAMED, ROOM = 30, 0.36
+NAMED = 30
+ROOM = 0.36
 """As many states are all named, and the height of a row with a name, in centimetres."""
 GAP = 0.08
 """Between numbers beside one another, in centimetres."""
@@ -45,7 +47,9 @@ def matrix(task: Task, overlay: Overlay) -> Scene | None:
 
 class _Matrix:
     def __init__(self, machine: Machine, overlay: Overlay) -> None:
-        self.machine, self.overlay, self.says = machine, overlay, Captions(machine)
+        self.machine = machine
+        self.overlay = overlay
+        self.says = Captions(machine)
         self.place = {code: i for i, code in enumerate(sorted(machine.states))}
         self.named = len(self.place) <= NAMED
         self.cell = min(LARGEST_CELL, max(SIDE / len(self.place), ROOM if self.named else 0.0))
@@ -54,7 +58,8 @@ class _Matrix:
         self.right = self.side + (GAP + STRIP if overlay.occupancy else 0.0)  # of all columns
 
     def scene(self) -> Scene:
-        count, name = len(self.place), self.machine.task.name
+        count = len(self.place)
+        name = self.machine.task.name
         told = "Shade: how likely a uniformly random action leads from the state of a row to that of a column."
         timed = ("The time ends episodes, too.",) if self.machine.timed else ()
         notes = (told, *timed, *self.says.unmarked(self.machine.states))
@@ -67,7 +72,8 @@ class _Matrix:
             key = (self.place[t.source], self.place[t.target])
             total[key] = total.get(key, 0.0) + t.probability / self.machine.n_actions
         for (row, column), p in total.items():
-            corner, shade = (column * self.cell, row * self.cell), min(1.0, LEAST_SHADE + (1 - LEAST_SHADE) * p)
+            corner = (column * self.cell, row * self.cell)
+            shade = min(1.0, LEAST_SHADE + (1 - LEAST_SHADE) * p)
             yield Box(corner, self.cell, self.cell, "ink", None, shade=shade)
         yield Box((0, 0), self.side, self.side, None, "faint")
         for code, role in self.says.fills.items():
@@ -75,7 +81,8 @@ class _Matrix:
             yield box
             yield from marked(box)
         if self.overlay.here is not None:
-            space, state = self.says.space, reads_of(self.machine.task, self.overlay.here)
+            space = self.says.space
+            state = reads_of(self.machine.task, self.overlay.here)
             here = self.place.get(int(space.encode([state[c.read] for c in self.machine.task.state], 1)[0][0]))
             if here is not None:
                 yield Box((0, here * self.cell), self.side, self.cell, "accent", None, shade=0.4)

@@ -21,12 +21,17 @@ from taskspec.model.space import Space
 from taskspec.printers.names import of_task
 from taskspec.task.task import Task
 
-ACROSS, DOWN = 11, 7
+ACROSS = 11
+DOWN = 7
 """Arrows of a flow."""
-WIDE, HIGH, SEAM, SIGN = 100, 60, 0.01, 0.26
+WIDE = 100
+HIGH = 60
+SEAM = 0.01
+SIGN = 0.26
 """Into how many parts the plane is cut to shade it, how far strips overlap, and the size of signs, in centimetres."""
 SIGNED: dict[str, Color] = {"good": "good", "bad": "bad", "end": "end"}
-LINK, REACH = 1.2, 6.0
+LINK = 1.2
+REACH = 6.0
 """Length of a link, and how far an arm may reach at most, in centimetres."""
 MOST_LINKS = 30
 
@@ -97,7 +102,9 @@ def _shades(
     """Yield where the conditions of the figure section hold: strips in their colours, and a sign in the middle of them."""
     points = _grid(ends, (WIDE, HIGH), 0.5)
     plot = plane(ends[0], ends[1])
-    reads, width, height = _reads(task, pair, points, state), WIDTH / WIDE, HEIGHT / HIGH
+    reads = _reads(task, pair, points, state)
+    width = WIDTH / WIDE
+    height = HEIGHT / HIGH
     for name, node in ({} if task.figure is None else task.figure.highlight).items():
         if name not in SIGNED or node.type.shape:
             continue
@@ -148,7 +155,8 @@ def arm(task: Task, overlay: Overlay) -> Scene | None:
     for angle in angles:
         x, y = points[-1]
         points.append((x + link * math.sin(angle), y + link * math.cos(angle)))
-    reach, joint = link * len(angles), min(0.11, 0.3 * link)
+    reach = link * len(angles)
+    joint = min(0.11, 0.3 * link)
     items: list[Item] = [
         Circle((0.0, 0.0), reach, None, "faint"),
         Line(((0.0, 0.0), (0.0, reach)), color="faint", dash="dashed"),

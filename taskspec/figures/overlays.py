@@ -87,7 +87,8 @@ def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
 def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
     """Yield for each overlay its name, its scale if it has one, and its description."""
     left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
-    wanted, whose = known.wanted, "an optimal policy's" if task.expert is None else "the expert's"
+    wanted = known.wanted
+    whose = "an optimal policy's" if task.expert is None else "the expert's"
     lacks = (
         "" if not wanted & {"expert", "occupancy"} or known.acting is not None else ", for which there is no exact plan"
     )
@@ -178,7 +179,8 @@ class _Known:
         if self.abstraction is not None:
             arrays = self.abstraction.map(arrays)
         codes, outside = self.model.states.encode([arrays[c.name] for c in self.model.states.components], 1)
-        code, found = int(codes[0]), dict[str, str]()
+        code = int(codes[0])
+        found = dict[str, str]()
         if outside is not None and outside.any():
             return found
         if code in self.values:

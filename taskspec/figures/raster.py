@@ -23,8 +23,10 @@ DPI = 200
 _DASHES: dict[Dash, Any] = {
     "solid": "solid", "dashed": (0, (3, 2)), "dotted": (0, (1, 2)), "dashdot": (0, (5, 2, 1, 2)),
 }  # fmt: skip
-TITLE, LINE = 0.2, 0.4  # room for words above a frame and for each line of them, in centimetres
-LEAST_SCALE, LARGEST_SCALE = 0.6, 1.6
+TITLE = 0.2
+LINE = 0.4  # room for words above a frame and for each line of them, in centimetres
+LEAST_SCALE = 0.6
+LARGEST_SCALE = 1.6
 OVERLAP = 2.5
 """Centimetres that are seen on two pages, where a frame has no room for all."""
 
@@ -51,7 +53,8 @@ def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[A
     scale = scale if scene.focus is None else max(scale, LEAST_SCALE)
     figure, axes = _canvas(width, height)
     x, y = scene.focus or (0.0, 0.0)
-    left, top = _first(width / scale, scene.width, x), _first(room / scale, scene.height, y) - (height - room) / scale
+    left = _first(width / scale, scene.width, x)
+    top = _first(room / scale, scene.height, y) - (height - room) / scale
     axes.set_xlim(left, left + width / scale)
     axes.set_ylim(top + height / scale, top)
     _draw_all(axes, scene, scale)
@@ -92,7 +95,8 @@ def _figure(scene: Scene) -> Any:
 
 def _canvas(width: float, height: float) -> tuple[Any, Any]:
     """Return a figure of a size in centimetres, with axes that fill it."""
-    module, backend = need("matplotlib.figure", "figures"), need("matplotlib.backends.backend_agg", "figures")
+    module = need("matplotlib.figure", "figures")
+    backend = need("matplotlib.backends.backend_agg", "figures")
     figure = module.Figure(figsize=(width / INCH, height / INCH), dpi=DPI)
     backend.FigureCanvasAgg(figure)
     axes = figure.add_axes((0, 0, 1, 1))

@@ -26,7 +26,8 @@ MARGIN = 0.06
 """Room between an arrow and a vertex that it passes, in centimetres."""
 CHUNK = 2000
 """Pairs of ways compared at once, which bounds the memory."""
-OVER, BEND = 5.0, 0.03
+OVER = 5.0
+BEND = 0.03
 """What passing over a vertex and another way than the first cost, in crossings."""
 
 
@@ -67,16 +68,20 @@ def ways(a: Spot, b: Spot, both: bool, others: Sequence[Spot], arrow: bool, stre
 
 
 def _bent(a: Spot, b: Spot, bend: float, arrow: bool) -> Line:
-    dx, dy = b.at[0] - a.at[0], b.at[1] - a.at[1]
+    dx = b.at[0] - a.at[0]
+    dy = b.at[1] - a.at[1]
     length = math.hypot(dx, dy) or 1.0
-    nx, ny = dy / length * bend, -dx / length * bend
+    nx = dy / length * bend
+    ny = -dx / length * bend
 
     def between(p: Point, q: Point) -> tuple[Point, Point]:
-        ex, ey = q[0] - p[0], q[1] - p[1]
+        ex = q[0] - p[0]
+        ey = q[1] - p[1]
         return (p[0] + ex * 0.3 + nx, p[1] + ey * 0.3 + ny), (p[0] + ex * 0.7 + nx, p[1] + ey * 0.7 + ny)
 
     c1, c2 = between(a.at, b.at)
-    start, end = a.touched(c1), b.touched(c2, 0.02 + b.rim)
+    start = a.touched(c1)
+    end = b.touched(c2, 0.02 + b.rim)
     if not bend:
         return Line((start, end), arrow=arrow)
     if max(a.half - a.radius, b.half - b.radius) > 0.02:  # wide boxes reach as far as the points that bend the arrow
@@ -84,7 +89,8 @@ def _bent(a: Spot, b: Spot, bend: float, arrow: bool) -> Line:
     return Line((start, c1, c2, end), arrow=arrow, curved=True)
 
 
-LOOP_OUT, LOOP_WIDE = 0.62, 0.42
+LOOP_OUT = 0.62
+LOOP_WIDE = 0.42
 
 
 def loops(v: Spot) -> list[Line]:
@@ -93,10 +99,12 @@ def loops(v: Spot) -> list[Line]:
     found = []
     for sign in (1.0, -1.0):
         r = v.half * 0.85 if v.half - v.radius <= 0.02 else v.half
-        far, foot = x + sign * (v.half + out), x + sign * r
+        far = x + sign * (v.half + out)
+        foot = x + sign * r
         found.append(((foot, y - d), (far, y - wide), (far, y + wide), (foot, y + d)))
     for sign in (-1.0, 1.0):
-        far, foot = y + sign * (v.radius + out), y + sign * v.radius * (0.85 if v.half - v.radius <= 0.02 else 1.0)
+        far = y + sign * (v.radius + out)
+        foot = y + sign * v.radius * (0.85 if v.half - v.radius <= 0.02 else 1.0)
         found.append(((x - d, foot), (x - wide, far), (x + wide, far), (x + d, foot)))
     right, left, above, below = found
     order = (right, above, below, left) if v.last else (above, below, right, left)
@@ -171,12 +179,15 @@ def sampled(line: Line) -> list[Point]:
 def _meetings(paths: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return, for every two paths (n, points, 2) of different groups, how often they cross and whether they overlap."""
     n = len(paths)
-    low, high = paths.min(1) - TOUCH, paths.max(1) + TOUCH
+    low = paths.min(1) - TOUCH
+    high = paths.max(1) + TOUCH
     apart = (low[:, None] > high[None]) | (low[None] > high[:, None])
     first, second = np.nonzero(np.triu(~apart.any(2) & (of[:, None] != of[None])))
-    crossings, along = np.zeros((n, n), dtype=np.int64), np.zeros((n, n), dtype=bool)
+    crossings = np.zeros((n, n), dtype=np.int64)
+    along = np.zeros((n, n), dtype=bool)
     for k in range(0, len(first), CHUNK):
-        i, j = first[k : k + CHUNK], second[k : k + CHUNK]
+        i = first[k : k + CHUNK]
+        j = second[k : k + CHUNK]
         crossings[i, j] = _crossed(paths[i], paths[j])
         along[i, j] = _close(paths[i], paths[j])
     return crossings + crossings.T, along | along.T
@@ -184,11 +195,16 @@ def _meetings(paths: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 def _crossed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return how often the pieces of paths (pairs, points, 2) cross."""
-    p, d, q, e = a[:, :-1, None], np.diff(a, axis=1)[:, :, None], b[:, None, :-1], np.diff(b, axis=1)[:, None]
-    x, y = q[..., 0] - p[..., 0], q[..., 1] - p[..., 1]
+    p = a[:, :-1, None]
+    d = np.diff(a, axis=1)[:, :, None]
+    q = b[:, None, :-1]
+    e = np.diff(b, axis=1)[:, None]
+    x = q[..., 0] - p[..., 0]
+    y = q[..., 1] - p[..., 1]
     turn = d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0]
     turn = np.where(np.abs(turn) < 1e-12, np.nan, turn)  # parallel pieces do not cross
-    s, t = (x * e[..., 1] - y * e[..., 0]) / turn, (x * d[..., 1] - y * d[..., 0]) / turn
+    s = (x * e[..., 1] - y * e[..., 0]) / turn
+    t = (x * d[..., 1] - y * d[..., 0]) / turn
     return np.asarray(((s > 0) & (s <= 1) & (t > 0) & (t <= 1)).sum((1, 2)))
 
 
@@ -196,9 +212,13 @@ def _close(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return whether the middle of one of two paths (pairs, points, 2) runs along the other."""
     found = np.zeros(len(a), dtype=bool)
     for one, other in ((a, b), (b, a)):
-        p, d = other[:, None, :-1], np.diff(other, axis=1)[:, None]
+        p = other[:, None, :-1]
+        d = np.diff(other, axis=1)[:, None]
         to = one[:, 3 : PIECES - 2, None] - p
-        x, y, dx, dy = to[..., 0], to[..., 1], d[..., 0], d[..., 1]
+        x = to[..., 0]
+        y = to[..., 1]
+        dx = d[..., 0]
+        dy = d[..., 1]
         u = np.clip((x * dx + y * dy) / np.maximum(dx * dx + dy * dy, 1e-12), 0, 1)
         off = (x - u * dx) ** 2 + (y - u * dy) ** 2
         found |= (off.min(2) < TOUCH**2).sum(1) >= 2
@@ -221,13 +241,17 @@ def _over(paths: np.ndarray, ends: Sequence[tuple[int, int]], spots: Sequence[Sp
 
 # ---------- places of labels
 
-ARROW, STATE = 0.25, 0.28
+ARROW = 0.25
+STATE = 0.28
 """Heights of letters beside arrows and states."""
-PAPER, MUCH = 0.05, 0.35
+PAPER = 0.05
+MUCH = 0.35
 """How far the paper behind a label reaches beyond its letters, and which part of its own arrow it may hide."""
 APART = 0.06
 """Less room than this between labels, in centimetres, makes one of two."""
-OVERLAP, COVER, FAR = 20.0, 1.0, 0.02
+OVERLAP = 20.0
+COVER = 1.0
+FAR = 0.02
 """What it costs to lie over a label, vertex or arrow head, over a line, and further down the list."""
 
 
@@ -261,7 +285,8 @@ def placed(
     flat, groups = flattened(options)
     of = np.array([i for i, g in enumerate(groups) for _ in g])
     boxes = np.array([box(label) for label in flat])
-    centre, half = (boxes[:, 2:] + boxes[:, :2]) / 2, (boxes[:, 2:] - boxes[:, :2]) / 2
+    centre = (boxes[:, 2:] + boxes[:, :2]) / 2
+    half = (boxes[:, 2:] - boxes[:, :2]) / 2
     broad = half * (BROAD, 1.0)
     gap = np.abs(centre[:, None] - centre[None]) - broad[:, None] - broad[None]
     pair = (gap < APART).all(2) & (of[:, None] != of[None])
@@ -312,7 +337,8 @@ def along(line: Line, text: m.Math) -> list[Label]:
         return Label(at, text, ARROW, color="muted", halo=True)
 
     found = [label(beside_line(line))]
-    w, h = text_width(text, ARROW) / 2, ARROW / 2
+    w = text_width(text, ARROW) / 2
+    h = ARROW / 2
     for t in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8):
         x, y, nx, ny = _normal(line, t)
         off = abs(nx) * w + abs(ny) * h + 0.06
@@ -337,10 +363,13 @@ def _normal(line: Line, t: float) -> tuple[float, float, float, float]:
 def at_loop(line: Line, text: m.Math, v: Spot) -> list[Label]:
     """Return places of a loop's label: outside it, then along it."""
     (x0, y0), (x1, y1) = line.points[1], line.points[2]
-    x, y = (x0 + x1) / 2, (y0 + y1) / 2
-    ux, uy = x - v.at[0], y - v.at[1]
+    x = (x0 + x1) / 2
+    y = (y0 + y1) / 2
+    ux = x - v.at[0]
+    uy = y - v.at[1]
     length = math.hypot(ux, uy)
-    ux, uy = ux / length, uy / length
+    ux = ux / length
+    uy = uy / length
     w = text_width(text, ARROW) / 2
     outside = (x + ux * (w - 0.08), y + uy * 0.02)
     return [Label(outside, text, ARROW, color="muted", halo=True), *along(line, text)[1:]]
@@ -349,7 +378,8 @@ def at_loop(line: Line, text: m.Math, v: Spot) -> list[Label]:
 def beside(v: Spot, text: m.Math, row: int, looped: bool) -> list[Label]:
     """Return places of a word on a state: below it, in the last column on its right; then all around."""
     (x, y), down = v.at, 0.4 * row
-    side, above = v.half + v.rim + 0.1, RADIUS + v.rim + 0.26
+    side = v.half + v.rim + 0.1
+    above = RADIUS + v.rim + 0.26
     right = v.half + 0.16 + (LOOP_OUT - 0.2 if looped else 0.0)
     usual = (
         Label((x + right, y + down), text, STATE, "start")

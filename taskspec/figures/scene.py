@@ -149,8 +149,10 @@ def fitted(
     """Return a scene just large enough for its items."""
     items = tuple(items)
     boxes = [_extent(item) for item in items] or [(0.0, 0.0, 1.0, 1.0)]
-    left, top = min(b[0] for b in boxes) - margin, min(b[1] for b in boxes) - margin
-    right, bottom = max(b[2] for b in boxes) + margin, max(b[3] for b in boxes) + margin
+    left = min(b[0] for b in boxes) - margin
+    top = min(b[1] for b in boxes) - margin
+    right = max(b[2] for b in boxes) + margin
+    bottom = max(b[3] for b in boxes) + margin
     moved = tuple(shifted(item, -left, -top) for item in items)
     seen = None if focus is None else (focus[0] - left, focus[1] - top)
     return Scene(right - left, bottom - top, moved, alt, notes, state, seen, drawn or {})
@@ -190,7 +192,8 @@ def _extent(item: Item) -> tuple[float, float, float, float]:
             half = size * 0.7
             if not angle:
                 return x + left, y - half, x + left + w, y + half
-            cos, sin = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+            cos = math.cos(math.radians(angle))
+            sin = math.sin(math.radians(angle))
             corners = [(a, b) for a in (left, left + w) for b in (-half, half)]
             return _around([(x + a * cos + b * sin, y - a * sin + b * cos) for a, b in corners])
         case _:
@@ -231,8 +234,11 @@ def head(line: Line) -> tuple[Point, Point, Point]:
     """Return the triangle at the end of an arrow."""
     (x0, y0), (x1, y1) = (bezier(line.points, 0.9) if line.curved else line.points[-2]), line.points[-1]
     length = math.hypot(x1 - x0, y1 - y0) or 1.0
-    ux, uy = (x1 - x0) / length, (y1 - y0) / length
-    bx, by, half = x1 - HEAD * ux, y1 - HEAD * uy, HEAD * 0.36
+    ux = (x1 - x0) / length
+    uy = (y1 - y0) / length
+    bx = x1 - HEAD * ux
+    by = y1 - HEAD * uy
+    half = HEAD * 0.36
     return (x1, y1), (bx - half * uy, by + half * ux), (bx + half * uy, by - half * ux)
 
 

@@ -23,9 +23,12 @@ from taskspec.printers.expressions import mathematics
 from taskspec.printers.names import expression, of_task
 from taskspec.task.task import Task
 
-MOST, PANEL, APART = 6, 1.0, 1.35
+MOST = 6
+PANEL = 1.0
+APART = 1.35
 """Numbers that are followed, how high the picture of one is, and how far these lie apart, in centimetres."""
-BEFORE, AFTER = 1.2, 2.8
+BEFORE = 1.2
+AFTER = 2.8
 """Room for numbers on the left, and for what is equal to one on the right, so that all frames of an episode are alike."""
 
 
@@ -65,7 +68,8 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
     """Draw numbers up to the present, on axes that stay: the window moves by whole pages."""
     if not seen:
         return None
-    now, span = max(seen), min(task.horizon or STEPS, STEPS)
+    now = max(seen)
+    span = min(task.horizon or STEPS, STEPS)
     first = max(0, now - 1) // span * span
     times = [t for t in sorted(seen) if t >= first]
     found = _measured(task, [seen[t] for t in times])
@@ -73,7 +77,8 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
         return None
     items: list[Item] = [*_time(first, first + span, len(found))]
     for i, number in enumerate(found):
-        top, value = i * APART, number.values[-1]
+        top = i * APART
+        value = number.values[-1]
         label = m.Row((number.symbol, m.Sym("="), m.Num(decimal(value))))
         points = [t - first for t in times]
         items += _panel(number, label, _scale(number), span, top, points)
@@ -91,7 +96,8 @@ def _scale(number: _Number) -> tuple[float, float]:
     low, high = number.ends
     if not math.isfinite(high - low):
         size = _round(max(map(abs, number.values))) or 1.0
-        low, high = (-size if low < 0 else 0.0), (size if high > 0 else 0.0)
+        low = -size if low < 0 else 0.0
+        high = size if high > 0 else 0.0
     return _wide(low, high)
 
 
@@ -144,7 +150,8 @@ def _time(first: int, last: int, panels: int) -> Iterator[Item]:
 
 def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
     """Return the first numbers to follow, along the path."""
-    names, node = of_task(task), None if task.figure is None else task.figure.values
+    names = of_task(task)
+    node = None if task.figure is None else task.figure.values
     if node is None:
         shown = [c for c in task.state if not c.type.shape and c.domain is None][:MOST]
         return [

@@ -44,7 +44,8 @@ def svg(scene: Scene, css: bool = False, kind: str = "figure") -> str:
         css: for a page whose style sheet gives the colours; otherwise they are fixed, on white.
         kind: the class of the picture, for the style sheet.
     """
-    width, height = _n(scene.width), _n(scene.height)
+    width = _n(scene.width)
+    height = _n(scene.height)
     body = "".join(_item(item) for item in scene.items)
     paper = "" if css else f'<rect width="{width}" height="{height}" fill="{hex_color("paper")}"/>'
     font = escape(_FONTS[scene.font], quote=True)

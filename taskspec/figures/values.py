@@ -86,7 +86,11 @@ def expert_path(task: Task, steps: int, seed: int = 0) -> list[dict[str, Any]]:
 
 # ---------- observations, and states as tables
 
-SIDE, WIDTH, HALF, LETTERS, APART = 0.8, 3.4, 0.45, 0.28, 0.15
+SIDE = 0.8
+WIDTH = 3.4
+HALF = 0.45
+LETTERS = 0.28
+APART = 0.15
 MOST = 100
 """Elements of a vector that are drawn."""
 
@@ -102,7 +106,8 @@ def seen(task: Task, seed: int = 0) -> Iterator[Item]:
     words = draws.words(seed, draws.RESET, 0, layout.count)
     roots = (*task.initial, *task.first_observation)
     flats = evaluate(roots, {}, sampler(layout, words))[len(task.initial) :]
-    names, x = of_task(task), 0.0
+    names = of_task(task)
+    x = 0.0
     for component, flat in zip(task.observation.components, flats, strict=True):
         symbol = names.symbol(component.name)
         width = max(_width(component, flat), text_width(symbol, LETTERS))
@@ -132,7 +137,8 @@ def _number(x: float, width: float, component: Component, flat: Flat) -> Iterato
 def _vector(x: float, width: float, flat: Flat) -> Iterator[Item]:
     """Yield bars above and below a line; of a long vector the first ones."""
     shown = [float(value) for value in flat[:MOST]]
-    step, scale = width / len(shown), 0.95 * HALF / (max(map(abs, shown)) or 1.0)
+    step = width / len(shown)
+    scale = 0.95 * HALF / (max(map(abs, shown)) or 1.0)
     yield Box((x, 0), width, 2 * HALF, None, "faint")
     for i, value in enumerate(shown):
         top = HALF - scale * max(value, 0.0)

@@ -57,7 +57,7 @@ def code_files(path: Path | str) -> dict[Path, bytes]:
 
 
 def _home(file: Path) -> Path:
-    """The folder of a file, or of the whole package that it is a part of."""
+    """Return the folder of a file, or of the whole package that it is a part of."""
     home = file.parent
     while (home.parent / "__init__.py").is_file() and (home / "__init__.py").is_file():
         home = home.parent

@@ -144,7 +144,8 @@ class _Run:
     def __post_init__(self) -> None:
         if self.seconds is not None and not self.seconds > 0:
             raise SpecError([Diagnostic("E713", None, f"no job ends within {self.seconds:g} s", "give more than 0")])
-        self.before, self.start = self.statuses.total(), time.monotonic()
+        self.before = self.statuses.total()
+        self.start = time.monotonic()
 
     def do(self, jobs: list[Job], where: Site) -> None:
         """All jobs, many at a time, and then those whose process died, one at a time."""
@@ -153,7 +154,8 @@ class _Run:
             self._many([self.suspects.pop(0)], where, lambda: 1)
 
     def _many(self, jobs: list[Job], where: Site, capacity: Callable[[], int]) -> None:
-        waiting, pending = deque(jobs), _Pending()
+        waiting = deque(jobs)
+        pending = _Pending()
         try:
             self._fill(pending, waiting, where, capacity())
             while pending:
@@ -179,7 +181,8 @@ class _Run:
     def _harvest(self, pending: _Pending, where: Site) -> None:
         """Record what has ended, in one transaction, and only then forget about it."""
         over = [future for future in pending if future.done()]
-        rows, died = [], []
+        rows = []
+        died = []
         for future in over:
             parcel = pending[future]
             for job, ending in zip(parcel, where.endings(future, len(parcel)), strict=True):
@@ -206,7 +209,8 @@ class _Run:
 
     def tell(self) -> None:
         done = self.statuses["done"]
-        failed, seconds = self.statuses.total() - done, time.monotonic() - self.start
+        failed = self.statuses.total() - done
+        seconds = time.monotonic() - self.start
         self.progress(Standing(self.total, self.before, done, failed, seconds))
 
     def _kept(self) -> str:

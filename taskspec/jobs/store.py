@@ -39,7 +39,7 @@ class Job:
     arguments: tuple[Any, ...] = ()
 
     def packed(self) -> bytes:
-        """The call as bytes; in place of one that cannot be pickled, a call that fails for that reason."""
+        """Return the call as bytes; in place of one that cannot be pickled, a call that fails for that reason."""
         try:
             return pickle.dumps((self.function, self.arguments))
         except Exception as error:
@@ -51,7 +51,7 @@ def _unpicklable(reason: str) -> None:
 
 
 def unpacked(call: bytes) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    """The function and the arguments of a call."""
+    """Return the function and the arguments of a call."""
     function, arguments = pickle.loads(call)
     if isinstance(function, str):
         module, _, name = function.partition(":")
@@ -101,7 +101,8 @@ class JobResult:
 # ---------- store
 # Results in one SQLite file: written by one process at a time, read by any, whole after every `kill -9`.
 
-APPLICATION, SCHEMA = 0x74736B73, 1
+APPLICATION = 0x74736B73
+SCHEMA = 1
 """What the header of a file says that is ours, and the version of its tables."""
 AT_ONCE = 500
 """Keys in one question; SQLite takes about a thousand at least."""
@@ -170,11 +171,12 @@ class Store:
         self._database.execute("pragma synchronous = normal")
 
     def results(self, keys: Iterable[str] | None = None) -> dict[str, JobResult]:
-        """What is kept of these jobs, in their order, or of all, in the order in which they were recorded first."""
+        """Return what is kept of these jobs, in their order, or of all, in the order in which they were recorded first."""
         with self._reported():
             if keys is None:
                 return self._read(f"select {COLUMNS} from results order by rowid", ())
-            wanted, found = list(keys), dict[str, JobResult]()
+            wanted = list(keys)
+            found = dict[str, JobResult]()
             for start in range(0, len(wanted), AT_ONCE):
                 part = wanted[start : start + AT_ONCE]
                 marks = ", ".join("?" * len(part))
@@ -182,7 +184,7 @@ class Store:
         return {key: found[key] for key in wanted if key in found}
 
     def missing(self, keys: Iterable[str]) -> list[str]:
-        """Those of the keys, each once, that nothing is kept of."""
+        """Return those of the keys, each once, that nothing is kept of."""
         wanted = list(dict.fromkeys(keys))
         found = self.results(wanted)
         return [key for key in wanted if key not in found]

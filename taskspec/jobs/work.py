@@ -87,7 +87,7 @@ VERSIONS = {"python": platform.python_version(), "taskspec": __version__}
 
 
 def late(seconds: float | None) -> str:
-    """The message of a call that took too long."""
+    """Return the message of a call that took too long."""
     return f"it took longer than {seconds:g} s"
 
 
@@ -143,7 +143,7 @@ def _killed(seconds: float | None, trace: Path) -> Iterator[None]:
 
 
 def _place(error: BaseException) -> str:
-    """The innermost line that an error passed, those of the clock and of `import` aside."""
+    """Return the innermost line that an error passed, those of the clock and of `import` aside."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if f.name != _ring.__name__]
     own = [f for f in frames if not f.filename.startswith("<frozen ")]
     return f"{own[-1].filename}:{own[-1].lineno}, in {own[-1].name}"

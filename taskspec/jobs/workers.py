@@ -217,7 +217,7 @@ class Site(NamedTuple):
         return self.executor.submit(self.attempt, calls, seconds)
 
     def endings(self, future: Future[list[Ending]], count: int) -> list[Ending]:
-        """How the calls of a parcel ended that is over."""
+        """Return how the calls of a parcel ended that is over."""
         try:
             return future.result()
         except Exception as error:

@@ -18,7 +18,8 @@ def excluded_by_parameters(conditions: Sequence[tuple[s.Expr, Node]], scope: Sco
     """Return whether each alternative is excluded by conditions known once parameters are; the last is what is left
     without them.
     """
-    found, decided = [], False
+    found = []
+    decided = False
     for expr, node in conditions:
         known = isinstance(node, Const) and not basechecker.varies(expr, scope)
         found.append(decided or (known and not node.value))  # type: ignore[union-attr]

@@ -94,7 +94,8 @@ class BaseChecker(ABC):
 
     def each(self, jobs: Sequence[Callable[[], T]]) -> list[T]:
         """Return results of all the jobs; every one runs, then a broken one gives up."""
-        results, broken = [], False
+        results = []
+        broken = False
         for job in jobs:
             try:
                 results.append(job())
@@ -148,7 +149,8 @@ class BaseChecker(ABC):
     @contextmanager
     def lenient(self, on: bool = True) -> Iterator[None]:
         """What has no value for these parameters is given up inside without a report; what a name stands for is not meant."""
-        before, self._lenient = self._lenient, on
+        before = self._lenient
+        self._lenient = on
         try:
             yield
         finally:
@@ -169,7 +171,8 @@ class BaseChecker(ABC):
     def expand(self, expr: s.Expr, count: int = 1) -> None:
         """Count what is written out on the author's behalf: calls of definitions, elements of comprehensions."""
         self._expanded += count
-        most, wanted = limits().expansions, max(count * self._times, self._expanded)
+        most = limits().expansions
+        wanted = max(count * self._times, self._expanded)
         if wanted > most:
             message = f"definitions and comprehensions write out more than {most:,} expressions"
             self.fail("E314", expr, message, how_to_raise("expansions", wanted))
@@ -220,7 +223,8 @@ def numbered(checker: BaseChecker, value: Value, expr: s.Expr, domain: Domain) -
 def _by_value(checker: BaseChecker, node: Node, domain: Domain) -> Node:
     if domain.values is None or domain.value_type is None:
         return node
-    b, values = checker.builder, domain.values
+    b = checker.builder
+    values = domain.values
     if domain.value_type != INT or len(set(values)) < len(values):
         message = f"the labels {listed(domain)} do not stand for different ints, so a number does not identify a label"
         raise Refused(message, hint=_table(domain))

@@ -24,13 +24,18 @@ UNSORTED = 16
 @cache
 def network(n: int) -> list[tuple[int, int]]:
     """Comparators of Batcher's odd-even merge sort (Knuth, TAOCP 3, algorithm 5.2.2M)."""
-    pairs, t = [], max(1, (n - 1).bit_length())
+    pairs = []
+    t = max(1, (n - 1).bit_length())
     p = 1 << (t - 1)
     while p > 0:
-        q, r, d = 1 << (t - 1), 0, p
+        q = 1 << (t - 1)
+        r = 0
+        d = p
         while d > 0:
             pairs += [(i, i + d) for i in range(n - d) if i & p == r]
-            d, q, r = q - p, q >> 1, p
+            d = q - p
+            q = q >> 1
+            r = p
         p >>= 1
     return pairs
 
@@ -39,7 +44,9 @@ class Runtime:
     """Helpers over an array namespace, with the integer and real types that the backend computes in."""
 
     def __init__(self, xp: Any, int_dtype: Any, real_dtype: Any) -> None:
-        self.xp, self.int, self.real = xp, int_dtype, real_dtype
+        self.xp = xp
+        self.int = int_dtype
+        self.real = real_dtype
 
     # -- conversions ----------------------------------------------------------------------------------------------
 
@@ -81,7 +88,8 @@ class Runtime:
         return xp.where(usable, xp.where(usable, a, 0) % xp.where(usable, b, 1), xp.nan)
 
     def pow(self, a: AnyArray, b: AnyArray) -> AnyArray:
-        a, b = self.as_real(a), self.as_real(b)
+        a = self.as_real(a)
+        b = self.as_real(b)
         # With a single exponent for all NumPy takes short cuts, and a square root differs from a power at -0.0 and -inf.
         return self.xp.power(a, b + self.xp.zeros_like(a))
 
@@ -161,7 +169,8 @@ class Runtime:
 
     def sort(self, x: AnyArray) -> AnyArray:
         """Ascending along the first axis; short vectors by a network, which takes a few operations for all lanes."""
-        n, x = x.shape[0], self.without_sign(x)
+        n = x.shape[0]
+        x = self.without_sign(x)
         if n > UNSORTED:
             return self.xp.sort(x, axis=0)
         rows = list(x)
@@ -211,7 +220,8 @@ class Runtime:
         return xp.where(here, value, x)
 
     def swap(self, x: AnyArray, i: AnyArray, j: AnyArray) -> AnyArray:
-        at_i, at_j = self.index(x, i), self.index(x, j)
+        at_i = self.index(x, i)
+        at_j = self.index(x, j)
         return self.put(self.put(x, i, at_j), j, at_i)
 
 

@@ -46,7 +46,8 @@ def power(base: Const, exponent: Const) -> tuple[Any, Type] | None:
     Raises:
         Refused: (E314) for one too large to write out.
     """
-    b, e = base.value, exponent.value
+    b = base.value
+    e = exponent.value
     if exponent.type.kind is Kind.REAL or (base.type.kind is Kind.REAL and not isinstance(b, Fraction)):
         return None
     if b == 0 and e < 0:

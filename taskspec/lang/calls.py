@@ -33,11 +33,13 @@ def folded(checker: BaseChecker, expr: s.Call, scope: Scope, apply: Applied) -> 
         hint = near or '`definitions: {"f(value, element)": value + element}`, then `fold(f, 0, x)`'
         checker.fail("E306", written, f"{expr.function} needs a definition with two arguments first", hint)
     values = checker.each([lambda: checker.value(start, scope), lambda: Value(checker.numeric(vector, scope))])
-    value, x = basechecker.named(values[0], start, scope), values[1].node
+    value = basechecker.named(values[0], start, scope)
+    x = values[1].node
     if x.type.is_scalar:
         checker.fail("E306", vector, f"{expr.function} goes through a vector, not {x.type}")
     checker.expand(expr, x.type.shape[0])
-    found, is_late = [], basechecker.varies(expr, scope)
+    found = []
+    is_late = basechecker.varies(expr, scope)
     for i in range(x.type.shape[0]):
         element = Value(checker.builder.structure("element", [x], (i,)), late=basechecker.varies(vector, scope))
         value = replace(apply(checker, step, expr, [value, element]), late=is_late)
@@ -115,7 +117,8 @@ def refuse_keywords(collector: Collector, expr: s.Call) -> None:
 
 def _keyword(name: str, value: s.Expr) -> s.Place:
     """Return the place of the name before `=`, which stands directly before its value."""
-    text, end = value.place.text, value.place.start
+    text = value.place.text
+    end = value.place.start
     start = text.value.rfind(name, 0, end)
     return s.Place(text, start, start + len(name)) if start >= 0 else value.place
 
@@ -214,7 +217,8 @@ def _bind(checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scope) ->
                     f"{dist.name}({', '.join(names)})",
                 )
             nodes[argument.name] = checker.builder.scalar(argument.default)
-        node, place = nodes[argument.name], given.get(argument.name, expr)
+        node = nodes[argument.name]
+        place = given.get(argument.name, expr)
         if argument.static and not (
             isinstance(node, Const) and node.type.is_scalar and node.type.kind is not Kind.REAL
         ):
@@ -230,7 +234,8 @@ def _given(
     names = [a.name for a in dist.arguments]
     if len(expr.args) > len(names):
         checker.fail("E304", expr, f"{dist.name}({', '.join(names)}) was given {count_of(len(expr.args))}")
-    given, shape = dict(zip(names, expr.args, strict=False)), None
+    given = dict(zip(names, expr.args, strict=False))
+    shape = None
     for name, value in expr.keywords:
         if name == "shape" and dist.shaped:
             shape = static_shape(checker, value, scope)
@@ -276,7 +281,9 @@ def _draw_shape(
 def _check_argument(
     checker: BaseChecker, dist: dists.Dist, argument: dists.Argument, node: Const, expr: s.Call
 ) -> None:
-    name, least, most = argument.name, min(node.flat), max(node.flat)
+    name = argument.name
+    least = min(node.flat)
+    most = max(node.flat)
     if math.isinf(argument.high) and not all(math.isfinite(v) for v in node.flat):
         checker.fail("E408", expr, f"'{name}' of {dist.name} is not finite")
     if not (least > argument.low if argument.open else least >= argument.low):

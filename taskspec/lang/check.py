@@ -218,5 +218,6 @@ def check_uncalled(collector: Collector, function: FunctionDef) -> None:
                 if own is None and not calls.is_function(found.function):
                     calls.no_function(collector, found, scope)
             case s.Name() if own is None and found.written not in local and not scope.is_label(found.id):
-                message, known = f"'{found.written}' is not defined here", [*local, *scope.names()]
+                message = f"'{found.written}' is not defined here"
+                known = [*local, *scope.names()]
                 collector.add("E302", found.place, message, suggest(found.id, known))

@@ -28,7 +28,9 @@ class _Side:
     """One side of a comparison, worked out once. A word that may be a label means what its neighbour makes of it."""
 
     def __init__(self, checker: BaseChecker, expr: s.Expr, scope: Scope) -> None:
-        self.checker, self.expr, self.scope = checker, expr, scope
+        self.checker = checker
+        self.expr = expr
+        self.scope = scope
         self.word = expr.value if isinstance(expr, s.Quoted) else expr.id if isinstance(expr, s.Name) else ""
         self.may_be_label = isinstance(expr, s.Quoted) or (
             isinstance(expr, s.Name) and scope.lookup(expr.written) is None
@@ -129,7 +131,9 @@ def _member(left: _Side, right: _Side) -> Node:
 
 def _member_of_many(left: _Side, right: s.Comprehension, scope: Scope) -> Node:
     """`x in {... for ...}` of a choice, or a vector with choices: labels of each element belong to the choice in its place."""
-    checker, b, element = left.checker, left.checker.builder, right.element
+    checker = left.checker
+    b = left.checker.builder
+    element = right.element
     parts = left.parts or [left]
     items = element.items if left.parts and isinstance(element, s.Vector) else (element,)
     if len(items) != len(parts):

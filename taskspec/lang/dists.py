@@ -51,7 +51,8 @@ def truncated(b: NodeMaker, u: Node, low: Node, high: Node) -> Node:
     mirrored = b.apply("lt", b.scalar(0.0), b.apply("add", low, high))
     left = b.apply("where", mirrored, b.apply("neg", high), low)
     right = b.apply("where", mirrored, b.apply("neg", low), high)
-    bottom, top = _distribution(b, left), _distribution(b, right)
+    bottom = _distribution(b, left)
+    top = _distribution(b, right)
     p = b.apply("add", bottom, b.apply("mul", u, b.apply("sub", top, bottom)))
     found = b.apply("where", b.apply("lt", b.scalar(0.0), p), _quantile(b, p), right)  # no float holds what is rarer
     return b.apply("where", mirrored, b.apply("neg", found), found)
@@ -244,7 +245,8 @@ def _permutation(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 def _subset(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     """Return whether each place's number in a permutation is one of the first k."""
-    n, k = a["n"], a["k"]
+    n = a["n"]
+    k = a["k"]
     assert isinstance(n, Const) and isinstance(k, Const)
     if k.value > n.value:
         raise Refused(f"Subset takes k = {k.value} of n = {n.value}, which are fewer", "E408")
@@ -261,7 +263,8 @@ def _beta(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 def _binomial(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     """Return an index drawn with the probabilities of all counts, which exact analysis lists."""
-    n, p = a["n"], b.cast(a["p"], Kind.REAL)
+    n = a["n"]
+    p = b.cast(a["p"], Kind.REAL)
     assert isinstance(n, Const)
     if n.value > Limits.trials:
         raise Refused(f"Binomial takes at most {Limits.trials:,} trials", "E408")
@@ -273,7 +276,8 @@ def _binomial(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 def _counts(b: Builder, n: int, p: Node) -> Node:
     """Return the probabilities of 0, ..., n successes in n trials; exact where p is, unless they have very many digits."""
-    type_, ways = Type(Kind.REAL, (n + 1,)), [math.comb(n, k) for k in range(n + 1)]
+    type_ = Type(Kind.REAL, (n + 1,))
+    ways = [math.comb(n, k) for k in range(n + 1)]
     if isinstance(p, Const) and not isinstance(p.value, float):
         q = Fraction(p.value)
         exact = [c * q**k * (1 - q) ** (n - k) for k, c in enumerate(ways)]

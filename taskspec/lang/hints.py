@@ -34,7 +34,11 @@ class SyntaxFailure(Exception):
     """One syntax error; a text gives at most one, since what follows it is guesswork."""
 
     def __init__(self, start: int, end: int, message: str, hint: str | None = None, code: str = "E301") -> None:
-        self.start, self.end, self.message, self.hint, self.code = start, end, message, hint, code
+        self.start = start
+        self.end = end
+        self.message = message
+        self.hint = hint
+        self.code = code
 
 
 def explain(value: str, error: Exception) -> NoReturn:

@@ -79,7 +79,8 @@ def single_step(node: Node, args: Args) -> Range:
     if isinstance(node, Apply) and not _is_nearest(entry_of(node.op), args, found):
         terms = max((c.type.size for c in children(node)), default=1)
         cancels = terms > 1 and any(a.low < 0 < a.high for a in args)
-        low, high = abs(found.low), abs(found.high)
+        low = abs(found.low)
+        high = abs(found.high)
         if cancels:
             low = high = max(low, high)
         if not math.isinf(low + high):

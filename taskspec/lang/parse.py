@@ -19,7 +19,8 @@ from taskspec.lang.hints import ATTRIBUTES, MODULES, SyntaxFailure, advice, expl
 from taskspec.lang.operators import FUNCTIONS
 
 PRIME = "\u02b9"
-_OPENERS, _CLOSERS = "([{", ")]}"
+_OPENERS = "([{"
+_CLOSERS = ")]}"
 
 _BINARY: dict[type[ast.operator], str] = {
     ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "//", ast.Mod: "%", ast.Pow: "**",
@@ -30,7 +31,8 @@ _COMPARE: dict[type[ast.cmpop], str] = {
 }  # fmt: skip
 _UNARY: dict[type[ast.unaryop], str] = {ast.USub: "-", ast.UAdd: "+", ast.Not: "not"}
 
-_NAME, _DIGITS = re.compile(r"[A-Za-z]\w*", re.ASCII), re.compile(r"0|[1-9]\d{0,14}", re.ASCII)
+_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+_DIGITS = re.compile(r"0|[1-9]\d{0,14}", re.ASCII)
 TRUTHS = {"true": True, "false": False}
 """Truth values as YAML spells them; Python's own parser knows `True` and `False`."""
 
@@ -241,7 +243,8 @@ class _Reader:
         place = self.place(node.func)
         shown = self.text.value[place.start : place.end]
         if isinstance(node.func, ast.Attribute):
-            what, name = "methods (`x.f()`)", node.func.attr
+            what = "methods (`x.f()`)"
+            name = node.func.attr
             if shown.partition(".")[0] in MODULES:
                 what = "functions of Python modules (`np.f()`)"
             known = (

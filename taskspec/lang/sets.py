@@ -85,7 +85,8 @@ def member(checker: BaseChecker, value: Value, left: s.Expr, right: s.Expr, scop
     node = value.node
     if domain is None or domain != value.domain:  # numbers, or what labels stand for in arithmetic
         check_comparable(domain, value.domain)
-        node, table = checker.number_of(value), checker.number_of(Value(table, domain))
+        node = checker.number_of(value)
+        table = checker.number_of(Value(table, domain))
     if not table.type.shape[0]:
         return b.scalar(False)
     if node.type.shape != table.type.shape[1:]:
@@ -128,7 +129,8 @@ def _unrolled(
     """Return the elements for everything that the clauses go over, the last one fastest."""
     if not clauses:
         return [make(scope)]
-    clause, nodes = clauses[0], []
+    clause = clauses[0]
+    nodes = []
     want = wants.get(clause.targets[0]) if len(clause.targets) == 1 else None
     points = _candidates(checker, clause, scope, want, _FIXED)
     _check_few(checker, "unrolled", len(points.rows), expr, "elements to write out")
@@ -246,7 +248,8 @@ def _candidates(
         case s.SetOf() | s.Comprehension(is_set=True):
             table, domain = _table(checker, expr, scope, want)
         case _:
-            table, domain = checker.numeric(expr, scope), None
+            table = checker.numeric(expr, scope)
+            domain = None
     if not isinstance(table, Const) or table.type.is_scalar:
         checker.fail(
             "E312",

@@ -32,7 +32,8 @@ def subscript(checker: BaseChecker, expr: s.Subscript, scope: Scope) -> Node:
 
 
 def _row(checker: BaseChecker, node: Node, index: s.Expr | s.Slice, scope: Scope) -> Node:
-    b, n = checker.builder, node.type.shape[0]
+    b = checker.builder
+    n = node.type.shape[0]
     if isinstance(index, s.Slice):
         start, count, step = _slice_bounds(checker, index, n, scope)
         return b.structure("slice", [node], (start, count, step))
@@ -47,11 +48,13 @@ def rows_for_an_element(checker: BaseChecker, expr: s.Expr, scope: Scope) -> str
     for part in s.below(expr):
         if not isinstance(part, s.Subscript) or len(part.indices) > 1 or isinstance(part.indices[0], s.Slice):
             continue
-        value, index = checker.check(part.value, scope), checker.check(part.indices[0], scope)
+        value = checker.check(part.value, scope)
+        index = checker.check(part.indices[0], scope)
         if value is None or index is None or len(value.node.type.shape) < 2:
             continue
         if index.node.type.shape == (len(value.node.type.shape),):
-            at, n = part.indices[0], len(value.node.type.shape)
+            at = part.indices[0]
+            n = len(value.node.type.shape)
             name = at.place.written
             written = [i.place.written for i in at.items] if isinstance(at, s.Vector) else None
             places = ", ".join(written or [f"{name}[{i}]" for i in range(n)])
@@ -61,7 +64,8 @@ def rows_for_an_element(checker: BaseChecker, expr: s.Expr, scope: Scope) -> str
 
 def _block(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) -> Node:
     """Return what several indices leave of a matrix, an axis for each slice: elements of its rows laid end to end."""
-    b, axes = checker.builder, node.type.shape[: len(expr.indices)]
+    b = checker.builder
+    axes = node.type.shape[: len(expr.indices)]
     jobs = [partial(_places, checker, i, n, scope) for i, n in zip(expr.indices, axes, strict=True)]
     places = checker.each(jobs)
     if any(p.type.shape and not isinstance(i, s.Slice) for i, p in zip(expr.indices, places, strict=True)):

@@ -166,11 +166,12 @@ def _column(checker: BaseChecker, expr: s.Expr, scope: Scope) -> _Column:
 
 
 def _leaves(checker: BaseChecker, rows: Sequence[s.TableRow], columns: Sequence[_Column], scope: Scope) -> list[_Leaf]:
-    """Cells with their keys, in written order; a cell that stops early spans the columns left."""
+    """Return cells with their keys, in written order; a cell that stops early spans the columns left."""
     if not columns:
         checker.fail("E307", rows[0].body if not isinstance(rows[0].body, tuple) else _some(rows[0]),
                      "this table has more levels of rows than names in `by`")  # fmt: skip
-    column, rest = columns[0], columns[1:]
+    column = columns[0]
+    rest = columns[1:]
     leaves: list[_Leaf] = []
     seen: dict[_Key, s.TableRow] = {}
     for row in rows:
@@ -219,7 +220,8 @@ def _grid(
 
     A combination without a cell is reported, at the row that lacks it.
     """
-    size, most = 1, limits().cells
+    size = 1
+    most = limits().cells
     for column in columns:
         size *= most + 1 if column.values is None else len(column.values)
     if size > most:
@@ -251,7 +253,8 @@ def _lacking(
         row = next((r for r in rows if r.key is not None and _key(checker, r.key, column, scope) == value), None)
         if row is None or row.key is None or not isinstance(row.body, tuple):
             return place
-        place, rows = row.key, row.body
+        place = row.key
+        rows = row.body
     return place
 
 

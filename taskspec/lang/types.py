@@ -118,4 +118,6 @@ class Refused(Exception):
 
     def __init__(self, message: str, code: str = "E306", hint: str | None = None) -> None:
         super().__init__(message)
-        self.message, self.code, self.hint = message, code, hint
+        self.message = message
+        self.code = code
+        self.hint = hint

@@ -27,7 +27,8 @@ class CannotLearn(SpecError):
 
     def __init__(self, message: str, hint: str | None = None) -> None:
         super().__init__([Diagnostic("E724", None, message, hint)])
-        self.message, self.hint = message, hint
+        self.message = message
+        self.hint = hint
 
     def __reduce__(self) -> tuple[Any, ...]:
         return CannotLearn, (self.message, self.hint)  # so that it comes through from another process
@@ -139,5 +140,6 @@ class Vectors:
         """Return vectors with the bounds of a bounded box at 0 and 1; others are unchanged."""
         if not self.is_bounded:
             return vectors
-        low, high = np.array(self.low, np.float32), np.array(self.high, np.float32)
+        low = np.array(self.low, np.float32)
+        high = np.array(self.high, np.float32)
         return (vectors - low) / (high - low)

@@ -70,7 +70,8 @@ class NetPolicy:
     def _act(self, seen: Array, deterministic: bool) -> Array:
         if not self._rng:
             self._rng.append(np.random.default_rng(self.seed))
-        rng, v = self._rng[0], self.actions
+        rng = self._rng[0]
+        v = self.actions
         if not v.counts:
             mean = self._output(seen)
             drawn = mean if deterministic else mean + np.exp(self.deviations) * rng.standard_normal(mean.shape)

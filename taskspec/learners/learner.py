@@ -52,7 +52,7 @@ class Learner:
 
 
 def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learner:
-    """A learner by its name, or as a file has it: `learner: gail_im`, and maybe a `family` and `settings`.
+    """Return a learner by its name, or as a file has it: `learner: gail_im`, and maybe a `family` and `settings`.
 
     A name may have its family in front: `paper/gail_im`.
 

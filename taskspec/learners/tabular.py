@@ -14,7 +14,7 @@ import numpy as np
 
 from taskspec.abstraction.abstraction import abstraction
 from taskspec.base.arrays import Array
-from taskspec.base.progress import tell
+from taskspec.base.limits import tell
 from taskspec.data import Demonstrations, Tabular
 from taskspec.data.tabular import LookAlike, tabular
 from taskspec.learners.case import LearnerCase, cannot_learn

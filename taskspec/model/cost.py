@@ -16,7 +16,9 @@ RATE = 3e8
 CALL = 1e-5
 """Seconds that an operation of NumPy takes, however few numbers there are."""
 BYTES = 8
-WORD, SORTED, PASS = 5, 60, 3
+WORD = 5
+SORTED = 60
+PASS = 3
 """How many operations a random word is worth, and one of a draw that sorts them; and one that is gone through once more."""
 
 
@@ -40,20 +42,20 @@ class Cost:
             self.calls += sum(PASS * _more_passes(draw) for draw in drawn)
 
     def seconds(self, points: float, batches: float = 1) -> float:
-        """How long so many points take, in so many batches."""
+        """Return how long so many points take, in so many batches."""
         return points * self.numbers / RATE + batches * self.calls * CALL
 
     def affordable(self) -> int:
-        """How many points there may be in the time that an analysis has."""
+        """Return how many points there may be in the time that an analysis has."""
         return int(limits().seconds * RATE / self.numbers)
 
     def batch(self, most: float) -> int:
-        """How many points, of at most so many, fit into memory at once."""
+        """Return how many points, of at most so many, fit into memory at once."""
         return max(1, int(min(most, limits().megabytes * 1e6 / (BYTES * self.numbers))))
 
 
 def _operations(draw: Draw) -> int:
-    """What sampling takes for each word of a draw."""
+    """Return what sampling takes for each word of a draw."""
     return (SORTED if VARIATES[draw.base].sorts else WORD) + PASS * _more_passes(draw)
 
 
@@ -68,7 +70,9 @@ class Budget:
     """
 
     def __init__(self, what: str) -> None:
-        self.what, self.spent, self.most = what, 0.0, limits().seconds
+        self.what = what
+        self.spent = 0.0
+        self.most = limits().seconds
 
     def spend(self, cost: Cost, points: float, beside: float = 0.0) -> None:
         """Begin a batch of so many points, with so many seconds for what is done beside them.
@@ -83,7 +87,7 @@ class Budget:
 
 
 def duration(seconds: float) -> str:
-    """A time in words: `about 40 seconds`, `about 3 hours`."""
+    """Return a time in words: `about 40 seconds`, `about 3 hours`."""
     for size, unit in ((86_400, "days"), (3_600, "hours"), (60, "minutes")):
         if seconds >= 2 * size:
             return f"about {_rounded(seconds / size)} {unit}"
@@ -91,7 +95,7 @@ def duration(seconds: float) -> str:
 
 
 def _rounded(number: float) -> str:
-    """Two digits are enough for an estimate."""
+    """Return two digits are enough for an estimate."""
     if not math.isfinite(number) or number >= 1e15:
         return "endlessly many"
     digits = max(0, len(str(int(number))) - 2)

@@ -12,8 +12,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.limits import count as count_of
-from taskspec.base.limits import how_to_raise, limits
-from taskspec.base.progress import tell
+from taskspec.base.limits import how_to_raise, limits, tell
 from taskspec.lang.ir import Const, Node, draws, walk
 from taskspec.lang.types import Kind
 from taskspec.model.cost import Cost, duration
@@ -26,7 +25,8 @@ from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
 WHOLE = 4_000_000
-MANY, FEW = 10_000, 50
+MANY = 10_000
+FEW = 50
 """Of so many states it is tried whether episodes enter less than one in so many, such as on boards with two mines."""
 MOST_ACTIONS = 10_000_000
 SWEEP = 1e9
@@ -75,7 +75,7 @@ def _sizes(nodes: Sequence[Node]) -> Iterator[Any]:
 
 
 def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = None) -> Model:
-    """The exact model of a finite task.
+    """Return the exact model of a finite task.
 
     Args:
         reachable: only states that episodes enter (True), or all declared ones (False); None takes
@@ -108,7 +108,7 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
 
 
 def _codes(steps: Steps, room: _Room, reachable: bool | None) -> Array:
-    """The states of the model, in order."""
+    """Return the states of the model, in order."""
     size = steps.states.size
     if reachable is None:
         reachable = size > min(WHOLE, room.states)
@@ -125,7 +125,9 @@ class _Room:
     """How large a model may be: its transitions, the time to find them, and that to plan an episode with them."""
 
     def __init__(self, steps: Steps, times: int, most: int) -> None:
-        self.horizon, self.times, self.most = steps.task.horizon or 1, times, most
+        self.horizon = steps.task.horizon or 1
+        self.times = times
+        self.most = most
         self.cost = Cost(steps.roots)
         self.per_state = max(1.0, steps.actions.size * steps.branching * times)
 

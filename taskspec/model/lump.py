@@ -24,7 +24,7 @@ Users = dict[int, list[Node]]
 
 
 def users_of(roots: Sequence[Node]) -> Users:
-    """Who uses each node; a root is used by what is not below the roots, for which the root itself stands."""
+    """Return who uses each node; a root is used by what is not below the roots, for which the root itself stands."""
     users: Users = defaultdict(list)
     for node in walk(roots):
         for child in dict.fromkeys(children(node)):
@@ -36,7 +36,8 @@ def users_of(roots: Sequence[Node]) -> Users:
 
 def capped(roots: Sequence[Node], builder: Builder) -> dict[int, Node]:
     """Poisson draws, by id, as draws of fewer outcomes: all counts from some on are one."""
-    users, made = users_of(roots), {}
+    users = users_of(roots)
+    made = {}
     for draw in draws(roots):
         if draw.base == "poisson":
             most = max(0, _enough(draw, 1, users, builder))
@@ -47,7 +48,9 @@ def capped(roots: Sequence[Node], builder: Builder) -> dict[int, Node]:
 
 
 def _enough(node: Node, sign: int, users: Users, builder: Builder) -> float:
-    """Where a whole number times the sign has reached this, all that is made of it stays the same; infinite where it may not."""
+    """Return where a whole number times the sign has reached this, all that is made of it stays the same; infinite where
+    it may not.
+    """
     return max(_enough_for(node, sign, user, users, builder) for user in users[id(node)])
 
 
@@ -118,7 +121,7 @@ def _counted(roots: Sequence[Node], builder: Builder) -> dict[int, Node]:
 
 
 def _reductions(flags: Node, users: Users) -> list[Apply] | None:
-    """What makes one value of a vector of conditions, if nothing else uses it."""
+    """Return what makes one value of a vector of conditions, if nothing else uses it."""
     found = []
     for user in users[id(flags)]:
         if not isinstance(user, Apply) or user is flags:
@@ -136,7 +139,7 @@ def _reductions(flags: Node, users: Users) -> list[Apply] | None:
 
 
 def _total(flags: Node, users: Users, builder: Builder) -> Node | None:
-    """A draw of how many of some conditions hold, if some have a draw each that nothing else uses.
+    """Return a draw of how many of some conditions hold, if some have a draw each that nothing else uses.
 
     Its arguments are the chances of these draws, and the conditions with all of them true, and with all of them false. It has the
     last of their sites, so that whatever else decides the conditions is drawn before.
@@ -161,7 +164,9 @@ def _total(flags: Node, users: Users, builder: Builder) -> Node | None:
 
 
 def _only(root: Node, above: set[int], users: Users) -> Draw | None:
-    """The one Bernoulli draw of its own shape that nothing but a root uses, which nothing but what is above it uses."""
+    """Return the one Bernoulli draw of its own shape that nothing but a root uses, which nothing but what is above it
+    uses.
+    """
     if {id(u) for u in users[id(root)]} != above:
         return None
     below = {id(n) for n in walk([root])}
@@ -171,8 +176,9 @@ def _only(root: Node, above: set[int], users: Users) -> Draw | None:
 
 
 def _is_inside(draw: Draw, root: Node, below: set[int], users: Users) -> bool:
-    """Whether every use of a draw is one by the root."""
-    waiting, seen = [draw], set()
+    """Return whether every use of a draw is one by the root."""
+    waiting = [draw]
+    seen = set()
     while waiting:
         node: Node = waiting.pop()
         if node is root or id(node) in seen:
@@ -185,7 +191,7 @@ def _is_inside(draw: Draw, root: Node, below: set[int], users: Users) -> bool:
 
 
 def _is_elementwise(root: Node, draw: Draw) -> bool:
-    """Whether element i of the root depends on element i of the draw alone."""
+    """Return whether element i of the root depends on element i of the draw alone."""
     depends = {id(draw)}
     for node in walk([root]):
         if any(id(c) in depends for c in children(node)):
@@ -196,7 +202,7 @@ def _is_elementwise(root: Node, draw: Draw) -> bool:
 
 
 def _given(root: Node, draw: Draw | None, value: bool, builder: Builder) -> Node:
-    """The root where a draw came out like this everywhere."""
+    """Return the root where a draw came out like this everywhere."""
     if draw is None:
         return root
     known = builder.stretch(builder.scalar(value), draw.type.shape)
@@ -204,7 +210,7 @@ def _given(root: Node, draw: Draw | None, value: bool, builder: Builder) -> Node
 
 
 def _reduced(reduction: Apply, total: Node, size: int, builder: Builder) -> Node:
-    """A reduction of conditions from how many of them hold."""
+    """Return a reduction of conditions from how many of them hold."""
     from_count = entry_of(reduction.op).from_count
     assert from_count is not None
     return builder.cast(from_count(builder, total, size), reduction.type.kind)
@@ -215,7 +221,8 @@ def _reduced(reduction: Apply, total: Node, size: int, builder: Builder) -> Node
 
 def _permuted(roots: Sequence[Node], builder: Builder) -> dict[int, Node]:
     """Permutations, by id, as arrangements of what is told apart in the places that are looked at."""
-    users, made = users_of(roots), {}
+    users = users_of(roots)
+    made = {}
     for draw in draws(roots):
         if draw.base == "permutation" and len(draw.type.shape) == 1:
             n = draw.type.size
@@ -229,7 +236,7 @@ def _permuted(roots: Sequence[Node], builder: Builder) -> dict[int, Node]:
 
 
 def _looks(node: Node, places: Array, users: Users) -> Iterator[tuple[Node, Array]]:
-    """The functions of single elements of a permutation that the rest is made of, with the places that each is of."""
+    """Yield the functions of single elements of a permutation that the rest is made of, with the places that each is of."""
     onwards = [_onwards(node, user, places) for user in users[id(node)]]
     if any(found is None for found in onwards):
         yield node, places
@@ -240,7 +247,7 @@ def _looks(node: Node, places: Array, users: Users) -> Iterator[tuple[Node, Arra
 
 
 def _onwards(node: Node, user: Node, places: Array) -> tuple[Node, Array] | None:
-    """A user that is made of the same elements, or of some of them, each by itself; with their places."""
+    """Return a user that is made of the same elements, or of some of them, each by itself; with their places."""
     if not isinstance(user, Apply) or user is node:
         return None
     if user.op in OPERATORS and OPERATORS[user.op].elementwise:

@@ -44,7 +44,7 @@ def scipy_sparse() -> Any:
 
 
 def scipy_module(name: str) -> Any:
-    """A part of `scipy.sparse`, imported on first use."""
+    """Return a part of `scipy.sparse`, imported on first use."""
     return need(f"scipy.sparse.{name}", "exact", "an exact model")
 
 
@@ -90,7 +90,7 @@ class Step:
     escaping: Array | None = None
 
     def same(self, other: Step) -> bool:
-        """Whether two times are alike, so that one can stand for both."""
+        """Return whether two times are alike, so that one can stand for both."""
         if (self.P_end is None) != (other.P_end is None) or not np.array_equal(self.R, other.R):
             return False
         pairs = [(self.P, other.P)] + ([] if self.P_end is None else [(self.P_end, other.P_end)])
@@ -149,7 +149,7 @@ class Model:
     # -- names both ways --------------------------------------------------------------------------
 
     def state(self, index: int) -> dict[str, Any]:
-        """The state with an index, by component."""
+        """Return the state with an index, by component."""
         return self.states.values_of(int(self.codes[index]))
 
     def action(self, index: int) -> dict[str, Any]:
@@ -162,7 +162,7 @@ class Model:
         return self.actions.describe(index)
 
     def state_index(self, values: Mapping[str, Any]) -> int:
-        """The index of a state given by component (labels for choices). KeyError if it is not in the model."""
+        """Return the index of a state given by component (labels for choices). KeyError if it is not in the model."""
         code = code_of(self.states, values)
         index = int(np.searchsorted(self.codes, code))
         if index == len(self.codes) or self.codes[index] != code:
@@ -170,7 +170,7 @@ class Model:
         return index
 
     def state_indices(self, values: Mapping[str, Array], lanes: int) -> Array:
-        """The indices (N,) of states by component, (*shape, N); labels as their numbers.
+        """Return the indices (N,) of states by component, (*shape, N); labels as their numbers.
 
         Raises:
             SpecError: E712 for a state that is not in the model, as no episode comes to it.
@@ -194,7 +194,8 @@ class Model:
 
     def levels(self) -> Iterator[tuple[int, Array]]:
         """For each time at which an action may be taken, which states (S,) it may be taken in."""
-        level, seen = self.start > 0, np.zeros(self.n_states, np.bool_)
+        level = self.start > 0
+        seen = np.zeros(self.n_states, np.bool_)
         t = 0
         while level.any() and (self.horizon is None or t < self.horizon):
             yield t, level
@@ -205,12 +206,13 @@ class Model:
             t += 1
 
     def successors(self, matrix: Sparse, states: Array) -> Array:
-        """The states (S,) that some action leads to from the given ones."""
+        """Return the states (S,) that some action leads to from the given ones."""
         if 8 * np.count_nonzero(states) > len(states):
             rows = np.tile(states, self.n_actions).astype(np.float64)
             return np.asarray(matrix.T @ rows) > 0
         some = (np.flatnonzero(states) + self.n_states * np.arange(self.n_actions)[:, None]).reshape(-1)
-        first, counts = matrix.indptr[some], matrix.indptr[some + 1] - matrix.indptr[some]
+        first = matrix.indptr[some]
+        counts = matrix.indptr[some + 1] - matrix.indptr[some]
         entries = np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
         found = np.zeros(self.n_states, np.bool_)
         found[matrix.indices[entries[matrix.data[entries] > 0]]] = True
@@ -248,7 +250,8 @@ class Model:
         if self.is_timed:
             yield from self.levels()
             return
-        level, seen = self.start > 0, np.zeros(self.n_states, np.bool_)
+        level = self.start > 0
+        seen = np.zeros(self.n_states, np.bool_)
         t = 0
         while level.any() and (horizon is None or t < horizon):
             yield t, level
@@ -259,12 +262,12 @@ class Model:
     # -- reads ------------------------------------------------------------------------------------
 
     def reads(self, t: int = 0, some: slice = slice(None)) -> dict[tuple[Role, str], Array]:
-        """What expressions read in every state (S,), or some of them, at a time."""
+        """Return what expressions read in every state (S,), or some of them, at a time."""
         return dict(self.states.decode(self.codes[some])) | {(Role.TIME, "t"): np.array([t], dtype=np.int64)}
 
 
 def code_of(space: Space, values: Mapping[str, Any]) -> int:
-    """The code of a combination given by component."""
+    """Return the code of a combination given by component."""
     arrays = []
     for c in space.components:
         value = values[c.name]

@@ -71,7 +71,7 @@ class Grid:
         return self.states.size * (1 if self.actions is None else self.actions.size) * len(self.times or (0,))
 
     def batches(self, most: int) -> Iterator[Batch]:
-        """All points, at most `most` at a time."""
+        """Yield all points, at most `most` at a time."""
         total = self.size
         for low in range(0, total, most):
             rest = np.arange(low, min(total, low + most))
@@ -120,13 +120,13 @@ def _parts(reads: Reads, acting: bool | None, most: int) -> Iterator[Batch]:
 def drawn(
     components: Iterable[tuple[Role, Component]], times: range, rng: np.random.Generator
 ) -> dict[tuple[Role, str], Array]:
-    """Values of some components all over their domains, at some times."""
+    """Return values of some components all over their domains, at some times."""
     reads = {(role, c.name): sampled(c, SAMPLES, rng) for role, c in components}
     return reads | {TIME: rng.integers(times.start, times.stop, SAMPLES)}
 
 
 def anew(reads: Reads, components: Iterable[tuple[Role, Component]], rng: np.random.Generator) -> Reads:
-    """What is read at some points, as often as there are samples, with other values of some components."""
+    """Return what is read at some points, as often as there are samples, with other values of some components."""
     if not _count(reads):
         return {}
     lanes = rng.integers(0, _count(reads), SAMPLES)
@@ -136,12 +136,14 @@ def anew(reads: Reads, components: Iterable[tuple[Role, Component]], rng: np.ran
 
 
 def are_related(state: Sequence[Component]) -> bool:
-    """Whether more may hold of the components of a state than their domains say: there is a real among others."""
+    """Return whether more may hold of the components of a state than their domains say: there is a real among others."""
     return any(c.type.kind is Kind.REAL for c in state) and sum(c.type.size for c in state) > 1
 
 
 def sampled(c: Component, lanes: int, rng: np.random.Generator) -> Array:
-    """Values (*shape, lanes) of a component; each element is at an end of its range every eighth time, and near one as often."""
+    """Return values (*shape, lanes) of a component; each element is at an end of its range every eighth time, and near one
+    as often.
+    """
     rows = [_element(low, high, c.type.kind, lanes, rng) for low, high in zip(c.low, c.high, strict=True)]
     values = np.array(rows) if c.type.shape else rows[0]
     kind: Any = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}[c.type.kind]
@@ -155,12 +157,13 @@ def _element(low: float, high: float, kind: Kind, lanes: int, rng: np.random.Gen
         values = rng.uniform(bottom, top, lanes)
     else:
         values = np.floor(rng.uniform(bottom, top + 1, lanes)).clip(bottom, top)
-    place, near = rng.integers(0, 16, lanes), (top - bottom) * 10 ** -rng.uniform(0, 9, lanes)
+    place = rng.integers(0, 16, lanes)
+    near = (top - bottom) * 10 ** -rng.uniform(0, 9, lanes)
     near = near if kind is Kind.REAL else np.floor(near)
     return np.choose(np.minimum(place, 4), [bottom, top, bottom + near, top - near, values])
 
 
 def columns(parts: Iterable[Reads]) -> Reads:
-    """Several batches of one another after the other."""
+    """Return several batches of one another after the other."""
     parts = list(parts)
     return {key: np.concatenate([p[key] for p in parts], axis=-1) for key in parts[0]} if parts else {}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.progress import tell
+from taskspec.base.limits import tell
 from taskspec.lang.ir import Role
 from taskspec.model.cost import Budget, Cost
 from taskspec.model.model import Model, refuse, scipy_sparse
@@ -41,14 +41,15 @@ class Visits:
 
 
 def visits(steps: Steps, limit: int | None = None, hint: str | None = None, each: str = "") -> Visits:
-    """The states of all episodes, whatever the actions and draws. Steps out of the state space are passed over.
+    """Return the states of all episodes, whatever the actions and draws. Steps out of the state space are passed over.
 
     Raises:
         SpecError: (E712) beyond `limit` states (and what `each` costs), with a hint, and where it takes too long.
     """
     horizon = steps.task.horizon
     level = distinct(steps.starts()[0])
-    acting, entered = Growing(), Growing()
+    acting = Growing()
+    entered = Growing()
     entered.add(level)
     budget = Budget("the steps until episodes find no new state")
     elements = sum(map(len, steps.states.strides))
@@ -81,13 +82,15 @@ def successors(
     Args:
         spend: called with the number of outcomes of each batch before they are sorted.
     """
-    going, ended = [states[:0]], [states[:0]]
+    going = [states[:0]]
+    ended = [states[:0]]
     per_chunk = max(1, int(min(CHUNK, OUTCOMES // max(1.0, steps.branching))) // steps.actions.size)
     for low in range(0, len(states), per_chunk):
         some = states[low : low + per_chunk]
         tell(f"looking for states, step {t + 1:,}: {low:,} of {len(states):,} looked at")
         for actions in _action_chunks(steps.actions.size):
-            here, there = np.tile(some, len(actions)), np.repeat(actions, len(some))
+            here = np.tile(some, len(actions))
+            there = np.repeat(actions, len(some))
             for found in steps.outcomes(here, there, t):
                 spend(len(found.code))
                 inside = np.ones(len(found.code), np.bool_) if found.outside is None else ~found.outside
@@ -109,7 +112,7 @@ CLEAR = 1e-12
 
 
 def groups(model: Model, name: str) -> Array:
-    """Actions that differ in one component alone, side by side: codes (groups, values of the component)."""
+    """Return actions that differ in one component alone, side by side: codes (groups, values of the component)."""
     space = model.actions
     position = next(i for i, c in enumerate(space.components) if c.name == name)
     values = space.decode(np.arange(space.size))[Role.ACTION, name].reshape(-1, space.size)
@@ -123,7 +126,7 @@ def groups(model: Model, name: str) -> Array:
 
 
 def differs(model: Model, action: str, state: str | None = None) -> tuple[bool | None, str]:
-    """Whether the action component changes the distribution of the next value of a state component.
+    """Return whether the action component changes the distribution of the next value of a state component.
 
     Without `state`: of the whole next state, of the reward, or of the end, in a state where episodes act. None where chances
     differ by so little that it may be rounding; what may happen with one action and never with another tells them apart.
@@ -140,7 +143,8 @@ def differs(model: Model, action: str, state: str | None = None) -> tuple[bool |
         if state is not None:
             parts = [sum(parts[1:], parts[0])]
         for column in range(1, table.shape[1]):
-            rows, others = _rows(model, table[:, 0]), _rows(model, table[:, column])
+            rows = _rows(model, table[:, 0])
+            others = _rows(model, table[:, column])
             gap = _gap(step.R[rows], step.R[others]) if state is None else np.zeros(len(rows))
             for part in parts:
                 gap = gap + _apart(part, rows, others) + _apart(part.sign(), rows, others)
@@ -162,17 +166,18 @@ def _apart(part: Any, rows: Array, others: Array) -> Array:
 def _gap(paid: Array, others: Array) -> Array:
     """By how much (N,) rewards differ, relative to their size."""
     with np.errstate(invalid="ignore"):  # rewards that are not finite are reported elsewhere
-        gap, size = np.abs(paid - others), np.maximum(np.abs(paid), np.abs(others))
+        gap = np.abs(paid - others)
+        size = np.maximum(np.abs(paid), np.abs(others))
     return np.asarray(np.divide(gap, size, out=np.zeros_like(gap), where=size > 0))
 
 
 def _rows(model: Model, actions: Array) -> Array:
-    """Rows of the given actions in all states where episodes act."""
+    """Return rows of the given actions in all states where episodes act."""
     states = np.flatnonzero(model.acting)
     return (actions[:, None] * model.n_states + states[None, :]).reshape(-1)
 
 
 def _classes(model: Model, state: str) -> Array:
-    """States numbered by the value of one component, (S,)."""
+    """Return states numbered by the value of one component, (S,)."""
     value = model.states.decode(model.codes)[Role.STATE, state].reshape(-1, model.n_states)
     return np.asarray(np.unique(value, axis=1, return_inverse=True)[1]).reshape(-1)

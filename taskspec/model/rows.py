@@ -40,15 +40,19 @@ class RowCollector:
     """Gathers rows into arrays as long as all of them may need; what is not written costs no memory."""
 
     def __init__(self, rows: int, entries: int) -> None:
-        self.columns, self.weights = np.empty(entries, np.int32), np.empty(entries)
-        self.counts, self.reward = np.empty(rows, np.int32), np.empty(rows)
+        self.columns = np.empty(entries, np.int32)
+        self.weights = np.empty(entries)
+        self.counts = np.empty(rows, np.int32)
+        self.reward = np.empty(rows)
         self.marked: dict[str, Array] = {}  # `ends` and `escaping`, once they occur
         self.row = self.entry = self.terms = 0
         self.lowest = self.highest = 0.0
 
     def add(self, rows: Rows) -> None:
-        n, m = len(rows.counts), len(rows.columns)
-        here, there = slice(self.row, self.row + n), slice(self.entry, self.entry + m)
+        n = len(rows.counts)
+        m = len(rows.columns)
+        here = slice(self.row, self.row + n)
+        there = slice(self.entry, self.entry + m)
         self.counts[here], self.reward[here] = rows.counts, rows.reward
         self.columns[there], self.weights[there] = rows.columns, rows.weights
         self._mark("ends", rows.ends, there, len(self.columns))
@@ -56,16 +60,18 @@ class RowCollector:
         self.terms = max(self.terms, int(rows.counts.max(initial=0)))
         self.lowest = min(self.lowest, rows.lowest)
         self.highest = max(self.highest, rows.highest)
-        self.row, self.entry = self.row + n, self.entry + m
+        self.row = self.row + n
+        self.entry = self.entry + m
 
     def _mark(self, name: str, flags: Array | None, where: slice, size: int) -> None:
         if flags is not None:
             self.marked.setdefault(name, np.zeros(size, np.bool_))[where] = flags
 
     def step(self, states: int) -> Step:
-        """The matrices of everything gathered."""
+        """Return the matrices of everything gathered."""
         sparse = scipy_sparse()
-        columns, weights = self.columns[: self.entry], self.weights[: self.entry]
+        columns = self.columns[: self.entry]
+        weights = self.weights[: self.entry]
         indptr = np.zeros(self.row + 1, np.int32 if self.entry < 2**31 else np.int64)
         np.cumsum(self.counts, out=indptr[1:])
         self.counts = self.counts[:0]  # as there may be no memory for these as well
@@ -83,14 +89,14 @@ class RowCollector:
 
 
 def _only(flags: Array, weights: Array, columns: Array, indptr: Array) -> tuple[Array, Array, Array]:
-    """The entries of rows that are marked: weights, columns, and where each row begins."""
+    """Return the entries of rows that are marked: weights, columns, and where each row begins."""
     before = np.zeros(len(flags) + 1, indptr.dtype)
     np.cumsum(flags, out=before[1:])
     return weights[flags], columns[flags], before[indptr]
 
 
 def _without(flags: Array, weights: Array, columns: Array, indptr: Array) -> tuple[Array, Array, Array]:
-    """The entries of rows that are not marked, moved together in place: there may be no memory for a copy."""
+    """Return the entries of rows that are not marked, moved together in place: there may be no memory for a copy."""
     before = np.zeros(len(flags) + 1, indptr.dtype)
     np.cumsum(~flags, out=before[1:])
     last = 0
@@ -108,8 +114,9 @@ def _tidy(matrix: Any) -> Any:
 
 
 def all_rows(steps: Steps, codes: Array, t: int) -> Iterator[Rows]:
-    """Rows in order: action by action where there are many states, all actions at once where there are few."""
-    size, actions = len(codes), steps.actions.size
+    """Yield rows in order: action by action where there are many states, all actions at once where there are few."""
+    size = len(codes)
+    actions = steps.actions.size
     if size >= LOOP_FROM:
         chunks = np.array_split(codes, max(1, size // CHUNK))  # none so small that it would be treated otherwise
         for a in range(actions):
@@ -132,8 +139,9 @@ def _rows(steps: Steps, codes: Array, states: Array, actions: Array, t: int) -> 
 
 
 def _escaping(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows:
-    """Rows some of which leave the state space; they are marked, and those outcomes have no weight."""
-    kept, escaping = [], np.zeros(n, np.bool_)
+    """Return rows some of which leave the state space; they are marked, and those outcomes have no weight."""
+    kept = []
+    escaping = np.zeros(n, np.bool_)
     for f in found:
         if f.outside is not None:
             points = np.arange(n) if f.origin is None else f.origin
@@ -146,7 +154,7 @@ def _escaping(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows
 
 
 def _regular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows:
-    """Every outcome happens at every point: rows of one length."""
+    """Return every outcome happens at every point: rows of one length."""
     k = len(found)
     columns = np.empty((n, k), np.int32)
     weights = np.empty((n, k))
@@ -178,7 +186,9 @@ def _irregular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Row
         return np.concatenate([np.broadcast_to(getattr(f, name), (m,)) for f, m in zip(found, sizes, strict=True)])
 
     columns = np.concatenate([_columns(codes, f) for f in found])
-    weights, reward, ends = joined("weight"), joined("reward"), joined("terminal")
+    weights = joined("weight")
+    reward = joined("reward")
+    ends = joined("terminal")
     if len(found) > 1:
         order = np.argsort(points, kind="stable")
         points, columns, weights, reward, ends = (x[order] for x in (points, columns, weights, reward, ends))
@@ -188,7 +198,7 @@ def _irregular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Row
 
 
 def _columns(codes: Array, found: Outcomes) -> Array:
-    """Indices of the states reached; `extract` sees to it that none that matters is outside."""
+    """Return indices of the states reached; `extract` sees to it that none that matters is outside."""
     if len(codes) and codes[-1] == len(codes) - 1:
         return found.code.astype(np.int32)
     return np.minimum(np.searchsorted(codes, found.code), len(codes) - 1).astype(np.int32)

@@ -20,13 +20,13 @@ from taskspec.task.task import Component
 
 
 def distinct(codes: Array) -> Array:
-    """The codes of an array (N,), sorted, each once."""
+    """Return the codes of an array (N,), sorted, each once."""
     found = np.sort(codes)
     return found[np.append(True, found[1:] != found[:-1])] if len(found) else found
 
 
 def union(parts: Sequence[Array]) -> Array:
-    """The codes of several arrays, sorted, each once; of none, an empty array."""
+    """Return the codes of several arrays, sorted, each once; of none, an empty array."""
     return distinct(np.concatenate(parts)) if parts else np.zeros(0, np.int64)
 
 
@@ -48,18 +48,18 @@ class Growing:
         return new
 
     def without(self, codes: Array) -> Array:
-        """Those of some codes that are not in the set."""
+        """Return those of some codes that are not in the set."""
         for part in self._parts:
             codes = without(codes, part)
         return codes
 
     def all(self) -> Array:
-        """The codes of the set, sorted."""
+        """Return the codes of the set, sorted."""
         return union(self._parts)
 
 
 def holds(codes: Array, members: Array) -> Array:
-    """Which of some codes (N,) are among sorted ones."""
+    """Return which of some codes (N,) are among sorted ones."""
     if not len(members):
         return np.zeros(len(codes), np.bool_)
     at = np.minimum(np.searchsorted(members, codes), len(members) - 1)
@@ -67,7 +67,7 @@ def holds(codes: Array, members: Array) -> Array:
 
 
 def without(codes: Array, others: Array) -> Array:
-    """The codes that are not among sorted ones."""
+    """Return the codes that are not among sorted ones."""
     return codes[~holds(codes, others)]
 
 
@@ -98,7 +98,8 @@ class Space:
     @cached_property
     def strides(self) -> tuple[tuple[int, ...], ...]:
         """For each component, how far apart in code two neighbouring values of each element are."""
-        rest, result = self.size, []
+        rest = self.size
+        result = []
         for c in self.components:
             row = []
             for n in c.counts:
@@ -108,7 +109,7 @@ class Space:
         return tuple(result)
 
     def decode(self, codes: Array, names: frozenset[tuple[Role, str]] | None = None) -> dict[tuple[Role, str], Array]:
-        """Values (*shape, N) of the components (those in `names`) from codes (N,)."""
+        """Return values (*shape, N) of the components (those in `names`) from codes (N,)."""
         found = {}
         for c, strides in zip(self.components, self.strides, strict=True):
             key = (self.role, c.name)
@@ -128,7 +129,7 @@ class Space:
         return values.astype(np.bool_ if c.type.kind is Kind.BOOL else np.int64, copy=False)
 
     def encode(self, values: Sequence[Array], lanes: int) -> tuple[Array, Array | None]:
-        """Codes (lanes,) of values (*shape, lanes or 1), and which of them lie outside (None: none does).
+        """Return codes (lanes,) of values (*shape, lanes or 1), and which of them lie outside (None: none does).
 
         The code of a value outside is that of some value inside.
         """
@@ -147,18 +148,18 @@ class Space:
         return codes, None if outside is None else np.broadcast_to(outside, (lanes,))
 
     def describe(self, code: int) -> str:
-        """A combination in words, as `x = 2, y = 0`."""
+        """Return a combination in words, as `x = 2, y = 0`."""
         reads = self.decode(np.array([code]))
         return ", ".join(f"{c.name} = {shown(c, reads[self.role, c.name][..., 0])}" for c in self.components)
 
     def values_of(self, code: int) -> dict[str, Any]:
-        """A combination as plain data: labels for choices, numbers and nested lists otherwise."""
+        """Return a combination as plain data: labels for choices, numbers and nested lists otherwise."""
         reads = self.decode(np.array([code]))
         return {c.name: plain(c, reads[self.role, c.name][..., 0]) for c in self.components}
 
 
 def plain(c: Component, value: Array) -> Any:
-    """A value of a component as plain data, a choice as its label (or labels)."""
+    """Return a value of a component as plain data, a choice as its label (or labels)."""
     if c.domain is None:
         return np.asarray(value).tolist()
     return _labels(c, np.asarray(value).tolist())
@@ -174,7 +175,7 @@ def _labels(c: Component, codes: Any) -> Any:
 
 
 def shown(c: Component, value: Array) -> str:
-    """A value of a component in words: labels without quotes, reals to six digits."""
+    """Return a value of a component in words: labels without quotes, reals to six digits."""
     return words(plain(c, value))
 
 
@@ -192,11 +193,12 @@ def words(value: Any) -> str:
 
 
 def domain(c: Component) -> str:
-    """The values that a component can have, in words."""
+    """Return the values that a component can have, in words."""
     if c.domain is not None:
         labels = c.domain.labels
         return f"one of {', '.join(labels[:8])}{', ...' if len(labels) > 8 else ''}"
-    low, high = set(c.low), set(c.high)
+    low = set(c.low)
+    high = set(c.high)
     bottom = words(_number(min(low))) if len(low) == 1 else f"{words(_number(min(low)))} or more"
     top = words(_number(max(high))) if len(high) == 1 else f"{words(_number(max(high)))} or less"
     if len(low) > 1 or len(high) > 1:

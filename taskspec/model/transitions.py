@@ -34,7 +34,7 @@ from taskspec.task.task import Task
 
 
 def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> Node:
-    """The reward with every draw that is not finite and enters linearly replaced by its mean.
+    """Return the reward with every draw that is not finite and enters linearly replaced by its mean.
 
     Draws in `shared` also decide something else (the next state) and are left alone; so is a draw
     that enters in any other way, and then the task has no exact model.
@@ -60,7 +60,7 @@ def _mean(draw: Draw, builder: Builder) -> Node | None:
 
 
 def _is_linear(root: Node, draw: Draw) -> bool:
-    """Whether the root is linear in the draw, whatever else it depends on."""
+    """Return whether the root is linear in the draw, whatever else it depends on."""
     depends: dict[int, bool] = {}
     for node in walk([root]):
         below = [depends[id(c)] for c in children(node)]
@@ -134,7 +134,7 @@ class Branch:
         return self.drawn[draw.site]
 
     def place(self, reads: Reads) -> Reads:
-        """What is read at each outcome's point."""
+        """Return what is read at each outcome's point."""
         if self.origin is None:
             return reads
         origin = self.origin
@@ -142,7 +142,7 @@ class Branch:
 
 
 def count(draws: Sequence[Draw], known: dict[int, Range]) -> float:
-    """An upper bound on the outcomes at one point; infinite where a draw is not finite."""
+    """Return an upper bound on the outcomes at one point; infinite where a draw is not finite."""
     return math.prod(_outcomes(d, known) for d in draws)
 
 
@@ -152,14 +152,14 @@ def _outcomes(draw: Draw, known: dict[int, Range]) -> float:
 
 
 def is_finite(draw: Draw) -> bool:
-    """Whether the outcomes can be enumerated. Those of a Poisson are, up to where a tail of 1e-20 is left."""
+    """Return whether the outcomes can be enumerated. Those of a Poisson are, up to where a tail of 1e-20 is left."""
     return VARIATES[draw.base].outcomes is not None
 
 
 def branches(
     draws: Sequence[Draw], reads: Reads, lanes: int, numbers: ProbabilityArithmetic = FLOATS
 ) -> Iterator[Branch]:
-    """All outcomes of the finite draws among `draws` (as `ir.draws` orders them) at `lanes` points."""
+    """Yield all outcomes of the finite draws among `draws` (as `ir.draws` orders them) at `lanes` points."""
     start = Branch(numbers.ratio(np.ones(1, np.int64), np.ones(1, np.int64)), None, {}, numbers)
     yield from _expand([d for d in draws if is_finite(d)], reads, lanes, start)
 
@@ -168,7 +168,9 @@ def _expand(draws: Sequence[Draw], reads: Reads, lanes: int, so_far: Branch) -> 
     if not draws:
         yield so_far
         return
-    draw, rest, times = draws[0], draws[1:], so_far.numbers.times
+    draw = draws[0]
+    rest = draws[1:]
+    times = so_far.numbers.times
     args = evaluate(draw.args, so_far.place(reads), so_far.sample)
     found = VARIATES[draw.base].outcomes
     assert found is not None
@@ -186,7 +188,7 @@ def _expand(draws: Sequence[Draw], reads: Reads, lanes: int, so_far: Branch) -> 
 
 
 def _repeated(so_far: Branch, draw: Draw, values: Array, p: Array, lanes: int) -> Branch:
-    """Every point once for each outcome of positive probability, the outcomes of a point side by side."""
+    """Return every point once for each outcome of positive probability, the outcomes of a point side by side."""
     n = lanes if so_far.origin is None else len(so_far.origin)
     possible = once(operator.gt, p, np.zeros_like(p)).astype(np.bool_)
     point, outcome = np.nonzero(np.broadcast_to(possible.T, (n, len(p))))
@@ -313,7 +315,7 @@ class Steps:
         return count(self.draws, {})
 
     def reads(self, states: Array, actions: Array, t: int | None) -> Reads:
-        """What is read at points (N,) or (1,) of codes."""
+        """Return what is read at points (N,) or (1,) of codes."""
         found = self.states.decode(states, self.names) | self.actions.decode(actions, self.names)
         if self.uses_time:
             found[TIME] = np.array([t], dtype=np.int64)
@@ -322,7 +324,7 @@ class Steps:
     def outcomes(
         self, states: Array, actions: Array, t: int | None = None, numbers: ProbabilityArithmetic = FLOATS
     ) -> Iterator[Outcomes]:
-        """Every outcome of acting in states (N,) by actions (N,) or (1,) at time t."""
+        """Yield every outcome of acting in states (N,) by actions (N,) or (1,) at time t."""
         lanes = len(states)
         given = self.reads(states, actions, t)
         for branch in branches(self.draws, given, lanes, numbers):
@@ -344,18 +346,20 @@ class Steps:
         return OutcomeTable(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def starts(self, numbers: ProbabilityArithmetic = FLOATS) -> tuple[Array, Array]:
-        """Codes (N,) of the first states and their probabilities (N,), each code once.
+        """Return codes (N,) of the first states and their probabilities (N,), each code once.
 
         Raises:
             SpecError: (E712) when there are too many, or more states than there are codes, or one is outside the state space.
         """
-        found, most = count(draws(self.first), {}), limits().outcomes
+        found = count(draws(self.first), {})
+        most = limits().outcomes
         if found > most:
             message = f"the start has up to {found:,.0f} outcomes; the limit is {most:,}"
             refuse(message, how_to_raise("outcomes", found))
         if self.states.size > MAX_CODES:
             refuse(f"there are {count_of(self.states.size)} states")
-        codes, weights = [], []
+        codes = []
+        weights = []
         for values, _, weight in joint_outcomes(self.first, {}, 1, numbers):
             code, outside = self.states.encode(values, len(weight))
             if outside is not None and outside.any():
@@ -368,7 +372,7 @@ class Steps:
 
 
 def total(which: Array, values: Array, size: int) -> Array:
-    """Sums (size,) of the values (N,) of each group, floats or rationals."""
+    """Return sums (size,) of the values (N,) of each group, floats or rationals."""
     if values.dtype != object:
         return np.bincount(which, values, size)
     sums = np.array([Fraction(0)] * size, dtype=object)
@@ -377,7 +381,9 @@ def total(which: Array, values: Array, size: int) -> Array:
 
 
 def acted(actions: Space, nodes: Sequence[Node], given: Reads, branch: Branch, states: int) -> tuple[Array, Array]:
-    """Codes of the actions that expressions give in some states for an outcome of their draws, and the state of each."""
+    """Return codes of the actions that expressions give in some states for an outcome of their draws, and the state of
+    each.
+    """
     values = evaluate(nodes, branch.place(given), branch.sample)
     at = np.arange(states) if branch.origin is None else branch.origin
     return actions.encode(values, len(at))[0], at

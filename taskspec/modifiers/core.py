@@ -55,7 +55,8 @@ def fresh(wanted: Sequence[str], taken: Iterable[str]) -> list[str]:
 
 def with_state(task: Task, added: Sequence[AddedState]) -> Task:
     """Return the task with more components of the state; it does not observe them."""
-    initial, following = tuple(a.initial for a in added), tuple(a.following for a in added)
+    initial = tuple(a.initial for a in added)
+    following = tuple(a.following for a in added)
     return replace(
         task,
         state=(*task.state, *(a.component for a in added)),
@@ -189,7 +190,8 @@ def shows_the_state(task: Task) -> bool:
 
 
 def remembering(task: Task, meant: Mapping[tuple[Role, str], Node]) -> Task:
-    """The task whose expert remembers what is meant by an action or an observation; without the expert where this is unknown.
+    """Return the task whose expert remembers what is meant by an action or an observation; without the expert where this
+    is unknown.
 
     It is unknown where it depends on a state that is not observed.
     """
@@ -249,7 +251,8 @@ def joint(b: Builder, components: Sequence[Component], nodes: Sequence[Node]) ->
 
 def apart(b: Builder, components: Sequence[Component], table: Sequence[int], row: Node) -> list[Node]:
     """Return values of the components whose number a table (N,) has at a row."""
-    rest, found = math.prod(n for c in components for n in c.counts), []
+    rest = math.prod(n for c in components for n in c.counts)
+    found = []
     for c in components:
         digits = []
         for low, count in zip(c.low, c.counts, strict=True):

@@ -22,7 +22,8 @@ class Inapplicable(Exception):
 
     def __init__(self, reason: str, hint: str | None = None) -> None:
         super().__init__(reason)
-        self.reason, self.hint = reason, hint
+        self.reason = reason
+        self.hint = hint
 
 
 @dataclass(frozen=True, slots=True)

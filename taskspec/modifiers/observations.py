@@ -19,7 +19,8 @@ from taskspec.task.task import FINITE_SPACES, Component, Observation, Task
 
 
 def _relabelled(task: Task, given: Arguments) -> Task:
-    b, seen = task.builder, task.observation
+    b = task.builder
+    seen = task.observation
     count = combinations(seen.components, "what is observed")
     labels = permutations(given["seed"], 1, count)[0]
     label = looked_up(b, labels.tolist(), joint(b, seen.components, seen.nodes))
@@ -32,7 +33,9 @@ def _relabelled(task: Task, given: Arguments) -> Task:
 
 
 def _distractors(task: Task, given: Arguments) -> Task:
-    b, seen, shape = task.builder, task.observation, (given["count"],)
+    b = task.builder
+    seen = task.observation
+    shape = (given["count"],)
     arguments = {"normal": {"mean": 0, "std": 1}, "uniform": {"low": -1, "high": 1}}[given["kind"]]
     with b.written(apart=True) as drawn:
         dist = DISTS[given["kind"].capitalize()]
@@ -47,7 +50,8 @@ def _distractors(task: Task, given: Arguments) -> Task:
 
 
 def _noise(task: Task, given: Arguments) -> Task:
-    b, seen = task.builder, task.observation
+    b = task.builder
+    seen = task.observation
     with b.written(apart=True) as drawn:
         nodes = [noisy(b, node, given["std"]) for node in seen.nodes]
     components = [
@@ -59,7 +63,8 @@ def _noise(task: Task, given: Arguments) -> Task:
 
 
 def _dropout(task: Task, given: Arguments) -> Task:
-    b, seen = task.builder, task.observation
+    b = task.builder
+    seen = task.observation
     with b.written(apart=True) as drawn:
         p = b.scalar(given["probability"])
         gone = [DISTS["Bernoulli"].build(b, {"p": p}, n.type.shape) for n in seen.nodes]
@@ -74,7 +79,8 @@ def _dropout(task: Task, given: Arguments) -> Task:
 
 
 def _hidden(task: Task, given: Arguments) -> Task:
-    seen, name = task.observation, given["name"]
+    seen = task.observation
+    name = given["name"]
     names = [c.name for c in seen.components]
     if name not in names:
         raise Inapplicable(

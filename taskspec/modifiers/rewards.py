@@ -43,7 +43,8 @@ def potential(task: Task, written: str) -> Node:
     Raises:
         SpecError: with all that is wrong with it, at its place in the expression.
     """
-    collector, origin = Collector(), Origin("potential", written)
+    collector = Collector()
+    origin = Origin("potential", written)
     expr = parse(s.SourceText(written, lambda start, end: Span(origin, 1, start + 1, 1, end + 1)))
     try:
         node = Checker(task.builder, collector).numeric(expr, _scope(task))
@@ -92,7 +93,8 @@ class FewRewards:
 
 def few_rewards(task: Task) -> FewRewards | None:
     """Return the rewards where they are known to be few, else None."""
-    b, found = task.builder, floats(task.builder, task.reward)
+    b = task.builder
+    found = floats(task.builder, task.reward)
     if found is None:
         return None
     values = sorted({0.0, *found})
@@ -115,18 +117,23 @@ def _between(low: float, high: float) -> float:
 
 
 def _delayed(task: Task, given: Arguments) -> Task:
-    b, few, steps = task.builder, few_rewards(task), given["steps"]
+    b = task.builder
+    few = few_rewards(task)
+    steps = given["steps"]
     (name,) = fresh(["outstanding"], names_in(task))
     if few is None:
         c = Component(name, Type(Kind.REAL, (steps,)), (-math.inf,) * steps, (math.inf,) * steps, doc=_QUEUE)
         queue = b.read(Role.STATE, name, c.type)
-        amounts, entry, nothing = queue, task.reward, b.const([0.0] * steps, c.type)
+        amounts = queue
+        entry = task.reward
+        nothing = b.const([0.0] * steps, c.type)
     else:
         most = len(few.values) - 1
         c = Component(name, Type(Kind.INT, (steps,)), (0,) * steps, (most,) * steps, doc=f"{_QUEUE}, by their numbers")
         queue = b.read(Role.STATE, name, c.type, 0, most)
         table = b.const(few.values, Type(Kind.REAL, (most + 1,)))
-        amounts, entry = b.structure("index", [table, queue]), few.number
+        amounts = b.structure("index", [table, queue])
+        entry = few.number
         nothing = b.const([few.values.index(0.0)] * steps, c.type)
     added = AddedState(c, nothing, _moved_up(b, queue, entry))
     everything = b.apply("add", b.apply("sum", amounts), task.reward)
@@ -139,7 +146,8 @@ _QUEUE = "rewards not paid yet, the oldest first"
 
 def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
     """Return the queue without its first element, and with another one at its end."""
-    steps, tail = queue.type.size, b.structure("vector", [entry])
+    steps = queue.type.size
+    tail = b.structure("vector", [entry])
     return tail if steps == 1 else b.structure("concat", [b.structure("slice", [queue], (1, steps - 1, 1)), tail])
 
 
@@ -147,13 +155,15 @@ def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
 
 
 def _at_end(task: Task, given: Arguments) -> Task:
-    b, few = task.builder, few_rewards(task)
+    b = task.builder
+    few = few_rewards(task)
     (name,) = fresh(["earned"], names_in(task))
     counted = None if few is None else _in_units(task, few, name)
     if counted is None:
         c = Component(name, REAL, (-math.inf,), (math.inf,), doc="the sum of the rewards so far")
         total = b.apply("add", b.read(Role.STATE, name, REAL), task.reward)
-        added, paid = AddedState(c, b.scalar(0.0), total), total
+        added = AddedState(c, b.scalar(0.0), total)
+        paid = total
     else:
         added, paid = counted
     return with_state(paying(task, b.apply("where", last(task), paid, b.scalar(0.0))), [added])
@@ -167,7 +177,8 @@ def _in_units(task: Task, few: FewRewards, name: str) -> tuple[AddedState, Node]
     if task.horizon is None:
         return None
     times = [int(v / unit) for v in exact]
-    low, high = task.horizon * min(times), task.horizon * max(times)
+    low = task.horizon * min(times)
+    high = task.horizon * max(times)
     if high - low >= MOST_SUMS:
         return None
     c = Component(name, INT, (low,), (high,), doc=f"the sum of the rewards so far, in units of {float(unit):g}")
@@ -223,7 +234,8 @@ def _noise(task: Task, given: Arguments) -> Task:
 
 
 def _shaped(task: Task, given: Arguments) -> Task:
-    b, here = task.builder, potential(task, given["of"])
+    b = task.builder
+    here = potential(task, given["of"])
     there = b.apply("where", last(task), b.scalar(0.0), after_step(task, here))
     gained = b.apply("sub", b.apply("mul", b.scalar(float(task.discount)), there), here)
     return paying(task, b.apply("add", task.reward, gained))

@@ -163,7 +163,8 @@ def _bounded(components: Sequence[Component], found: Sequence[MapPart]) -> list[
     for part in found:
         ends = list(bounds(part))
         for i in part.outputs if part.is_decided else ():
-            own, ends = ends[: made[i].type.size], ends[made[i].type.size :]
+            own = ends[: made[i].type.size]
+            ends = ends[made[i].type.size :]
             made[i] = replace(made[i], low=tuple(a for a, _ in own), high=tuple(b for _, b in own))
     return made
 
@@ -218,7 +219,8 @@ def _put(b: Builder, nodes: Sequence[Node], actions: dict[str, Node]) -> tuple[N
 
 def _undone(task: Task, part: MapPart) -> list[Node]:
     """Return the action that a part of an action stands for, by component."""
-    b, given = task.builder, [present(task, c, Role.ACTION) for c in part.inputs]
+    b = task.builder
+    given = [present(task, c, Role.ACTION) for c in part.inputs]
     if part.moves is not None:
         return _moved_back(b, part.inputs, given, part.moves)
     combinations(part.inputs, "the actions of a symmetry", MOST)
@@ -232,7 +234,8 @@ def _moved_back(b: Builder, components: Sequence[Component], given: Sequence[Nod
     for node, source, sign, shift in zip(flat, moves.source, moves.sign, moves.shift, strict=True):
         moved = b.apply("sub", node, b.scalar(int(shift))) if shift else node
         own[int(source)] = b.apply("neg", moved) if sign < 0 else moved
-    found, at = [], 0
+    found = []
+    at = 0
     for c in components:
         values = [own[at + i] for i in range(c.type.size)]
         if c.type.kind is Kind.INT:

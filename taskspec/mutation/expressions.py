@@ -66,7 +66,7 @@ class Replacements:
 
 
 def changes(text: str, names: Replacements) -> Iterator[Change]:
-    """Every change of an expression, each resulting text once."""
+    """Yield every change of an expression, each resulting text once."""
     seen = {text}
     for change in (*_by_token(text, names), *_by_part(text)):
         changed = change.apply(text)
@@ -81,7 +81,8 @@ def changes(text: str, names: Replacements) -> Iterator[Change]:
 def _by_token(text: str, names: Replacements) -> Iterator[Change]:
     before = ""
     for found in _TOKEN.finditer(text):
-        token, kind = found.group(), found.lastgroup
+        token = found.group()
+        kind = found.lastgroup
         follows = text[found.end() :].lstrip()
         for new in _replacements(token, kind or "", before, follows, names):
             end = found.end()
@@ -113,7 +114,8 @@ def _ends_operand(token: str) -> bool:
 
 def _words(token: str, follows: str, names: Replacements) -> Iterator[str]:
     yield from _WORDS.get(token, ())
-    bare, prime = token.removesuffix("'"), "'" * token.endswith("'")
+    bare = token.removesuffix("'")
+    prime = "'" * token.endswith("'")
     if token in _RESERVED or follows.startswith("("):
         return
     yield from (other + prime for other in names.alike.get(bare, ()))
@@ -124,7 +126,7 @@ def _words(token: str, follows: str, names: Replacements) -> Iterator[str]:
 
 
 def off_by_one(number: str) -> Iterator[str]:
-    """A number with its last digit one higher, and one lower where it stays a number without a sign."""
+    """Yield a number with its last digit one higher, and one lower where it stays a number without a sign."""
     value = Decimal(number)
     step = Decimal(1).scaleb(min(0, int(value.as_tuple().exponent)))
     yield str(value + step)
@@ -136,7 +138,7 @@ def off_by_one(number: str) -> Iterator[str]:
 
 
 def _by_part(text: str) -> Iterator[Change]:
-    """What changes whole parts: operands left out, branches and arguments exchanged, calls undone, signs turned."""
+    """Yield what changes whole parts: operands left out, branches and arguments exchanged, calls undone, signs turned."""
     try:
         root = parse(s.SourceText(text, lambda start, end: NOWHERE))
     except SpecError:
@@ -174,7 +176,7 @@ def _conditions(node: s.Logical, text: str) -> Iterator[Change]:
 
 
 def _links(node: s.Compare, text: str) -> Iterator[Change]:
-    """A chain without its last link, and without its first."""
+    """Yield a chain without its last link, and without its first."""
     if len(node.rest) > 1:
         yield _whole(node, text[node.place.start : node.rest[-2][1].place.end])
         yield _whole(node, text[node.rest[0][1].place.start : node.place.end])
@@ -198,14 +200,14 @@ def _arguments(node: s.Call, text: str) -> Iterator[Change]:
 
 
 def _elements(node: s.SetOf, text: str) -> Iterator[Change]:
-    """A set without one of its elements."""
+    """Yield a set without one of its elements."""
     for i in range(len(node.items) if len(node.items) > 1 else 0):
         rest = [_source(item, text) for j, item in enumerate(node.items) if j != i]
         yield _whole(node, "{" + ", ".join(rest) + "}")
 
 
 def _ends(node: s.Subscript, text: str) -> Iterator[Change]:
-    """A slice without one of its ends."""
+    """Yield a slice without one of its ends."""
     for index in node.indices:
         if isinstance(index, s.Slice):
             for end in (index.start, index.stop):

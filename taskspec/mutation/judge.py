@@ -76,7 +76,7 @@ class Original:
 
 
 def judge(original: Original, mutant: Mutant) -> Judgement:
-    """What notices a mutant: the first of the stages that does, and of all that a check says what weighs most."""
+    """Return what notices a mutant: the first of the stages that does, and of all that a check says what weighs most."""
     try:
         with _within(SECONDS):
             return _judged(original, mutant)
@@ -116,26 +116,26 @@ _ORDER: tuple[Class, ...] = ("error", "claim", "warning")
 
 
 def _class(diagnostic: Diagnostic) -> Class:
-    """What a diagnostic counts as."""
+    """Return what a diagnostic counts as."""
     if diagnostic.severity == "warning":
         return "warning"
     return "claim" if diagnostic.code.startswith("E6") else "error"
 
 
 def _changed(original: Original, document: Document) -> Iterator[tuple[Task, Task]]:
-    """The tasks whose data the change is part of, before and after it."""
+    """Yield the tasks whose data the change is part of, before and after it."""
     for variant, before in original.tasks.items():
         if merge(original.document, variant).data != merge(document, variant).data:
             yield before, build(document, variant)
 
 
 def _decides_values_alone(mutant: Mutant) -> bool:
-    """Whether only the range of a parameter was changed."""
+    """Return whether only the range of a parameter was changed."""
     return mutant.section == "parameters" and mutant.path[-1] in ("low", "high")
 
 
 def everywhere(same: Callable[[Task, Task], bool], one: Task, other: Task) -> bool:
-    """Whether two tasks are the same for their parameters as they are, and for all others that are tried."""
+    """Return whether two tasks are the same for their parameters as they are, and for all others that are tried."""
     if not same(one, other):
         return False
     for values in cases(one):
@@ -177,7 +177,7 @@ PART = 8
 def judgements(
     path: Path, jobs: int = 1, tick: Callable[[], None] = lambda: None
 ) -> Iterator[tuple[Mutant, Judgement]]:
-    """What becomes of every mutant of a spec, in the order of the file.
+    """Yield what becomes of every mutant of a spec, in the order of the file.
 
     Args:
         jobs: processes; with one, everything happens here.
@@ -211,6 +211,6 @@ def _judge_number(path: Path, number: int) -> Judgement:
 
 @lru_cache(maxsize=1)
 def _prepared(path: Path) -> tuple[Original, list[Mutant]]:
-    """The spec as it stands, and its mutants; read once in each process."""
+    """Return the spec as it stands, and its mutants; read once in each process."""
     document = read_file(path)
     return Original.of(document), list(mutants(document))

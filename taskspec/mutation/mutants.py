@@ -53,12 +53,12 @@ class Mutant:
         return self.path[-2:-1] == ("values",) and isinstance(self.path[-1], int) and self.after == EXCHANGED
 
     def document(self) -> Document:
-        """The changed spec as a document. Its places are those of a text that nobody has written."""
+        """Return the changed spec as a document. Its places are those of a text that nobody has written."""
         return read_text(written(self.data), "mutant", self.others)
 
 
 def mutants(document: Document) -> Iterator[Mutant]:
-    """Every change of a spec, in the order of the file's sections; what it extends stays as it is."""
+    """Yield every change of a spec, in the order of the file's sections; what it extends stays as it is."""
     for each in _mutants(document):
         yield replace(each, others=document.others)
 
@@ -92,7 +92,7 @@ class _Walk:
         return Mutant(path, place, f"{path[-1]}", "(left out)", _replaced(self.document.data, path, MISSING))
 
     def exchanged(self, path: Path, one: Any, other: Any) -> Iterator[Mutant]:
-        """The values under two keys of a mapping, or two items of a list, exchanged."""
+        """Yield the values under two keys of a mapping, or two items of a list, exchanged."""
         here = _at(self.document.data, path)
         if here[one] != here[other]:
             data = _replaced(_replaced(self.document.data, (*path, one), here[other]), (*path, other), here[one])
@@ -102,7 +102,7 @@ class _Walk:
     # -- sections -------------------------------------------------------------------------------------------------
 
     def spec(self, data: Mapping[str, Any], path: Path) -> Iterator[Mutant]:
-        """All sections of a spec, of a variant, or of an abstraction."""
+        """Yield all sections of a spec, of a variant, or of an abstraction."""
         for section, value in data.items():
             here = (*path, section)
             if value is None:
@@ -221,7 +221,7 @@ class _Walk:
             yield from self.exchanged(path, i, i + 1)
 
     def _keyed(self, rows: Mapping[str, Any], path: Path) -> Iterator[Mutant]:
-        """Rows of a table, or values with their probabilities: changed, left out, exchanged, under another key."""
+        """Yield rows of a table, or values with their probabilities: changed, left out, exchanged, under another key."""
         for key, cell in rows.items():
             if isinstance(cell, dict) and not cell.keys() & _FORM_KEYS - {"else"}:
                 yield from self._keyed(cell, (*path, key))
@@ -235,7 +235,7 @@ class _Walk:
             yield from self.exchanged(path, one, other)
 
     def _renamed(self, rows: Mapping[str, Any], key: str, path: Path) -> Iterator[Mutant]:
-        """A row under another key."""
+        """Yield a row under another key."""
         others = [c.apply(key) for c in changes(key, Replacements(self.alike, frozenset()))]
         for other in dict.fromkeys(others):
             if other not in rows:
@@ -248,7 +248,7 @@ class _Walk:
 
 
 def _specs(data: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """A spec, its variants, and the abstractions of all of them."""
+    """Return a spec, its variants, and the abstractions of all of them."""
     whole = [data, *((data.get("variants") or {}).values())]
     found = [each for each in whole if isinstance(each, dict)]
     return found + [each["abstraction"] for each in found if isinstance(each.get("abstraction"), dict)]
@@ -277,7 +277,7 @@ def _type(entry: Mapping[str, Any]) -> str:
 
 
 def _named(parent: Any, key: str | int) -> str:
-    """A key, or an item of a list: the item itself where it is short."""
+    """Return a key, or an item of a list: the item itself where it is short."""
     item = parent[key]
     return str(key) if isinstance(key, str) else str(item) if isinstance(item, str | int | float) else f"item {key}"
 
@@ -292,10 +292,11 @@ def _at(data: Any, path: Path) -> Any:
 
 
 def _replaced(data: Any, path: Path, value: Any) -> Any:
-    """The same data with another value at a path, or without it."""
+    """Return the same data with another value at a path, or without it."""
     if not path:
         return value
-    step, rest = path[0], path[1:]
+    step = path[0]
+    rest = path[1:]
     inner = MISSING if value is MISSING and not rest else _replaced(data[step], rest, value)
     if isinstance(data, list):
         changed = [inner if i == step else item for i, item in enumerate(data)]
@@ -304,7 +305,7 @@ def _replaced(data: Any, path: Path, value: Any) -> Any:
 
 
 def written(data: Any) -> str:
-    """Data as YAML that reads as the same data."""
+    """Return data as YAML that reads as the same data."""
     match data:
         case dict():
             return "{" + ", ".join(f"{json.dumps(k)}: {written(v)}" for k, v in data.items()) + "}"

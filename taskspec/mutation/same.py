@@ -30,13 +30,14 @@ CHUNK = 20_000
 
 
 def same_task(one: Task, other: Task) -> bool:
-    """Whether two tasks are the same for everyone: spaces, episodes, observations and expert."""
-    one, other = one.remembering(), other.remembering()
+    """Return whether two tasks are the same for everyone: spaces, episodes, observations and expert."""
+    one = one.remembering()
+    other = other.remembering()
     return same_core(one, other) or same_episodes(one, other)
 
 
 def shell(task: Task, ranges: bool = True) -> tuple[Any, ...]:
-    """What a task is around its expressions, with or without the ranges of its state."""
+    """Return what a task is around its expressions, with or without the ranges of its state."""
     about = (task.horizon, task.discount, task.modifiers, task.observation.space, task.observation.is_state)
     known = [(p.name, p.kind, p.default, p.low, p.high, p.values) for p in task.parameters]
     state = [_declared(c, ranges) for c in task.state]
@@ -53,7 +54,7 @@ def _declared(c: Component, ranges: bool) -> tuple[Any, ...]:
 
 
 def _forms(task: Task, forms: NormalForms) -> tuple[int, ...]:
-    """The forms of all that a task computes."""
+    """Return the forms of all that a task computes."""
     groups = (task.initial, task.first_observation), ((*task.next, task.reward, task.terminal), task.next_observation)
     found = [number for group in groups for number in forms.all([node for nodes in group for node in nodes])]
     return (*found, *forms.all([*task.observation.nodes, task.absorbing_reward, *_expert_nodes(task)]))
@@ -64,7 +65,7 @@ def _expert_nodes(task: Task) -> tuple[Node, ...]:
 
 
 def same_core(one: Task, other: Task) -> bool:
-    """Whether two tasks compute the same, up to the order of operands that may change places."""
+    """Return whether two tasks compute the same, up to the order of operands that may change places."""
     forms = NormalForms()
     if shell(one) != shell(other) or _forms(one, forms) != _forms(other, forms) or not _same_experts(one, other):
         return False
@@ -72,14 +73,16 @@ def same_core(one: Task, other: Task) -> bool:
 
 
 def _same_experts(one: Task, other: Task) -> bool:
-    """Whether two experts are of a kind, and the same where they are no expressions."""
-    a, b = one.expert, other.expert
+    """Return whether two experts are of a kind, and the same where they are no expressions."""
+    a = one.expert
+    b = other.expert
     return isinstance(a, tuple) == isinstance(b, tuple) and (isinstance(a, tuple) or a == b)
 
 
 def _same_stand_ins(one: Task, other: Task, forms: NormalForms) -> bool:
     try:
-        a, b = abstraction(one), abstraction(other)
+        a = abstraction(one)
+        b = abstraction(other)
     except SpecError:
         return False
     if a is None or b is None:
@@ -94,7 +97,7 @@ def _same_stand_ins(one: Task, other: Task, forms: NormalForms) -> bool:
 
 
 def same_episodes(one: Task, other: Task, ranges: bool = True) -> bool:
-    """Whether two finite tasks cannot be told apart in any episode, whatever is done in it.
+    """Return whether two finite tasks cannot be told apart in any episode, whatever is done in it.
 
     In every state that episodes reach, the start, the outcomes of every action (next state, reward and end
     together, with their probabilities as rationals), the observations and the expert's actions are compared, all to the
@@ -114,7 +117,8 @@ def same_episodes(one: Task, other: Task, ranges: bool = True) -> bool:
 def _same_finite(one: Steps, other: Steps, forms: NormalForms) -> bool:
     if not all(map(_is_enumerable, (one, other))) or not _same(_starts(one), _starts(other)):
         return False
-    found, last = visits(one), one.task.horizon or 0
+    found = visits(one)
+    last = one.task.horizon or 0
     timed = one.uses_time or other.uses_time
     if timed and len(found.acting) * one.actions.size * one.branching * last > MOST:
         return False
@@ -136,17 +140,18 @@ def _is_enumerable(steps: Steps) -> bool:
 
 
 def _is_complete(draw: Draw) -> bool:
-    """Whether all outcomes of a draw are gone through."""
+    """Return whether all outcomes of a draw are gone through."""
     outcomes = VARIATES[draw.base].outcomes
     return outcomes is not None and not outcomes.tail
 
 
 def _points(steps: Steps, states: Array, t: int) -> Iterator[Reads]:
-    """What is read in some states with every action, a part at a time."""
+    """Yield what is read in some states with every action, a part at a time."""
     per_part = max(1, int(CHUNK // (steps.actions.size * max(1.0, steps.branching))))
     for low in range(0, len(states), per_part):
         some = states[low : low + per_part]
-        here, there = np.tile(some, steps.actions.size), np.repeat(np.arange(steps.actions.size), len(some))
+        here = np.tile(some, steps.actions.size)
+        there = np.repeat(np.arange(steps.actions.size), len(some))
         yield {**steps.states.decode(here), **steps.actions.decode(there), TIME: np.full(len(here), t)}
 
 
@@ -156,12 +161,12 @@ def _starts(steps: Steps) -> list[Array]:
 
 
 def _rows(steps: Steps, given: Reads) -> list[Array]:
-    """Every outcome of a step at some points once (point, next state, reward, end), with its probability."""
+    """Return every outcome of a step at some points once (point, next state, reward, end), with its probability."""
     return _outcomes(_step_nodes(steps.task), given, len(given[TIME]))
 
 
 def _outcomes(roots: Sequence[Node], given: Reads, lanes: int) -> list[Array]:
-    """Columns of outcomes, the last one their probabilities, in a fixed order."""
+    """Return columns of outcomes, the last one their probabilities, in a fixed order."""
     parts = []
     for values, point, weight in joint_outcomes(roots, given, lanes, Chances(Reader())):
         rows = [row for v in values for row in v.reshape(-1, v.shape[-1])]
@@ -176,7 +181,7 @@ def _same(one: Sequence[Array], other: Sequence[Array]) -> bool:
 
 
 def _same_seen(one: Steps, other: Steps, states: Array, forms: NormalForms) -> bool:
-    """Whether every state looks the same at every time; what is drawn must be drawn alike, and apart from the step."""
+    """Return whether every state looks the same at every time; what is drawn must be drawn alike, and apart from the step."""
     for task in (one.task, other.task):
         if {d.site for d in draws(_step_nodes(task))} & {d.site for d in draws(task.observation.nodes)}:
             return False
@@ -185,7 +190,7 @@ def _same_seen(one: Steps, other: Steps, states: Array, forms: NormalForms) -> b
 
 
 def _same_chosen(one: Steps, other: Steps, states: Array, forms: NormalForms) -> bool:
-    """Whether the experts do the same in every state, and what is paid after the end is the same."""
+    """Return whether the experts do the same in every state, and what is paid after the end is the same."""
     paid = [tuple(forms.all([s.task.absorbing_reward])) for s in (one, other)]
     nodes = _expert_nodes(one.task), _expert_nodes(other.task)
     return paid[0] == paid[1] and _same_values(one, other, nodes, states, forms, last=0)
@@ -194,7 +199,9 @@ def _same_chosen(one: Steps, other: Steps, states: Array, forms: NormalForms) ->
 def _same_values(
     one: Steps, other: Steps, nodes: tuple[Sequence[Node], Sequence[Node]], states: Array, forms: NormalForms, last: int
 ) -> bool:
-    """Whether some nodes have the same values in given states at all times; those that draw must have the same form."""
+    """Return whether some nodes have the same values in given states at all times; those that draw must have the same
+    form.
+    """
     pairs = list(zip(*nodes, strict=True))
     drawn = [pair for pair in pairs if draws(pair)]
     if drawn:
@@ -202,7 +209,8 @@ def _same_values(
         if forms.all(a) != forms.all(b):
             return False
     found = [node for pair in pairs if not draws(pair) for node in pair]
-    horizon, timed = one.task.horizon, TIME in reads(found)
+    horizon = one.task.horizon
+    timed = TIME in reads(found)
     if timed and (horizon is None or len(states) * horizon > MOST):
         return False
     for t in range((horizon or 0) + last) if timed else (0,):

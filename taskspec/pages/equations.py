@@ -238,7 +238,8 @@ class Writing:
     def arguments(self, expr: s.Expr) -> tuple[m.Math, ...]:
         """Return the arguments of a value: state, action, next state, time, in this order."""
         used = self.reads(expr)
-        state, action = list(self.spec.state), list(self.spec.action)
+        state = list(self.spec.state)
+        action = list(self.spec.action)
         names = [(n, False) for n in (*state, *action) if n in used]
         names += [(n, True) for n in state if n + "'" in used]
         names += [("t", False)] if "t" in used else []

@@ -83,7 +83,9 @@ def _score_fact(found: Return) -> ScoreFact:
 
 
 def _hidden(shown: dict[str, ScoreFact], seen: PomdpBounds) -> dict[str, ScoreFact]:
-    """Scores of a task that hides its state: what the optimum knows is said, and what the best earn who see less follows."""
+    """Return scores of a task that hides its state: what the optimum knows is said, and what the best earn who see less
+    follows.
+    """
     found = {}
     for name, score in shown.items():
         found["optimal return, knowing the state" if name == "optimal return" else name] = score

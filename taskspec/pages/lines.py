@@ -74,7 +74,8 @@ def setting(value: Any) -> m.Math:
 def _range(w: Writing, name: str) -> Inlines:
     """Return the allowed values of a parameter, in brackets."""
     entry = w.spec.parameters.entries[name]
-    low, high = entry.low, entry.high
+    low = entry.low
+    high = entry.high
     if entry.values:
         return (Text(" ("), Formula(w.domain(name, entry)), Text(")"))
     match low, high:

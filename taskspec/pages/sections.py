@@ -34,7 +34,8 @@ _OWN: tuple[tuple[str, str, Maker], ...] = (
 
 def abstraction(w: Writing) -> Iterator[Inlines]:
     """Yield its components as functions of the state, and what it does not take from the task."""
-    stand_in, written = build_abstract(w.task), w.spec.abstraction
+    stand_in = build_abstract(w.task)
+    written = w.spec.abstraction
     if stand_in is None or written is None:
         return
     own = Writing(stand_in, w.values, hatted=frozenset(written.state) & {*w.spec.state, *w.spec.action})

@@ -13,7 +13,7 @@ from typing import Any
 from taskspec.base.bibliography import Reference, beside
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.files import write_text
-from taskspec.base.progress import telling
+from taskspec.base.limits import telling
 from taskspec.figures import scene, svg
 from taskspec.pages import render
 from taskspec.pages.facts import Facts
@@ -143,7 +143,8 @@ def _settings(tasks: Sequence[Task]) -> tuple[Task, list[Mapping[str, Any]]]:
 
 def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:
     """Give pages different anchors, none of them a name of the files around them."""
-    taken, found = set(_TAKEN), []
+    taken = set(_TAKEN)
+    found = []
     for each in pages:
         anchor = each.anchor
         for i in count(2):

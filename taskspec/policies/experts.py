@@ -57,7 +57,8 @@ class Expert:
     @property
     def gap(self) -> float | None:
         """The optimal return minus the expert's; None where there is no exact model."""
-        best, own = self.results.optimal, self.results.expert
+        best = self.results.optimal
+        own = self.results.expert
         return None if best is None or own is None else best.value - own.value
 
     def predict(

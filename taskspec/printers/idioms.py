@@ -81,7 +81,8 @@ def _over_range(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
     match arg:
         case s.Comprehension(is_set=False, element=inner, clauses=(s.Clause((name,), s.Call("range", (n,)), ()),)):
             index = w.notation.symbol(name)
-            low, high = m.Row((index, m.Sym("="), m.Num("0"))), less_one(w, n)
+            low = m.Row((index, m.Sym("="), m.Num("0")))
+            high = less_one(w, n)
             return _big(m.Big(sign, low, high), under(w, arg).number(inner))
         case _:
             return None
@@ -212,7 +213,9 @@ def interval(low: m.Math, high: m.Math) -> m.Math:
 
 def comprehension(w: Writer, expr: s.Comprehension) -> m.Math:
     """Return a set-builder; a vector's comprehension as a family with its index below."""
-    targets, domains, conditions = [_target(w, c) for c in expr.clauses], _domains(w, expr), _conditions(w, expr)
+    targets = [_target(w, c) for c in expr.clauses]
+    domains = _domains(w, expr)
+    conditions = _conditions(w, expr)
     inner = under(w, expr).number(expr.element).tree
     if not expr.is_set:
         return m.Script(m.brackets(inner), m.joined([*domains, *conditions]))

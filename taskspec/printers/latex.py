@@ -105,7 +105,8 @@ def _write(node: m.Math) -> str:
 
 
 def _ident(node: m.Ident) -> str:
-    text, style = node.text, node.style
+    text = node.text
+    style = node.style
     if style == "blackboard":
         # amssymb's blackboard letters have no figures; the document defines this one
         return r"\taskspecone " if text == "1" else rf"\mathbb{{{_safe(text)}}}"

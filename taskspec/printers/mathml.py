@@ -73,7 +73,8 @@ def _items(items: tuple[m.Math, ...]) -> str:
 def _held(text: str) -> str:
     """Keep spaces at the ends of words, which MathML would drop."""
     inner = text.strip(" ")
-    lead, tail = text[: len(text) - len(text.lstrip(" "))], text[len(text.rstrip(" ")) :]
+    lead = text[: len(text) - len(text.lstrip(" "))]
+    tail = text[len(text.rstrip(" ")) :]
     return "\u00a0" * len(lead) + inner + "\u00a0" * (len(tail) if inner else 0)
 
 

@@ -20,7 +20,9 @@ from taskspec.printers.tex import read
 
 # -- text -------------------------------------------------------------------------------------------------------------
 
-CHOICE, SIGN, NAME = 0, 7, 9
+CHOICE = 0
+SIGN = 7
+NAME = 9
 """Text: `a if b else c`, `-x`, and what needs no brackets anywhere. The levels in between are those of the operator table."""
 
 

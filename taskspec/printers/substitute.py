@@ -62,7 +62,8 @@ def _fold(node: Any) -> Any:
     """Return arithmetic of two integers, done; anything else stays as written."""
     match node:
         case s.Binary(op=op, left=left, right=right, place=place):
-            a, b = _integer(left), _integer(right)
+            a = _integer(left)
+            b = _integer(right)
             if a is None or b is None:
                 return _unit(node)
             value = _compute(op, a, b)
@@ -73,7 +74,8 @@ def _fold(node: Any) -> Any:
 
 def _unit(node: s.Binary) -> s.Expr:
     """Simplify x * 1, 1 * x and x + 0."""
-    a, b = _integer(node.left), _integer(node.right)
+    a = _integer(node.left)
+    b = _integer(node.right)
     if node.op == "*" and a == 1:
         return node.right
     if (node.op == "*" and b == 1) or (node.op in "+-" and b == 0):

@@ -145,7 +145,9 @@ class _TexReader:
         return found
 
     def script(self, base: Math) -> Math:
-        sub, sup, primes = None, None, 0
+        sub = None
+        sup = None
+        primes = 0
         while (token := self.peek()) is not None and token in ("_", "^", "'"):
             self.at += 1
             if token == "'":
@@ -205,7 +207,9 @@ class _TexReader:
 
     def raw(self, peek_only: bool = False) -> str:
         """Return the text of a group as written, its opening brace already read."""
-        start, level, at = self.at, 1, self.at
+        start = self.at
+        level = 1
+        at = self.at
         while at < len(self.tokens) and level:
             level += {"{": 1, "}": -1}.get(self.tokens[at], 0)
             at += 1

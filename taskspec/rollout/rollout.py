@@ -42,7 +42,8 @@ class Rollout:
     """Steps a task's array form. Arrays are (*shape, lanes)."""
 
     def __init__(self, task: Task, lanes: int, seed: int = 0) -> None:
-        self.task, self.lanes = task, lanes
+        self.task = task
+        self.lanes = lanes
         self.seeds = draws.lane_seeds(seed, lanes)
 
     @property
@@ -56,7 +57,7 @@ class Rollout:
         return dict(zip((c.name for c in self.task.state), values, strict=True))
 
     def step(self, state: State, action: Mapping[str, Array], t: int, steps: int | None = None) -> Moved:
-        """One step at time t; `steps` counts those since the seed was set (t in the first episode)."""
+        """Return one step at time t; `steps` counts those since the seed was set (t in the first episode)."""
         words = draws.lanes_block(self.seeds, draws.STEP, t if steps is None else steps, self.task.step_words.count)
         roots = (*self.task.next, self.task.reward, self.task.terminal)
         *following, reward, terminal = self._values(roots, reads_of(state, action, t), self.task.step_words, words)
@@ -77,7 +78,7 @@ def reads_of(state: Mapping[str, Array], action: Mapping[str, Array], t: int) ->
 
 
 def is_bounded(task: Task) -> bool:
-    """Whether every action has both ends, so that there are uniformly random ones."""
+    """Return whether every action has both ends, so that there are uniformly random ones."""
     return all(map(math.isfinite, (v for c in task.action for v in (*c.low, *c.high))))
 
 
@@ -139,7 +140,9 @@ def expert_actions(task: Task, state: State, t: int, layout: WordLayout, words: 
     return {c.name: _spread(v, words.shape[-1]) for c, v in pairs}
 
 
-LANES, STEPS, MANY_STEPS = 64, 60, 1000
+LANES = 64
+STEPS = 60
+MANY_STEPS = 1000
 HELD = 0.25
 """Nominal seconds for the episodes of constant actions."""
 
@@ -176,7 +179,10 @@ def _episodes(
 ) -> Iterator[dict[Key, Array]]:
     """Yield the reads of each step of episodes with `most` steps together; new ones begin when all lanes have ended."""
     rollout = Rollout(task, lanes)
-    state, going, t, episode = rollout.start(), np.ones(lanes, np.bool_), 0, 0
+    state = rollout.start()
+    going = np.ones(lanes, np.bool_)
+    t = 0
+    episode = 0
     for steps in range(most):
         chosen = choose(state, t, rng)
         action = {c.name: _within(c, chosen[c.name]) for c in task.action}
@@ -186,10 +192,13 @@ def _episodes(
         if ends:
             yield _picked(reads_of(moved.state, action, t + 1), ended)
         going = going & ~ended
-        state, t = {n: np.where(going, moved.state[n], state[n]) for n in state}, t + 1
+        state = {n: np.where(going, moved.state[n], state[n]) for n in state}
+        t = t + 1
         if not going.any() or not _are_numbers(state):
             episode += 1
-            state, going, t = rollout.start(episode), np.ones(lanes, np.bool_), 0
+            state = rollout.start(episode)
+            going = np.ones(lanes, np.bool_)
+            t = 0
 
 
 def _picked(reads: Mapping[Key, Array], lanes: Array) -> dict[Key, Array]:
@@ -207,7 +216,8 @@ def entered(task: Task, reads: Mapping[Key, Array], ends: bool, rng: np.random.G
 
     A step that ends the episode counts with `ends` alone: a state that only such steps lead to is one that no episode acts in.
     """
-    roots, lanes = (*task.raw_next, task.terminal), max(v.shape[-1] for v in reads.values())
+    roots = (*task.raw_next, task.terminal)
+    lanes = max(v.shape[-1] for v in reads.values())
     layout = WordLayout.of(roots)
     words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
     *following, terminal = evaluate(roots, reads, batch_sampler(layout, words))

@@ -10,7 +10,7 @@ from typing import NoReturn
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.progress import tell
+from taskspec.base.limits import tell
 from taskspec.lang.ir import Const
 from taskspec.model.cost import Budget, Cost
 from taskspec.model.model import refuse

@@ -139,7 +139,7 @@ class Difference:
     p_value: float
 
     def is_real(self, among: int) -> bool:
-        """Whether the difference matters, and is significant among this many comparisons."""
+        """Return whether the difference matters, and is significant among this many comparisons."""
         excludes_zero = not self.low <= 0 <= self.high
         return abs(self.effect) >= MATTERS and excludes_zero and self.p_value < ALARM / among
 

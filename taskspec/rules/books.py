@@ -26,7 +26,8 @@ from taskspec.task.schema.experiments import (
     check_findings,
 )
 
-EXAM, FINDINGS = "exam.yaml", "findings.yaml"
+EXAM = "exam.yaml"
+FINDINGS = "findings.yaml"
 """Files of a suite's folder."""
 
 

@@ -177,7 +177,8 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
 
     def _folded(self, expr: s.Expr) -> Enclosure:
         """Return the value of anything made of parameters and constants alone, by the language's own rules."""
-        task, collector = self.results.task, Collector()
+        task = self.results.task
+        collector = Collector()
         try:
             value = Checker(task.builder, collector).check(expr, task.surface.scopes["claims"])
         except Refused as refused:
@@ -323,7 +324,7 @@ def _closely(a: Enclosure) -> str:
 
 
 def _side(expr: s.Expr, value: str) -> str:
-    """A side of a comparison with its value; a number as written says so itself."""
+    """Return a side of a comparison with its value; a number as written says so itself."""
     if isinstance(expr, s.Number):
         return ""
     text = expr.place.written

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, Placed, Span, SpecError
-from taskspec.base.progress import tell
+from taskspec.base.limits import tell
 from taskspec.lang import syntax as s
 from taskspec.model.space import words
 from taskspec.modifiers import modify

@@ -34,9 +34,11 @@ from taskspec.task.build import build
 from taskspec.task.context import assign
 from taskspec.task.task import Component, Example, Followed, Task, TaskLike
 
-MOST_OUTCOMES, MOST_NUMBERS = 100_000, 2_000_000
+MOST_OUTCOMES = 100_000
+MOST_NUMBERS = 2_000_000
 """Outcomes, and numbers in all of them, up to which distributions are enumerated."""
-RELATIVE, ABSOLUTE = 1e-9, 1e-12
+RELATIVE = 1e-9
+ABSOLUTE = 1e-12
 """Tolerances of equal numbers."""
 CHANCE = 1e-9
 """Tolerance of equal probabilities that are not known exactly."""
@@ -99,7 +101,8 @@ def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
 
 
 def _enumerated(nodes: Sequence[Node], numbers: ProbabilityArithmetic) -> JointOutcomes:
-    rows, weights = [], []
+    rows = []
+    weights = []
     for values, _, weight in joint_outcomes(nodes, {}, 1, numbers):
         rows.append(np.concatenate([v.reshape(-1, len(weight)) for v in values]).astype(np.float64))
         weights.append(weight)
@@ -109,7 +112,8 @@ def _enumerated(nodes: Sequence[Node], numbers: ProbabilityArithmetic) -> JointO
 
 def compare(asked: Consequence, collector: Collector) -> None:
     """Report a consequence that is not that of the task."""
-    actual, expected = outcomes([asked.actual]), outcomes([asked.expected])
+    actual = outcomes([asked.actual])
+    expected = outcomes([asked.expected])
     if actual is None or expected is None:
         _compare_forms(asked, collector)
         return
@@ -307,7 +311,9 @@ class _Trial:
 
     def _in_task(self, follows: Followed) -> tuple[Component, Node, str] | None:
         """Return the component of an entry, its node, and words for it."""
-        task, b, name = self.task, self.task.builder, follows.name
+        task = self.task
+        b = self.task.builder
+        name = follows.name
         match follows.section:
             case "initial":
                 return *_named(task.state, task.initial, name), f"the first {name}"

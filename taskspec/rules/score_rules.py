@@ -184,7 +184,8 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
 
     def _over_seeds(self, expr: s.Call) -> Estimate:
         """Return a number about `(learner, task, side)`: a learner if there are several, and optionally a side."""
-        name, args = expr.function, expr.args
+        name = expr.function
+        args = expr.args
         kinds = ["learner", "task"] if self.names.learners and name in NUMBERS else ["task"]
         has_sides = name in NUMBERS
         if expr.keywords or not len(kinds) <= len(args) <= len(kinds) + has_sides:

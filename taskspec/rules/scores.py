@@ -71,7 +71,8 @@ QUANTIFIERS: dict[str, str] = {
     "most": "It holds for more than half.",
     "count": "The number for which it holds.",
 }
-ALL_TASKS, ALL_LEARNERS = "tasks", "learners"
+ALL_TASKS = "tasks"
+ALL_LEARNERS = "learners"
 """Groups that need not be declared."""
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from taskspec.base.diagnostics import SpecError, suggest
 from taskspec.base.display import html_table
-from taskspec.base.progress import tell
+from taskspec.base.limits import tell
 from taskspec.model.model import Model, misused, refuse
 from taskspec.scores.lookahead import effective_horizon, least_lookahead
 from taskspec.scores.partial_observability import hidden_bits
@@ -82,7 +82,8 @@ def _hidden_bits(results: Results) -> float:
 
 
 def _soft_gap(results: Results) -> float:
-    optimal, random = _return(results, "optimal"), _return(results, "random")
+    optimal = _return(results, "optimal")
+    random = _return(results, "random")
     if optimal == random:
         refuse("random actions are optimal")
     soft = results.solvers.of(Boltzmann(1.0)).value(Boltzmann(1.0)).value
@@ -196,7 +197,7 @@ class Difficulty(Mapping[str, float | None]):
         return [(n, v, MEASURES[n].unit, self.why_not.get(n) or MEASURES[n].doc) for n, v in self.items()]
 
     def _repr_html_(self) -> str:
-        """The measures, for notebooks."""
+        """Return the measures, for notebooks."""
         rows = [(name, "unknown" if v is None else f"{v:.6g}", unit, said) for name, v, unit, said in self.rows()]
         return html_table(f"{self.id}: difficulty", ("measure", "value", "unit", ""), rows)
 

@@ -38,7 +38,9 @@ class _Lookahead:
     def __init__(self, model: Model) -> None:
         if model.horizon is None:
             refuse("episodes have no horizon")
-        self.model, self.horizon, self.numbers = model, model.horizon, Bounded(model)
+        self.model = model
+        self.horizon = model.horizon
+        self.numbers = Bounded(model)
         if 4 * 16 * (self.horizon + 1) * model.n_states > limits().megabytes * 1e6:
             refuse("the values at every time do not fit into memory")
         self.spent = 0.0
@@ -117,10 +119,12 @@ def _check_deterministic(model: Model) -> None:
 
 def _episodes(ahead: _Lookahead, k: int, values: list[Bound]) -> float:
     """Return the bound on m, the number of episodes for each sequence of k actions; infinite where there is none."""
-    states, most = ahead.model.start > 0, 1.0
+    states = ahead.model.start > 0
+    most = 1.0
     tries = math.log(2 * ahead.horizon) + k * math.log(ahead.model.n_actions)
     for t in range(ahead.horizon):
-        q, optimal = ahead.q(t, values[t + 1]), ahead.optimal(t)
+        q = ahead.q(t, values[t + 1])
+        optimal = ahead.optimal(t)
         wrong = np.where(optimal, -np.inf, q.value + q.error).max(axis=0)
         clear = optimal & (q.value - q.error > wrong)
         if (states & ~clear.any(axis=0)).any():

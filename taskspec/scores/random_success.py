@@ -113,7 +113,8 @@ class RandomSteps:
     """
 
     def __init__(self, model: Model) -> None:
-        self.model, self.steps = model, Steps(model.task, as_paid=True)
+        self.model = model
+        self.steps = Steps(model.task, as_paid=True)
         self.acting = np.flatnonzero(model.acting)
         self._known: dict[int, StepOutcomes] = {}
         if self.steps.branching == np.inf:
@@ -143,7 +144,8 @@ class RandomSteps:
 
     def _parts(self, t: int) -> Iterator[tuple[Array, ...]]:
         """Yield states, next states, rewards, ends and probabilities of outcomes, in chunks of actions and states."""
-        codes, rows = self.model.codes, len(self.acting) * self.model.n_actions
+        codes = self.model.codes
+        rows = len(self.acting) * self.model.n_actions
         size = max(1, int(CHUNK // max(1.0, min(self.steps.branching, CHUNK))))
         for low in range(0, rows, size):
             action, which = np.divmod(np.arange(low, min(rows, low + size)), len(self.acting))
@@ -211,7 +213,9 @@ class _Trials:
     """
 
     def __init__(self, model: Model, horizon: int) -> None:
-        self.model, self.horizon, self.steps = model, horizon, RandomSteps(model)
+        self.model = model
+        self.horizon = horizon
+        self.steps = RandomSteps(model)
         if 2 * (horizon + 1) * model.n_states * 8 > limits().megabytes * 1e6:
             refuse("what may still be earned at every time does not fit into memory")
         self.most = self._extremes(np.maximum)
@@ -242,8 +246,10 @@ class _Trials:
 
     def chance(self) -> float:
         state = np.flatnonzero(self.model.start)
-        missing, weight = self._grains(self.wanted[state]), self.model.start[state]
-        total, factor = 0.0, 1.0
+        missing = self._grains(self.wanted[state])
+        weight = self.model.start[state]
+        total = 0.0
+        factor = 1.0
         for t in range(self.horizon):
             off = missing * self.grain
             sure = off <= factor * self.least[t][state] + self.slack
@@ -283,7 +289,8 @@ def _merged(state: Array, missing: Array, weight: Array) -> tuple[Array, Array, 
     if not len(state):
         return state, missing, weight
     order = np.lexsort((missing, state))
-    state, missing = state[order], missing[order]
+    state = state[order]
+    missing = missing[order]
     new = np.ones(len(state), np.bool_)
     new[1:] = (state[1:] != state[:-1]) | (missing[1:] != missing[:-1])
     at = np.flatnonzero(new)

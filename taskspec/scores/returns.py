@@ -203,7 +203,8 @@ class Results:
     def enclosure(self, which: str, as_written: bool = False) -> Enclosure | None:
         """Return bounds of the optimal, worst, random or expert return; None without a model, or if it may be infinite."""
         if which == "expert" and self.remembering is not self:
-            found, self.unsettled = self.remembering.enclosure(which, as_written), self.remembering.why_not
+            found = self.remembering.enclosure(which, as_written)
+            self.unsettled = self.remembering.why_not
             return found
         key = (which, as_written)
         if key not in self._enclosures:

@@ -60,7 +60,8 @@ def read(path: str | Path, returns: Iterable[str]) -> dict[str, Any]:
     Raises:
         SpecError: E710, E711 when there is no such file, or it cannot be read; E713 when it contains no scores.
     """
-    data, fits = _parsed(path), _FITS | dict.fromkeys(returns, _is_return)
+    data = _parsed(path)
+    fits = _FITS | dict.fromkeys(returns, _is_return)
     if not isinstance(data, dict):
         _damaged(path, "it is not a JSON object")
     for name, right in fits.items():
@@ -95,7 +96,8 @@ def _is_count(value: Any) -> bool:
 def _is_return(value: Any) -> bool:
     if not isinstance(value, dict):
         return value is None
-    numbers, counts = ("value", "error", "bound"), ("episodes", "tested")
+    numbers = ("value", "error", "bound")
+    counts = ("episodes", "tested")
     if not set(value) <= {*numbers, *counts, "status"}:
         return False
     return all(_is_number(value.get(n)) for n in numbers) and all(_is_count(value.get(n)) for n in counts)

@@ -20,8 +20,7 @@ from math import gcd, lcm
 from typing import Any, TypeAlias
 
 from taskspec.base.arrays import Array
-from taskspec.base.limits import limits
-from taskspec.base.progress import tell
+from taskspec.base.limits import limits, tell
 from taskspec.solve.backward import all_values, backward
 from taskspec.solve.enclosure import Enclosure, rounded
 from taskspec.solve.memoryless import at

@@ -30,22 +30,24 @@ class Reader:
     """Floats as rationals by one of the two readings; `ambiguous` once they differed."""
 
     def __init__(self, as_written: bool = False) -> None:
-        self.as_written, self.ambiguous = as_written, False
+        self.as_written = as_written
+        self.ambiguous = False
 
     def __call__(self, value: float | Fraction) -> Fraction:
-        """A number that an author wrote, or that the program pays. Inexact: an infinity, or nan."""
+        """Return a number that an author wrote, or that the program pays. Inexact: an infinity, or nan."""
         if not isinstance(value, float):
             return Fraction(value)
         if not math.isfinite(value):
             raise Inexact
-        exact, short = Fraction(value), written(value)
+        exact = Fraction(value)
+        short = written(value)
         if exact == short:
             return exact
         self.ambiguous = True
         return short if self.as_written else exact
 
     def computed(self, value: float) -> Fraction:
-        """A probability that was computed in floats. Inexact: one that no short fraction explains."""
+        """Return a probability that was computed in floats. Inexact: one that no short fraction explains."""
         found = self(value)
         if written(value).denominator > PLAIN:
             raise Inexact
@@ -54,7 +56,7 @@ class Reader:
 
 @lru_cache(maxsize=100_000)
 def written(value: float) -> Fraction:
-    """The short fraction or decimal that a finite float stands for; its exact value where there is none."""
+    """Return the short fraction or decimal that a finite float stands for; its exact value where there is none."""
     exact = Fraction(value)
     if exact.denominator <= PLAIN and abs(exact) < 2**53:
         return exact
@@ -70,7 +72,7 @@ def written(value: float) -> Fraction:
 
 
 def simplest(low: Fraction, high: Fraction) -> Fraction:
-    """The fraction of the smallest denominator between two positive numbers, by their continued fractions."""
+    """Return the fraction of the smallest denominator between two positive numbers, by their continued fractions."""
     whole = math.floor(low)
     if whole == low:
         return Fraction(whole)
@@ -108,7 +110,7 @@ class Enclosure:
 
     @classmethod
     def exactly(cls, value: Fraction | float) -> Enclosure:
-        """A known number. NoNumber: nan."""
+        """Return a known number. NoNumber: nan."""
         if value != value:
             raise NoNumber("this is not a number")
         end = value if value in (math.inf, -math.inf) else Fraction(value)
@@ -116,7 +118,7 @@ class Enclosure:
 
     @classmethod
     def around(cls, value: float, error: float) -> Enclosure:
-        """Everything within a computed error of a float. NoNumber: nan."""
+        """Return everything within a computed error of a float. NoNumber: nan."""
         if value != value or error != error:
             raise NoNumber("this is not a number")
         if not (math.isfinite(value) and math.isfinite(error)):
@@ -148,7 +150,8 @@ class Enclosure:
     @property
     def ends(self) -> tuple[float, float]:
         """Floats that the number lies between, rounded outwards."""
-        low, high = rounded(self.low), rounded(self.high)
+        low = rounded(self.low)
+        high = rounded(self.high)
         return math.nextafter(low, -math.inf) if low > self.low else low, math.nextafter(
             high, math.inf
         ) if high < self.high else high
@@ -163,12 +166,12 @@ class Enclosure:
 
 
 def is_infinite(end: End) -> bool:
-    """Whether nothing is known on a side; a rational may well be beyond the largest float."""
+    """Return whether nothing is known on a side; a rational may well be beyond the largest float."""
     return isinstance(end, float)
 
 
 def rounded(value: End) -> float:
-    """The nearest float; an infinity beyond the largest."""
+    """Return the nearest float; an infinity beyond the largest."""
     try:
         return float(value)
     except OverflowError:
@@ -176,7 +179,7 @@ def rounded(value: End) -> float:
 
 
 def digits(value: End, count: int = 10) -> str:
-    """A number in a few significant digits, whole numbers in full."""
+    """Return a number in a few significant digits, whole numbers in full."""
     if isinstance(value, Fraction) and value.denominator == 1 and abs(value) < 10**17:
         return str(value.numerator)
     return f"{rounded(value):.{count}g}"
@@ -193,7 +196,7 @@ def _finite(*ends: End) -> list[Fraction]:
 
 
 def _corners(function: Callable[[Fraction, Fraction], Fraction], a: Enclosure, b: Enclosure) -> Enclosure:
-    """The hull over all corners, which is tight for functions monotone in each argument."""
+    """Return the hull over all corners, which is tight for functions monotone in each argument."""
     low, high, other_low, other_high = _finite(a.low, a.high, b.low, b.high)
     found = [function(x, y) for x in {low, high} for y in {other_low, other_high}]
     return Enclosure(min(found), max(found))
@@ -240,7 +243,7 @@ def _power(a: Enclosure, b: Enclosure) -> Enclosure:
 
 
 def _root(low: Fraction, high: Fraction, exponent: Fraction) -> Enclosure:
-    """A power that is no rational, by C's `pow`, which errs by less than 4 units in the last place."""
+    """Return a power that is no rational, by C's `pow`, which errs by less than 4 units in the last place."""
     if low < 0 or (low == 0 and exponent < 0):
         raise NoNumber("this power is not a number")
     found = sorted(_float_power(x, exponent) for x in (low, high))
@@ -249,7 +252,7 @@ def _root(low: Fraction, high: Fraction, exponent: Fraction) -> Enclosure:
 
 
 def _float_power(base: Fraction, exponent: Fraction) -> float:
-    """A power of a number that is not negative; NoNumber where floats do not hold both in full."""
+    """Return a power of a number that is not negative; NoNumber where floats do not hold both in full."""
     try:
         found = math.pow(rounded(base), float(exponent))
     except (OverflowError, ValueError):  # a base that is rounded to 0
@@ -293,7 +296,7 @@ def absolute(a: Enclosure) -> Enclosure:
 
 
 def compare(op: str, a: Enclosure, b: Enclosure, tolerance: Fraction | None = None) -> bool | None:
-    """Whether a comparison holds; None where it cannot be told.
+    """Return whether a comparison holds; None where it cannot be told.
 
     `==` holds of numbers that differ by at most `tolerance`, or by 1e-9 of the larger one's size without one. `<=` allows
     for `tolerance` as well, where it is given, and `<` for nothing.

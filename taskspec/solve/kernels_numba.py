@@ -86,7 +86,8 @@ def _successors(indptr: Array, columns: Array, states: int, actions: int) -> Arr
     count = (states + BLOCK - 1) // BLOCK
     found = np.empty((count, 2), np.int64)
     for b in range(count):
-        low, high = states, 0
+        low = states
+        high = 0
         for a in range(actions):
             first = a * states + b * BLOCK
             last = a * states + min(states, (b + 1) * BLOCK)
@@ -100,7 +101,7 @@ def _successors(indptr: Array, columns: Array, states: int, actions: int) -> Arr
 
 @njit(cache=True)
 def _active(blocks: Array, changed: Array) -> Array:
-    """Which blocks lead to one that changed."""
+    """Return which blocks lead to one that changed."""
     before = np.zeros(len(changed) + 1, np.int64)
     before[1:] = np.cumsum(changed)
     found = np.empty(len(blocks), np.bool_)
@@ -125,7 +126,8 @@ def _swept(
     states = len(out)
     after = np.zeros(len(active), np.bool_)
     for b in range(len(active)):
-        first, last = b * BLOCK, min(states, (b + 1) * BLOCK)
+        first = b * BLOCK
+        last = min(states, (b + 1) * BLOCK)
         if not active[b]:
             if changed[b]:
                 out[first:last] = value[first:last]

@@ -78,11 +78,15 @@ class _Table:
         model = numbers.model
         rows, columns, weights, rewards, ends, _ = outcome_table(model, t)
         order = np.argsort(rows, kind="stable")
-        self.step, self.shape = model.step(t), (model.n_actions, model.n_states)
-        self.columns, self.ends, size = columns[order], ends[order], model.n_actions * model.n_states
+        self.step = model.step(t)
+        self.shape = (model.n_actions, model.n_states)
+        self.columns = columns[order]
+        self.ends = ends[order]
+        size = model.n_actions * model.n_states
         self.discount = model.discount
         self.paid = beta * np.where(model.acting[rows % model.n_states], rewards, 0.0)[order]
-        self.logs, slack = np.log(weights[order]), numbers.slack
+        self.logs = np.log(weights[order])
+        slack = numbers.slack
         off = slack.relative + 2 * slack.absolute / weights[order] + 8 * UNIT * (np.abs(self.logs) + 1)
         self.error = float(np.max(off, initial=0.0))
         if slack.missing > 0 or weights.min(initial=1.0) < SMALLEST:  # outcomes that are left out may pay anything

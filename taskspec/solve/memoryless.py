@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.limits import limits
-from taskspec.base.progress import tell
+from taskspec.base.limits import limits, tell
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Role, draws, reads
 from taskspec.model.model import Model, refuse
@@ -40,8 +39,9 @@ class ReactiveSearch:
     seen: Array
 
     def value(self) -> Enclosure:
-        """What is earned by the best policy that reacts; between two bounds where time ran out."""
-        order, tried = count(), 0
+        """Return what is earned by the best policy that reacts; between two bounds where time ran out."""
+        order = count()
+        tried = 0
         each = 2 * (self.numbers.work + OVERHEAD * self.numbers.horizon)
         most = max(1, limits().seconds * RATE // each)
         first = np.full(int(self.seen.max()) + 1, FREE)
@@ -67,7 +67,7 @@ class ReactiveSearch:
                 return Enclosure.exactly(low)
 
     def _relaxed(self, policy: Array) -> tuple[Fraction, int | None, Array]:
-        """What is earned if only some observations bind; one whose states want different actions; a policy near it."""
+        """Return what is earned if only some observations bind; one whose states want different actions; a policy near it."""
         numbers = self.numbers
         wanted = []
 
@@ -83,12 +83,16 @@ class ReactiveSearch:
         return start, *self._conflict(policy, wanted[::-1])
 
     def _conflict(self, policy: Array, wanted: list[Array]) -> tuple[int | None, Array]:
-        """The first observation without an action that all its states want, as far as episodes come to them."""
-        numbers, shape = self.numbers, (len(policy), self.numbers.model.n_actions)
-        votes, agreed = np.zeros(shape), np.ones(shape, np.bool_)
-        level, met = numbers.start.parts > 0, []
+        """Return the first observation without an action that all its states want, as far as episodes come to them."""
+        numbers = self.numbers
+        shape = (len(policy), self.numbers.model.n_actions)
+        votes = np.zeros(shape)
+        agreed = np.ones(shape, np.bool_)
+        level = numbers.start.parts > 0
+        met = []
         for t, best in enumerate(wanted):
-            look, here = at(self.seen, t), np.flatnonzero(level)
+            look = at(self.seen, t)
+            here = np.flatnonzero(level)
             met.append(look[here])
             np.add.at(votes, look[here], best.T[here])
             np.logical_and.at(agreed, look[here], best.T[here])
@@ -103,7 +107,8 @@ class ReactiveSearch:
 
 
 def observation_classes(model: Model) -> Array:
-    """A number (T, S) for what is seen of each state at each time, T being 1 where the time is not seen; equal ones look alike.
+    """Return a number (T, S) for what is seen of each state at each time, T being 1 where the time is not seen; equal ones
+    look alike.
 
     Noise that does not depend on the state tells nothing, and is left out.
 
@@ -126,18 +131,19 @@ def observation_classes(model: Model) -> Array:
 
 
 def _seen(model: Model, nodes: list[Any], t: int) -> Array:
-    """Everything that is seen at a time, one row (S, elements) for each state."""
-    n, rows = model.n_states, [np.zeros((1, model.n_states))]
+    """Return everything that is seen at a time, one row (S, elements) for each state."""
+    n = model.n_states
+    rows = [np.zeros((1, model.n_states))]
     for value in evaluate(nodes, model.reads(t)):
         rows.append(np.broadcast_to(value, (*value.shape[:-1], n)).reshape(-1, n).astype(np.float64))
     return np.concatenate(rows).T
 
 
 def at(seen: Array, t: int) -> Array:
-    """What is seen of each state (S,) at a time."""
+    """Return what is seen of each state (S,) at a time."""
     return np.asarray(seen[t if len(seen) > 1 else 0])
 
 
 def hides(model: Model, seen: Array) -> bool:
-    """Whether two states in which episodes act at the same time look alike."""
+    """Return whether two states in which episodes act at the same time look alike."""
     return any(len(np.unique(at(seen, t)[level])) < np.count_nonzero(level) for t, level in model.levels())

@@ -129,7 +129,8 @@ class Boltzmann(Rule):
 
 
 def rule_of(model: Model, given: Literal["optimal"] | Soft | None = None) -> Rule | None:
-    """The expert that the task's spec gives, or the one given here; None where there is none, or it draws too many outcomes.
+    """Return the expert that the task's spec gives, or the one given here; None where there is none, or it draws too many
+    outcomes.
 
     An expert that remembers is a function of the state in `Task.remembering` alone.
     """
@@ -157,7 +158,8 @@ class Tables:
     """
 
     def __init__(self, model: Model, rule: Rule) -> None:
-        self.rule, self.numbers = rule, Bounded(model)
+        self.rule = rule
+        self.numbers = Bounded(model)
         self.backup = rule.backup(self.numbers)
         self.every = max(1, math.isqrt(model.horizon or 1))
         size = (self.every + (model.horizon or 1) // self.every) * model.n_states * 16
@@ -187,7 +189,7 @@ class Tables:
 
 
 def tables(model: Model, rule: Rule) -> Plan:
-    """A rule's probabilities of actions at any time."""
+    """Return a rule's probabilities of actions at any time."""
     if model.horizon is None:
         from taskspec.solve.infinite_horizon import InfiniteHorizon
 
@@ -205,7 +207,7 @@ def stationary(table: Array) -> Plan:
 
 
 def timed(found: Sequence[Array]) -> Plan:
-    """One table for each time; the last one ever after."""
+    """Return one table for each time; the last one ever after."""
     return lambda t: found[min(t, len(found) - 1)]
 
 
@@ -226,6 +228,6 @@ def maxent_plan(model: Model, beta: float = 1.0) -> Plan:
 
 
 def expert_plan(model: Model) -> Plan | None:
-    """The expert that the task's spec gives, or None."""
+    """Return the expert that the task's spec gives, or None."""
     rule = rule_of(model)
     return None if rule is None else tables(model, rule)

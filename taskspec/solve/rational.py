@@ -37,7 +37,8 @@ class Chances:
         self.reader = reader
 
     def argument(self, draw: Draw, arg: Array) -> Array:
-        p, outcomes = draw.args[0], VARIATES[draw.base].outcomes
+        p = draw.args[0]
+        outcomes = VARIATES[draw.base].outcomes
         if outcomes is None or outcomes.tail:
             raise Inexact
         if isinstance(p, Const):
@@ -51,7 +52,7 @@ class Chances:
         return np.asarray(1 - p)
 
     def _rows(self, table: Const, arg: Array) -> Array:
-        """Rows of a constant table, (K, N), in the numbers that they were written with."""
+        """Return rows of a constant table, (K, N), in the numbers that they were written with."""
         k = table.type.shape[-1]
         rows = [table.flat[i : i + k] for i in range(0, len(table.flat), k)]
         known = {tuple(float(v) for v in row): [self.reader(v) for v in row] for row in reversed(rows)}
@@ -125,7 +126,9 @@ class Rational:
     """
 
     def __init__(self, model: Model, reader: Reader) -> None:
-        self.model, self.reader, self.chances = model, reader, Chances(reader)
+        self.model = model
+        self.reader = reader
+        self.chances = Chances(reader)
         self.horizon = model.horizon or 0
         self.discount = reader(model.discount)
         self._steps = self._enumerated(Steps(model.task))
@@ -159,7 +162,8 @@ class Rational:
         first = np.searchsorted(rows[order], np.arange(model.n_actions * model.n_states))
         acting = model.acting[rows % model.n_states]  # what is paid elsewhere need not even be a number
         distinct, which = np.unique(np.where(acting, rewards, 0.0)[order], return_inverse=True)
-        rates, chances = Scaled.of(_objects([self.reader(v) for v in distinct.tolist()])), Scaled.of(weights[order])
+        rates = Scaled.of(_objects([self.reader(v) for v in distinct.tolist()]))
+        chances = Scaled.of(weights[order])
         paid = np.add.reduceat(chances.parts * rates.parts[which.reshape(-1)], first)
         return _Step(first, columns[order], chances, ends[order], Scaled(paid, chances.over * rates.over).lowest())
 
@@ -179,7 +183,7 @@ class Rational:
         return Scaled(self._table(paid + after * more), over)
 
     def reached(self, t: int, value: Scaled, states: Array) -> Scaled:
-        """Probabilities (A, S) of being in `states` in the next step, or later by `value`, which is 1 there."""
+        """Return probabilities (A, S) of being in `states` in the next step, or later by `value`, which is 1 there."""
         step = self._at(t)
         inside = _objects(
             [value.over if within else 0 for within in states.tolist()]
@@ -188,7 +192,7 @@ class Rational:
         return Scaled(self._table(self._next(step, after)), step.weights.over * value.over)
 
     def marked(self, value: Scaled, states: Array) -> Scaled:
-        """Values with 1 in `states`."""
+        """Return values with 1 in `states`."""
         return Scaled(np.where(states, value.over, value.parts), value.over).reduced()
 
     def _at(self, t: int) -> _Step:
@@ -222,15 +226,17 @@ class Rational:
     # -- outcomes -----------------------------------------------------------------------------------------------------
 
     def rewards(self, t: int) -> Scaled:
-        """Expected rewards (A*S,) at a time."""
+        """Return expected rewards (A*S,) at a time."""
         return self._at(t).R
 
     def unit(self, t: int) -> int:
-        """The common denominator of the probabilities of `goes_on`."""
+        """Return the common denominator of the probabilities of `goes_on`."""
         return self._at(t).weights.over
 
     def goes_on(self, t: int, row: int) -> Iterator[tuple[int, int]]:
-        """States in which the episode goes on after a row, action * S + state, each with its probability times `unit`."""
+        """Yield states in which the episode goes on after a row, action * S + state, each with its probability times
+        `unit`.
+        """
         step = self._at(t)
         last = step.first[row + 1] if row + 1 < len(step.first) else len(step.columns)
         for k in range(step.first[row], last):
@@ -238,7 +244,7 @@ class Rational:
                 yield int(step.columns[k]), int(step.weights.parts[k])
 
     def successors(self, t: int, taken: Array) -> Array:
-        """States (S,) in which episodes may go on if they take some actions (A, S) at a time."""
+        """Return states (S,) in which episodes may go on if they take some actions (A, S) at a time."""
         step = self._at(t)
         rows = np.repeat(taken.reshape(-1), np.diff(step.first, append=len(step.columns)))
         found = np.zeros(self.model.n_states, np.bool_)
@@ -252,15 +258,17 @@ class Rational:
         return Scaled(np.ones(shape, dtype=object), self.model.n_actions)
 
     def greedy(self, q: Scaled) -> Scaled:
-        """All best actions alike."""
+        """Return all best actions alike."""
         best = q.parts == q.parts.max(axis=0)
         counts = best.sum(axis=0)
         over = math.lcm(*map(int, np.unique(counts)))
         return Scaled(best.astype(object) * np.array([over // int(n) for n in counts], dtype=object), over)
 
     def tabulated(self, nodes: Sequence[Node], t: int) -> Scaled:
-        """A policy given by expressions, which may draw and read the time."""
-        model, given, drawn = self.model, self.model.reads(t), draws(nodes)
+        """Return a policy given by expressions, which may draw and read the time."""
+        model = self.model
+        given = self.model.reads(t)
+        drawn = draws(nodes)
         if not drawn:  # one action in each state
             (branch,) = branches(drawn, given, model.n_states, self.chances)
             chosen = np.zeros((model.n_actions, model.n_states), dtype=object)
@@ -279,9 +287,10 @@ class Rational:
         """
         good = np.where(wanted, policy.parts, -1).max(axis=0)
         bad = np.where(wanted, -1, policy.parts).max(axis=0)
-        much, more = EQUAL.denominator, EQUAL.denominator + EQUAL.numerator
+        much = EQUAL.denominator
+        more = EQUAL.denominator + EQUAL.numerator
         return np.asarray((good * much > bad * more).astype(np.int8) - (bad * much > good * more).astype(np.int8))
 
     def table(self, policy: Scaled) -> Array:
-        """A policy as floats."""
+        """Return a policy as floats."""
         return np.array([v / policy.over for v in policy.parts.reshape(-1)]).reshape(policy.parts.shape)

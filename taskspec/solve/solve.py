@@ -35,7 +35,7 @@ class Solution:
 
 
 def solve(model: Model, rule: Callable[[Model], Bound] | None = None) -> Solution:
-    """Values at the first time under a rule: `best` (or None), `worst`, or `soft(beta)`."""
+    """Return values at the first time under a rule: `best` (or None), `worst`, or `soft(beta)`."""
     value = (rule or best)(model).value
     return Solution(value, float(model.start @ value))
 
@@ -55,7 +55,7 @@ def worst(model: Model) -> Bound:
 
 
 def soft(beta: float) -> Callable[[Model], Bound]:
-    """The causal maximum-entropy value: log sum exp(beta Q) / beta."""
+    """Return the causal maximum-entropy value: log sum exp(beta Q) / beta."""
 
     def rule(model: Model) -> Bound:
         if model.horizon is None:
@@ -75,7 +75,7 @@ def _solver(model: Model) -> Solver:
 
 
 def optimal_return(model: Model) -> float:
-    """The expected return of the best policy."""
+    """Return the expected return of the best policy."""
     return _solver(model).best().value
 
 
@@ -84,35 +84,38 @@ def worst_return(model: Model) -> float:
 
 
 def random_return(model: Model) -> float:
-    """The expected return of uniformly random actions."""
+    """Return the expected return of uniformly random actions."""
     return _solver(model).value(Uniform()).value
 
 
 def policy_return(model: Model, plan: Plan) -> float:
-    """The expected return of a policy given by its tables."""
+    """Return the expected return of a policy given by its tables."""
     return Solvers(model).of(Given(plan)).value(Given(plan)).value
 
 
 def visit_probability(model: Model, plan: Plan, states: Array) -> float:
-    """The probability that an episode under a policy is ever in one of the states (S,), its last one included."""
+    """Return the probability that an episode under a policy is ever in one of the states (S,), its last one included."""
     return Solvers(model).of(Given(plan)).probability(Given(plan), states).value
 
 
 def occupancy(model: Model, plan: Plan, steps: int | None = None) -> Array:
-    """How often a policy is expected to act in each state, (S,), summed over the episode and discounted.
+    """Return how often a policy is expected to act in each state, (S,), summed over the episode and discounted.
 
     Without a horizon the sum is over `steps` steps, or until less than 1e-12 is left.
     """
-    total, now = np.zeros(model.n_states), model.start.copy()
+    total = np.zeros(model.n_states)
+    now = model.start.copy()
     last = model.horizon if steps is None else steps
-    t, factor = 0, 1.0
+    t = 0
+    factor = 1.0
     while (last is None or t < last) and factor * now.sum() > 1e-12 and t < MOST_STEPS:
         total += factor * now
         now = model.step(t).P.T @ (plan(t) * now).reshape(-1)
-        t, factor = t + 1, factor * model.discount
+        t = t + 1
+        factor = factor * model.discount
     return total
 
 
 def first_choices(model: Model) -> Array:
-    """Which actions (A, S) are best in the first step."""
+    """Return which actions (A, S) are best in the first step."""
     return np.asarray(tables(model, Greedy())(0) > 0)

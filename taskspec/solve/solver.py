@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from taskspec.base.arrays import Array
 from taskspec.base.extras import is_installed
-from taskspec.base.progress import tell
+from taskspec.base.limits import tell
 from taskspec.model.model import Model
 from taskspec.solve.backward import Rule, backward, first_values
 from taskspec.solve.bounded import QUIET, Bounded
@@ -105,7 +105,7 @@ class Finite:
         return found[0].hull(found[-1])
 
     def policies(self, rule: Rule) -> Iterator[tuple[int, Any]]:
-        """A rule's policy at each time, the last one first; one is held at a time."""
+        """Yield a rule's policy at each time, the last one first; one is held at a time."""
         numbers = self._numbers
         what = f"of {numbers.horizon:,}"
         if rule.is_planned:
@@ -123,7 +123,7 @@ class Finite:
 
 @QUIET
 def extreme(numbers: ValueArithmetic, largest: bool) -> Any:
-    """The best (or worst) values (S,) at the first time."""
+    """Return the best (or worst) values (S,) at the first time."""
     if isinstance(numbers, Bounded) and _is_long(numbers) and is_installed("numba"):
         from taskspec.solve.kernels_numba import extreme_values
 
@@ -137,7 +137,7 @@ def extreme(numbers: ValueArithmetic, largest: bool) -> Any:
 
 
 def _is_long(numbers: Bounded) -> bool:
-    """Whether compiled sweeps pay for their compilation."""
+    """Return whether compiled sweeps pay for their compilation."""
     return numbers.model.entries * numbers.horizon >= LONG
 
 
@@ -151,7 +151,7 @@ class Solvers:
         """Whether some answer depended on the reading."""
 
     def of(self, rule: Rule | None = None, as_written: bool = False) -> Solver:
-        """The most exact solver for questions about a rule (None: about all policies)."""
+        """Return the most exact solver for questions about a rule (None: about all policies)."""
         if rule is not None and not rule.is_rational:
             return self._bounded()
         if as_written not in self._known:
@@ -179,7 +179,7 @@ class Solvers:
 
 
 def _has(solver: Solver, rule: Rule) -> bool:
-    """Whether a solver's arithmetic has the policies of a rule."""
+    """Return whether a solver's arithmetic has the policies of a rule."""
     if not isinstance(solver.numbers, Rational):
         return True
     try:
@@ -198,7 +198,7 @@ def _in_floats(model: Model) -> Solver:
 
 
 def why_endless(solver: Solver) -> str:
-    """Why a value has no finite bounds, in words."""
+    """Return why a value has no finite bounds, in words."""
     numbers = solver.numbers
     if isinstance(numbers, Bounded) and math.isinf(numbers.slack.beyond):
         return (

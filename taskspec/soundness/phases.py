@@ -303,7 +303,8 @@ def _of_call(call: s.Call, written: Written, where: SectionScope, entry: str | N
 def _ordered(
     low: s.Expr, high: s.Expr, call: s.Call, written: Written, where: SectionScope, entry: str | None
 ) -> Iterator[Check]:
-    bottom, top = where.number(low), where.number(high)
+    bottom = where.number(low)
+    top = where.number(high)
     if bottom is None or top is None or draws([bottom, top]):
         return
     width = where.task.builder.apply("sub", top, bottom)

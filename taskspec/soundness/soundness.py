@@ -17,8 +17,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, Diagnostic, Placed, SpecError
-from taskspec.base.limits import also, limits
-from taskspec.base.progress import tell
+from taskspec.base.limits import also, limits, tell
 from taskspec.lang.check import TooManyExpressions
 from taskspec.lang.ir import Role, reads
 from taskspec.model.extract import number_words, outside_domain
@@ -42,8 +41,10 @@ _HINTS = {
 
 def report(violation: Violation, examination: Examination, collector: Collector) -> None:
     """Report a violation: an error if episodes may reach it, a warning if that is unknown."""
-    check, task = violation.check, examination.task
-    message, place = f"{_where(violation, task)}{_what(violation)}", _place(violation, task)
+    check = violation.check
+    task = examination.task
+    message = f"{_where(violation, task)}{_what(violation)}"
+    place = _place(violation, task)
     if violation.acting is None:
         hint = f"if no episode gets there, say so: narrow the bounds of the state, or accept W526; otherwise it is {check.code}"
         collector.add("W526", place, message, hint, _notes(violation, task))
@@ -81,7 +82,8 @@ def _values(
 
 
 def _what(violation: Violation) -> str:
-    check, value = violation.check, violation.value[..., 0]
+    check = violation.check
+    value = violation.value[..., 0]
     c = check.subject
     if c is None:
         return f"{check.what} is {_number(value)}{_limits(check)}"
@@ -108,7 +110,8 @@ def _number(value: Array) -> str:
 
 
 def _limits(check: Check) -> str:
-    low, high = check.low[0], check.high[0]
+    low = check.low[0]
+    high = check.high[0]
     match check.code:
         case "E401":
             return ", not 1"

@@ -15,7 +15,7 @@ _FOR = re.compile(r"\sfor\s.+\sin\s", re.DOTALL)
 
 
 def in_list(text: str, node: SequenceNode) -> Iterator[TextProblem]:
-    """Items of a list that were one text: a call with a comma in it, or all of a comprehension."""
+    """Yield items of a list that were one text: a call with a comma in it, or all of a comprehension."""
     done = 0
     for item in node.items:
         if _is_plain(item) and _opens(text, item) and item.start >= done:
@@ -25,7 +25,7 @@ def in_list(text: str, node: SequenceNode) -> Iterator[TextProblem]:
 
 
 def in_mapping(text: str, node: MappingNode) -> Iterator[TextProblem]:
-    """Entries of a mapping that were one text, and keys that have no value for another reason."""
+    """Yield entries of a mapping that were one text, and keys that have no value for another reason."""
     done = 0
     for key, value in node.entries:
         if key.start < done:
@@ -84,7 +84,8 @@ def cut(text: str, start: int, within: Sequence[Node] = ()) -> TextProblem:
     for parent in reversed(within):
         if not (isinstance(parent, SequenceNode) and parent.flow and is_comprehension(text[start:end])):
             break
-        start, end = parent.start, value_end(text, parent.start, in_flow=True)
+        start = parent.start
+        end = value_end(text, parent.start, in_flow=True)
     return _pieces(text, start, end)
 
 

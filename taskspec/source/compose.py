@@ -64,7 +64,8 @@ def _events(text: str) -> Iterator[Any]:
 
 
 def _syntax(error: yaml.MarkedYAMLError, builder: _Builder) -> Syntax:
-    at, since = error.problem_mark, error.context_mark
+    at = error.problem_mark
+    since = error.context_mark
     return Syntax(
         problem=error.problem or "",
         context=error.context or "",
@@ -88,7 +89,8 @@ class _Builder:
         self.open: list[MappingNode | SequenceNode] = []
         self.keys: list[Node | None] = []  # the key whose value comes next, per open collection
         self.last: Node | None = None
-        self.count, self.most = 0, limits().values
+        self.count = 0
+        self.most = limits().values
 
     def take(self, event: Any) -> None:
         match event:
@@ -136,7 +138,8 @@ class _Builder:
     def _place(self, node: Node) -> None:
         self.count += 1
         if self.count > self.most:
-            message, hint = f"the file holds more than {self.most:,} values", how_to_raise("values", 2 * self.most)
+            message = f"the file holds more than {self.most:,} values"
+            hint = how_to_raise("values", 2 * self.most)
             raise RefusedError(TextProblem("E114", node.start, node.start + 1, message, hint))
         self.last = node
         match self.open[-1] if self.open else None:

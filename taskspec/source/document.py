@@ -79,7 +79,8 @@ class Document:
                 case MappingNode(), str() if step in node.index:
                     key, node = node.index[step]
                 case SequenceNode(), int() if 0 <= step < len(node.items):
-                    key, node = None, node.items[step]
+                    key = None
+                    node = node.items[step]
                 case _ if strict:
                     raise KeyError(path)
                 case _:
@@ -103,8 +104,10 @@ class Document:
 
 
 def span(origin: Origin, lines: list[int], start: int, end: int) -> Span:
-    line, end_line = bisect_right(lines, start), bisect_right(lines, max(start, end))
-    column, end_column = start - lines[line - 1] + 1, max(start, end) - lines[end_line - 1] + 1
+    line = bisect_right(lines, start)
+    end_line = bisect_right(lines, max(start, end))
+    column = start - lines[line - 1] + 1
+    end_column = max(start, end) - lines[end_line - 1] + 1
     return Span(origin, line, column, end_line, end_column)
 
 

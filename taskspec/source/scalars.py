@@ -159,7 +159,8 @@ def _block(text: str, scalar: ScalarNode) -> list[Place]:
             first, *rest = pending
             pending = rest or [(" ", first[1], content[0][1])]
         found += pending + content
-        pending, was_indented = list(line_break), is_indented
+        pending = list(line_break)
+        was_indented = is_indented
     return found + pending
 
 

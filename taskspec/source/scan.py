@@ -58,7 +58,8 @@ def scan(text: str) -> Scanned:
 def _scanned(text: str) -> Scanned:
     top: dict[str, str] = {}
     variants: list[str] = []
-    section, indent = "", 0
+    section = ""
+    indent = 0
     for line in text.splitlines():
         if line[:1] not in (" ", "\t", "#", ""):
             if section and not _is_whole(top[section]):
@@ -117,7 +118,8 @@ def _parsed(text: str) -> Scanned:
     data = read_text(text).data
     if not isinstance(data, dict):
         return Scanned(0, ())
-    variants, version = data.get("variants"), data.get("version")
+    variants = data.get("variants")
+    version = data.get("version")
     named = [str(key) for key in variants] if isinstance(variants, dict) else []
     whole = version if isinstance(version, int) and version >= 0 else 0
     return _collected(str(data.get("name", "")), int(whole), map(str, data), named)

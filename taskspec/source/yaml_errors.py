@@ -107,7 +107,8 @@ def _special(text: str, syntax: Syntax) -> TextProblem | None:
         at = syntax.at
     else:
         return None
-    char, in_flow = _char(text, at), bool(syntax.open) and syntax.open[-1].flow
+    char = _char(text, at)
+    in_flow = bool(syntax.open) and syntax.open[-1].flow
     if in_flow and char in (",", ":", "]", "}"):
         code = "E108" if char == ":" else "E112"
         return TextProblem(code, at, at + 1, f"there is nothing before this `{char}`")
@@ -146,7 +147,8 @@ def _split_by_bracket(text: str, syntax: Syntax) -> TextProblem | None:
 
 
 def _unmatched(text: str, syntax: Syntax) -> TextProblem | None:
-    char, at = _char(text, syntax.at), syntax.at
+    char = _char(text, syntax.at)
+    at = syntax.at
     if not syntax.open or not syntax.open[-1].flow or char not in ("]", "}"):
         return None
     opened = text[syntax.open[-1].start]
@@ -184,7 +186,8 @@ def _colon_in_flow(text: str, syntax: Syntax) -> TextProblem | None:
 def _colon(text: str, syntax: Syntax) -> TextProblem | None:
     if "mapping values are not allowed" not in syntax.problem:
         return None
-    last, at = syntax.last, syntax.at
+    last = syntax.last
+    at = syntax.at
     if isinstance(last, MappingNode) and text[last.start] == "{":
         return _brace(text, last)
     begin = last.start if isinstance(last, ScalarNode) else line_start(text, at)
@@ -206,8 +209,9 @@ def _colon(text: str, syntax: Syntax) -> TextProblem | None:
 
 
 def _after_value(text: str, syntax: Syntax) -> TextProblem | None:
-    """Something follows, on the same line, a value that was already complete."""
-    last, at = syntax.last, syntax.at
+    """Return something follows, on the same line, a value that was already complete."""
+    last = syntax.last
+    at = syntax.at
     if last is None or text[last.end : at].strip(" \t") or last.end > at or at == len(text):
         return None
     if isinstance(last, MappingNode) and text[last.start] == "{":

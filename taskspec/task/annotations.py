@@ -185,7 +185,8 @@ def _names(context: Context, section: str) -> Sequence[str]:
 
 # The section `symmetries`: maps of what is seen and of what is done, as nodes.
 
-SEEN, DONE = "observation", "action"
+SEEN = "observation"
+DONE = "action"
 """The maps that a symmetry may have."""
 
 

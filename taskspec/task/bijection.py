@@ -77,10 +77,12 @@ def parts(role: Role, inputs: Sequence[Component], nodes: Sequence[Node], is_tie
     """Return the parts of a map of components, which nodes read in a role; `is_tied` where node i becomes component i."""
     found: list[tuple[set[str], list[int]]] = []
     for i, node in enumerate(nodes):
-        names, numbers = {name for _, name in reads([node])} | ({inputs[i].name} if is_tied else set()), [i]
+        names = {name for _, name in reads([node])} | ({inputs[i].name} if is_tied else set())
+        numbers = [i]
         for group in [g for g in found if g[0] & names]:
             found.remove(group)
-            names, numbers = names | group[0], [*group[1], *numbers]
+            names = names | group[0]
+            numbers = [*group[1], *numbers]
         found.append((names, numbers))
     unread = {c.name for c in inputs} - {name for names, _ in found for name in names}
     found += [({name}, []) for name in sorted(unread)]
@@ -91,7 +93,8 @@ def parts(role: Role, inputs: Sequence[Component], nodes: Sequence[Node], is_tie
 def bounds(part: MapPart) -> Iterator[tuple[float, float]]:
     """Yield the bounds of every element that comes out of a part whose form or whose values are known."""
     if part.listed is not None:
-        low, high = part.listed.min(axis=0).tolist(), part.listed.max(axis=0).tolist()
+        low = part.listed.min(axis=0).tolist()
+        high = part.listed.max(axis=0).tolist()
         yield from zip(map(float, low), map(float, high), strict=True)
     elif part.moves is not None:
         ends = [pair for c in part.inputs for pair in zip(c.low, c.high, strict=True)]
@@ -101,7 +104,8 @@ def bounds(part: MapPart) -> Iterator[tuple[float, float]]:
 
 
 def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: Sequence[Node]) -> MapPart:
-    chosen, outputs = [nodes[i] for i in numbers], tuple(numbers)
+    chosen = [nodes[i] for i in numbers]
+    outputs = tuple(numbers)
     moves = _moves(role, inputs, chosen)
     if moves is not None:
         return MapPart(inputs, outputs, moves)
@@ -121,7 +125,8 @@ def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: 
 
 def _all(components: Sequence[Component], rows: Array) -> list[Array]:
     """Return values (*shape, N) of finite components whose combinations have these numbers."""
-    rest, found = rows, []
+    rest = rows
+    found = []
     for c in reversed(components):
         digits = []
         for low, n in reversed(list(zip(c.low, c.counts, strict=True))):
@@ -143,7 +148,9 @@ def _values(components: Sequence[Component], arrays: Sequence[Array], lane: int)
 
 def _apart(components: Sequence[Component], element: int) -> tuple[Values, Values] | None:
     """Return two values that differ in one element alone; None where it has a single value."""
-    one, other, at = {}, {}, 0
+    one = {}
+    other = {}
+    at = 0
     for c in components:
         flat = np.array([min(max(0.0, a), b) for a, b in zip(c.low, c.high, strict=True)])
         changed = flat.copy()
@@ -241,13 +248,15 @@ def _moves_one(node: Apply, fixed: Sequence[bool]) -> bool:
 def codes(part: MapPart) -> Array:
     """Return the number of the value that each value of a listed part becomes; -1 for one that is none of them."""
     assert part.listed is not None
-    found, at = np.zeros(len(part.listed), np.int64), 0
+    found = np.zeros(len(part.listed), np.int64)
+    at = 0
     wrong = np.zeros(len(part.listed), np.bool_)
     for c in part.inputs:
         for low, count in zip(c.low, c.counts, strict=True):
             digit = part.listed[:, at].astype(np.int64) - int(low)
             wrong |= (digit < 0) | (digit >= count)
-            found, at = found * count + digit, at + 1
+            found = found * count + digit
+            at = at + 1
     return np.where(wrong, -1, found)
 
 

@@ -49,7 +49,8 @@ def bind_parameters(context: Context, given: dict[str, Any]) -> None:
 
 def _by_own_names(context: Context, given: dict[str, Any], aliases: dict[str, str]) -> dict[str, Any]:
     """Return values by the names that the spec itself uses; those of no parameter, and those given twice, are reported."""
-    names, found = list(aliases.values()), dict[str, Any]()
+    names = list(aliases.values())
+    found = dict[str, Any]()
     for key, value in given.items():
         name = aliases.get(key, key)
         if name not in names:

@@ -187,7 +187,9 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
 
     Mistakes are collected in `context` and raised together, as soon as nothing more can be read without what is broken.
     """
-    collector, builder, names = context.collector, context.builder, Names(context)
+    collector = context.collector
+    builder = context.builder
+    names = Names(context)
 
     # What the sections stand on.
     check_names(context.merged, collector)
@@ -259,7 +261,8 @@ def check_unused(context: Context, names: Names) -> None:
     for name in context.data.get("noise") or {}:
         context.resolve(scope.bindings[name], context.place("noise", name))
     for written in unused:
-        name, binding = signature(written)[0], scope.bindings[signature(written)[0]]
+        name = signature(written)[0]
+        binding = scope.bindings[signature(written)[0]]
         if isinstance(binding, FunctionDef):
             check_uncalled(context.collector, binding)
         else:
@@ -294,7 +297,8 @@ def build_abstract(task: Task) -> Task | None:
 
 
 def build_varying(task: Task, names: Sequence[str]) -> Task:
-    """What resets and steps a task, with numeric parameters as reads of PARAMETER, under their names; nothing else is built.
+    """Return what resets and steps a task, with numeric parameters as reads of PARAMETER, under their names; nothing else
+    is built.
 
     Raises:
         SpecError: E702 for a parameter that there is not, E713 for one that is no number, has no effect on steps, or decides what

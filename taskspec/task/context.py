@@ -84,7 +84,9 @@ class Context:
     """The state of one build; its parts fill in the attributes in the order of the pipeline."""
 
     def __init__(self, merged: Merged, collector: Collector) -> None:
-        self.merged, self.data, self.collector = merged, merged.data, collector
+        self.merged = merged
+        self.data = merged.data
+        self.collector = collector
         self.builder = Builder()
         self.checker = Checker(self.builder, collector)
         self.forms = Forms(merged, collector)
@@ -121,7 +123,8 @@ class Context:
 
     def surface(self) -> Surface:
         """Return what the author wrote, and what each part of it came to."""
-        checker, sections = self.checker, {id(scope): name for name, scope in self.named_scopes.items()}
+        checker = self.checker
+        sections = {id(scope): name for name, scope in self.named_scopes.items()}
         meanings = {(sections[at], part): found for (part, at), found in checker.found.items() if at in sections}
         return Surface(self.exprs, self.named_scopes, tuple(checker.moved.values()), meanings, self.shapes)
 
@@ -147,7 +150,8 @@ class Context:
     def read(self, c: Component, role: Role) -> Value:
         """Return the present value of a component."""
         entry = self.data[role.value].get(c.name, {})  # an abstraction has components of its own
-        low, high = entry.get("low"), entry.get("high")
+        low = entry.get("low")
+        high = entry.get("high")
         ends = (low if isinstance(low, int) else -math.inf, high if isinstance(high, int) else math.inf)
         node = self.builder.read(role, c.name, c.type, c.least, c.most)
         return Value(node, c.domain, late=True, ends=ends)  # late even where it has no elements and is a constant

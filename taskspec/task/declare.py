@@ -165,7 +165,8 @@ def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> 
     if len({node.type.shape for node in legend.values()}) > 1:
         _stop(context, "E307", (*path, "legend"), "the values of the legend have different shapes")
     where: Path = (*path, "grid")
-    start, cells = 0, []
+    start = 0
+    cells = []
     for row, line in enumerate(lines):
         here, start = ((*where, row), 0) if block is None else (where, start)
         _check_row(context, line, len(lines[0]), legend, here, start)
@@ -205,7 +206,8 @@ def _stop(context: Context, code: str, path: Path, message: str, hint: str | Non
 
 def component(context: Context, path: Path, scope: Scope) -> Component | None:
     """Return the state or action component declared at a path, or None when it is broken (and reported)."""
-    name, entry = str(path[-1]), context.forms.value(path)
+    name = str(path[-1])
+    entry = context.forms.value(path)
     try:
         shape = _component_shape(context, entry, path, scope)
         shown = {k: entry.get(k) for k in ("symbol", "doc")}

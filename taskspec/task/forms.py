@@ -93,7 +93,9 @@ class Forms:
 
     def _pieces(self, items: list[dict[str, Any]], path: Path) -> s.Expr | None:
         """`if:`/`then:` entries and a last `else:`."""
-        branches, otherwise, broken = [], None, False
+        branches = []
+        otherwise = None
+        broken = False
         for i, item in enumerate(items):
             here = (*path, i)
             last = i == len(items) - 1
@@ -143,7 +145,8 @@ class Forms:
             return None
         pairs = []
         for key, p in value.items():
-            outcome, weight = self.key(key, (*path, key)), self.tree(p, (*path, key))
+            outcome = self.key(key, (*path, key))
+            weight = self.tree(p, (*path, key))
             if outcome is not None and weight is not None:
                 pairs.append((outcome, weight))
         return s.Weights(tuple(pairs), self.place(path)) if len(pairs) == len(value) else None

@@ -129,7 +129,8 @@ def _overlaid(document: Document, variant: str | None, base: Merged | None) -> M
     own = {key: value for key, value in document.data.items() if key not in _DROPPED}
     if base is None:
         return Merged(document, name, None, own, {})
-    data, moved = dict(base.data), dict(base.moved)
+    data = dict(base.data)
+    moved = dict(base.moved)
     if base.document is not document:
         data = {key: value for key, value in data.items() if key not in _OF_A_FILE}
         moved = {(key,): (base.document, (key,)) for key in data} | moved
@@ -186,7 +187,8 @@ def _base(step: Step) -> Step | None:
     """Return what a variant, or a spec, says it is based on; None for a spec that extends no other."""
     document, variant = step
     over = document.data if variant is None else document.data["variants"][variant] or {}
-    extends, base = over.get("extends"), over.get("base")
+    extends = over.get("extends")
+    base = over.get("base")
     if extends is None and variant is None:
         return None
     other = document if extends is None else document.others[extends]
@@ -213,7 +215,9 @@ class _Overlay:
     """
 
     def __init__(self, data: dict[str, Any], moved: dict[Path, Place], here: Place) -> None:
-        self.data, self.moved, self.here = data, moved, here
+        self.data = data
+        self.moved = moved
+        self.here = here
         self.strays: list[Path] = []
 
     def lay(self, over: dict[str, Any]) -> None:
@@ -237,7 +241,8 @@ class _Overlay:
             self._written((section,))
         result = dict(self.data.get(section) or {})
         for name, value in over.items():
-            path, old = (section, name), result.get(name)
+            path = (section, name)
+            old = result.get(name)
             fields = section in FIELDED and isinstance(value, dict)
             if name not in result and (value is None or (fields and "type" not in value)):
                 self.strays.append(path)

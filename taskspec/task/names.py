@@ -80,7 +80,8 @@ class Names:
         """Return the names visible in the expert's memory, `first memory` or `memory`: what is seen, itself, and the
         action before.
         """
-        context, later = self.context, section == "memory"
+        context = self.context
+        later = section == "memory"
         bindings: dict[str, Binding] = dict(context.constants)
         for c in (*context.state, *context.action):
             hint = (
@@ -93,10 +94,8 @@ class Names:
             )
         for name, value in seen.items():
             if later:
-                message, hint = (
-                    f"'{name}' was seen before the step",
-                    f"`{name}'` is seen after it; memory keeps what was",
-                )
+                message = f"'{name}' was seen before the step"
+                hint = f"`{name}'` is seen after it; memory keeps what was"
                 bindings[name] = Unavailable("E302", message, hint)
             bindings[name + "'" * later] = value
         self._bind_broken(bindings, seen)
@@ -183,7 +182,8 @@ class Names:
                 bindings[c.name] = Unavailable("E302", message)
 
     def _bind_time(self, bindings: dict[str, Binding], section: str) -> None:
-        b, horizon = self.context.builder, self.context.horizon
+        b = self.context.builder
+        horizon = self.context.horizon
         if horizon is None:
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0))
             bindings.setdefault("T", Unavailable("E302", "there is no horizon 'T': it is `none`"))
@@ -210,7 +210,8 @@ class Names:
             Poisoned: when the condition is broken; its mistakes are reported once.
         """
         if self._end is None:
-            expr, self._end = self.context.exprs["terminal"], Poisoned()
+            expr = self.context.exprs["terminal"]
+            self._end = Poisoned()
             if expr is not None:
                 self._end = Value(self.context.checker.condition(expr, self.scope("terminal")), late=True)
         if isinstance(self._end, Poisoned):
@@ -253,7 +254,8 @@ class Names:
             message = f"the noise '{name}' depends on the state or the action before the step"
             hint = "only noise that depends on neither can be observed; keep it in a state component"
             if section == "initial":
-                message, hint = f"{message}; an episode begins before any step", "give this draw a noise of its own"
+                message = f"{message}; an episode begins before any step"
+                hint = "give this draw a noise of its own"
             self.context.checker.fail("E302", at, message, hint)
         return value
 
@@ -289,7 +291,8 @@ class Names:
         self._next[name] = value
 
     def _changed(self, name: str, at: s.Name) -> Value:
-        context, written = self.context, name + "'"
+        context = self.context
+        written = name + "'"
         component = next(c for c in context.state if c.name == name)
         if written not in context.exprs["dynamics"]:
             if name in context.broken:

@@ -31,7 +31,8 @@ class Observed:
     """Makes observation components, given the state components and how far each gets."""
 
     def __init__(self, builder: Builder, state: Sequence[Component], reached: dict[str, Interval]) -> None:
-        self.builder, self.reached = builder, reached
+        self.builder = builder
+        self.reached = reached
         self.components = {c.name: c for c in state}
 
     def state(self, c: Component) -> Component:
@@ -77,7 +78,8 @@ class Observed:
         """Infinite bounds replaced by those of what can be reached, unless these are so far away that they say nothing."""
         if reached is None:
             return edges
-        low, high = reached[0] if reached[0] >= -FAR else -math.inf, reached[1] if reached[1] <= FAR else math.inf
+        low = reached[0] if reached[0] >= -FAR else -math.inf
+        high = reached[1] if reached[1] <= FAR else math.inf
         ends = ((a if math.isfinite(a) else low, b if math.isfinite(b) else high) for a, b in edges)
         return [(min(pair), max(pair)) for pair in ends]  # a real that starts outside its range is an error of `check`
 
@@ -93,7 +95,8 @@ def _bounded(c: Component, edges: Edges) -> Component:
 # (`Task.remembering`).
 
 Flats = Sequence[tuple[Any, ...]]
-FIRST, LATER = "first memory", "memory"
+FIRST = "first memory"
+LATER = "memory"
 """Scopes of first values and of next values."""
 
 

@@ -85,7 +85,8 @@ class _Widening:
 
     def from_(self, reached: Mapping[str, Interval]) -> Mapping[int, Range]:
         """Return what is known of the nodes, by id, where components are within these intervals."""
-        known, changed = self.known, set[int]()
+        known = self.known
+        changed = set[int]()
         for node, args in self.moving:
             if isinstance(node, Read):
                 found = Range(*reached[node.name])

@@ -126,7 +126,8 @@ def space(layout: SpaceLayout) -> dict[str, Any]:
         case "dict":
             return {"space": "Dict", "keys": [c.name for c in layout.components]}
         case "box":
-            low, high = _bound(layout.low), _bound(layout.high)
+            low = _bound(layout.low)
+            high = _bound(layout.high)
             return {"space": "Box", "shape": list(layout.shape), "low": low, "high": high}
 
 
@@ -153,7 +154,8 @@ def _listed(items: Sequence[Any]) -> str:
 
 def interval(low: float, high: float) -> str:
     """Return an interval such as `[0, 1]`, open where there is no bound."""
-    left, right = ("(" if math.isinf(low) else "["), (")" if math.isinf(high) else "]")
+    left = "(" if math.isinf(low) else "["
+    right = ")" if math.isinf(high) else "]"
     return f"{left}{decimal(low)}, {decimal(high)}{right}"
 
 
@@ -161,12 +163,17 @@ def domain_words(c: Component | Parameter) -> str:
     """Return the domain of a component or a parameter: `int 0..20`, `real in [0, 1]`, `up | down`."""
     labels: Sequence[Any] | None
     if isinstance(c, Parameter):
-        labels, kind, shape = c.values, c.kind, ""
-        low, high = (-math.inf if c.low is None else c.low), (math.inf if c.high is None else c.high)
+        labels = c.values
+        kind = c.kind
+        shape = ""
+        low = -math.inf if c.low is None else c.low
+        high = math.inf if c.high is None else c.high
     else:
-        labels, kind = (None if c.domain is None else label_words(c.domain)), str(c.type.kind)
+        labels = None if c.domain is None else label_words(c.domain)
+        kind = str(c.type.kind)
         shape = f"[{', '.join(map(str, c.type.shape))}]" if c.type.shape else ""
-        low, high = c.least, c.most
+        low = c.least
+        high = c.most
     if labels is not None:
         return " | ".join(map(str, labels)) + shape
     if kind == "bool":

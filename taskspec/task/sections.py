@@ -71,7 +71,8 @@ def initial_values(context: Context, names: Names) -> list[Node]:
 
 def _without_start(context: Context, name: str) -> None:
     """Report a component without a line in `initial`: there, unless a variant declares it beside the spec's `initial`."""
-    merged, section = context.merged, ("initial",)
+    merged = context.merged
+    section = ("initial",)
     is_added = merged.origin(("state", name)) != merged.origin(section)
     place = merged.key_span(("state", name) if is_added else section)
     context.collector.add("E217", place, f"'{name}' has no value in `initial`", f"add `{name}: ...`")
@@ -186,7 +187,8 @@ def observed(context: Context, names: Names, initial: list[Node], following: lis
     scope = names.scope("observation")
     values = {name: None if expr is None else context.checker.check(expr, scope) for name, expr in declared.items()}
     found = {name: value for name, value in values.items() if value is not None}
-    size, place = sum(v.node.type.size for v in found.values()), context.merged.key_span(("observation",))
+    size = sum(v.node.type.size for v in found.values())
+    place = context.merged.key_span(("observation",))
     if not declare.fits(context, size, place, "`observation:`", least=int(len(found) == len(declared))):
         return Observation((), ())
     edges = {name: [_edge(context, name, key, v.node.type) for key in ("low", "high")] for name, v in found.items()}
@@ -298,7 +300,8 @@ def abstraction_map(context: Context, names: Names) -> list[Node]:
     """Return the values that the components of the finite stand-in have in a state."""
     if not context.data.get("abstraction"):
         return []
-    scope, written = names.scope("abstraction"), context.data["abstraction"]["map"]
+    scope = names.scope("abstraction")
+    written = context.data["abstraction"]["map"]
     context.exprs["abstraction"] = {n: context.forms.expr(("abstraction", "map", n)) for n in written}
     components = context.data["abstraction"]["state"]
     mapped = [_mapped(context, name, expr, components, scope) for name, expr in context.exprs["abstraction"].items()]

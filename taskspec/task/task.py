@@ -248,7 +248,8 @@ class Task:
         memory = self.memory
         if memory is None:
             return self
-        first, later = self.first_observation, self.next_observation
+        first = self.first_observation
+        later = self.next_observation
         return replace(
             self,
             state=(*self.state, *memory.components),

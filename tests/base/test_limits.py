@@ -22,8 +22,7 @@ import pytest
 from taskspec import experiments, load
 from taskspec.base import limits
 from taskspec.base.diagnostics import SpecError
-from taskspec.base.limits import Limits, changed, count, how_to_raise, table
-from taskspec.base.progress import progress_listener
+from taskspec.base.limits import Limits, changed, count, how_to_raise, progress_listener, table
 from taskspec.exact import check
 from taskspec.experiments.reading import described
 from taskspec.model.extract import extract

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from taskspec.base.progress import tell, telling
+from taskspec.base.limits import tell, telling
 from taskspec.cli import progress
 from taskspec.cli.app import app
 from taskspec.pages import facts

@@ -106,7 +106,7 @@ class ArrayForm:
     _last: dict[int, int] = field(default_factory=dict)
 
     def emit(self, roots: Iterable[Node]) -> list[str]:
-        """Statements for the roots are appended to `lines`; gives the source of each root."""
+        """Return statements for the roots are appended to `lines`; gives the source of each root."""
         roots = tuple(roots)
         order = list(walk(roots))
         self._find_last_uses(order, roots)
@@ -128,7 +128,7 @@ class ArrayForm:
             self._last[self._owner.get(id(root), id(root))] = len(order)
 
     def owner(self, root: Node) -> int:
-        """The id of the node whose array holds the value of a root."""
+        """Return the id of the node whose array holds the value of a root."""
         return self._owner.get(id(root), id(root))
 
     def _release(self, node: Node, place: int) -> None:
@@ -139,7 +139,7 @@ class ArrayForm:
     # -- nodes ----------------------------------------------------------------------------------------------------
 
     def constant(self, value: Any) -> str:
-        """The name of a constant kept outside the function."""
+        """Return the name of a constant kept outside the function."""
         name = f"C{len(self.constants)}"
         self.constants[name] = value
         return name
@@ -185,17 +185,18 @@ class ArrayForm:
         return out
 
     def _operand(self, node: Node) -> str:
-        """The value of a node; a number as an array, since NumPy would make one of it in every call."""
+        """Return the value of a node; a number as an array, since NumPy would make one of it in every call."""
         if not isinstance(node, Const) or not node.type.is_scalar:
             return self._values[id(node)]
-        value, kind = plain(node.value), node.type.kind
+        value = plain(node.value)
+        kind = node.type.kind
         key = (kind, repr(value))  # tells -0.0 from 0.0
         if key not in self._numbers:
             self._numbers[key] = self.constant(np.array(value, getattr(np, _DTYPE[kind])))
         return self._numbers[key]
 
     def _buffer(self, node: Node, in_place: bool = True) -> str:
-        """Where to write a value; `in_place` says that it may be an array which is read in the same call."""
+        """Return where to write a value; `in_place` says that it may be an array which is read in the same call."""
         assert self.scratch is not None
         sink = self.sinks.get(id(node))
         if sink is not None and all(self._last.get(held, -1) < self._place + in_place for held in sink.held):
@@ -205,7 +206,7 @@ class ArrayForm:
         return name
 
     def _cast(self, node: Apply, arg: str) -> str:
-        """A wider kind; reals of what is drawn or read may have that kind already."""
+        """Return a wider kind; reals of what is drawn or read may have that kind already."""
         if node.args[0].type.kind is node.type.kind:
             return arg
         if self.scratch is None:
@@ -222,7 +223,8 @@ class ArrayForm:
         return entry.array.real or entry.array.template
 
     def _structure(self, node: Apply) -> str:
-        args, static = [self._values[id(a)] for a in node.args], node.static
+        args = [self._values[id(a)] for a in node.args]
+        static = node.static
         match node.op:
             case "slice":
                 start, count, step = static
@@ -263,7 +265,7 @@ class ArrayForm:
         return isinstance(table, Const) and len(table.type.shape) <= 2 and place.type.is_scalar
 
     def _look_up(self, node: Apply, args: Sequence[str]) -> str:
-        """An element, or a row, of a constant array for every lane."""
+        """Return an element, or a row, of a constant array for every lane."""
         table = self.constant(_LookupTable(node.args[0]))
         axis = len(node.args[0].type.shape) - 1
         if self.scratch is None:
@@ -281,14 +283,14 @@ class _LookupTable:
 
 
 def _is_alias(node: Apply) -> bool:
-    """Whether the value may share memory with the argument: casts to the same kind, sums of one element."""
+    """Return whether the value may share memory with the argument: casts to the same kind, sums of one element."""
     if node.op in _CASTS:
         return node.args[0].type.kind is node.type.kind
     return node.op in ("sum", "prod") and node.args[0].type.size == 1
 
 
 def arrays(constants: Mapping[str, Any], make: Callable[[Const], Any]) -> dict[str, Any]:
-    """The constants as arrays: (*shape, 1), so that they broadcast, or as tables where marked."""
+    """Return the constants as arrays: (*shape, 1), so that they broadcast, or as tables where marked."""
     made = {}
     for name, value in constants.items():
         if isinstance(value, _LookupTable):
@@ -300,7 +302,7 @@ def arrays(constants: Mapping[str, Any], make: Callable[[Const], Any]) -> dict[s
 
 
 def scalar(value: bool | int | float) -> str:
-    """A number as source; nan and the infinities go by name."""
+    """Return a number as source; nan and the infinities go by name."""
     if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
         return "nan" if value != value else "inf" if value > 0 else "(-inf)"
     return repr(value) if value >= 0 else f"({value!r})"

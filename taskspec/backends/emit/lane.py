@@ -54,17 +54,17 @@ class LaneValues:
         return f"v{self.fresh}"
 
     def assign(self, text: str) -> str:
-        """A name for an expression; atoms need none."""
+        """Return a name for an expression; atoms need none."""
         return text if _ATOM.fullmatch(text) else self.named(text)
 
     def named(self, text: str) -> str:
-        """A new name for an expression."""
+        """Return a new name for an expression."""
         name = self.name()
         self.lines.append(f"{name} = {text}")
         return name
 
     def constant(self, value: Any) -> str:
-        """The name of a value that is kept outside the function; tuples of the same numbers are kept once."""
+        """Return the name of a value that is kept outside the function; tuples of the same numbers are kept once."""
         for name, known in self.constants.items():
             if known is value or _identical(known, value):
                 return name
@@ -78,7 +78,7 @@ class LaneValues:
         return value
 
     def atoms(self, node: Node) -> list[str]:
-        """One expression per element, row-major."""
+        """Return one expression per element, row-major."""
         value = self.values[id(node)]
         if value.atoms is None:
             assert value.packed is not None
@@ -88,7 +88,7 @@ class LaneValues:
         return value.atoms
 
     def packed(self, node: Node) -> str:
-        """The name of a flat sequence of the elements."""
+        """Return the name of a flat sequence of the elements."""
         value = self.values[id(node)]
         if value.packed is None:
             value.packed = self.assign(tuple_of(self.atoms(node)))
@@ -98,14 +98,14 @@ class LaneValues:
         return self.atoms(node)[0]
 
     def scalar_of(self, node: Node) -> str:
-        """The source of a node that may not be a direct argument; it was emitted with the others."""
+        """Return the source of a node that may not be a direct argument; it was emitted with the others."""
         value = self.values[id(node)]
         value.atoms = [self.assign(a) for a in self.atoms(node)]
         return value.atoms[0]
 
 
 def _identical(a: Any, b: Any) -> bool:
-    """Whether two tuples hold the same numbers of the same types: (1, 0) equals (True, False), and 0.0 equals -0.0."""
+    """Return whether two tuples hold the same numbers of the same types: (1, 0) equals (True, False), and 0.0 equals -0.0."""
     alike = isinstance(a, tuple) and isinstance(b, tuple) and a == b
     return alike and marshal.dumps(a, 2) == marshal.dumps(b, 2)  # of version 2, which knows no references
 
@@ -168,7 +168,7 @@ def _index(lane: LaneValues, node: Apply) -> LaneValue:
 
 
 def _row(lane: LaneValues, x: Node, index: str, row: int) -> LaneValue:
-    """One row of x: an expression when it is a single element."""
+    """Return one row of x: an expression when it is a single element."""
     if row == 1:
         return LaneValue([f"{_sequence(lane, x)}[{index}]"])
     if isinstance(x, Const):
@@ -180,7 +180,7 @@ def _row(lane: LaneValues, x: Node, index: str, row: int) -> LaneValue:
 
 
 def _sequence(lane: LaneValues, x: Node) -> str:
-    """A flat sequence to index; a constant one is kept outside the step."""
+    """Return a flat sequence to index; a constant one is kept outside the step."""
     if isinstance(x, Const):
         return lane.constant(tuple(plain(v) for v in x.flat))
     value = lane.values[id(x)]
@@ -205,7 +205,9 @@ def _put(lane: LaneValues, node: Apply) -> LaneValue:
 def _swap(lane: LaneValues, node: Apply) -> LaneValue:
     x, i, j = node.args
     row = strided(x.type.shape)
-    name, a, b = lane.name(), lane.assign(lane.scalar(i)), lane.assign(lane.scalar(j))
+    name = lane.name()
+    a = lane.assign(lane.scalar(i))
+    b = lane.assign(lane.scalar(j))
     lane.lines.append(f"{name} = list({lane.packed(x)})")
     if row == 1:
         lane.lines.append(f"{name}[{a}], {name}[{b}] = {name}[{b}], {name}[{a}]")
@@ -252,7 +254,7 @@ class LaneEmitter(LaneValues):
     shown: set[int] = field(default_factory=set)  # ids of nodes whose zeros may show a sign
 
     def emit(self, roots: Iterable[Node]) -> list[LaneValue]:
-        """Statements for the roots are appended to `lines`; the values refer to them."""
+        """Return statements for the roots are appended to `lines`; the values refer to them."""
         roots = tuple(roots)
         order = list(walk(roots))
         self.shown |= _shown(roots, order)
@@ -298,7 +300,9 @@ class LaneEmitter(LaneValues):
                     c if a.type.shape else [self.assign(c[0])] * len(c) for c, a in zip(columns, node.args, strict=True)
                 ]
             return LaneValue([self._fill(template, row) for row in zip(*columns, strict=True)])
-        items, sources, fills = [], [], []
+        items = []
+        sources = []
+        fills = []
         for i, arg in enumerate(node.args):
             if arg.type.shape:
                 items.append(f"x{i}")
@@ -322,7 +326,7 @@ class LaneEmitter(LaneValues):
         return form.real if real and form.real else form.template
 
     def _never_zero(self, divisor: Node) -> bool:
-        """Whether a divisor is finite and not 0, whatever reals come to be."""
+        """Return whether a divisor is finite and not 0, whatever reals come to be."""
         match divisor:
             case Const():
                 return all(v and math.isfinite(v) for v in divisor.flat)
@@ -332,7 +336,7 @@ class LaneEmitter(LaneValues):
         return low > 0 or high < 0
 
     def _fill(self, template: str, args: Sequence[str]) -> str:
-        """A template over arguments; one that is named twice gets a name of its own first."""
+        """Return a template over arguments; one that is named twice gets a name of its own first."""
         named = [a if template.count(f"{{{i}}}") < 2 else self.assign(a) for i, a in enumerate(args)]
         text = template.format(*named)
         return self.assign(text) if len(text) > 110 else text
@@ -356,15 +360,16 @@ class LaneEmitter(LaneValues):
         return LaneValue(packed=self.assign(call)) if node.type.shape else LaneValue([call])
 
     def _without_signs(self, x: Node) -> list[str]:
-        """The elements with 0.0 for -0.0: of equals that can be told apart, a network keeps no order."""
+        """Return the elements with 0.0 for -0.0: of equals that can be told apart, a network keeps no order."""
         return [f"({a} + 0.0)" for a in self.atoms(x)] if x.type.kind is Kind.REAL else self.atoms(x)
 
     def _sorted(self, atoms: Sequence[str]) -> list[str]:
-        """A sorting network (Batcher's odd-even merge sort); nan goes last."""
+        """Return a sorting network (Batcher's odd-even merge sort); nan goes last."""
         names = [self.name() for _ in atoms]
         self.lines.append(f"{', '.join(names)}{',' * (len(names) == 1)} = {tuple_of(atoms)}")
         for i, j in network(len(names)):
-            a, b = names[i], names[j]
+            a = names[i]
+            b = names[j]
             self.lines.append(f"if not ({a} <= {b} or {b} != {b}): {a}, {b} = {b}, {a}")
         return names
 
@@ -377,7 +382,8 @@ class LaneEmitter(LaneValues):
     # -- draws whose distribution depends on the state ------------------------------------------------------------
 
     def _draw(self, node: Draw) -> LaneValue:
-        words, form = self.words[node.site], VARIATES[node.base].lane
+        words = self.words[node.site]
+        form = VARIATES[node.base].lane
         if form is not None:
             return LaneValue(form(self, node, words))
         given = tuple_of([self.packed(a) for a in node.args])
@@ -385,12 +391,12 @@ class LaneEmitter(LaneValues):
         return LaneValue(packed=drawn) if node.type.shape else LaneValue([f"{drawn}[0]"])
 
     def argument(self, draw: Draw) -> list[str]:
-        """The first argument of a draw, an expression for each of its elements."""
+        """Return the first argument of a draw, an expression for each of its elements."""
         atoms = self.atoms(draw.args[0])
         return atoms * draw.type.size if len(atoms) == 1 else atoms
 
 
 def _shown(roots: Sequence[Node], order: Sequence[Node]) -> set[int]:
-    """The ids of what is read by something other than comparisons, for which 0.0 is -0.0."""
+    """Return the ids of what is read by something other than comparisons, for which 0.0 is -0.0."""
     users = [n for n in order if not (isinstance(n, Apply) and entry_of(n.op).elements is Elements.RANKED)]
     return {*map(id, roots), *(id(c) for n in users for c in children(n))}

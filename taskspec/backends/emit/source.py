@@ -13,7 +13,7 @@ _ASSIGNED = re.compile(r"(v\d+) = ")
 
 
 def without_unused(lines: Sequence[str], results: Iterable[str]) -> list[str]:
-    """The statements without assignments that nothing reads."""
+    """Return the statements without assignments that nothing reads."""
     used = set(_NAMES.findall(" ".join(results)))
     kept: list[str] = []
     for line in reversed(lines):
@@ -25,7 +25,7 @@ def without_unused(lines: Sequence[str], results: Iterable[str]) -> list[str]:
 
 
 def literal(value: bool | int | float) -> str:
-    """A number as source; nan and the infinities go by name."""
+    """Return a number as source; nan and the infinities go by name."""
     if isinstance(value, float) and not math.isfinite(value):
         return "nan" if value != value else "inf" if value > 0 else "(-inf)"
     return repr(value) if value >= 0 else f"({value!r})"

@@ -23,10 +23,13 @@ class JaxEngine:
 
     def __init__(self, task: Task, lanes: int, options: Options) -> None:
         program = compile_jax(task)
-        self.observation, self.action, self.source = program.observation, program.action, program.source
+        self.observation = program.observation
+        self.action = program.action
+        self.source = program.source
         self.buffers = Buffers.of(task, program.observation, lanes)
         self._read = reader(task, program.action, lanes)
-        self._episodes, self._lanes = Episodes(self.buffers, options.mode), lanes
+        self._episodes = Episodes(self.buffers, options.mode)
+        self._lanes = lanes
         self._reset, self._step = functions(task, options.mode)
         self._state = self._empty(task, lanes)
 
@@ -73,7 +76,8 @@ class JaxEngine:
 
     def _keep(self) -> None:
         """State and counters where callers look for them."""
-        b, state = self.buffers, self._state
+        b = self.buffers
+        state = self._state
         for held, value in zip(b.state, state.values, strict=True):
             held[...] = value
         b.time[:], b.steps[:], b.episodes[:] = state.time, state.steps, state.episodes
@@ -89,13 +93,13 @@ _NARROW = {"b": np.bool_, "i": np.int32, "f": np.float32}
 
 
 def _parts(layout: SpaceLayout, seen: Any) -> list[Any]:
-    """The parts of a dict in the order of the layout: JAX gives dicts back in that of their keys."""
+    """Return the parts of a dict in the order of the layout: JAX gives dicts back in that of their keys."""
     return [seen[part.name] for part in layout.parts] if layout.is_dict else [seen]
 
 
 @lru_cache(maxsize=64)
 def functions(task: Task, mode: Mode) -> tuple[Any, Any]:
-    """The jitted reset and step of an autoreset mode."""
+    """Return the jitted reset and step of an autoreset mode."""
     program = compile_jax(task)
     return jax.jit(_resetting(program)), jax.jit(_stepping(program, mode))
 

@@ -54,7 +54,7 @@ class Functional:
     # -- one environment ------------------------------------------------------------------------------------------
 
     def reset(self, key: AnyArray, params: Any = None) -> tuple[Any, State]:
-        """The first observation and state of a key: `jax.random.key(seed)`, or its uint32 words (2,)."""
+        """Return the first observation and state of a key: `jax.random.key(seed)`, or its uint32 words (2,)."""
         observation, state = self.lanes_reset(key_words(key)[:, None], params)
         return _single(observation), _single(state)
 
@@ -77,7 +77,7 @@ class Functional:
     def step_env(
         self, state: State, action: AnyArray, params: Any = None
     ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
-        """A step without autoreset; info holds "terminated" and "truncated"."""
+        """Return a step without autoreset; info holds "terminated" and "truncated"."""
         program = self.program
         action = acted(program.action, jnp.asarray(action)[..., None])
         after, result = self._stepped(_lane(state), action, self._open.values(params))
@@ -86,7 +86,7 @@ class Functional:
         return seen, _single(after), result.reward[0], ends["terminated"] | ends["truncated"], ends
 
     def gymnax(self, *, one_hot: bool = False, flat_actions: bool = False) -> Gymnax:
-        """The same functions under gymnax's signatures, with its spaces.
+        """Return the same functions under gymnax's signatures, with its spaces.
 
         Args:
             one_hot: finite observations as vectors of 0 and 1, float32.
@@ -110,7 +110,9 @@ class Functional:
         return observed(self.program.observation, seen), state
 
     def lanes_step(self, state: State, action: AnyArray, params: Any = None) -> tuple[Any, State, StepResult]:
-        """A step of every lane with autoreset; actions are (*shape, N). The result holds the observations before it."""
+        """Return a step of every lane with autoreset; actions are (*shape, N). The result holds the observations before
+        it.
+        """
         given = self._open.values(params)
         after, result = self._stepped(state, acted(self.program.action, action), given)
         following, seen = self.program.again(after, result, given)
@@ -122,7 +124,7 @@ class Functional:
 
 
 def _one_hot(task: Task) -> Task:
-    """The same task with one-hot observations."""
+    """Return the same task with one-hot observations."""
     if not all(c.is_finite for c in task.observation.components):
         raise SpecError(
             [Diagnostic("E713", None, f"the observations of {task.id} are not finite, and cannot be one-hot")]
@@ -131,7 +133,7 @@ def _one_hot(task: Task) -> Task:
 
 
 def key_words(key: AnyArray) -> AnyArray:
-    """The two uint32 words of a key, high word first; of longer keys than Threefry's, the first two."""
+    """Return the two uint32 words of a key, high word first; of longer keys than Threefry's, the first two."""
     if jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
         key = jax.random.key_data(key)
     return jnp.asarray(key, jnp.uint32)[:2]

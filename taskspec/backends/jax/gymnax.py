@@ -45,9 +45,11 @@ class Gymnax:
     """
 
     def __init__(self, functional: Functions, flat_actions: bool = False) -> None:
-        task, program = functional.task, functional.program
+        task = functional.task
+        program = functional.program
         self._functional = functional
-        self._seen, self._acted = program.observation, program.action
+        self._seen = program.observation
+        self._acted = program.action
         if flat_actions and self._acted.form not in ("discrete", "multi_discrete"):
             raise SpecError(
                 [Diagnostic("E713", None, f"the actions of {task.id} are not finite, and cannot be one number")]
@@ -77,7 +79,7 @@ class Gymnax:
         return _from_zero(self._seen, seen), following, reward, info["terminated"], info
 
     def is_truncated(self, state: State, params: Any = None) -> AnyArray:
-        """Whether the horizon is reached."""
+        """Return whether the horizon is reached."""
         return state.time >= self.default_params.max_steps_in_episode
 
     def _action(self, action: AnyArray) -> AnyArray:
@@ -93,7 +95,7 @@ class Gymnax:
         return self._acted.counts[0] if self._acted.form == "discrete" else self._acted.size
 
     def action_space(self, params: Any = None) -> Any:
-        """A space of gymnax; several finite components are a box of integers.
+        """Return a space of gymnax; several finite components are a box of integers.
 
         Raises:
             SpecError: E705 where gymnax is not installed.
@@ -101,7 +103,7 @@ class Gymnax:
         return _spaces().Discrete(self.num_actions) if self._flat else _space(self._acted)
 
     def observation_space(self, params: Any = None) -> Any:
-        """A space of gymnax.
+        """Return a space of gymnax.
 
         Raises:
             SpecError: E705 where gymnax is not installed.
@@ -110,7 +112,7 @@ class Gymnax:
 
 
 def _from_zero(layout: SpaceLayout, seen: Any) -> Any:
-    """An observation whose finite scalars count from 0."""
+    """Return an observation whose finite scalars count from 0."""
     match layout.form:
         case "discrete":
             return seen - layout.starts[0]

@@ -37,7 +37,8 @@ CHAIN = 32
 def threefry(k0: AnyArray, k1: AnyArray, c0: AnyArray, c1: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Threefry-2x32-20, elementwise on uint32 arrays."""
     keys = (k0, k1, k0 ^ k1 ^ jnp.uint32(PARITY))
-    x0, x1 = c0 + k0, c1 + k1
+    x0 = c0 + k0
+    x1 = c1 + k1
     for i in range(1, 6):
         for r in ROTATIONS[~i & 1]:
             x0 = x0 + x1
@@ -69,7 +70,7 @@ class RandomWords:
         return lax.bitcast_convert_type(self.word(k) ^ jnp.uint32(BIAS), jnp.int32)
 
     def rows(self, first: int, count: int) -> AnyArray:
-        """Words first, first + 1, ...: uint32 (count, N)."""
+        """Return words first, first + 1, ...: uint32 (count, N)."""
         if self._rows is None or first & 1:
             return jnp.stack([self.word(first + k) for k in range(count)])
         place = slice(first >> 1, (first + count + 1) >> 1)
@@ -105,7 +106,7 @@ class Rounding:
         return x + self._zero
 
     def horner(self, z: AnyArray, coefficients: Sequence[Any]) -> AnyArray:
-        """The polynomial in z with these coefficients, the constant first."""
+        """Return the polynomial in z with these coefficients, the constant first."""
         *rest, value = coefficients
         for c in reversed(rest):
             value = c + self(z * value)
@@ -148,7 +149,8 @@ def normal_pair(radius: AnyArray, angle: AnyArray) -> tuple[AnyArray, AnyArray]:
     r = jnp.sqrt(exponentials(radius, rounded) * 2)
     x = lax.bitcast_convert_type(angle << 1, jnp.int32).astype(jnp.float32) * 2**-31
     z = x * x
-    sine, cosine = x * rounded.horner(z, S), rounded.horner(z, C)
+    sine = x * rounded.horner(z, S)
+    cosine = rounded.horner(z, C)
     sign = lax.bitcast_convert_type(angle & jnp.uint32(1 << 31), jnp.int32)
     return rounded(r * _real(_bits(cosine) ^ sign)), rounded(r * sine)
 
@@ -175,13 +177,13 @@ def indices(words: AnyArray, n: AnyArray) -> AnyArray:
 
 
 def categoricals(words: AnyArray, thresholds: AnyArray) -> AnyArray:
-    """How many of the ascending thresholds (uint32) are at most the word."""
+    """Return how many of the ascending thresholds (uint32) are at most the word."""
     found = jnp.searchsorted(thresholds, words.reshape(-1), side="right")
     return found.astype(jnp.int32).reshape(words.shape)
 
 
 def weighted_categoricals(words: AnyArray, weights: AnyArray) -> AnyArray:
-    """Outcomes in proportion to weights (k, ...)."""
+    """Return outcomes in proportion to weights (k, ...)."""
     rounded = Rounding(words[0])  # XLA adds up constants first
     partial = [jnp.where(weights[0] > 0, weights[0], 0)]
     for weight in weights[1:]:
@@ -192,7 +194,7 @@ def weighted_categoricals(words: AnyArray, weights: AnyArray) -> AnyArray:
 
 
 def poissons(words: AnyArray, rate: AnyArray, bound: float) -> AnyArray:
-    """Counts at rates (...) of at most `bound`, each shared among its words (k, ...)."""
+    """Return counts at rates (...) of at most `bound`, each shared among its words (k, ...)."""
     rounded = Rounding(words[:1])
     share = jnp.minimum(jnp.where(rate > 0, rate, 0), bound)[None] / rounded(jnp.float32(len(words)))
     term = total = jnp.ones_like(share)
@@ -265,7 +267,7 @@ class JaxRuntime(Runtime):
         super().__init__(jnp, jnp.int32, jnp.float32)
 
     def look_up(self, table: AnyArray, i: AnyArray, axis: int) -> AnyArray:
-        """Cells of a constant table at the indices i (N,): (N,), or (k, N) for a table (k, n)."""
+        """Return cells of a constant table at the indices i (N,): (N,), or (k, N) for a table (k, n)."""
         if table.shape[-1] > CHAIN:
             return jnp.take(table, i, axis=axis, mode="clip")
         if axis == 0:
@@ -311,7 +313,8 @@ class JaxRuntime(Runtime):
         return jnp.stack([jnp.where(i == k, value, row) for k, row in enumerate(x)])
 
     def swap(self, x: AnyArray, i: AnyArray, j: AnyArray) -> AnyArray:
-        at_i, at_j = self.index(x, i), self.index(x, j)
+        at_i = self.index(x, i)
+        at_j = self.index(x, j)
         return self.put(self.put(x, i, at_j), j, at_i)
 
 

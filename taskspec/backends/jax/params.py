@@ -34,7 +34,7 @@ class OpenParameters:
 
     @classmethod
     def of(cls, task: Task, varying: tuple[Parameter, ...]) -> OpenParameters:
-        """Those of a task that is built with them open."""
+        """Return those of a task that is built with them open."""
         messages = tuple(message for _, message in task.required)
         bound = tuple(p.name for p in task.parameters if p.name not in {open_one.name for open_one in varying})
         if not messages:
@@ -42,7 +42,7 @@ class OpenParameters:
         return cls(varying, bound, repr(task.required), messages, compile_required(task))
 
     def default(self, task: Task) -> Any:
-        """A named tuple of the horizon, `max_steps_in_episode`, and of the values: a pytree for `vmap` and `jit`.
+        """Return a named tuple of the horizon, `max_steps_in_episode`, and of the values: a pytree for `vmap` and `jit`.
 
         Its `replace(slip=0.3)` is the same with other values of these parameters. Values that are known are checked: SpecError
         E703 for one that the spec does not allow, E704 for some that it does not allow together, E713 for another horizon, or
@@ -51,12 +51,16 @@ class OpenParameters:
         return _params(self)(INT_MAX if task.horizon is None else task.horizon, *(p.value for p in self.varying))
 
     def values(self, params: Any) -> tuple[AnyArray, ...]:
-        """The parameters as arrays (N,) or (1,), lanes last; those that the task was loaded with where none are given."""
+        """Return the parameters as arrays (N,) or (1,), lanes last; those that the task was loaded with where none are
+        given.
+        """
         given: Mapping[str, Any] = {p.name: p.value for p in self.varying} if params is None else params._asdict()
         return tuple(jnp.atleast_1d(jnp.asarray(given[p.name], _DTYPES[p.kind])) for p in self.varying)
 
     def paid(self, reward: AnyArray, given: Sequence[AnyArray]) -> AnyArray:
-        """The reward (N,), nan where the spec does not allow the parameters: all that can be done once a program is compiled."""
+        """Return the reward (N,), nan where the spec does not allow the parameters: all that can be done once a program is
+        compiled.
+        """
         for allowed in (*self._ranges(given), *self.conditions(*given)):
             reward = jnp.where(allowed, reward, jnp.nan)
         return reward
@@ -76,7 +80,9 @@ class OpenParameters:
                 raise SpecError([Diagnostic("E704", None, f"{message} ({self._told(params, known)})")])
 
     def _told(self, params: Any, holds: AnyArray) -> str:
-        """The first values of which something does not hold, where there is one for each of its own; else all of them."""
+        """Return the first values of which something does not hold, where there is one for each of its own; else all of
+        them.
+        """
         found = []
         for p in self.varying:
             value = _known(getattr(params, p.name))
@@ -88,7 +94,7 @@ class OpenParameters:
 
 @lru_cache(maxsize=256)
 def _params(opened: OpenParameters) -> Any:
-    """The class: the same for the same parameters, as JAX compares the classes of pytrees."""
+    """Return the class: the same for the same parameters, as JAX compares the classes of pytrees."""
     known = {p.name: p for p in opened.varying}
     base = namedtuple("Params", ("max_steps_in_episode", *known))  # type: ignore[misc]
 
@@ -111,7 +117,7 @@ def _params(opened: OpenParameters) -> Any:
 
 
 def _refused(name: str, opened: OpenParameters) -> Diagnostic:
-    """Why something cannot be replaced."""
+    """Return why something cannot be replaced."""
     if name == "max_steps_in_episode":
         return Diagnostic(
             "E713", None, "max_steps_in_episode is the horizon of the task", "for another horizon, load another task"
@@ -127,7 +133,9 @@ def _refused(name: str, opened: OpenParameters) -> Diagnostic:
 
 
 def _known(value: Any) -> AnyArray | None:
-    """A value as an array, with all lanes of what is mapped over by `vmap`; None where it is not known before a program runs."""
+    """Return a value as an array, with all lanes of what is mapped over by `vmap`; None where it is not known before a
+    program runs.
+    """
     if not isinstance(value, jax.core.Tracer):
         return np.asarray(value)
     seen: list[Any] = []
@@ -151,7 +159,8 @@ def _check(parameter: Parameter, value: Any) -> None:
     if known is None:
         return
     given = known.astype(np.float64)
-    low, high = parameter.low, parameter.high
+    low = parameter.low
+    high = parameter.high
     problem = ""
     if np.isnan(given).any() or (low is not None and (given < low).any()):
         problem = f"must be at least {low}" if low is not None else "must be a number"

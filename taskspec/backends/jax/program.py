@@ -32,7 +32,7 @@ DTYPES: dict[Kind, Any] = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL:
 
 
 def observed(layout: SpaceLayout, seen: Sequence[AnyArray]) -> Any:
-    """Components (*shape, N) as one array (*shape, N), float32 or int32; a dict for dict spaces."""
+    """Return components (*shape, N) as one array (*shape, N), float32 or int32; a dict for dict spaces."""
     rows: list[list[AnyArray]] = [[] for _ in layout.parts]
     for segment in layout.segments:
         dtype = jnp.int32 if layout.parts[segment.part].is_whole else jnp.float32
@@ -43,7 +43,7 @@ def observed(layout: SpaceLayout, seen: Sequence[AnyArray]) -> Any:
 
 
 def _numbers(segment: Segment, value: AnyArray) -> AnyArray:
-    """The rows of a segment, (size, N)."""
+    """Return the rows of a segment, (size, N)."""
     flat = value.reshape(-1, value.shape[-1])
     if segment.values is not None:
         return flat[segment.element][None].astype(jnp.int32) == jnp.array(segment.values)[:, None]
@@ -51,8 +51,9 @@ def _numbers(segment: Segment, value: AnyArray) -> AnyArray:
 
 
 def acted(layout: SpaceLayout, action: AnyArray) -> tuple[AnyArray, ...]:
-    """An action (*shape, N) as Gymnasium gives it, as components (*shape, N)."""
-    parts, given = [], jnp.asarray(action)
+    """Return an action (*shape, N) as Gymnasium gives it, as components (*shape, N)."""
+    parts = []
+    given = jnp.asarray(action)
     given = given.reshape(-1, given.shape[-1])
     for c, segment in zip(layout.components, layout.segments, strict=True):
         rows = given[segment.first : segment.first + segment.size]
@@ -107,7 +108,7 @@ class JaxProgram:
     _step_words: int
 
     def reset(self, key: AnyArray, given: Sequence[AnyArray] = ()) -> tuple[State, tuple[AnyArray, ...]]:
-        """The first state of lanes with the given keys, uint32 (2, N), and what is observed of it.
+        """Return the first state of lanes with the given keys, uint32 (2, N), and what is observed of it.
 
         `given` are parameters that the task leaves open, (N,) or (1,), in alphabetical order; so in all that follows.
         """
@@ -115,7 +116,7 @@ class JaxProgram:
         return self.begin(State((), zero.astype(jnp.int32), zero, zero, key), given)
 
     def begin(self, state: State, given: Sequence[AnyArray] = ()) -> tuple[State, tuple[AnyArray, ...]]:
-        """The first state of the next episode of every lane."""
+        """Return the first state of the next episode of every lane."""
         high, low = state.key
         words = library.RandomWords(low, high, state.episodes, draws.RESET, self._start_words)
         values, seen = self._start(words, *given)
@@ -127,7 +128,7 @@ class JaxProgram:
     def step(
         self, state: State, action: Sequence[AnyArray], given: Sequence[AnyArray] = ()
     ) -> tuple[State, StepResult]:
-        """A step of every lane, without autoreset. `action` has one array (*shape, N) for each component."""
+        """Return a step of every lane, without autoreset. `action` has one array (*shape, N) for each component."""
         high, low = state.key
         words = library.RandomWords(low, high, state.steps, draws.STEP, self._step_words)
         values, reward, terminal, seen = self._step(words, state.time, *state.values, *action, *given)
@@ -147,12 +148,13 @@ class JaxProgram:
     def again(
         self, state: State, result: StepResult, given: Sequence[AnyArray] = ()
     ) -> tuple[State, tuple[AnyArray, ...]]:
-        """The state and the observation after a step, begun anew where the episode has ended."""
+        """Return the state and the observation after a step, begun anew where the episode has ended."""
         ended = result.terminated | result.truncated
         fresh, seen = self.begin(state, given)
         values = tuple(jnp.where(ended, a, b) for a, b in zip(fresh.values, state.values, strict=True))
         shown = tuple(jnp.where(ended, a, b) for a, b in zip(seen, result.observation, strict=True))
-        time, episodes = jnp.where(ended, 0, state.time), state.episodes + ended.astype(jnp.uint32)
+        time = jnp.where(ended, 0, state.time)
+        episodes = state.episodes + ended.astype(jnp.uint32)
         return State(values, time, state.steps, episodes, state.key), shown
 
 
@@ -174,11 +176,13 @@ def compile_jax(task: Task) -> JaxProgram:
     step = task.step_roots
     start = task.reset_roots
     _check_ints(task, (*step, *start))
-    step_words, start_words = task.step_words, task.reset_words
+    step_words = task.step_words
+    start_words = task.reset_words
     n = len(task.state)
     constants: dict[str, Any] = {}
     body, values = _emit(task, step, step_words, constants)
-    states, actions = _names("s", task.state), _names("a", task.action)
+    states = _names("s", task.state)
+    actions = _names("a", task.action)
     given = list(open_names(task).values())
     lines = [f"def step({', '.join(['w', 't', *states, *actions, *given])}):", *_indent(body)]
     lines += _indent([f"return {tuple_of(values[:n])}, {values[n]}, {values[n + 1]}, {tuple_of(values[n + 2 :])}"])
@@ -201,7 +205,9 @@ def compile_jax(task: Task) -> JaxProgram:
 
 
 def compile_required(task: Task) -> Callable[..., tuple[AnyArray, ...]]:
-    """The conditions on the parameters that a task leaves open, (N,) or (1,), of these parameters in alphabetical order."""
+    """Return the conditions on the parameters that a task leaves open, (N,) or (1,), of these parameters in alphabetical
+    order.
+    """
     constants: dict[str, Any] = {}
     body, values = _emit(task, [node for node, _ in task.required], task.reset_words, constants)
     lines = [f"def required({', '.join(open_names(task).values())}):", *_indent(body)]
@@ -225,12 +231,12 @@ def _check_ints(task: Task, roots: Sequence[Node]) -> None:
 
 
 def _read(roots: Sequence[Node], known: Mapping[int, Range]) -> Iterator[tuple[Node, Range]]:
-    """The reads below the roots of which something is known, with that."""
+    """Return the reads below the roots of which something is known, with that."""
     return ((node, known[id(node)]) for node in walk(roots) if id(node) in known)
 
 
 def _is_endless(task: Task, node: Node) -> bool:
-    """Whether a node is the draw of a count without a bound."""
+    """Return whether a node is the draw of a count without a bound."""
     return isinstance(node, Draw) and node.type.kind is Kind.INT and task.builder.bounds(node)[1] == INF
 
 
@@ -254,7 +260,7 @@ def _array(node: Const) -> Any:
 def _emit(
     task: Task, roots: Sequence[Node], words: WordLayout, constants: dict[str, Any]
 ) -> tuple[list[str], list[str]]:
-    """Statements for the roots of a phase, and the source of each root."""
+    """Return statements for the roots of a phase, and the source of each root."""
     lowered = folded(task.builder, compared(task.builder, roots, library.BIAS))
     names = {(Role.TIME, "t"): "t"}
     for components, prefix, role in ((task.state, "s", Role.STATE), (task.action, "a", Role.ACTION)):
@@ -279,8 +285,9 @@ class JaxForm(ArrayForm):
 
 
 def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[str, Any]) -> str:
-    """A draw as a function of its arguments and its words."""
-    name, form = f"C{len(constants)}", VARIATES[draw.base].many
+    """Return a draw as a function of its arguments and its words."""
+    name = f"C{len(constants)}"
+    form = VARIATES[draw.base].many
     assert form is not None, draw.base
     constants[name] = partial(form, library, draw)
     shape = "".join(f"{k}, " for k in draw.type.shape)
@@ -288,7 +295,7 @@ def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[s
 
 
 def open_names(task: Task) -> dict[str, str]:
-    """The parameters that a task leaves open, in alphabetical order, and their names in the source."""
+    """Return the parameters that a task leaves open, in alphabetical order, and their names in the source."""
     found = sorted(name for role, name in reads((*task.reset_roots, *task.step_roots)) if role is Role.PARAMETER)
     return {name: f"p{i}" for i, name in enumerate(found)}
 

@@ -95,7 +95,8 @@ def cold_components(task: Task, roots: Sequence[Node]) -> frozenset[str]:
 
 def changing(task: Task, roots: Sequence[Node]) -> list[Node]:
     """Return roots of a step without those of frozen components."""
-    n, frozen = len(task.state), frozen_components(task)
+    n = len(task.state)
+    frozen = frozen_components(task)
     moving = [r for r, c in zip(roots[:n], task.state, strict=True) if c.name not in frozen]
     return [*moving, *roots[n:]]
 

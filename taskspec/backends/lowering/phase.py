@@ -95,7 +95,9 @@ def is_filled(node: Node) -> bool:
 
 
 def _block_can_compute(node: Node) -> bool:
-    """Whether NumPy computes the same number in a block: no read, and no operator whose last digit differs in the C library."""
+    """Return whether NumPy computes the same number in a block: no read, and no operator whose last digit differs in the C
+    library.
+    """
     if isinstance(node, Read):
         return False
     return not isinstance(node, Apply) or node.op not in OPERATORS or OPERATORS[node.op].precise

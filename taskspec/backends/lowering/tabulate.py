@@ -35,7 +35,8 @@ def tabulate(b: Builder, roots: Sequence[Node], cells: int = CELLS) -> tuple[Nod
     tables = _Tables(b)
     for node in walk(roots):
         tables.reads[id(node)] = _finite_reads(tables, node, cells)
-    stack, seen = list(roots), set[int]()
+    stack = list(roots)
+    seen = set[int]()
     while stack:
         node = stack.pop()
         if id(node) in seen:
@@ -75,7 +76,7 @@ def _size(reads: frozenset[Read]) -> float:
 
 
 def _worthwhile(tables: _Tables, node: Node) -> bool:
-    """Whether a look-up is cheaper: the index takes an operation or two for every read but the first."""
+    """Return whether a look-up is cheaper: the index takes an operation or two for every read but the first."""
     reads = tables.reads[id(node)]
     if not reads or not isinstance(node, Apply) or not node.type.is_scalar:
         return False
@@ -107,7 +108,7 @@ def _values(read: Read, place: Array) -> Array:
 
 
 def _place(b: Builder, reads: Sequence[Read], counts: Sequence[int]) -> Node:
-    """The number of the cell: reads as digits, the last one fastest."""
+    """Return the number of the cell: reads as digits, the last one fastest."""
     place: Node = b.scalar(0)
     for read, count in zip(reads, counts, strict=True):
         low = 0 if read.type.kind is Kind.BOOL else int(read.low)

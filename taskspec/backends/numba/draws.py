@@ -27,14 +27,17 @@ def threefry(typing: Any, k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
         def number(n: int) -> Any:
             return context.get_constant(types.uint32, n)
 
-        add, xor = builder.add, builder.xor
+        add = builder.add
+        xor = builder.xor
         keys = (args[0], args[1], xor(xor(args[0], args[1]), number(PARITY)))
-        x0, x1 = add(args[2], keys[0]), add(args[3], keys[1])
+        x0 = add(args[2], keys[0])
+        x1 = add(args[3], keys[1])
         for i in range(1, 6):
             for r in ROTATIONS[~i & 1]:
                 x0 = add(x0, x1)
                 x1 = xor(builder.or_(builder.shl(x1, number(r)), builder.lshr(x1, number(32 - r))), x0)
-            x0, x1 = add(x0, keys[i % 3]), add(add(x1, keys[(i + 1) % 3]), number(i))
+            x0 = add(x0, keys[i % 3])
+            x1 = add(add(x1, keys[(i + 1) % 3]), number(i))
         return context.make_tuple(builder, signature.return_type, (x0, x1))
 
     words = (types.uint32,) * 4
@@ -45,7 +48,8 @@ def threefry(typing: Any, k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
 def step_words(n: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, steps: Any) -> None:
     """Words 0 to 2 slots - 1 of the present step of n lanes, a row of `width` for each."""
     for slot in range(slots):
-        first, second = u32s(words, 2 * slot * width), u32s(words, (2 * slot + 1) * width)
+        first = u32s(words, 2 * slot * width)
+        second = u32s(words, (2 * slot + 1) * width)
         for j in range(n):
             first[j], second[j] = threefry(k0[j], k1[j], steps[j], u32(slot))
 
@@ -54,7 +58,8 @@ def step_words(n: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, ste
 def reset_words(m: Any, lanes: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, episodes: Any) -> None:
     """Words of the next reset of m lanes."""
     for slot in range(slots):
-        first, second = u32s(words, 2 * slot * width), u32s(words, (2 * slot + 1) * width)
+        first = u32s(words, 2 * slot * width)
+        second = u32s(words, (2 * slot + 1) * width)
         for i in range(m):
             j = u64(lanes[i])
             first[i], second[i] = threefry(k0[j], k1[j], episodes[j], u32(slot + 0x80000000))
@@ -119,8 +124,10 @@ def _pair(radius: Any, angle: Any) -> Any:
 def normals(n: Any, words: Any, out: Any, width: Any, first: Any, size: Any) -> None:
     """Standard normals `first` to `first + size` from the words of the same numbers, as float32 rows."""
     for k in range(first, first + size, 2):
-        radius, angle = u32s(words, k * width), u32s(words, (k + 1) * width)
-        a, b = f32s(out, k * width), f32s(out, (k + 1) * width)
+        radius = u32s(words, k * width)
+        angle = u32s(words, (k + 1) * width)
+        a = f32s(out, k * width)
+        b = f32s(out, (k + 1) * width)
         for j in range(n):
             a[j], b[j] = _pair(radius[j], angle[j])
 
@@ -128,7 +135,8 @@ def normals(n: Any, words: Any, out: Any, width: Any, first: Any, size: Any) -> 
 @inner
 def exponentials(n: Any, words: Any, out: Any, width: Any, first: Any, size: Any) -> None:
     for k in range(first, first + size):
-        row, made = u32s(words, k * width), f32s(out, k * width)
+        row = u32s(words, k * width)
+        made = f32s(out, k * width)
         for j in range(n):
             made[j] = exponential32(row[j])
 
@@ -153,8 +161,9 @@ def index(word: Any, n: Any) -> Any:
 
 @inner
 def search(table: Any, word: Any) -> Any:
-    """How many of the ascending thresholds are at most the word."""
-    low, high = 0, len(table)
+    """Return how many of the ascending thresholds are at most the word."""
+    low = 0
+    high = len(table)
     while low < high:
         middle = (low + high) >> 1
         if table[middle] <= word:
@@ -166,11 +175,13 @@ def search(table: Any, word: Any) -> Any:
 
 @inner
 def weighted(word: Any, weights: Any) -> Any:
-    """An outcome in proportion to float32 weights (a tuple)."""
+    """Return an outcome in proportion to float32 weights (a tuple)."""
     total = f32(0)
     for w in weights:
         total = total + select(f32(w) > f32(0), f32(w), f32(0))
-    target, partial, outcome = uniform32(word) * total, f32(0), i64(0)
+    target = uniform32(word) * total
+    partial = f32(0)
+    outcome = i64(0)
     for w in weights:  # an index might be out of range, for all that Numba knows, and raise an exception
         partial = partial + select(f32(w) > f32(0), f32(w), f32(0))
         outcome += select(partial <= target, 1, 0)
@@ -179,7 +190,7 @@ def weighted(word: Any, weights: Any) -> Any:
 
 @inner
 def poisson(words: Any, rate: Any, bound: Any, terms: Any) -> Any:
-    """A count at a rate of at most `bound`, shared among the words (a tuple)."""
+    """Return a count at a rate of at most `bound`, shared among the words (a tuple)."""
     share = min(select(f32(rate) > f32(0), f32(rate), f32(0)), f32(bound)) / f32(len(words))
     total = term = f32(1)
     for k in range(1, terms + 1):
@@ -187,7 +198,9 @@ def poisson(words: Any, rate: Any, bound: Any, terms: Any) -> Any:
         total = total + term
     count = 0
     for word in words:
-        target, term, partial = uniform32(word) * total, f32(1), f32(1)
+        target = uniform32(word) * total
+        term = f32(1)
+        partial = f32(1)
         for k in range(1, terms + 1):
             count += select(partial <= target, 1, 0)
             term = term * share / f32(k)
@@ -231,7 +244,7 @@ def gamma(w: Any, alpha: Any) -> Any:
 
 @inner
 def log_share(value: Any, largest: Any, shrink: Any) -> Any:
-    """The logarithm of a gamma variate, but for a summand that those of a draw have in common."""
+    """Return the logarithm of a gamma variate, but for a summand that those of a draw have in common."""
     ratio = value / largest
     return log32(select(ratio > f32(LEAST), ratio, f32(LEAST))) - shrink
 

@@ -29,12 +29,14 @@ class NumbaEngine:
     """Lanes of a task; with several threads, each steps a range of them."""
 
     def __init__(self, task: Task, lanes: int, options: Options) -> None:
-        self._task, self._mode = task, options.mode
+        self._task = task
+        self._mode = options.mode
         whole = task.action_layout.parts[0].is_whole
         self._dtype = np.dtype(np.int64 if whole else np.float32)
         self.source, program, kernel = compile_numba(task, options.mode, "i" if whole else "f")
         self._kernels = [kernel]  # their functions do not keep them
-        self.observation, self.action = program.observation, program.action
+        self.observation = program.observation
+        self.action = program.action
         self.buffers = Buffers.of(task, program.observation, lanes, GAP)
         self._shape = (lanes, *self.action.shape)
         self._program = program
@@ -47,7 +49,8 @@ class NumbaEngine:
         self._memory = [self._addresses(scratch, *place) for scratch, place in pairs]
         self._runs = [kernel.bound(memory) for memory in self._memory]
         self._lanes = lanes
-        self._episodes, self._waits = Episodes(self.buffers, options.mode), options.mode == "disabled"
+        self._episodes = Episodes(self.buffers, options.mode)
+        self._waits = options.mode == "disabled"
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def _new_scratch(self) -> dict[str, Array]:
@@ -59,7 +62,7 @@ class NumbaEngine:
         }
 
     def _addresses(self, scratch: dict[str, Array], start: int, stop: int) -> Array:
-        """The numbers of `Memory.fields`, and where every array begins: uint64."""
+        """Return the numbers of `Memory.fields`, and where every array begins: uint64."""
         b = self.buffers
         arrays = {
             "k0": self._keys[0], "k1": self._keys[1], "steps": b.steps, "episodes": b.episodes, "time": b.time,
@@ -87,7 +90,7 @@ class NumbaEngine:
         self._episodes.reset(chosen)
 
     def _each(self, what: int, runs: list[Run], data: Array) -> int:
-        """Something in every range, one after the other; gives what they give, added up."""
+        """Return something in every range, one after the other; gives what they give, added up."""
         total = 0
         for memory, run in zip(self._memory, runs, strict=True):
             memory[WHAT] = what
@@ -114,7 +117,7 @@ class NumbaEngine:
         return ended
 
     def _read(self, actions: Any) -> Array:
-        """Actions as an array of the kernel's type: int64, or float32 (float64 where they come so)."""
+        """Return actions as an array of the kernel's type: int64, or float32 (float64 where they come so)."""
         array = array_of(actions, self.action, self._lanes)
         if self._dtype.kind == "i":
             return np.ascontiguousarray(array, np.int64)

@@ -31,7 +31,7 @@ WIDE = 64
 
 
 def suits(task: Task) -> bool:
-    """Whether a kernel of the task compiles in reasonable time."""
+    """Return whether a kernel of the task compiles in reasonable time."""
     roots = (*task.reset_roots, *task.step_roots)
     nodes = [n for n in walk(roots) if not isinstance(n, Const)]
     quadratic = ("argsort", "swap", "put", "index", "argmin", "argmax")
@@ -48,7 +48,7 @@ class KernelLane(LaneEmitter):
     reals: dict[int, Sequence[str]]
 
     def is_narrow(self, node: Node) -> bool:
-        """Whether every element is an int that fits 32 bits."""
+        """Return whether every element is an int that fits 32 bits."""
         low, high = self.certain(node)
         return node.type.kind is Kind.INT and low >= -INT_MAX and high <= INT_MAX
 
@@ -58,7 +58,8 @@ class KernelLane(LaneEmitter):
         return LaneValue([literal(plain(v)) for v in node.flat])
 
     def _template(self, node: Apply, entry: Operator) -> str:
-        real, form = any(a.type.kind is Kind.REAL for a in node.args), entry.kernel
+        real = any(a.type.kind is Kind.REAL for a in node.args)
+        form = entry.kernel
         template = (form.real if real else form.whole) or form.template or entry.scalar.template
         if node.op in ("floordiv", "mod") and not real:
             template = self._whole_division(node, template)
@@ -73,7 +74,7 @@ class KernelLane(LaneEmitter):
         return template
 
     def _fill(self, template: str, args: Sequence[str]) -> str:
-        """Every operation gets a name: what is shorter is folded by the compiler."""
+        """Return every operation gets a name: what is shorter is folded by the compiler."""
         return self.assign(template.format(*[self.assign(a) for a in args]))
 
     # -- reductions -----------------------------------------------------------------------------------------------
@@ -90,9 +91,10 @@ class KernelLane(LaneEmitter):
         return [total]
 
     def _best(self, node: Apply, atoms: Sequence[str], sign: str, place: bool) -> list[str]:
-        """The best element or its place: a later one must be better, or the first that is a number."""
+        """Return the best element or its place: a later one must be better, or the first that is a number."""
         real = node.args[0].type.kind is Kind.REAL
-        best, at = atoms[0], "0"
+        best = atoms[0]
+        at = "0"
         for k, atom in enumerate(atoms[1:], 1):
             better = f"({atom} {sign} {best})"
             if real:
@@ -103,7 +105,7 @@ class KernelLane(LaneEmitter):
         return [f"i32({at})" if place else best]
 
     def order(self, atoms: Sequence[str], real: bool) -> list[str]:
-        """The places that sort: the rank of every element, then which element has each rank."""
+        """Return the places that sort: the rank of every element, then which element has each rank."""
         n = len(atoms)
         ranks = ["0"] * n
         for i in range(n):
@@ -117,7 +119,7 @@ class KernelLane(LaneEmitter):
         return [self._pick([str(i) for i in range(n)], [f"({r} == {k})" for r in ranks]) for k in range(n)]
 
     def _pick(self, values: Sequence[str], conditions: Sequence[str]) -> str:
-        """The value whose condition holds; one of them does."""
+        """Return the value whose condition holds; one of them does."""
         picked = values[0]
         for value, condition in zip(values[1:], conditions[1:], strict=True):
             picked = self.assign(f"select({condition}, {value}, {picked})")
@@ -127,7 +129,8 @@ class KernelLane(LaneEmitter):
         real = node.type.kind is Kind.REAL
         rows = [self.assign(f"({a} + 0.0)") for a in atoms] if real else list(atoms)  # no -0.0
         for i, j in network(len(rows)):
-            a, b = rows[i], rows[j]
+            a = rows[i]
+            b = rows[j]
             kept = self.assign(f"(({a} <= {b}) | ({b} != {b}))" if real else f"({a} <= {b})")
             rows[i], rows[j] = self.assign(f"select({kept}, {a}, {b})"), self.assign(f"select({kept}, {b}, {a})")
         return rows
@@ -140,7 +143,8 @@ class KernelLane(LaneEmitter):
 
     def _index(self, node: Apply) -> LaneValue:
         x, i = node.args
-        row, rows = strided(x.type.shape), x.type.shape[0]
+        row = strided(x.type.shape)
+        rows = x.type.shape[0]
         out: list[str] = []
         for index in self.atoms(i):
             at = self.assign(index)
@@ -156,7 +160,7 @@ class KernelLane(LaneEmitter):
         return self._chain([self.assign(a) for a in self.atoms(x)[column::row]], at)
 
     def _chain(self, cells: Sequence[str], at: str) -> str:
-        """The cell at a place, as selects; the commonest constant needs none."""
+        """Return the cell at a place, as selects; the commonest constant needs none."""
         common = max(set(cells), key=lambda c: (cells.count(c), c == cells[-1]))
         picked = common
         for k, cell in enumerate(cells):
@@ -165,7 +169,7 @@ class KernelLane(LaneEmitter):
         return picked
 
     def table(self, cells: Sequence[Any], kind: Kind) -> str:
-        """The name of a constant array."""
+        """Return the name of a constant array."""
         dtype: Any = {Kind.BOOL: np.bool_, Kind.REAL: np.float64}.get(kind)
         if dtype is None:
             dtype = np.int32 if all(abs(v) <= INT_MAX for v in cells) else np.int64
@@ -181,7 +185,8 @@ class KernelLane(LaneEmitter):
 
     def _put(self, node: Apply) -> LaneValue:
         x, i, value = node.args
-        at, row = self.assign(self.scalar(i)), strided(x.type.shape)
+        at = self.assign(self.scalar(i))
+        row = strided(x.type.shape)
         new = [self.assign(a) for a in self.atoms(value)]
         old = [self.assign(a) for a in self.atoms(x)]
         return LaneValue([self.assign(f"select({at} == {k // row}, {new[k % row]}, {a})") for k, a in enumerate(old)])
@@ -189,7 +194,8 @@ class KernelLane(LaneEmitter):
     def _swap(self, node: Apply) -> LaneValue:
         x, i, j = node.args
         row = strided(x.type.shape)
-        a, b = self.assign(self.scalar(i)), self.assign(self.scalar(j))
+        a = self.assign(self.scalar(i))
+        b = self.assign(self.scalar(j))
         old = [self.assign(v) for v in self.atoms(x)]
         at_a = [self._chain(old[c::row], a) for c in range(row)]
         at_b = [self._chain(old[c::row], b) for c in range(row)]

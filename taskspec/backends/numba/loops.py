@@ -89,7 +89,8 @@ class Program:
         self.start = compared(b, self.task.reset_roots)
         most = max(self.step_words.count, self.reset_words.count, 1)
         self.block = max(64, min(BLOCK, SCRATCH // (8 * most) // 64 * 64))
-        self.rows, self.width = most + 2, self.block + GAP
+        self.rows = most + 2
+        self.width = self.block + GAP
         self.states = self._component_rows("s", self.task.state)
         self.seen, self.final = _seen_rows("seen", self.observation), _seen_rows("final", self.observation)
         for i in range(len(self.task.state)):
@@ -112,7 +113,7 @@ class Program:
 
 
 def _seen_rows(prefix: str, layout: SpaceLayout) -> list[MemoryRow]:
-    """The rows of the arrays that hold observations."""
+    """Return the rows of the arrays that hold observations."""
     return [
         MemoryRow(f"{prefix}{i}_{k}", f"{prefix}{i}", k, "i64s" if part.is_whole else "f32s")
         for i, part in enumerate(layout.parts)
@@ -174,7 +175,7 @@ def _shown(p: Program, roots: Sequence[Node], words: WordLayout) -> dict[int, tu
 
 
 def _observed(loop: Loop) -> dict[str, str]:
-    """What is stored in each row of the observations, by name without its prefix."""
+    """Return what is stored in each row of the observations, by name without its prefix."""
     layout = loop.program.observation
     values = loop.values[len(loop.values) - len(layout.components) :]
     out: dict[str, str] = {}
@@ -188,7 +189,7 @@ def _observed(loop: Loop) -> dict[str, str]:
 
 
 def _numbers(loop: Loop, segment: Segment, atoms: Sequence[str]) -> list[str]:
-    """The numbers of a segment, from the elements of its component."""
+    """Return the numbers of a segment, from the elements of its component."""
     if segment.values is None:
         return [
             f"({a} - {start})" if start else a
@@ -199,7 +200,7 @@ def _numbers(loop: Loop, segment: Segment, atoms: Sequence[str]) -> list[str]:
 
 
 def _stores(p: Program, loop: Loop) -> dict[MemoryRow, str]:
-    """The next value of every row of the state that changes."""
+    """Return the next value of every row of the state that changes."""
     stored: dict[MemoryRow, str] = {}
     for rows, value, c in zip(p.states, loop.values, p.task.state, strict=False):
         for row, atom in zip(rows, value.atoms or (), strict=True):
@@ -223,7 +224,7 @@ def action_rows(p: Program) -> list[tuple[str, str]]:
 
 
 def check(p: Program) -> list[str]:
-    """The number of actions that are not in the action space."""
+    """Return the number of actions that are not in the action space."""
     lines = ["bad = 0", "for j in range(n):"]
     places = action_rows(p)
     for (name, place), (a, b) in zip(places, p.action.ends, strict=True):
@@ -234,7 +235,8 @@ def check(p: Program) -> list[str]:
 
 
 def _read_actions(p: Program) -> list[str]:
-    lines, places = [], iter(action_rows(p))
+    lines = []
+    places = iter(action_rows(p))
     for c, segment in zip(p.task.action, p.action.segments, strict=True):
         rounded = c.type.kind is not Kind.REAL and not p.action.parts[segment.part].is_whole
         for start in segment.starts or (0,) * segment.size:
@@ -247,8 +249,9 @@ def _read_actions(p: Program) -> list[str]:
 
 
 def _loads(p: Program, words: WordLayout, body: str, at: str) -> tuple[list[str], list[MemoryRow]]:
-    """Statements that read the rows which the body names, and these rows."""
-    lines, rows = [], []
+    """Return statements that read the rows which the body names, and these rows."""
+    lines = []
+    rows = []
     used = set(re.findall(r"\b[A-Za-z_]\w*", body))
     for state, c in zip(p.states, p.task.state, strict=True):
         for k, row in enumerate(state):
@@ -268,7 +271,8 @@ def _loads(p: Program, words: WordLayout, body: str, at: str) -> tuple[list[str]
 def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     loop = _loop(p, p.step, p.step_words, "j", acting=True)
     n = len(p.task.state)
-    state, seen = _stores(p, loop), _observed(loop)
+    state = _stores(p, loop)
+    seen = _observed(loop)
     reward = loop.lane.assign(f"f64({(loop.values[n].atoms or ['0'])[0]})")
     terminal = (loop.values[n + 1].atoms or ["False"])[0]
     ending, end = _ending(p, terminal)
@@ -289,12 +293,12 @@ def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
 
 
 def _time(p: Program) -> str:
-    """The time as 32 bits hold it; without a horizon it stops at the largest."""
+    """Return the time as 32 bits hold it; without a horizon it stops at the largest."""
     return "i32(time[j])" if p.task.horizon is not None else f"i32(min(time[j], {INT_MAX}))"
 
 
 def _ending(p: Program, terminal: str) -> tuple[list[str], str]:
-    """Statements that count the step and work out the flags; `e` says whether the episode has ended."""
+    """Return statements that count the step and work out the flags; `e` says whether the episode has ended."""
     late = "False" if p.task.horizon is None else f"(t + 1 >= {p.task.horizon})"
     lines = [f"late = {late}", f"e = late | {terminal}" if not never(p.task.terminal) else "e = late"]
     lines += ["steps[j] = u32(steps[j] + u32(1))", f"terminated[j] = {terminal}"]
@@ -304,7 +308,7 @@ def _ending(p: Program, terminal: str) -> tuple[list[str], str]:
 def _results(
     p: Program, loop: Loop, state: dict[MemoryRow, str], seen: dict[str, str], end: str
 ) -> tuple[list[str], list[str], list[MemoryRow]]:
-    """Statements that store the next state and what is seen of it; or the first state, where the episode has ended."""
+    """Return statements that store the next state and what is seen of it; or the first state, where the episode has ended."""
     rows = {r.name.removeprefix("seen"): r for r in p.seen}
     finals = {r.name.removeprefix("final"): r for r in p.final}
     used = [*state, *(rows[name] for name in seen)]
@@ -314,7 +318,8 @@ def _results(
         return ["time[j] = i64(t + 1)"], stores, used
     start = _loop(p, p.start, p.reset_words, "j", acting=False)
     assert not start.lane.lines or p.start
-    first_state, first_seen = _stores(p, start), _observed(start)
+    first_state = _stores(p, start)
+    first_seen = _observed(start)
     constant = without_unused(start.lane.lines, [*first_state.values(), *first_seen.values()])
     renamed = [_renamed(line) for line in constant]
     again = ["time[j] = i64(select(e, 0, t + 1))", "episodes[j] = u32(episodes[j] + u32(e))"]
@@ -331,13 +336,14 @@ def _results(
 
 
 def _renamed(text: str) -> str:
-    """Names of a loop's values, apart from those of another."""
+    """Return names of a loop's values, apart from those of another."""
     return re.sub(r"\bv(\d+)\b", r"again\1", text)
 
 
 def begin(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     loop = _loop(p, p.start, p.reset_words, "i", acting=False)
-    state, seen = _stores(p, loop), _observed(loop)
+    state = _stores(p, loop)
+    seen = _observed(loop)
     rows = {r.name.removeprefix("seen"): r for r in p.seen}
     lines = without_unused(loop.lane.lines, [*state.values(), *seen.values()])
     body = [*lines, *(f"{row.name}[j] = {value}" for row, value in state.items())]

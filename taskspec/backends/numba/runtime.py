@@ -14,7 +14,12 @@ from numba.extending import intrinsic
 
 from taskspec.backends.emit.source import run
 
-f32, f64, i32, i64, u32, u64 = np.float32, np.float64, np.int32, np.int64, np.uint32, np.uint64
+f32 = np.float32
+f64 = np.float64
+i32 = np.int32
+i64 = np.int64
+u32 = np.uint32
+u64 = np.uint64
 
 # -- compilation --------------------------------------------------------------------------------------------------
 
@@ -61,7 +66,8 @@ def apart(function: Any) -> Any:
 @intrinsic
 def select(typing: Any, condition: Any, a: Any, b: Any) -> Any:
     """Return `a if condition else b` without a branch: both are evaluated."""
-    a, b = types.unliteral(a), types.unliteral(b)
+    a = types.unliteral(a)
+    b = types.unliteral(b)
     result = typing.unify_types(a, b)
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -82,7 +88,8 @@ def _bits(source: Any, target: Any) -> Any:
     return view
 
 
-as_f32, as_i32 = _bits(types.int32, types.float32), _bits(types.float32, types.int32)
+as_f32 = _bits(types.int32, types.float32)
+as_i32 = _bits(types.float32, types.int32)
 
 
 def _numbers(dtype: Any) -> Any:
@@ -102,8 +109,11 @@ def _numbers(dtype: Any) -> Any:
     return view
 
 
-f64s, f32s = _numbers(types.float64), _numbers(types.float32)
-i64s, u64s, u32s = _numbers(types.int64), _numbers(types.uint64), _numbers(types.uint32)
+f64s = _numbers(types.float64)
+f32s = _numbers(types.float32)
+i64s = _numbers(types.int64)
+u64s = _numbers(types.uint64)
+u32s = _numbers(types.uint32)
 flags = _numbers(types.uint8)
 
 
@@ -117,7 +127,9 @@ _HEAD = object.__basicsize__ // 8
 
 @inner
 def numbers_of(array: Any) -> Any:
-    """The address of the numbers of an array object: what follows its head (`PyArrayObject` of NumPy's C interface)."""
+    """Return the address of the numbers of an array object: what follows its head (`PyArrayObject` of NumPy's C
+    interface).
+    """
     return u64s(array, i64(_HEAD))[0]
 
 
@@ -154,7 +166,7 @@ def floordiv_real(a: Any, b: Any) -> Any:
 
 @inner
 def mod_real(a: Any, b: Any) -> Any:
-    """The remainder with the divisor's sign; where both are finite it is exact, as C's fmod is."""
+    """Return the remainder with the divisor's sign; where both are finite it is exact, as C's fmod is."""
     if b == 0.0 or not math.isfinite(a):
         return math.nan
     r = np.fmod(a, b)
@@ -251,7 +263,7 @@ def cos(x: Any) -> Any:
 
 @inner
 def gather(n: Any, flags: Any, lanes: Any) -> Any:
-    """The numbers of the lanes whose flag is set, and how many they are; `lanes` has room for n + 1."""
+    """Return the numbers of the lanes whose flag is set, and how many they are; `lanes` has room for n + 1."""
     m: Any = 0
     for j in range(n):
         lanes[m] = j
@@ -263,7 +275,8 @@ def gather(n: Any, flags: Any, lanes: Any) -> Any:
 def keep_reals(m: Any, lanes: Any, rows: Any, every: Any, first: Any, n: Any, seen: Any, final: Any) -> None:
     """Copy rows of float32 observations of some lanes from `seen` to `final`."""
     for k in range(rows):
-        a, b = f32s(seen, k * every + first), f32s(final, k * every + first)
+        a = f32s(seen, k * every + first)
+        b = f32s(final, k * every + first)
         for i in range(m):
             j = u64(lanes[i])
             b[j] = a[j]
@@ -272,7 +285,8 @@ def keep_reals(m: Any, lanes: Any, rows: Any, every: Any, first: Any, n: Any, se
 @inner
 def keep_ints(m: Any, lanes: Any, rows: Any, every: Any, first: Any, n: Any, seen: Any, final: Any) -> None:
     for k in range(rows):
-        a, b = i64s(seen, k * every + first), i64s(final, k * every + first)
+        a = i64s(seen, k * every + first)
+        b = i64s(final, k * every + first)
         for i in range(m):
             j = u64(lanes[i])
             b[j] = a[j]
@@ -282,7 +296,8 @@ def keep_ints(m: Any, lanes: Any, rows: Any, every: Any, first: Any, n: Any, see
 def show(n: Any, reals: Any, width: Any, number: Any, size: Any, seen: Any, row: Any, every: Any, first: Any) -> None:
     """Copy rows of drawn float32 numbers into rows of observations."""
     for k in range(size):
-        a, b = f32s(reals, (number + k) * width), f32s(seen, (row + k) * every + first)
+        a = f32s(reals, (number + k) * width)
+        b = f32s(seen, (row + k) * every + first)
         for j in range(n):
             b[j] = a[j]
 
@@ -302,6 +317,7 @@ def show_some(
     n: Any,
 ) -> None:
     for k in range(size):
-        a, b = f32s(reals, (number + k) * width), f32s(seen, (row + k) * every + first)
+        a = f32s(reals, (number + k) * width)
+        b = f32s(seen, (row + k) * every + first)
         for i in range(m):
             b[u64(lanes[i])] = a[i]

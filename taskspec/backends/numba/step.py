@@ -67,7 +67,7 @@ _COUNTERS = {
 
 
 def _views(p: Program, rows: Sequence[MemoryRow]) -> list[str]:
-    """Statements that name the arrays of a block."""
+    """Return statements that name the arrays of a block."""
     lines = [f"{name} = {kind}({p.memory.at(name)}, first)" for name, kind in _COUNTERS.items()]
     for row in rows:
         scratch = row.array in ("words", "reals")
@@ -108,13 +108,13 @@ def _kernel(
 
 
 def _actions(p: Program, lane: str) -> str:
-    """The actions from a lane on."""
+    """Return the actions from a lane on."""
     kind = {"i": "i64s", "f": "f32s", "d": "f64s"}[p.actions]
     return f"{kind}(data, {lane} * {len(action_rows(p))})"
 
 
 def _choose(p: Program) -> list[str]:
-    """The lanes of a block whose flag `chosen` is set."""
+    """Return the lanes of a block whose flag `chosen` is set."""
     return [
         f"chosen = flags({p.memory.at('chosen')}, first)",
         "late = gather(n, chosen, lanes)",
@@ -125,7 +125,7 @@ def _choose(p: Program) -> list[str]:
 
 
 def _step(p: Program, rows: Sequence[MemoryRow], shown: Shown) -> list[str]:
-    """The step of a block; `late` becomes the number of lanes that begin again, and `lanes` has theirs."""
+    """Return the step of a block; `late` becomes the number of lanes that begin again, and `lanes` has theirs."""
     body = _LATE if p.mode == "next_step" else []
     body = [*body, f"part = {_actions(p, 'first')}"]
     body += _fill(p, p.step_words, "step_words(n", "k0, k1, steps", "n")
@@ -155,7 +155,7 @@ _UNDO = [
 
 
 def _keep(p: Program) -> list[str]:
-    """The last observations of the episodes that have ended."""
+    """Return the last observations of the episodes that have ended."""
     lines = []
     for array in dict.fromkeys(r.array for r in p.seen):
         rows = [r for r in p.seen if r.array == array]
@@ -175,10 +175,11 @@ def _begin_again(p: Program, rows: Sequence[MemoryRow], shown: Shown) -> list[st
 
 
 def _fill(p: Program, words: WordLayout, call: str, keys: str, n: str) -> list[str]:
-    """Statements that work out the words of a phase, and the normals and exponentials made of them."""
+    """Return statements that work out the words of a phase, and the normals and exponentials made of them."""
     if not words.count:
         return []
-    w, r = p.memory.at("words"), p.memory.at("reals")
+    w = p.memory.at("words")
+    r = p.memory.at("reals")
     lines = [f"{call}, {w}, i64({p.width}), i64({(words.count + 1) // 2}), {keys})"]
     for draw in words.draws:
         loop = VARIATES[draw.base].loop

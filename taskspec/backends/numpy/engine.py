@@ -56,7 +56,8 @@ class Module:
 @lru_cache(maxsize=64)
 def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
     """Generate and compile the array form of a task."""
-    b, observation = task.builder, task.observation_layout
+    b = task.builder
+    observation = task.observation_layout
     roots = task.step_roots
     hoisted = hoist(b, roots, task.step_words)
     table = tabulate(b, hoisted.roots)
@@ -67,12 +68,14 @@ def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
     if again is not None:
         namespace["FIRST"] = (*again.state, *again.seen)
     run(source, f"<taskspec {task.id} {task.content_hash[:12]} numpy {mode}>", namespace)
-    bind, begins, never_terminates = namespace["lanes"], again is not None, never(table[len(task.state) + 1])
+    bind = namespace["lanes"]
+    begins = again is not None
+    never_terminates = never(table[len(task.state) + 1])
     return Module(task, source, bind, observation, task.action_layout, hoisted, start, begins, never_terminates)
 
 
 def _again(start: tuple[Node, ...], states: int, observation: SpaceLayout) -> Again | None:
-    """How episodes begin, if all do alike."""
+    """Return how episodes begin, if all do alike."""
     if draws_below(start):
         return None
     values = evaluated(start, WordLayout.dealt(()), np.zeros((0, 1), np.uint32))
@@ -98,7 +101,9 @@ class NumpyEngine:
 
     def __init__(self, task: Task, lanes: int, options: Options) -> None:
         module = compile_numpy(task, options.mode)
-        self.observation, self.action, self.source = module.observation, module.action, module.source
+        self.observation = module.observation
+        self.action = module.action
+        self.source = module.source
         self.buffers = Buffers.of(task, module.observation, lanes)
         if module.never_terminates:
             self.buffers.ended = self.buffers.truncated
@@ -134,7 +139,7 @@ class NumpyEngine:
         self._episodes.place(values, lanes)
 
     def _parts(self, lanes: Array | None) -> list[tuple[_Block, Array | None]]:
-        """The blocks concerned, each with indices of its own (None: all of them)."""
+        """Return the blocks concerned, each with indices of its own (None: all of them)."""
         if lanes is None:
             return [(block, None) for block in self._blocks]
         inside = [(b, lanes[(lanes >= b.place.start) & (lanes < b.place.stop)] - b.place.start) for b in self._blocks]
@@ -145,10 +150,14 @@ class _Block:
     """A range of lanes with scratch arrays of its own."""
 
     def __init__(self, module: Module, buffers: Buffers, place: slice, options: Options) -> None:
-        self.lanes, self.place = buffers.lanes, place
-        self._buffers, self._module = buffers, module
-        self._ahead, self._start = Ahead(module.hoisted, buffers), Ready(module.start, module.task.reset_words, buffers)
-        self._state_size, self._seen = len(module.task.state), buffers.seen.segments()
+        self.lanes = buffers.lanes
+        self.place = place
+        self._buffers = buffers
+        self._module = module
+        self._ahead = Ahead(module.hoisted, buffers)
+        self._start = Ready(module.start, module.task.reset_words, buffers)
+        self._state_size = len(module.task.state)
+        self._seen = buffers.seen.segments()
         self._step = module.bind(
             self.lanes,
             *buffers.state,
@@ -187,7 +196,8 @@ class _Block:
         b.episodes[lanes] += _ONE
 
     def step(self, actions: Sequence[Array]) -> int:
-        b, episodes = self._buffers, self.episodes
+        b = self._buffers
+        episodes = self.episodes
         late = b.ended.nonzero()[0] if episodes.over else None
         if late is not None:
             self._ahead.part_ways()

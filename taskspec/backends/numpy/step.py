@@ -33,7 +33,7 @@ class NumpyRuntime(Runtime):
         super().__init__(np, np.int64, np.float64)
 
     def index(self, x: Array, i: Array) -> Array:
-        """Rows of x (n, ..., N) at the indices i (..., N) of each lane."""
+        """Return rows of x (n, ..., N) at the indices i (..., N) of each lane."""
         lanes = x.shape[-1]
         if x.ndim != 2 or lanes == 1 or not x.flags.c_contiguous:
             return super().index(x, i)  # type: ignore[no-any-return]
@@ -68,7 +68,8 @@ class NumpyRuntime(Runtime):
         exchanged = np.empty((len(x), lanes), x.dtype)
         exchanged[...] = x
         flat = exchanged.reshape(-1)
-        first, second = i * lanes + _lanes(lanes), j * lanes + _lanes(lanes)
+        first = i * lanes + _lanes(lanes)
+        second = j * lanes + _lanes(lanes)
         flat[first], flat[second] = flat.take(second), flat.take(first)
         return exchanged
 
@@ -91,7 +92,8 @@ def generate(
     task: Task, roots: Sequence[Node], hoisted: Hoisted, observation: SpaceLayout, again: Again | None
 ) -> tuple[str, dict[str, Any]]:
     """Source of the module, and the constants it refers to, as nodes; with `again`, lanes that end begin anew."""
-    states, actions = _names("s", task.state), _names("a", task.action)
+    states = _names("s", task.state)
+    actions = _names("a", task.action)
     outputs = [f"o{i}" for i in range(len(observation.segments))]
     form = _form(task, states, actions, hoisted)
     form.sinks = _sinks(task, observation, roots, states, outputs)
@@ -121,7 +123,7 @@ def generate(
 
 
 def _may_warn(roots: Sequence[Node], observation: SpaceLayout) -> bool:
-    """Whether NumPy might complain, of an overflow or of nan: not where everything is whole numbers and look-ups."""
+    """Return whether NumPy might complain, of an overflow or of nan: not where everything is whole numbers and look-ups."""
     reals = [n for n in walk(roots) if isinstance(n, Apply) and n.type.kind is Kind.REAL]
     small = all(abs(v) < 2**31 for c in observation.components for v in (*c.low, *c.high))
     return not small or any(n.op not in ("index", "to_real", "where", "element") for n in reals)
@@ -143,7 +145,9 @@ def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Ho
     form = ArrayForm(names, lambda draw, args: drawn(draw, args), scratch=Scratch())
 
     def drawn(draw: Draw, args: Sequence[str]) -> str:
-        """A draw whose distribution depends on the state; the step is given its words one by one, as int64 (lanes,)."""
+        """Return a draw whose distribution depends on the state; the step is given its words one by one, as int64
+        (lanes,).
+        """
         words = f"np.stack({tuple_of(hoisted.words[draw.site])}).astype(np.uint32)"
         return f"{form.constant(many(draw))}({tuple_of(args)}, {words})"
 
@@ -156,7 +160,7 @@ def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Ho
 def _sinks(
     task: Task, layout: SpaceLayout, roots: Sequence[Node], states: Sequence[str], outputs: Sequence[str]
 ) -> dict[int, Sink]:
-    """Results that may be written where they belong, without a copy. Of several for one value the first is."""
+    """Return results that may be written where they belong, without a copy. Of several for one value the first is."""
     n = len(task.state)
     found: dict[int, Sink] = {}
     for c, name, root in zip(task.state, states, roots, strict=False):
@@ -174,10 +178,11 @@ def _copy(target: str, value: str) -> list[str]:
 
 
 def _observation(form: ArrayForm, layout: SpaceLayout, outputs: Sequence[str], values: Sequence[str]) -> list[str]:
-    """Statements that write each segment of the observation where it belongs."""
+    """Return statements that write each segment of the observation where it belongs."""
     lines: list[str] = []
     for segment, out in zip(layout.segments, outputs, strict=True):
-        value, type_ = values[segment.component], layout.components[segment.component].type
+        value = values[segment.component]
+        type_ = layout.components[segment.component].type
         if not type_.size:
             continue  # a vector of reals without elements may be among ints
         if segment.values is not None:
@@ -194,9 +199,10 @@ def _observation(form: ArrayForm, layout: SpaceLayout, outputs: Sequence[str], v
 def _state(
     form: ArrayForm, task: Task, states: Sequence[str], roots: Sequence[Node], values: Sequence[str]
 ) -> list[str]:
-    """The next state, written over the present one; what shows memory of another component is copied first."""
+    """Return the next state, written over the present one; what shows memory of another component is copied first."""
     shown = {id(n) for n in walk(roots) if isinstance(n, Read) and n.role is Role.STATE}
-    copies, lines = [], []
+    copies = []
+    lines = []
     for c, name, root, value in zip(task.state, states, roots, values, strict=True):
         if isinstance(root, Read) and root.role is Role.STATE and root.name == c.name:
             continue
@@ -209,12 +215,12 @@ def _state(
 
 
 def never(terminal: Node) -> bool:
-    """Whether no step terminates; `ended` and `truncated` are one array then."""
+    """Return whether no step terminates; `ended` and `truncated` are one array then."""
     return isinstance(terminal, Const) and not plain(terminal.value)
 
 
 def _ending(task: Task, terminal: Node) -> list[str]:
-    """The time, the other flags, and the number of episodes that ended."""
+    """Return the time, the other flags, and the number of episodes that ended."""
     lines = ["add(t, ONE, t)"]
     if task.horizon is not None:
         lines.append("greater_equal(t, HORIZON, truncated)")
@@ -224,7 +230,7 @@ def _ending(task: Task, terminal: Node) -> list[str]:
 
 
 def _shows_state(task: Task, layout: SpaceLayout, roots: Sequence[Node], again: Again) -> bool:
-    """Whether what is observed is the first state component as it is, so that it can be copied after all else."""
+    """Return whether what is observed is the first state component as it is, so that it can be copied after all else."""
     n = len(task.state)
     if not n or layout.form != "discrete" or layout.components[0].low[0] or roots[0] is not roots[n + 2]:
         return False
@@ -232,7 +238,7 @@ def _shows_state(task: Task, layout: SpaceLayout, roots: Sequence[Node], again: 
 
 
 def _begin(states: Sequence[str], again: Again, shown: bool) -> list[str]:
-    """What `_Block._finish` does, where all episodes begin alike: most of its time would go to calls."""
+    """Return what `_Block._finish` does, where all episodes begin alike: most of its time would go to calls."""
     if shown:
         lines = [f"copyto(final0, {states[0]})", *_put(states, again.state)]
     else:
@@ -243,7 +249,7 @@ def _begin(states: Sequence[str], again: Again, shown: bool) -> list[str]:
 
 
 def _put(names: Sequence[str], values: Sequence[Array]) -> list[str]:
-    """Statements that write the first values, (*shape, 1), where episodes have ended; `putmask` is the quicker one."""
+    """Return statements that write the first values, (*shape, 1), where episodes have ended; `putmask` is the quicker one."""
     return [
         f"putmask({name}, ended, FIRST[{k}])" if value.ndim == 1 else f"copyto({name}, FIRST[{k}], where=ended)"
         for k, (name, value) in enumerate(zip(names, values, strict=True))

@@ -25,7 +25,7 @@ def names_of(prefix: str, components: Sequence[Component]) -> list[str]:
 
 
 def read_action(task: Task, layout: SpaceLayout) -> tuple[list[str], list[LaneValue]]:
-    """Statements that read and check an action, and the values of its components."""
+    """Return statements that read and check an action, and the values of its components."""
     names, (part,) = names_of("a", task.action), layout.parts
     if part.is_whole and not part.shape:
         return _read_number(names[0], task.action[0], layout), [LaneValue([names[0]])]
@@ -46,8 +46,9 @@ def _read_number(name: str, c: Component, layout: SpaceLayout) -> list[str]:
 
 
 def _elements(task: Task, names: Sequence[str]) -> tuple[list[str], list[LaneValue]]:
-    """A name for every element of the action, and the components made of them."""
-    flat, values = [], []
+    """Return a name for every element of the action, and the components made of them."""
+    flat = []
+    values = []
     for i, (c, name) in enumerate(zip(task.action, names, strict=True)):
         mine = [name] if c.type.is_scalar else [f"a{i}_{k}" for k in range(c.type.size)]
         flat += mine
@@ -56,7 +57,7 @@ def _elements(task: Task, names: Sequence[str]) -> tuple[list[str], list[LaneVal
 
 
 def _listed(shape: tuple[int, ...], names: Sequence[str], convert: str, usual: str) -> list[str]:
-    """Statements that spread an array-like action over names; anything of another shape is refused.
+    """Return statements that spread an array-like action over names; anything of another shape is refused.
 
     An array that meets the condition `usual` is taken as it is, all else goes through the function `convert`.
     """
@@ -97,7 +98,7 @@ def _read_array(task: Task, layout: SpaceLayout, names: Sequence[str]) -> tuple[
 
 
 def sees_state(task: Task, layout: SpaceLayout) -> bool:
-    """Whether an observation is the array that tells the state: its elements in order, as float32."""
+    """Return whether an observation is the array that tells the state: its elements in order, as float32."""
     finite = all(c.is_finite for c in task.state)
     seen = [(node.role, node.name) for node in task.observation.nodes if isinstance(node, Read)]
     same = seen == [c.read for c in task.state] and len(seen) == len(task.observation.nodes)
@@ -105,13 +106,13 @@ def sees_state(task: Task, layout: SpaceLayout) -> bool:
 
 
 def _is_number(task: Task) -> bool:
-    """Whether the state is one finite number."""
+    """Return whether the state is one finite number."""
     (first, *others) = task.state
     return first.is_finite and first.type.is_scalar and not others
 
 
 def flat_state(task: Task, names: Sequence[str]) -> str:
-    """The source of the present state: an int where it is one finite number, else an array of its elements.
+    """Return the source of the present state: an int where it is one finite number, else an array of its elements.
 
     They are int64 where all components are finite, and float32 elsewhere.
     """
@@ -132,25 +133,25 @@ def _info_elements(task: Task, names: Sequence[str]) -> str:
 
 
 def _shape(task: Task) -> tuple[int, ...]:
-    """The shape of the array that tells the state."""
+    """Return the shape of the array that tells the state."""
     (first, *others) = task.state
     return (sum(c.type.size for c in task.state),) if others else first.type.shape
 
 
 def is_kept(task: Task) -> bool:
-    """Whether infos tell the state by an array, which is kept from step to step."""
+    """Return whether infos tell the state by an array, which is kept from step to step."""
     return bool(task.info) and not _is_number(task)
 
 
 def old_state(task: Task, names: Sequence[str]) -> list[str]:
-    """The statement that keeps the state left, before the state moves on."""
+    """Return the statement that keeps the state left, before the state moves on."""
     if "old_state" not in task.info:
         return []
     return [f"old_state = {'told' if is_kept(task) else flat_state(task, names)}"]
 
 
 def told_state(task: Task, layout: SpaceLayout, names: Sequence[str], observation: str) -> list[str]:
-    """The statements that make the array for infos; a copy of the observation where that is the same array."""
+    """Return the statements that make the array for infos; a copy of the observation where that is the same array."""
     if not is_kept(task):
         return []
     source = observation.removesuffix(".copy()")
@@ -162,12 +163,12 @@ def told_state(task: Task, layout: SpaceLayout, names: Sequence[str], observatio
 
 
 def has_rows(task: Task) -> bool:
-    """Whether the arrays for infos are rows of blocks, which takes half the time of arrays of their own."""
+    """Return whether the arrays for infos are rows of blocks, which takes half the time of arrays of their own."""
     return is_kept(task) and 0 < math.prod(_shape(task)) <= UNROLLED
 
 
 def row_names(task: Task) -> dict[str, Any]:
-    """What the names that write such rows mean: `rows()` gives a function of the next row, `write` fills it in."""
+    """Return what the names that write such rows mean: `rows()` gives a function of the next row, `write` fills it in."""
     shape = _shape(task)
     size = math.prod(shape)
     dtype, code = (np.int64, "q") if all(c.is_finite for c in task.state) else (np.float32, "f")
@@ -176,7 +177,7 @@ def row_names(task: Task) -> dict[str, Any]:
 
 
 def info(task: Task, names: Sequence[str]) -> str:
-    """The source of a step's info, after the state has moved on."""
+    """Return the source of a step's info, after the state has moved on."""
     new_state = "told" if is_kept(task) else flat_state(task, names)
     sources = {"old_state": "old_state", "new_state": new_state}
     return "{" + ", ".join(f'"{name}": {sources[name]}' for name in task.info) + "}"
@@ -189,7 +190,7 @@ _LARGEST = 3.4e38
 
 
 def observe(lane: LaneEmitter, layout: SpaceLayout, phase: Phase, values: Sequence[LaneValue]) -> tuple[str, list[str]]:
-    """The source of the observation, and the statements that fill it in."""
+    """Return the source of the observation, and the statements that fill it in."""
     nodes = phase.observation
     match layout.form:
         case "discrete":
@@ -208,7 +209,7 @@ def observe(lane: LaneEmitter, layout: SpaceLayout, phase: Phase, values: Sequen
 
 
 def _integer(lane: LaneEmitter, node: Node) -> str:
-    """A finite scalar as `Discrete` has it: a condition is 0 or 1."""
+    """Return a finite scalar as `Discrete` has it: a condition is 0 or 1."""
     atom = lane.scalar(node)
     return f"(1 if {atom} else 0)" if node.type.kind is Kind.BOOL else atom
 
@@ -263,12 +264,12 @@ def _one_hot(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> t
 
 
 def _may_overflow(lane: LaneEmitter, node: Node) -> bool:
-    """Whether a number may be finite, and infinite in float32, which NumPy warns of."""
+    """Return whether a number may be finite, and infinite in float32, which NumPy warns of."""
     return max(map(abs, lane.certain(node))) > _LARGEST
 
 
 def _array(lane: LaneEmitter, node: Node, source: str) -> str:
-    """The source of an array of float32."""
+    """Return the source of an array of float32."""
     shape = node.type.shape
     if _may_overflow(lane, node):
         return f"singles({source}, {shape})"

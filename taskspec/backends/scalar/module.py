@@ -43,7 +43,8 @@ class Parts:
 
 def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
     """Source of the module, and the constants it refers to."""
-    task, constants = parts.task, dict[str, Any]()
+    task = parts.task
+    constants = dict[str, Any]()
     states = names_of("s", task.state)
     # `repr`, because ids and file names are somebody's text: nothing in them may end the literal.
     head = [repr(f"{task.id}: one environment, straight-line. Generated; the spec is {task.document.origin.name}.")]
@@ -91,7 +92,7 @@ def _indent(lines: Sequence[str]) -> list[str]:
 
 
 def _held(name: str, type_: Type) -> LaneValue:
-    """How a value is held in a variable: a number, or one flat sequence."""
+    """Return how a value is held in a variable: a number, or one flat sequence."""
     return LaneValue([name]) if type_.is_scalar else LaneValue(packed=name)
 
 
@@ -102,8 +103,9 @@ def _lane(
     actions: Sequence[LaneValue],
     constants: dict[str, Any],
 ) -> LaneEmitter:
-    """An emitter that knows the state, the action, the time, what is hoisted and what is invariant."""
-    task, names = parts.task, {(Role.TIME, "t"): LaneValue(["t"])}
+    """Return an emitter that knows the state, the action, the time, what is hoisted and what is invariant."""
+    task = parts.task
+    names = {(Role.TIME, "t"): LaneValue(["t"])}
     for c, name in zip(task.state, states, strict=True):
         names[Role.STATE, c.name] = _held(name, c.type)
     for c, value in zip(task.action, actions, strict=False):
@@ -116,7 +118,7 @@ def _lane(
 
 
 def _unpack(phase: Phase, call: str) -> list[str]:
-    """The statement that takes the next item of the phase's stream."""
+    """Return the statement that takes the next item of the phase's stream."""
     return [f"{', '.join(phase.names)} = {call}()"] if phase.names else []
 
 
@@ -124,8 +126,9 @@ def _unpack(phase: Phase, call: str) -> list[str]:
 
 
 def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants: dict[str, Any]) -> list[str]:
-    """The function `reset`; `others` are the statements that compute with what it keeps."""
-    task, phase = parts.task, parts.reset
+    """Return the function `reset`; `others` are the statements that compute with what it keeps."""
+    task = parts.task
+    phase = parts.reset
     lane = _lane(parts, phase, states, (), constants)
     values = lane.emit((*phase.roots, *phase.observation))
     types = [*(c.type for c in task.state), *(n.type for n in parts.invariants.nodes)]
@@ -147,7 +150,8 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
 
 
 def _unwrapped(phase: Phase, body: Iterable[str], kept: Iterable[tuple[str, str]], others: Iterable[str]) -> list[str]:
-    """Arrays turned into lists of Python numbers, where the body computes with their elements, or `others` with what is kept.
+    """Return arrays turned into lists of Python numbers, where the body computes with their elements, or `others` with
+    what is kept.
 
     `kept` are variables and what they become. Numbers of NumPy's own would be slow, and do not do what Python's do: 1 // 0.
     """
@@ -161,15 +165,17 @@ def _names_in(lines: Iterable[str]) -> set[str]:
 
 
 def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants: dict[str, Any]) -> list[str]:
-    """The function `step`: it works everything out, and fixes what it returns, before the state moves on.
+    """Return the function `step`: it works everything out, and fixes what it returns, before the state moves on.
 
     `others` are the statements besides its own that compute with the state.
     """
-    task, phase = parts.task, parts.step
+    task = parts.task
+    phase = parts.step
     reading, actions = read_action(task, parts.action)
     lane = _lane(parts, phase, states, actions, constants)
     values = lane.emit((*phase.roots, *phase.observation))
-    n, frozen = len(task.state), frozen_components(task)
+    n = len(task.state)
+    frozen = frozen_components(task)
     changed = [i for i in range(n) if task.state[i].name not in frozen]
     stored = {i: _stored(lane, phase.roots[i], task.state[i].type) for i in changed}
     own = {"True", "False", "nan", "inf", *phase.names, *_kept(parts)}
@@ -190,7 +196,7 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
 
 
 def _fixed(lane: LaneEmitter, source: str, own: Container[str]) -> str:
-    """A result as a number, or as a name that keeps its value when the state moves on.
+    """Return a result as a number, or as a name that keeps its value when the state moves on.
 
     Such are the names that the emitter makes, and those in `own`; anything else gets a name of its own now.
     """
@@ -200,13 +206,17 @@ def _fixed(lane: LaneEmitter, source: str, own: Container[str]) -> str:
     return lane.named(source)
 
 
-_NAMES, _MADE, _ATOM = re.compile(r"\b[A-Za-z_]\w*"), re.compile(r"v\d+"), re.compile(r"\w+(\[\d+\])?")
+_NAMES = re.compile(r"\b[A-Za-z_]\w*")
+_MADE = re.compile(r"v\d+")
+_ATOM = re.compile(r"\w+(\[\d+\])?")
 
 
 def _seen(
     lane: LaneEmitter, parts: Parts, terminal: str, values: Sequence[LaneValue], own: Container[str]
 ) -> tuple[str, list[str]]:
-    """The observation of a step: the kept one where it stays the same, itself rather than a copy on what is always the last."""
+    """Return the observation of a step: the kept one where it stays the same, itself rather than a copy on what is always
+    the last.
+    """
     if parts.invariants.observation:
         return ("kept" if terminal == "True" else "kept.copy()"), []
     observation, statements = observe(lane, parts.observation, parts.step, values)
@@ -216,7 +226,7 @@ def _seen(
 
 
 def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
-    """Statements that keep `alive`, and the two flags of the result."""
+    """Return statements that keep `alive`, and the two flags of the result."""
     truncated = "False" if task.horizon is None else f"t >= {task.horizon}"
     if terminal == "False" and truncated == "False":
         return [], "False, False"
@@ -236,12 +246,12 @@ def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
 
 
 def _stored(lane: LaneEmitter, node: Node, type_: Type) -> str:
-    """A value as it is kept: a number of its kind, or a flat sequence."""
+    """Return a value as it is kept: a number of its kind, or a flat sequence."""
     return lane.scalar(node) if type_.is_scalar else lane.packed(node)
 
 
 def _restored(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> list[str]:
-    """Statements that work out again, from a state that was set, what stays the same for an episode."""
+    """Return statements that work out again, from a state that was set, what stays the same for an episode."""
     lane = _lane(parts, None, states, (), constants)
     nodes = parts.task.next_observation if parts.invariants.observation else ()
     lane.emit((*parts.invariants.nodes, *nodes))
@@ -254,7 +264,7 @@ def _restored(parts: Parts, states: Sequence[str], constants: dict[str, Any]) ->
 
 
 def _access(parts: Parts, states: Sequence[str], restored: Sequence[str]) -> list[str]:
-    """Functions that read the state and set it."""
+    """Return functions that read the state and set it."""
     everything = ", ".join(states) + "," * (len(states) == 1)
     clock = "t, past, episodes, alive"
     body = [f"nonlocal {', '.join([*states, *_kept(parts)])}, {clock}", f"{everything} = values"]

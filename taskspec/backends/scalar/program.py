@@ -28,7 +28,7 @@ from taskspec.task.task import Task
 
 
 def scalar_namespace() -> dict[str, Any]:
-    """Names and what they are: numbers, the functions of the operator table, and draws."""
+    """Return names and what they are: numbers, the functions of the operator table, and draws."""
     return {
         "nan": math.nan,
         "inf": math.inf,
@@ -82,14 +82,14 @@ class ScalarProgram:
     _namespace: dict[str, Any] = field(repr=False)
 
     def start(self, seed: int, failures: Failures, clock: Clock = _ZERO) -> Lane:
-        """Functions of one environment, whose draws go on from where a clock stands."""
+        """Return functions of one environment, whose draws go on from where a clock stands."""
         first = phase_stream(self.reset_phase, seed, draws.RESET, clock.episodes)
         later = phase_stream(self.step_phase, seed, draws.STEP, clock.past + clock.time)
         parts = self._namespace["lane"](first, later, failures.action, failures.not_running)
         return Lane(*parts)
 
     def replay(self, seed: int, clock: Clock) -> list[Any]:
-        """The component values that the last reset gave."""
+        """Return the component values that the last reset gave."""
         layout = self.task.reset_words
         words = draws.words(seed, draws.RESET, clock.episodes - 1, layout.count)
         flats = evaluate(self.task.initial, {}, sampler(layout, words))
@@ -116,7 +116,8 @@ class Lane:
 @lru_cache(maxsize=64)
 def compile_scalar(task: Task) -> ScalarProgram:
     """Generate and compile the scalar program of a task."""
-    observation, action = task.observation_layout, task.action_layout
+    observation = task.observation_layout
+    action = task.action_layout
     invariants = Invariants.of(task, observation.form == "box" and bool(observation.shape))
     roots = invariants.replaced(task, (*task.next, task.reward, task.terminal))
     seen = () if invariants.observation else invariants.replaced(task, task.next_observation)
@@ -141,7 +142,7 @@ def compile_scalar(task: Task) -> ScalarProgram:
 
 
 def _as_floats(action: Any, shape: tuple[int, ...]) -> Any:
-    """An array-like action as an array of float64 of the given shape; one number goes with and without an axis.
+    """Return an array-like action as an array of float64 of the given shape; one number goes with and without an axis.
 
     ValueError: it has another shape or is no array of numbers.
     """
@@ -152,7 +153,7 @@ def _as_floats(action: Any, shape: tuple[int, ...]) -> Any:
 
 
 def _as_ints(action: Any, shape: tuple[int, ...]) -> Any:
-    """The same of ints; reals are refused, as `MultiDiscrete.contains` refuses them."""
+    """Return the same of ints; reals are refused, as `MultiDiscrete.contains` refuses them."""
     return _as_numbers(action, shape, "iu").astype(np.int64)
 
 

@@ -72,7 +72,8 @@ def write_several(exams: Mapping[str, Mapping[str, Any]], folder: Path | str, fo
     Raises:
         SpecError: as `write`.
     """
-    place, written = Path(folder), []
+    place = Path(folder)
+    written = []
     for name in _known(formats, (*PICTURES, "parquet")):
         if name == "parquet":
             written.append(write_scores(exams, place / "scores.parquet"))

@@ -34,7 +34,8 @@ def page(exam: Mapping[str, Any]) -> str:
 
 
 def _verdict(capability: str, verdict: Mapping[str, Any]) -> dict[str, str]:
-    grade, twins = verdict["verdict"], verdict["twins"]
+    grade = verdict["verdict"]
+    twins = verdict["twins"]
     return {
         "capability": capability, "grade": grade, "sign": report_rows.SIGNS[grade], "mean": _mean(verdict),
         "twins": _mean(twins) if twins and twins["verdict"] != "masters" else "",

@@ -200,7 +200,9 @@ def _saturating(function: Callable[[Any], int]) -> Callable[[Any], int]:
     return saturated
 
 
-floor, ceil, round_ = _saturating(math.floor), _saturating(math.ceil), _saturating(round)
+floor = _saturating(math.floor)
+ceil = _saturating(math.ceil)
+round_ = _saturating(round)
 
 
 ROUNDING = (

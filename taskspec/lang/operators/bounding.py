@@ -115,7 +115,8 @@ def increasing(function: Callable[[float], float], ulps: int = 0) -> Bounds:
     def rule(args: Args, node: Apply) -> Interval:
         low, high = (function(x) for x in args[0][:2])
         for _ in range(ulps):
-            low, high = math.nextafter(low, -INF), math.nextafter(high, INF)
+            low = math.nextafter(low, -INF)
+            high = math.nextafter(high, INF)
         return low, high
 
     return rule

@@ -272,7 +272,8 @@ LOGIC = ((True, True), (True, False), (False, True), (False, False))
 VECTORS = (((3, 1, 2),), ((1, 1, 0, 1),), ((5,),), ((2.5, -1.0, 2.5, 0.0),), ((-1.0, math.inf, -math.inf),))
 NAN_VECTORS = (((math.nan, 1.0, 3.0),), ((1.0, math.nan, 3.0, 3.0),), ((math.nan, math.nan),))
 MASKS = (((True, False, True),), ((False,),), ((True, True),))
-INTS, MIXED = (3, -1, 2), (0.5, -2.0, 1.5)
+INTS = (3, -1, 2)
+MIXED = (0.5, -2.0, 1.5)
 """Vectors as arguments of functions."""
 ROWS = ((1, 2), (3, -1))
 """A matrix as one."""

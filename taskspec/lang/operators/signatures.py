@@ -129,7 +129,7 @@ def but_the_first(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
 
 
 def every(below: Sequence[bool]) -> bool:
-    """Sums, and what only chooses elements."""
+    """Return sums, and what only chooses elements."""
     return True
 
 

@@ -120,12 +120,15 @@ def _put_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:
 
 def _swap(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...]) -> Flat:
     rows = _rows(args[0], types[0].shape)
-    i, j = args[1][0], args[2][0]
+    i = args[1][0]
+    j = args[2][0]
     rows[i], rows[j] = rows[j], rows[i]
     return _join(rows)
 
 
-_V, _R, _M = (3, -1, 2, 7), (0.5, -2.0, math.nan, 1.5), ((1, 2), (3, 4), (5, 6))
+_V = (3, -1, 2, 7)
+_R = (0.5, -2.0, math.nan, 1.5)
+_M = ((1, 2), (3, 4), (5, 6))
 _LONG = tuple(range(40, 0, -2))
 _WIDE = tuple(tuple(range(i, i + 20)) for i in range(3))
 

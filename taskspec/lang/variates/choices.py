@@ -91,7 +91,8 @@ def _condition_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityAr
 
 
 def _outcome(draw: Draw, args: list[Flat], words: Words) -> Flat:
-    mine, p = words[: draw.type.size], draw.args[0]
+    mine = words[: draw.type.size]
+    p = draw.args[0]
     if isinstance(p, Const) or row_table(p) is not None:
         # the row as it stands in the table: exact, without rounding on the way
         table = draws.thresholds(p.flat if isinstance(p, Const) else args[0])
@@ -148,8 +149,9 @@ def _reached(b: NodeMaker, limits: Sequence[Node], word: Node) -> Node:
 
 
 def _row_outcomes(b: NodeMaker, table: Const, row: Node, words: Sequence[Node], bias: int) -> list[Node]:
-    """Draws from the row of a table that is chosen at run time: one look-up for every threshold."""
-    k, found = table.type.shape[-1], _table_rows(table)
+    """Return draws from the row of a table that is chosen at run time: one look-up for every threshold."""
+    k = table.type.shape[-1]
+    found = _table_rows(table)
     if not bias:  # ints with room for the threshold that no word reaches
         exact = [draws.thresholds(r) for r in found]
         return [_reached(b, [_column(b, [t[i] for t in exact], row) for i in range(k - 1)], w) for w in words]
@@ -166,11 +168,12 @@ def _column(b: NodeMaker, values: Sequence[int], row: Node) -> Node:
 
 
 def _in_lane(lane: LaneWriter, draw: Draw, words: Sequence[str]) -> list[str]:
-    """Words against the thresholds of the present row, or against weights known only now."""
+    """Return words against the thresholds of the present row, or against weights known only now."""
     looked_up = row_table(draw.args[0])
     if looked_up is None:
         return [f"weighted_categorical({word}, {lane.packed(draw.args[0])})" for word in words]
-    limits, at = tuple(map(draws.thresholds, _table_rows(looked_up[0]))), lane.scalar_of(looked_up[1])
+    limits = tuple(map(draws.thresholds, _table_rows(looked_up[0])))
+    at = lane.scalar_of(looked_up[1])
     if len(limits[0]) == 1:
         return [f"(0 if {word} < {lane.constant(tuple(r[0] for r in limits))}[{at}] else 1)" for word in words]
     return [f"bisect_right({lane.constant(limits)}[{at}], {word})" for word in words]

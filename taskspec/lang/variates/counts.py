@@ -73,7 +73,8 @@ def _poisson_passes(draw: Draw) -> int:
 
 
 def _poisson(draw: Draw, args: list[Flat], words: Words) -> Flat:
-    n, bound = draw.type.size, poisson_bound(draw)
+    n = draw.type.size
+    bound = poisson_bound(draw)
     rates = stretched(args[0], n)
     if bound is None:
         tables = [draws.poisson_table(float(rate)) for rate in rates]
@@ -83,7 +84,9 @@ def _poisson(draw: Draw, args: list[Flat], words: Words) -> Flat:
 
 
 def _poissons(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
-    rate, bound, size = draw.args[0], poisson_bound(draw), draw.type.size
+    rate = draw.args[0]
+    bound = poisson_bound(draw)
+    size = draw.type.size
     if bound is not None:
         grouped = x.xp.moveaxis(words.reshape(size, -1, words.shape[-1]), 1, 0)
         return x.poissons(grouped, rows(x, draw, args[0]), bound)
@@ -95,7 +98,8 @@ def _poissons(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -
 
 
 def _poisson_kernel(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
-    rate, bound = draw.args[0], poisson_bound(draw)
+    rate = draw.args[0]
+    bound = poisson_bound(draw)
     if bound is not None:
         arguments = f"{bound!r}, {draws.poisson_terms(bound)}"
         pairs = zip(groups(draw, words), k.argument(draw), strict=True)
@@ -123,9 +127,10 @@ def _poisson_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArit
 
 
 def poisson_row(rates: AnyArray, terms: int) -> AnyArray:
-    """Probabilities (K, N) of counts below `terms`: products of ratios up and down from the mode, over their total."""
+    """Return probabilities (K, N) of counts below `terms`: products of ratios up and down from the mode, over their total."""
     rates = np.where(rates > 0, rates, 0.0)
-    mode, step = np.floor(rates), np.arange(1.0, terms)[:, None]
+    mode = np.floor(rates)
+    step = np.arange(1.0, terms)[:, None]
     one = np.ones((1, len(rates)))
     above = np.concatenate([one, np.cumprod(rates / (mode + step), axis=0)])
     below = np.concatenate([one, np.cumprod(np.maximum(mode - step + 1, 0) / np.maximum(rates, 1.0), axis=0)])

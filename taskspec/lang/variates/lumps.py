@@ -33,7 +33,8 @@ def _arrangement(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmeti
     """Return the outcomes of the observed positions of a permutation, merged by equivalence."""
     alike, places = (a[:, 0] for a in args)
     kinds, counts = np.unique(alike, return_counts=True)
-    left, ways = counts[None, :], np.ones(1, dtype=object)
+    left = counts[None, :]
+    ways = np.ones(1, dtype=object)
     chosen = np.empty((1, 0), np.int64)
     for _ in places:
         row, kind = np.nonzero(left)
@@ -63,8 +64,10 @@ def _most(draw: Draw) -> int:
 
 
 def _capped(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> tuple[AnyArray, AnyArray]:
-    """Counts up to a last one, which has the probability of all from there on."""
-    most, terms, found = _most(draw), poisson_terms(draw.args[-2]), []
+    """Return counts up to a last one, which has the probability of all from there on."""
+    most = _most(draw)
+    terms = poisson_terms(draw.args[-2])
+    found = []
     for rate in outcomes.each(numbers.argument(draw, args[0]), draw.type.size):
         row = poisson_row(rate, terms)
         found.append(np.concatenate([row[:most], row[most:].sum(axis=0, keepdims=True)]))

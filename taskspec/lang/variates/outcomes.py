@@ -1,4 +1,4 @@
-"""Enumeration of single draws with their probabilities, as entries of the table list them."""
+"""Outcomes of single draws with their probabilities, as entries of the table list them."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def each(arg: Array, size: int) -> list[Array]:
 
 
 def within(p: Array) -> Array:
-    """Probabilities of conditions as the sampler reads them: within 0 and 1, and 0 for nan."""
+    """Return probabilities of conditions as the sampler reads them: within 0 and 1, and 0 for nan."""
     return np.minimum(np.maximum(np.where(p == p, p, 0), 0), 1)
 
 

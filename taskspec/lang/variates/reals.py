@@ -37,7 +37,8 @@ def _mean_share(b: NodeMaker, draw: Draw) -> Node:
 def _shares(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
     values = []
     for group, alpha in zip(groups(draw, words), k.argument(draw), strict=True):
-        value, shrink = k.name(), k.name()
+        value = k.name()
+        shrink = k.name()
         k.lines.append(f"{value}, {shrink} = gamma_parts({group}, {alpha})")
         values.append((value, shrink))
     largest = _largest(k, [value for value, _ in values])

@@ -42,8 +42,10 @@ class WordLayout:
 
     @classmethod
     def dealt(cls, draws: Iterable[Draw]) -> WordLayout:
-        """Words for each of the draws, in the order of their sites."""
-        found, first, count = tuple(sorted(draws, key=lambda d: d.site)), {}, 0
+        """Return words for each of the draws, in the order of their sites."""
+        found = tuple(sorted(draws, key=lambda d: d.site))
+        first = {}
+        count = 0
         for draw in found:
             first[draw.site] = count
             count += words_of(draw)

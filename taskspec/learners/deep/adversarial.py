@@ -42,7 +42,8 @@ class Discriminator:
     """A classifier of steps: learner or expert."""
 
     def __init__(self, config: Adversarial, world: World) -> None:
-        self.config, self.world = config, world
+        self.config = config
+        self.world = world
         self.reward = RewardModel(config.reward, world, config.policy.discount)
         self._adam = optax.adam(config.reward.learning_rate)
 
@@ -77,7 +78,8 @@ class Discriminator:
     ) -> AnyArray:
         """Return the cross-entropy of classifying steps of the learner and demonstrated ones, (N, ...) each."""
         nets = nets._replace(theta=trainable[0], phi=trainable[1])
-        mine, theirs = self.logit(nets, actor, own), self.logit(nets, actor, shown)
+        mine = self.logit(nets, actor, own)
+        theirs = self.logit(nets, actor, shown)
         error = 0.5 * (jax.nn.softplus(mine).mean() + jax.nn.softplus(-theirs).mean())
         both = jnp.concatenate([mine, theirs])
         return error - self.config.entropy * (jax.nn.softplus(both) - both * jax.nn.sigmoid(both)).mean()
@@ -104,7 +106,8 @@ class AdversarialRound:
     """A round of GAIL or AIRL: the policy acts and learns from the discriminator's rewards, then the discriminator is updated."""
 
     def __init__(self, config: Adversarial, update: Update) -> None:
-        self.config, self.policy = config, update
+        self.config = config
+        self.policy = update
         self.judge = Discriminator(config, update.world)
         self.each = update.steps * update.experience.lanes
 

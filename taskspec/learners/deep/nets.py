@@ -82,7 +82,8 @@ class ActionHead:
         """Return uniformly random actions from the same noise; real ones lie within their bounds."""
         if self.vectors.counts:
             return self.sample(jnp.zeros_like(noise), jnp.zeros(0), noise)
-        low, high = jnp.array(self.vectors.low), jnp.array(self.vectors.high)
+        low = jnp.array(self.vectors.low)
+        high = jnp.array(self.vectors.high)
         return low + (high - low) * jax.scipy.stats.norm.cdf(noise)
 
     def log_prob(self, output: AnyArray, deviations: AnyArray, action: AnyArray) -> AnyArray:

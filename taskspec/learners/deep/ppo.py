@@ -83,7 +83,8 @@ class PpoUpdate:
     """PPO on a world: initial policies and their updates."""
 
     def __init__(self, config: Ppo, world: World) -> None:
-        self.config, self.world = config, world
+        self.config = config
+        self.world = world
         self.experience = config.experience
         self.steps = round_length(world, config.experience)
         self._adam = optax.chain(
@@ -146,7 +147,8 @@ class PpoUpdate:
         gain = standardise(advantages, weight)
         clipped = jnp.clip(ratio, 1 - config.clip, 1 + config.clip)
         better = mean(jnp.minimum(ratio * gain, clipped * gain), weight)
-        value, target = forward(critic, critic_observations)[..., 0], advantages + values
+        value = forward(critic, critic_observations)[..., 0]
+        target = advantages + values
         error = (value - target) ** 2
         if config.value_clip is not None:
             near = values + jnp.clip(value - values, -config.value_clip, config.value_clip)

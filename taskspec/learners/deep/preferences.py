@@ -57,7 +57,9 @@ class PreferenceRound:
     """
 
     def __init__(self, config: Comparing, update: PpoUpdate, judge: World) -> None:
-        self.config, self.policy, self.judge = config, update, judge
+        self.config = config
+        self.policy = update
+        self.judge = judge
         self.reward = RewardModel(config.reward, update.world, config.policy.discount)
         self.curious = None if config.novelty is None else NoveltyBonus(config.novelty, update.world)
         self._adam = optax.adam(config.reward.learning_rate)
@@ -73,7 +75,8 @@ class PreferenceRound:
 
     def init(self, key: AnyArray) -> PreferenceState:
         first, second, third = jax.random.split(key, 3)
-        learning, nets = init_policy_state(self.policy, first), self.reward.init(second)
+        learning = init_policy_state(self.policy, first)
+        nets = self.reward.init(second)
         kept = None
         if self.config.kept:
             shapes = jax.eval_shape(lambda k: self.query(learning, k)[0], key)
@@ -84,7 +87,8 @@ class PreferenceRound:
     def query(self, learning: PolicyState, key: AnyArray) -> tuple[Pairs, StepBatch]:
         """Return the labelled pairs of a round, from new episodes of the policy, and their steps (T, E, ...)."""
         begin, noise, coins = jax.random.split(key, 3)
-        world, act = self.judge, sampler(self.judge, learning.policy.actor)
+        world = self.judge
+        act = sampler(self.judge, learning.policy.actor)
         at_random = jax.random.bernoulli(coins, self.config.random, (world.length, self.config.episodes))
         noises = world.head.noise(noise, at_random.shape)
 
@@ -107,7 +111,8 @@ class PreferenceRound:
             rows = rows if order is None else rows.reshape(-1, 1, *x.shape[2:])[order]
             return rows[: 2 * self.pairs].reshape(self.pairs, 2, *rows.shape[1:])
 
-        at, lives = RewardInputs(*map(paired, reward_inputs(steps))), paired(live)
+        at = RewardInputs(*map(paired, reward_inputs(steps)))
+        lives = paired(live)
         returns = paired(advantages).sum(-1)
         same = (jnp.abs(returns[:, 0] - returns[:, 1]) < 1e-6) | self.ties
         better = jnp.where(same, 0.5, (returns[:, 0] > returns[:, 1]).astype(jnp.float32))
@@ -133,7 +138,8 @@ class PreferenceRound:
             walk = self.policy.world.begin(draw, self.policy.experience.lanes)
             learning = learning._replace(walk=walk._replace(seen=learning.walk.seen))
         walk, own = collect(self.policy, learning, play)
-        pay, novel = self.reward(nets, reward_inputs(own)), survey.novel
+        pay = self.reward(nets, reward_inputs(own))
+        novel = survey.novel
         if self.curious is not None and novel is not None:
             novel = self.curious.fit(novel, reward_inputs(steps))
             bonus, novel = self.curious.bonus(novel, reward_inputs(own))
@@ -155,7 +161,8 @@ class PreferenceRound:
 
         def once(carry: Any, key: AnyArray) -> tuple[Any, None]:
             nets, optimiser = carry
-            now, some = (nets.theta, nets.phi), pairs
+            now = (nets.theta, nets.phi)
+            some = pairs
             if config.batch:
                 chosen = jax.random.randint(key, (config.batch,), 0, known)
                 some = jax.tree.map(lambda x: x[chosen], pairs)

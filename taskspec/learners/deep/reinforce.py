@@ -55,7 +55,8 @@ def init_policy_state(update: Update, key: AnyArray) -> PolicyState:
 def collect(update: Update, learning: PolicyState, key: AnyArray) -> tuple[RolloutState, StepBatch]:
     """Return the steps of a round of the current policy, and the state that they led to."""
     first, second = jax.random.split(key)
-    world, experience = update.world, update.experience
+    world = update.world
+    experience = update.experience
     walk = world.begin(first, experience.lanes) if experience.whole else learning.walk
     return world.rollout(walk, sampler(world, learning.policy.actor), second, update.steps)
 
@@ -105,7 +106,8 @@ def rounds(case: LearnerCase, each: int) -> int:
 
 def train_bc(config: Cloning, case: LearnerCase) -> list[NetPolicy]:
     """Train policies by supervised learning of the demonstrated actions."""
-    world, shown = world_of(case.task, Experience()), case.demonstrations
+    world = world_of(case.task, Experience())
+    shown = case.demonstrations
     first = shown.starts[max(1, round(config.share * len(shown.starts))) :]
     rows = int(first[0]) if len(first) else len(shown)
     seen = world.seen(np.asarray(shown.obs)[:rows])
@@ -131,7 +133,8 @@ def train_bc(config: Cloning, case: LearnerCase) -> list[NetPolicy]:
 
 def loss(actor: PolicyNet, config: Cloning, world: World, seen: AnyArray, action: AnyArray) -> AnyArray:
     """Return the loss of a policy on actions (N, K) and observations (N, D)."""
-    output, vectors = forward(actor.net, seen), world.head.vectors
+    output = forward(actor.net, seen)
+    vectors = world.head.vectors
     if not vectors.counts and config.loss == "squared":
         return ((output - action) ** 2).mean()
     if vectors.counts and config.joint:

@@ -62,11 +62,14 @@ class RewardModel:
     """A learned reward on a world: f = theta(s, a), and if shaped + gamma phi(s') - phi(s)."""
 
     def __init__(self, config: Reward, world: World, discount: float) -> None:
-        self.config, self.world, self.discount = config, world, discount
+        self.config = config
+        self.world = world
+        self.discount = discount
 
     def init(self, key: AnyArray) -> RewardNets:
         first, second = jax.random.split(key)
-        config, state = self.config, self.world.seen.size + self.world.absorbs
+        config = self.config
+        state = self.world.seen.size + self.world.absorbs
         inputs = state + (self.world.head.vectors.size if config.inputs == "state, action" else 0)
         phi = net(second, state, config.hidden, 1) if config.shaped else None
         size = self.world.seen.size
@@ -95,19 +98,24 @@ class RewardModel:
         if not self.config.standardised:
             return nets
         count = nets.count + len(seen)
-        share, distance = len(seen) / count, seen.mean(0) - nets.mean
+        share = len(seen) / count
+        distance = seen.mean(0) - nets.mean
         variance = (1 - share) * nets.variance + share * seen.var(0) + share * (1 - share) * distance**2
         return nets._replace(mean=nets.mean + share * distance, variance=variance, count=count)
 
     def learned(self, nets: RewardNets, pay: str) -> LearnedReward:
         """Return the learned reward, as NumPy arrays."""
         config = self.config
-        mean, deviation = np.zeros(self.world.seen.size), np.ones(self.world.seen.size)
+        mean = np.zeros(self.world.seen.size)
+        deviation = np.ones(self.world.seen.size)
         if config.standardised:
-            mean, deviation = np.asarray(nets.mean), np.maximum(np.sqrt(np.asarray(nets.variance)), 0.1)
+            mean = np.asarray(nets.mean)
+            deviation = np.maximum(np.sqrt(np.asarray(nets.variance)), 0.1)
         if config.scaled and self.world.seen.is_bounded:
-            low, high = np.array(self.world.seen.low), np.array(self.world.seen.high)
-            mean, deviation = low + (high - low) * mean, (high - low) * deviation
+            low = np.array(self.world.seen.low)
+            high = np.array(self.world.seen.high)
+            mean = low + (high - low) * mean
+            deviation = (high - low) * deviation
         return LearnedReward(
             self.world.seen, self.world.head.vectors, mean, deviation, _arrays(nets.theta),
             None if nets.phi is None else _arrays(nets.phi), config.activation, config.inputs == "state, action",
@@ -136,7 +144,8 @@ class NoveltyBonus:
     """A bonus for novel steps."""
 
     def __init__(self, config: Novelty, world: World) -> None:
-        self.config, self.world = config, world
+        self.config = config
+        self.world = world
         self._adam = optax.adam(config.learning_rate)
 
     def init(self, key: AnyArray) -> NoveltyState:
@@ -157,7 +166,8 @@ class NoveltyBonus:
 
     def bonus(self, novel: NoveltyState, at: RewardInputs) -> tuple[AnyArray, NoveltyState]:
         """Return the bonus of steps (T, E), standardised by running averages, and the state with these averages."""
-        errors, rate = self.distance(novel.learner, novel.target, at), self.config.rate
+        errors = self.distance(novel.learner, novel.target, at)
+        rate = self.config.rate
 
         def once(carry: tuple[AnyArray, AnyArray], error: AnyArray) -> tuple[tuple[AnyArray, AnyArray], AnyArray]:
             mean, variance = carry

@@ -36,14 +36,16 @@ class TrpoUpdate:
     """TRPO on a world: initial policies and their updates (see `PpoUpdate`)."""
 
     def __init__(self, config: Trpo, world: World) -> None:
-        self.config, self.world = config, world
+        self.config = config
+        self.world = world
         self.experience = config.experience
         self.steps = round_length(world, config.experience)
         self._adam = optax.adam(config.critic_learning_rate)
 
     def init(self, key: AnyArray) -> ActorCritic:
         first, second = jax.random.split(key)
-        config, head = self.config, self.world.head
+        config = self.config
+        head = self.world.head
         plain = config.weights == "xavier"
         layers = net(
             first, self.world.seen.size, config.hidden, head.vectors.size, xavier if plain else orthogonal(0.01)
@@ -59,7 +61,8 @@ class TrpoUpdate:
         self, held: ActorCritic, steps: StepBatch, walk: RolloutState, rewards: AnyArray, key: AnyArray
     ) -> ActorCritic:
         """Return the policy after a rollout (T, E, ...) with `rewards` (T, E) that led to `walk`."""
-        config, lasts = self.config, in_complete_episode(steps) if self.experience.whole else jnp.ones_like(rewards)
+        config = self.config
+        lasts = in_complete_episode(steps) if self.experience.whole else jnp.ones_like(rewards)
         seen = critic_observations(self.world, steps, walk, self.experience.critic_sees_time)
         if config.critic == "ridge":
             seen = ridge_features(seen, jnp.concatenate([steps.time, walk.state.time[None]]))
@@ -104,7 +107,8 @@ class TrpoUpdate:
 
     def _fit(self, held: ActorCritic, rows: AnyArray, targets: AnyArray, key: AnyArray) -> tuple[Any, Any]:
         """Return the critic after some epochs of regression on its targets."""
-        config, size = self.config, len(targets)
+        config = self.config
+        size = len(targets)
         each = min(config.critic_batch, size)
         orders = jax.vmap(lambda k: jax.random.permutation(k, size))(jax.random.split(key, config.critic_epochs))
 
@@ -122,7 +126,8 @@ def objective(
     world: World, actor: PolicyNet, steps: StepBatch, advantages: AnyArray, entropy: float
 ) -> tuple[Any, Any]:
     """Return two functions of a policy: its surrogate advantage on these steps, and its mean divergence from `actor`."""
-    head, old = world.head, (forward(actor.net, steps.seen), actor.deviations)
+    head = world.head
+    old = (forward(actor.net, steps.seen), actor.deviations)
     before = head.log_prob(*old, steps.action)
 
     def better(new: PolicyNet) -> AnyArray:
@@ -142,9 +147,11 @@ def conjugate_gradients(product: Product, target: AnyArray, iterations: int) -> 
 
     def once(_: int, carry: tuple[AnyArray, AnyArray, AnyArray]) -> tuple[AnyArray, AnyArray, AnyArray]:
         x, rest, way = carry
-        norm, along = rest @ rest, product(way)
+        norm = rest @ rest
+        along = product(way)
         step = jnp.where(norm > 1e-10, norm / jnp.maximum(way @ along, 1e-20), 0.0)
-        x, after = x + step * way, rest - step * along
+        x = x + step * way
+        after = rest - step * along
         return x, after, after + (after @ after) / jnp.maximum(norm, 1e-20) * way
 
     found: AnyArray = jax.lax.fori_loop(0, iterations, once, (jnp.zeros_like(target), target, target))[0]
@@ -153,7 +160,8 @@ def conjugate_gradients(product: Product, target: AnyArray, iterations: int) -> 
 
 def ridge_features(seen: AnyArray, time: AnyArray) -> AnyArray:
     """Return features (..., 2 D + 4): observations (..., D), their squares, and powers of the time."""
-    o, u = jnp.clip(seen, -10, 10), (time / LONG).astype(jnp.float32)[..., None]
+    o = jnp.clip(seen, -10, 10)
+    u = (time / LONG).astype(jnp.float32)[..., None]
     return jnp.concatenate([o, o**2, u, u**2, u**3, jnp.ones_like(u)], -1)
 
 

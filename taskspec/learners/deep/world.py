@@ -13,7 +13,7 @@ import numpy as np
 from taskspec.backends.jax import State, compile_jax
 from taskspec.backends.jax.program import acted, observed
 from taskspec.base.arrays import AnyArray
-from taskspec.base.progress import tell
+from taskspec.base.limits import tell
 from taskspec.lang.ir import Const
 from taskspec.learners.case import LearnerCase, Vectors, cannot_learn
 from taskspec.learners.deep.nets import ActionHead
@@ -190,7 +190,8 @@ def train_seeds(
     keys = jax.vmap(jax.random.key)(jnp.array(np.array(case.seeds, np.uint64).astype(np.uint32)))
     halves = jax.vmap(jax.random.split)(keys)
     state = jax.jit(jax.vmap(init))(halves[:, 0])
-    run, size = jax.jit(chunk, donate_argnums=0), max(1, plan.rounds // CHUNKS)
+    run = jax.jit(chunk, donate_argnums=0)
+    size = max(1, plan.rounds // CHUNKS)
     for first in range(0, plan.rounds, size):
         tell(f"{case.task.name}: round {first:,} of {plan.rounds:,}, {len(case.seeds)} seeds")
         numbers = np.arange(first, min(first + size, plan.rounds))

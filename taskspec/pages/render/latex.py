@@ -40,7 +40,9 @@ PARAGRAPHS = (
     {"state", "observations", "actions", "horizon"}, {"definitions", "dynamics"}, {"rewards", "termination", "initial", "roles"},
 )  # fmt: skip
 """Sections of the short form that share a paragraph."""
-BESIDE_ROOM, BRIEF_ROOM, WHOLE_ROOM = 27.0, 40.0, 60.0
+BESIDE_ROOM = 27.0
+BRIEF_ROOM = 40.0
+WHOLE_ROOM = 60.0
 """About how many letters of mathematics fit in a line: beside a figure, there in small letters, and in a line of the page."""
 
 
@@ -113,7 +115,8 @@ class LatexWriter:
             ends = [";"] * (len(section.lines) - 1) + ["."]
             text = " ".join(self.brief_line(*each, page) for each in zip(section.lines, ends, strict=False))
             paragraph = next((i for i, keys in enumerate(PARAGRAPHS) if section.key in keys), section.key)
-            opens, last = paragraph != last, paragraph
+            opens = paragraph != last
+            last = paragraph
             yield {"title": escape(section.title), "text": text + self.table(section), "opens": opens}
 
     # -- sections -------------------------------------------------------------------------------------------------

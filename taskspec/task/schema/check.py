@@ -133,12 +133,12 @@ def validated(merged: Merged) -> Spec:
 
 
 def validate(located: Located, collector: Collector, model: type[Shape]) -> Shape | None:
-    """Data as a model, its unknown keys left out; None where more is wrong. What is wrong goes to the collector."""
+    """Return data as a model, its unknown keys left out; None where more is wrong. What is wrong goes to the collector."""
     return _fitted(located, located.data, collector, model, _without_unknown_keys)[0]
 
 
 def _without_unknown_keys(data: Any, found: Iterable[Problem]) -> Any:
-    """Data without its unknown keys; None where something else is wrong."""
+    """Return data without its unknown keys; None where something else is wrong."""
     for problem in found:
         if problem.code != "E202":
             return None
@@ -153,7 +153,7 @@ def _fitted(
     model: type[Shape],
     leave_out: Callable[[Any, Iterable[Problem]], Any],
 ) -> tuple[Shape | None, Any]:
-    """Data as a model, and what of it was left for that; a part that is left out may have hidden further problems."""
+    """Return data as a model, and what of it was left for that; a part that is left out may have hidden further problems."""
     known: set[Problem] = set()
     while data is not None:
         try:
@@ -198,7 +198,8 @@ def problems_of(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Probl
 
 def _missing_key(loc: Path) -> Problem:
     if loc == ("taskspec",):
-        message, hint = "the file does not say in which format it is", "start it with `taskspec: 1`"
+        message = "the file does not say in which format it is"
+        hint = "start it with `taskspec: 1`"
         return Problem("E203", (), message, hint)
     owner = f"`{loc[-2]}`" if len(loc) > 1 and isinstance(loc[-2], str) else "this entry"
     if loc in (("experiment",), ("exam",), ("findings",)):
@@ -299,7 +300,8 @@ def _format(data: dict[str, Any]) -> Iterator[Problem]:
 
 def _many(data: dict[str, Any]) -> Iterator[Problem]:
     """More variants than one file may have."""
-    variants, most = data.get("variants"), limits().variants
+    variants = data.get("variants")
+    most = limits().variants
     if isinstance(variants, dict) and len(variants) > most:
         message = f"{len(variants):,} variants are too many; the limit is {most:,}"
         yield Problem("E314", ("variants",), message, how_to_raise("variants", len(variants)), of_key=True)
@@ -311,7 +313,8 @@ def _bases(document: Document) -> Iterator[Problem]:
     entries = {k: v for k, v in variants.items() if isinstance(v, dict)} if isinstance(variants, dict) else {}
     listed: list[tuple[Path, Any]] = [((), document.data), *((("variants", k), v) for k, v in entries.items())]
     for path, entry in listed:
-        base, other = entry.get("base"), document.others.get(str(entry.get(EXTENDS)))
+        base = entry.get("base")
+        other = document.others.get(str(entry.get(EXTENDS)))
         there = {} if other is None or not isinstance(other.data, dict) else other.data.get("variants")
         if other is not None and isinstance(base, str) and base not in (there or {}):
             yield _unknown_variant(base, list(there or {})).below(*path, "base")
@@ -349,7 +352,8 @@ def _unknown_variant(name: str, variants: list[str]) -> Problem:
 
 
 def _roles(data: dict[str, Any]) -> Iterator[Problem]:
-    roles, known = data.get("roles"), variant_names(data)
+    roles = data.get("roles")
+    known = variant_names(data)
     variants = data.get("variants") if isinstance(data.get("variants"), dict) else {}
     names = [*known, *(variants or ())]
     for role, variant in roles.items() if isinstance(roles, dict) else ():
@@ -358,9 +362,10 @@ def _roles(data: dict[str, Any]) -> Iterator[Problem]:
 
 
 def _strays(merged: Merged) -> Iterator[Problem]:
-    """Entries that a variant changes or removes, where there is nothing of the name."""
+    """Yield entries that a variant changes or removes, where there is nothing of the name."""
     for path in merged.strays:
-        section, name = str(path[0]), str(path[1])
+        section = str(path[0])
+        name = str(path[1])
         if section == "claims":
             stated = [statement(claim) for claim in merged.data[section]]
             message = f"the base of this variant does not claim `{name}`"
@@ -374,7 +379,8 @@ def _strays(merged: Merged) -> Iterator[Problem]:
 
 def _add_missing(collector: Collector, merged: Merged, section: str) -> None:
     """A section without which there is no task: said where it is removed, else at the name of the variant or spec."""
-    message, variants = f"{merged.name} has no `{section}:` section", merged.document.data.get("variants")
+    message = f"{merged.name} has no `{section}:` section"
+    variants = merged.document.data.get("variants")
     if (section,) in merged.moved:
         collector.add("E210", merged.key_span((section,)), message, "`null`, or nothing after the colon, removes it")
     elif merged.variant is not None:

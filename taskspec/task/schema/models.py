@@ -342,7 +342,8 @@ class PartialParameters(BaseModel):
         return self
 
 
-LIST, CHANGES = "[list]", "[changes]"
+LIST = "[list]"
+CHANGES = "[changes]"
 """Steps of pydantic's paths that no file has."""
 Claims = Annotated[
     Annotated[list[Annotated[ClaimEntry, Shorthand("claim")]], Tag(LIST)] | Annotated[ChangedClaims, Tag(CHANGES)],

@@ -134,7 +134,7 @@ def _mapping(value: Any) -> Data:
 
 
 def _changed(data: Data, path: Path, value: Any) -> Data:
-    """Data with another value at a path, if it has one there."""
+    """Return data with another value at a path, if it has one there."""
     first, *rest = path
     if first not in _mapping(data):
         return data
@@ -149,7 +149,7 @@ def _dropped(data: Data, path: Path) -> Data:
 
 
 def removed(data: Any, path: Path) -> Any:
-    """Data without what stands at a path."""
+    """Return data without what stands at a path."""
     first, *rest = path
     if isinstance(data, list):
         return [removed(item, tuple(rest)) if i == first else item for i, item in enumerate(data)]

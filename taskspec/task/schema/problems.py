@@ -97,7 +97,7 @@ def wrong_kind(expected: str, value: object, hint: str | None = None) -> Problem
 
 
 def name_problem(name: str) -> str | None:
-    """Why a text cannot be a name in expressions, or None."""
+    """Return why a text cannot be a name in expressions, or None."""
     if name in OWN_WORDS:
         return f"`{name}` is a word of the language"
     if name in WORDS:

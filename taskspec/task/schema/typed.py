@@ -81,7 +81,8 @@ Grid: TypeAlias = Annotated[Any, checked(values.grid), _refer("Grid")]
 Observation: TypeAlias = Annotated[Any, checked(values.observation), _refer("Observation")]
 PartialObservation: TypeAlias = Annotated[Any, checked(values.partial_observation), _refer("PartialObservation")]
 
-LETTER, MORE = r"A-Za-z\u0080-\uffff", "0-9_"
+LETTER = r"A-Za-z\u0080-\uffff"
+MORE = "0-9_"
 """The characters of a name, for patterns: `\\w` is ASCII to an editor, so there every other character passes."""
 NAME = rf"(?!(?:{'|'.join(problems.WORDS)})(?![{LETTER}{MORE}]))[{LETTER}][{LETTER}{MORE}]*"
 NAMES: dict[str, dict[str, Any]] = {
@@ -223,7 +224,8 @@ def _typed_problems(entry: Typed, kind: Kind) -> Iterator[Problem]:
     for key in (key for key in EXCLUDED[kind] if getattr(entry, key, None) is not None):
         what = {"choice": "a choice", "bool": "a bool"}.get(kind, f"`type: {kind}`")
         yield Problem("E214", (key,), f"{what} has no `{key}`", None, of_key=True)
-    low, high = entry.low, entry.high
+    low = entry.low
+    high = entry.high
     if _is_number(low) and _is_number(high) and low > high:
         yield Problem("E214", ("low",), f"the low end {low} is above the high end {high}")
 

@@ -55,7 +55,7 @@ def definition(text: str) -> Iterator[Problem]:
 
 
 def expression(value: Any) -> Iterator[Problem]:
-    """Text, a number, a truth value, a list as a vector, cases, a table, or probabilities."""
+    """Yield text, a number, a truth value, a list as a vector, cases, a table, or probabilities."""
     match value:
         case None | "":
             yield wrong_kind("an expression", None)
@@ -110,7 +110,8 @@ def _table(value: dict[str, Any]) -> Iterator[Problem]:
             yield Problem("E203", (), f"this table has no `{key}`")
     if "by" not in value or "rows" not in value:
         return
-    by, rows = value["by"], value["rows"]
+    by = value["by"]
+    rows = value["rows"]
     columns = by if isinstance(by, list) else [by]
     if not columns or not all(isinstance(each, str) and each for each in columns):
         hint = "for example `by: [s, a]`"
@@ -125,7 +126,8 @@ def _rows(rows: dict[str, Any], depth: int) -> Iterator[Problem]:
     for key, cell in rows.items():
         is_rows = isinstance(cell, dict) and bool(cell) and not cell.keys() & set(_TABLE_KEYS)
         if depth == 1 and is_rows and "else" in cell:
-            message, hint = "rows are nested deeper than `by` is long", "add to `by` what these rows look at"
+            message = "rows are nested deeper than `by` is long"
+            hint = "add to `by` what these rows look at"
             yield Problem("E208", (key,), message, hint)
             continue
         problems = _rows(cell, depth - 1) if depth > 1 and is_rows else expression(cell)
@@ -138,12 +140,15 @@ def _probabilities(value: dict[str, Any]) -> Iterator[Problem]:
     for key, weight in value.items():
         if isinstance(weight, dict):
             if weight.keys() & set(_TABLE_KEYS):
-                message, hint = f"a table stands by itself, not below `{key}`", f"put `by` and `rows` where `{key}` is"
+                message = f"a table stands by itself, not below `{key}`"
+                hint = f"put `by` and `rows` where `{key}` is"
             else:
-                message, hint = "rows are nested deeper than `by` is long, or a probability is a mapping", None
+                message = "rows are nested deeper than `by` is long, or a probability is a mapping"
+                hint = None
             yield Problem("E208", (key,), message, hint)
         elif isinstance(weight, list) and any(isinstance(x, dict) and x.keys() & set(_PIECE_KEYS) for x in weight):
-            message, hint = f"cases stand by themselves, not below `{key}`", f"put the list where `{key}` is"
+            message = f"cases stand by themselves, not below `{key}`"
+            hint = f"put the list where `{key}` is"
             yield Problem("E208", (key,), message, hint)
         elif isinstance(weight, list):
             hint = "a mapping is a draw; a vector for each label is a list of them, in order, and `ways[a]` is that of a label"
@@ -174,7 +179,7 @@ def constant(value: Any) -> Iterator[Problem]:
 
 
 def _grid(lines: Any) -> Iterator[Problem]:
-    """Lines of letters, as a list or as a block of text; that they fit together is checked where they are read."""
+    """Yield lines of letters, as a list or as a block of text; that they fit together is checked where they are read."""
     listed = isinstance(lines, list) and lines and all(isinstance(each, str) for each in lines)
     if not listed and not (isinstance(lines, str) and lines.strip()):
         yield wrong_kind("lines of letters", lines, 'for example ["S..", "..G"], or a block of text')

@@ -1,0 +1,71 @@
+"""The words of docstrings, messages and the changelog: the field's own, as docs/glossary.md lists them.
+
+`words.yaml` lists the files that still have phrases of the older style, with how many; its numbers only shrink. After a file was
+rewritten, `pytest --update-golden tests/test_words.py` writes the smaller numbers.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parent.parent
+LIST = Path(__file__).with_name("words.yaml")
+PHRASES = re.compile(
+    r"\b(told|laid over|comes? of|chances|anew|besides|of which|are alike|as it comes|is said|whatever|"
+    r"comes? to the same|stands? for|what is left|as far as)\b"
+)
+OPENINGS = re.compile(r"(What|Whether|How|Where|Which|Of|As|By|From)\b")
+
+
+def docstrings(text: str) -> Iterator[str]:
+    """Yield the docstrings of a module, its classes and its functions."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            text_of_node = ast.get_docstring(node)
+            if text_of_node:
+                yield text_of_node
+
+
+def phrases(text: str) -> int:
+    """Return how many phrases of the older style a docstring has, its opening included."""
+    return len(PHRASES.findall(text)) + bool(OPENINGS.match(text))
+
+
+def counted() -> dict[str, int]:
+    """Return the number of such phrases for each file that has some."""
+    found = {}
+    for path in sorted(ROOT.glob("taskspec/**/*.py")):
+        number = sum(phrases(text) for text in docstrings(path.read_text(encoding="utf-8")))
+        if number:
+            found[path.relative_to(ROOT).as_posix()] = number
+    return found
+
+
+def test_phrases_of_the_older_style_only_become_fewer(update_golden: bool) -> None:
+    allowed = yaml.safe_load(LIST.read_text(encoding="utf-8")) or {}
+    found = counted()
+    more = {path: number for path, number in found.items() if number > allowed.get(path, 0)}
+    assert more == {}, "write these docstrings with the words of docs/glossary.md"
+    if update_golden:
+        LIST.write_text("".join(f"{path}: {number}\n" for path, number in found.items()), encoding="utf-8")
+        return
+    assert found == allowed, "the list is longer than needed: pytest --update-golden tests/test_words.py"
+
+
+def test_the_changelog_is_short_and_plain() -> None:
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 60
+    assert PHRASES.findall(text) == []
+
+
+@pytest.mark.parametrize(("text", "number"), [
+    ("Return the value function.", 0), ("What a net says of inputs", 1), ("Return what is told of it, and anew", 2),
+])  # fmt: skip
+def test_phrases_are_counted(text: str, number: int) -> None:
+    assert phrases(text) == number
