@@ -152,7 +152,7 @@ class FileReport:
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class FileCheck:
     """The check of one file, to be run here or in another process."""
 
     path: Path
@@ -160,7 +160,7 @@ class Check:
 
 
 @contextmanager
-def started(checks: Sequence[Check], jobs: int | None = None) -> Iterator[Callable[[], list[FileReport]]]:
+def started(checks: Sequence[FileCheck], jobs: int | None = None) -> Iterator[Callable[[], list[FileReport]]]:
     """Start checks; within the block, a function waits for their reports, and gives them in order.
 
     Args:
@@ -198,7 +198,7 @@ def _length(path: Path) -> int:
         return 0
 
 
-def _run_apart(check: Check) -> FileReport:
+def _run_apart(check: FileCheck) -> FileReport:
     with progress_listener(lambda what, share: None):  # the first process reports progress
         report = check.run()
     tasks = tuple(dataclasses.replace(each, task=None) for each in report.tasks)

@@ -87,13 +87,13 @@ def check(
 def _checked(
     others: Iterable[tuple[Path, Kind]], files: Iterable[File], sense: bool, jobs: int | None
 ) -> list[FileReport]:
-    from taskspec.check.files import Check, check_file, started
+    from taskspec.check.files import FileCheck, check_file, started
     from taskspec.cli.progress import progress
 
-    checks = [Check(path, partial(check_other, path, kind)) for path, kind in others]
+    checks = [FileCheck(path, partial(check_other, path, kind)) for path, kind in others]
     for file in files:
         prove = partial(examine, sense=sense, defaults=not file.parameters)
-        checks.append(Check(file.path, partial(check_file, file, prove)))
+        checks.append(FileCheck(file.path, partial(check_file, file, prove)))
     with started(checks, jobs) as reports, progress("check"):
         return reports()
 
