@@ -62,6 +62,13 @@ def _bits(dtype: Any) -> Callable[[Any], Any]:
     return lambda x: np.asarray(x).view(dtype)[()]
 
 
+def _called_by_kernels(text: str) -> str:
+    """Return the source of the run-time functions that are plain Python: those after `numbers_of`."""
+    body = ast.parse(text).body
+    names = [node.name if isinstance(node, ast.FunctionDef) else "" for node in body]
+    return ast.unparse(ast.Module(body[names.index("numbers_of") + 1 :], []))
+
+
 @cache
 def _library() -> dict[str, Any]:
     """The functions of Numba's library on NumPy's scalars, whose ints and reals are as wide as those of kernels."""
@@ -71,10 +78,11 @@ def _library() -> dict[str, Any]:
         "u32": _cast(np.uint32), "u64": _cast(np.uint64), "as_f32": _bits(np.float32), "as_i32": _bits(np.int32),
         "f32s": None, "u32s": None,
     }  # fmt: skip
-    for name in ("draws", "operators"):
-        text = (FOLDER / f"{name}.py").read_text()
-        lines = [x for x in text.splitlines() if not x.startswith("from taskspec.backends.numba.runtime")]
-        exec("\n".join(lines), space)
+    text = (FOLDER / "draws.py").read_text()
+    lines = [x for x in text.splitlines() if not x.startswith("from taskspec.backends.numba.runtime")]
+    exec("\n".join(lines), space)
+    space["math"] = math
+    exec(_called_by_kernels((FOLDER / "runtime.py").read_text()), space)
     space["math"] = SimpleNamespace(copysign=np.copysign, isfinite=np.isfinite, sqrt=np.sqrt, nan=np.float64(math.nan))
     total: dict[str, Any] = {
         "exp": np.exp,
