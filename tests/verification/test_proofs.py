@@ -39,7 +39,7 @@ def test_models_and_claims(first: int) -> None:
     assert made["returns"] > CHUNK
     assert made["claims"] >= CHUNK * CLAIMS * 9 // 10
     for decided in ("true, proved", "false, false"):
-        assert sum(n for name, n in made.items() if name.endswith(decided)) > CHUNK
+        assert sum(n for name, n in made.items() if name.endswith(decided)) > CHUNK // 2
 
 
 def test_a_wrong_verdict_is_a_fault() -> None:

@@ -29,7 +29,7 @@ from taskspec.check.files import check_file
 from taskspec.cli.check import examine
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.source import Document, read_file
-from taskspec.targets import File, _document
+from taskspec.targets import File
 from taskspec.task.build import build
 from taskspec.task.merge import variant_names
 from taskspec.task.schema.check import check_shape
@@ -227,7 +227,6 @@ def lanes(run: Run, task: Task) -> None:
 
 
 def checked(run: Run, path: Path) -> None:
-    _document.cache_clear()
     report = check_file(File(path, "fuzz"), examine)
     run.heard("check", report.diagnostics)
     run.outcome.said[-1] = run.outcome.said[-1].replace(str(path), "spec.yaml")
