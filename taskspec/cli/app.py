@@ -109,6 +109,7 @@ def run() -> None:
         app(prog_name="taskspec")
     finally:
         _flush()
+        gc.freeze()  # the program ends: looking for garbage among all tasks and models would take a sixth of `check`
 
 
 def _flush() -> None:
