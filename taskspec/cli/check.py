@@ -87,6 +87,7 @@ def check(
 def _checked(
     others: Iterable[tuple[Path, Kind]], files: Iterable[File], sense: bool, jobs: int | None
 ) -> list[FileReport]:
+    from taskspec import exact, figures  # noqa: F401  # before processes are forked, which then need not import them again
     from taskspec.check.files import FileCheck, check_file, started
     from taskspec.cli.progress import progress
 
