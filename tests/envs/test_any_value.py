@@ -59,7 +59,7 @@ USES: dict[str, Callable[[Any, Path], Any]] = {
     "Sb3VecEnv": lambda x, _: sb3(x),
     "Functional": lambda x, _: functional(x),
     "TaskFuncEnv": lambda x, _: func_env(x),
-    "check": lambda x, _: exact.check(x).verdicts,
+    "check": lambda x, _: [(v.claim.text, v.status, v.detail) for v in exact.check(x).verdicts],
     "scores": lambda x, _: exact.scores(x).record(),
     "score": lambda x, _: exact.score(x, returns=[4.0]).normalised,
     "extract": lambda x, _: exact.extract(x).start.tolist(),
