@@ -12,7 +12,6 @@ from typing import Any
 
 from taskspec.base.diagnostics import SpecError, spec_error
 
-# ---------- extras
 # Optional packages: imported when they are first needed, with the command that installs what is missing.
 
 DISTRIBUTION = "taskspec-rl"
@@ -67,7 +66,6 @@ def _checkout() -> str | None:
     return "." if here.is_file() and here.samefile(project) else str(project.parent)
 
 
-# ---------- lazily
 # Public names of packages that are imported on first use.
 
 

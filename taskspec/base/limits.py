@@ -13,7 +13,6 @@ from typing import TypeAlias, TypeVar
 from taskspec.base.diagnostics import SpecError, spec_error, suggest
 from taskspec.base.records import dataclass
 
-# ---------- limits
 # Limits on the cost of a spec, in one table, checked before the cost is spent.
 #
 # The environment variable `TASKSPEC_LIMITS` changes them, `TASKSPEC_LIMITS=seconds=60,candidates=1e7`; the message of
@@ -173,7 +172,6 @@ def count(number: int) -> str:
     return f"about 10^{int(abs(number).bit_length() * 0.30103)}"
 
 
-# ---------- progress
 # Progress of long analyses, reported to a listener where one is set.
 
 Listener: TypeAlias = Callable[[str, "float | None"], None]

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from taskspec.experiments import LearnersExamined
     from taskspec.task.schema.experiments import Experiment
 
-# ---------- examined
 # The report of an exam in a terminal: verdicts, a heat map of scores, diagnoses with what to try, flags, and the cost.
 
 STYLES = {"masters": "good", "unsure": "warn", "fails": "bad"}
@@ -95,7 +94,6 @@ def _diagnosis(each: Mapping[str, Any]) -> Iterable[RenderableType]:
         yield Padding(table, (0, 0, 0, 2))
 
 
-# ---------- exams
 # What several exams found: a table of learners and tasks, what is flagged, and pictures.
 
 

@@ -28,7 +28,6 @@ from taskspec.task.task import Component, Followed, Parameter, Soft, Task
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-# ---------- equations
 # Expressions for a terminal: in the notation of specs, coloured, tables and cases set as rows.
 
 _TOKENS = re.compile(
@@ -78,7 +77,6 @@ def _rows(rows: list[list[str]], headers: list[str] | None = None) -> Table:
     return table
 
 
-# ---------- page
 # A task as a page for the terminal: what it is, what is in it, how it moves, what is claimed of it.
 
 _MATH = re.compile(r"\$([^$\n]+)\$")

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from taskspec.exam import Exam
     from taskspec.exam.findings import FindingsResult
 
-# ---------- findings
 # `taskspec report --findings`: what becomes of a source's findings on the results of several learners.
 
 STYLES = {"confirmed": "good", "refuted": "bad", "undecided": "warn", "not run": "quiet"}
@@ -114,7 +113,6 @@ def table_of(found: FindingsResult) -> Table:
     return table
 
 
-# ---------- report
 # `taskspec report`: what exams found, shown again, drawn, or side by side.
 
 FORMATS = ("html", "png", "pdf", "svg", "parquet")

@@ -31,7 +31,6 @@ from taskspec.policies.policy import EpisodeBatch, SeededDraws, TaskPolicy
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
-# ---------- episodes
 # Episodes of a policy, recorded: many at once, in several processes, and the same whatever their number.
 #
 # Episode i is the first one of the scalar environment after `reset(seed=seed + i)`. What a policy draws in it comes from words
@@ -195,7 +194,6 @@ def _refuse_endless(task: Task, acting: TaskPolicy) -> NoReturn:
     )
 
 
-# ---------- demonstrations
 # Demonstrations: episodes of a policy where the spec says that the expert acts.
 
 

@@ -28,7 +28,6 @@ from taskspec.model.model import misused
 if TYPE_CHECKING:
     from taskspec.data.episodes import Demonstrations
 
-# ---------- checks
 # Checks of data that was read from a file: every array has its shape and type, and the rows make up episodes.
 #
 # What is wrong is a `ValueError`, in words for people.
@@ -139,10 +138,8 @@ def _check(name: str, value: Any, types: tuple[np.dtype[Any], ...], shape: tuple
         raise ValueError(f"`{name}` has the shape {value.shape}, not {shape}")
 
 
-# ---------- files
 # Data in files: NumPy's npz, Parquet, and the datasets of imitation and Minari.
 
-# ---------- parquet
 # Tables in Parquet: arrays as lists of fixed length, metadata under the key `taskspec`; pyarrow is imported here.
 
 KEY = b"taskspec"
@@ -188,7 +185,6 @@ def _column(arrow: Any, values: Array | Sequence[Any]) -> Any:
     return arrow.FixedSizeListArray.from_arrays(arrow.array(values.reshape(-1)), math.prod(values.shape[1:]))
 
 
-# ---------- minari
 # Demonstrations as a dataset of Minari, in a folder of its own.
 
 EXTRA = "minari"
@@ -230,7 +226,6 @@ def _episode(buffer: Any, t: Trajectory, number: int, seed: int) -> Any:
     )  # fmt: skip
 
 
-# ---------- files
 # Data in files: NumPy's npz, Parquet, and the datasets of imitation and of Minari. Written whole or not at all.
 
 Data = Demonstrations | Preferences

@@ -24,7 +24,6 @@ from taskspec.registry import load
 from taskspec.scores.returns import Results
 from taskspec.task.task import Task, TaskLike
 
-# ---------- teachers
 # Simulated teachers, who say which of two segments they prefer: noiseless, or with irrationalities, which may be combined.
 #
 # The irrationalities are those of B-Pref: Lee, Smith, Dragan and Abbeel, "B-Pref: Benchmarking preference-based reinforcement
@@ -171,7 +170,6 @@ def _read(part: str) -> tuple[str, float]:
     misused(f"there is no teacher '{part}'", hint or ", ".join(NAMES))
 
 
-# ---------- preferences
 # Preferences: pairs of trajectories or of segments, labelled by their true returns.
 
 

@@ -135,7 +135,7 @@ def permutations(words: Words) -> Ints:
     return np.argsort(words, axis=0, kind="stable").astype(np.int32)
 
 
-# ------------------------------------------------------------------------------ Poisson
+# -- Poisson
 
 
 @lru_cache(maxsize=256)

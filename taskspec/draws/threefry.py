@@ -43,7 +43,7 @@ _CONSTANTS = [np.array(i, np.uint32) for i in range(33)]
 _scratch = threading.local()
 
 
-# ------------------------------------------------------------------------------ plain Python
+# -- plain Python
 
 
 def threefry(key: tuple[int, int], counter: tuple[int, int], lanes: int = 1) -> tuple[int, int]:
@@ -123,7 +123,7 @@ def _pack(fields: Iterator[int]) -> int:
     return int.from_bytes(b"".join(struct.pack("<Q", field) for field in fields), "little")
 
 
-# ------------------------------------------------------------------------------ NumPy
+# -- NumPy
 
 
 def threefry_arrays(key: Pair, counter: Pair) -> tuple[Words, Words]:

@@ -26,7 +26,7 @@ SMALLEST_ALPHA = F(2**-100)
 LARGEST_ALPHA = F(2**100)
 LEAST = F(2**-126)  # the least normal float32; some machines flush what is below it
 
-# ------------------------------------------------------------------------------ reals
+# -- reals
 
 
 def uniform(word: int) -> float:

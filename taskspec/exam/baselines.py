@@ -18,7 +18,6 @@ from taskspec.policies.values import policy_value
 from taskspec.scores.returns import Results, Return, normalised
 from taskspec.task.task import Task
 
-# ---------- known
 # What is known of a task, worked out once for all that a process has to do with it.
 
 
@@ -32,7 +31,6 @@ def _results(task: bytes, episodes: int) -> Results:
     return Results(pickle.loads(task), episodes)
 
 
-# ---------- yardsticks
 # What scores of a task are measured by: random actions, the expert, the optimum, and constant actions.
 
 MOST = 64

@@ -22,7 +22,6 @@ from taskspec.task.task import Task
 if TYPE_CHECKING:
     from taskspec.envs.metered import MeteredVector
 
-# ---------- withheld
 # The task as a learner gets it: without its reward, unless that is granted, and without its expert.
 
 _EXPERT = ("expert", "memory", "claims", "examples")
@@ -105,7 +104,6 @@ def _sections(data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]
     return found
 
 
-# ---------- oracle
 # Who says which of two trajectories is better, although the rewards of neither are told.
 
 Key = tuple[Hashable, Hashable, Hashable]
@@ -181,7 +179,6 @@ def _each(batch: Any, dtype: type[np.generic]) -> Iterator[Hashable]:
     return iter(array.tolist()) if array.ndim == 1 else (row.tobytes() for row in array)
 
 
-# ---------- case
 # What a learner is given: one task, what it may learn from, and a budget of steps.
 
 Source = Literal["reward", "demonstrations", "preferences"]

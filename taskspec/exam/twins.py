@@ -16,7 +16,6 @@ from taskspec.modifiers import keeps_observers, modify
 from taskspec.rules.books import exam_of, read_exam
 from taskspec.task.task import Task, TaskLike
 
-# ---------- suites
 # Which tasks an exam asks.
 
 
@@ -53,7 +52,6 @@ def exam_id(task: Task) -> str:
     return str(InstanceId(task.id, dict(sorted(values.items())), tuple(map(str, task.modifiers))))
 
 
-# ---------- twins
 # Twins: the same task in other words, where a learner that is right earns the same, and one that is right by luck does not.
 
 Modifiers = tuple[str, ...]

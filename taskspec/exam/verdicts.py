@@ -13,7 +13,6 @@ from taskspec.exam.results import CapabilityVerdict, Exam, Examined, Flag, Grade
 from taskspec.rollout.statistics import ALARM, CONFIDENCE, Difference, estimate, mean, paired, unpaired
 from taskspec.rules.scores import side
 
-# ---------- verdicts
 # Verdicts: which capabilities a learner masters, from the interval of its mean score and not from the mean.
 
 MASTERED = 0.9
@@ -70,7 +69,6 @@ def _worst(found: Sequence[Told]) -> Told:
     return min(found, key=lambda t: (WORST_FIRST.index(t["verdict"]), -math.inf if t["mean"] is None else t["mean"]))
 
 
-# ---------- flags
 # Flags: what is wrong whatever the scores are, and what has become worse.
 
 ROUNDING = 1e-4

@@ -25,7 +25,6 @@ from taskspec.task.parts import Parameter
 from taskspec.task.schema.experiments import SPANS, TaskEntry
 from taskspec.task.task import Task
 
-# ---------- laid
 # The modifiers of an experiment: an argument may have several values, each of which makes instances of its own.
 
 
@@ -82,7 +81,6 @@ def _values(written: Any, kind: str) -> list[Any]:
     return found
 
 
-# ---------- instances
 # From an experiment to the instances that it is about: each task at each combination of its values.
 
 

@@ -20,7 +20,6 @@ from taskspec.source import Document, Packed, unpacked
 from taskspec.task.build import build
 from taskspec.task.task import Task
 
-# ---------- order
 # Tasks that another process or machine is to build, so that they need not be built here first.
 
 
@@ -48,7 +47,6 @@ def _document(text: Packed) -> Document:
     return unpacked(text)
 
 
-# ---------- measure
 # What is worked out of one instance: what a sweep hands to a worker, and gets back as plain data.
 
 RETURNS = ("optimal", "expert", "random", "worst")

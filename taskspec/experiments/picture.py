@@ -131,7 +131,7 @@ def _panel(panel: _Panel, experiment: Experiment) -> Iterator[Item]:
         yield from _map(panel, panel.y)
 
 
-# ---------- curves
+# -- curves
 
 
 @dataclass(frozen=True)
@@ -262,7 +262,7 @@ def _number(value: Any) -> float:
     return float(value) if isinstance(value, int | float) else math.nan
 
 
-# ---------- heat maps
+# -- heat maps
 
 
 def _map(panel: _Panel, y_name: str) -> Iterator[Item]:

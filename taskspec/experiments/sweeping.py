@@ -25,7 +25,6 @@ from taskspec.policies.files import is_function, place_of
 from taskspec.source import packed
 from taskspec.task.schema.experiments import Experiment
 
-# ---------- results
 # What a sweep found: a row for each instance, and the files that hold them.
 
 
@@ -137,7 +136,6 @@ WRITERS = {"json": write_json, "csv": write_csv, "parquet": write_parquet}
 """Formats of tables by name, which is the suffix of their files, too."""
 
 
-# ---------- sweeping
 # Sweeps: every instance of an experiment measured, in parallel, and kept so that a sweep goes on where it was stopped.
 
 

@@ -23,7 +23,6 @@ from taskspec.lang.scope import Binding, Lazy, Scope, Value
 from taskspec.lang.types import Domain, Kind, Type
 from taskspec.task.parts import Parameter
 
-# ---------- values
 # Values of parameters, as an experiment writes them: lists, ranges, draws, and expressions over other parameters.
 
 Draw = Callable[[np.random.Generator], Any]
@@ -172,7 +171,6 @@ def _decimal(number: float) -> Fraction | float:
     return Fraction(repr(number)) if math.isfinite(number) else number
 
 
-# ---------- axes
 # The axes of an experiment's settings: all combinations of their values, or a sample of them.
 
 Values: TypeAlias = tuple[Any, ...]

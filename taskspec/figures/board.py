@@ -81,7 +81,7 @@ def _led(task: Task, pairs: list[tuple[int, int]], cells: Mapping[int, Cell]) ->
             yield code, ((bx - ax) / length, (by - ay) / length)
 
 
-# ---------- the board, with equal columns and rows of a large one left out
+# -- the board, with equal columns and rows of a large one left out
 
 CELL = 0.8
 ROOMY = 1.15

@@ -59,7 +59,7 @@ TICKS = 0.25
 Rgb = tuple[int, int, int]
 
 
-# ---------- numbers and colours
+# -- numbers and colours
 
 
 def nice_ticks(low: float, high: float, most: int = 6) -> list[float]:
@@ -113,7 +113,7 @@ def ink(background: Rgb) -> Hex:
     return Hex("#ffffff" if luminance < 0.1791 else "#000000")
 
 
-# ---------- axes
+# -- axes
 
 
 @dataclass(frozen=True)
@@ -254,7 +254,7 @@ def below_axis(axis: Scale, size: float = SMALL) -> float:
     return TICK + 0.2 + 1.25 * size * lines + longest * sin
 
 
-# ---------- what is plotted
+# -- what is plotted
 
 
 def polyline(plot: Axes, xs: Sequence[float], ys: Sequence[float], color: Paint, width: float = 0.05,
@@ -397,7 +397,7 @@ def color_bar(plot: Axes, colors: Sequence[str]) -> Iterator[Item]:
         yield from words(text, (plot.right + TICK + 0.08, y), SMALL, "start")
 
 
-# ---------- legends and scenes
+# -- legends and scenes
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from taskspec.figures.machine import Machine, Transition
 
-# ---------- the part of a graph that is drawn
+# -- the part of a graph that is drawn
 
 Vertex = Hashable
 DOTS = "dots"
@@ -182,7 +182,6 @@ def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: list[Arc] | None = No
     return Drawing(tuple(map(tuple, kept)), tuple(inside), elided=True)
 
 
-# ---------- the order of vertices within columns
 # Barycentre sweeps (Sugiyama, Tagawa, Toda 1981), then exchanges within a column while they help. Arrows count as straight.
 
 DX = 1.55

@@ -48,7 +48,7 @@ class Overlay:
         return Overlay(here=self.here, seen=self.seen, **({} if part is None else {part: getattr(self, part)}))
 
 
-# ---------- overlays from exact analysis
+# -- overlays from exact analysis
 
 OVERLAYS = ("values", "policy", "expert", "occupancy")
 """Names of what can be laid over a figure."""

@@ -14,7 +14,7 @@ from taskspec.figures.marks import RADIUS, ROUND, beside_line, near, outline
 from taskspec.figures.scene import BROAD, Label, Line, Point, bezier, head, text_width
 from taskspec.printers import tree as m
 
-# ---------- lines of arrows: straight, bent, or loops
+# -- lines of arrows: straight, bent, or loops
 
 T = TypeVar("T")
 BENDS = (0.0, 0.32, -0.32, 0.75, -0.75, 1.2, -1.2)
@@ -239,7 +239,7 @@ def _over(paths: np.ndarray, ends: Sequence[tuple[int, int]], spots: Sequence[Sp
     return np.asarray(hit.sum(1))
 
 
-# ---------- places of labels
+# -- places of labels
 
 ARROW = 0.25
 STATE = 0.28

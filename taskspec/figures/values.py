@@ -84,7 +84,7 @@ def expert_path(task: Task, steps: int, seed: int = 0) -> list[dict[str, Any]]:
     return states
 
 
-# ---------- observations, and states as tables
+# -- observations, and states as tables
 
 SIDE = 0.8
 WIDTH = 3.4

@@ -15,7 +15,6 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 
-# ---------- job
 # What is to be done, and what came of it.
 
 Status = Literal["done", "failed", "timed_out", "quarantined"]
@@ -98,7 +97,6 @@ class JobResult:
         return None if self.result is None else json.loads(self.result)
 
 
-# ---------- store
 # Results in one SQLite file: written by one process at a time, read by any, whole after every `kill -9`.
 
 APPLICATION = 0x74736B73

@@ -25,7 +25,6 @@ from taskspec.base.extras import need
 from taskspec.jobs.store import Ending
 from taskspec.jobs.work import GRACE, IDLE, late
 
-# ---------- crew
 # Processes that do calls for us, one at a time each: one that dies takes nothing with it but the call that killed it.
 
 LOOK = 0.5
@@ -181,7 +180,6 @@ class _Process:
             self._trace.unlink(missing_ok=True)
 
 
-# ---------- sites
 # Where calls are done: on this machine, or by a Dask cluster. Either is an executor of `concurrent.futures`.
 #
 # distributed is imported here.

@@ -16,7 +16,6 @@ from taskspec.lang.operators import OPERATORS, entry_of
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.lang.variates.counts import poisson_terms
 
-# ---------- caps
 # Counts that nothing tells apart from some count on: where `min`, a comparison, or several of them, are all that they meet.
 
 Users = dict[int, list[Node]]
@@ -77,7 +76,6 @@ def _enough_for(node: Node, sign: int, user: Node, users: Users, builder: Builde
             return math.inf
 
 
-# ---------- lump
 # Draws with fewer outcomes in place of those whose outcomes nothing tells apart.
 #
 # Conditions that are only counted are one draw of the count, so that a sum of n of them has n + 1 outcomes and not 2**n; of a

@@ -16,7 +16,6 @@ from taskspec.lang.ir import Role
 from taskspec.model.space import Space, shown
 from taskspec.task.task import Task
 
-# ---------- failure
 # Why a task has no exact model, and the optional package that exact models need.
 
 
@@ -48,7 +47,6 @@ def scipy_module(name: str) -> Any:
     return need(f"scipy.sparse.{name}", "exact", "an exact model")
 
 
-# ---------- model
 # The exact model of a finite task: sparse transition matrices, expected rewards, the start.
 #
 # Shapes: S states, A actions, T steps. Rows of matrices are action-major: row a*S + s is action a in

@@ -16,7 +16,6 @@ from taskspec.model.model import Model, refuse, scipy_sparse
 from taskspec.model.space import Growing, distinct, union
 from taskspec.model.transitions import Steps
 
-# ---------- reach
 # Which states episodes visit: a search from the start, level by level, up to the horizon.
 
 CHUNK = 65_536
@@ -104,7 +103,6 @@ def _action_chunks(size: int) -> list[Array]:
     return [np.arange(low, min(size, low + CHUNK)) for low in range(0, size, CHUNK)]
 
 
-# ---------- inert
 # Whether a component of the action makes any difference in a model.
 
 CLEAR = 1e-12

@@ -15,7 +15,6 @@ from taskspec.lang.ir import Role
 from taskspec.lang.types import BOOLEAN_LABELS, Kind
 from taskspec.task.task import Component
 
-# ---------- codes
 # Sets of codes as sorted arrays of ints, each code once: by sorting, which is far faster than NumPy's hash tables.
 
 
@@ -71,7 +70,6 @@ def without(codes: Array, others: Array) -> Array:
     return codes[~holds(codes, others)]
 
 
-# ---------- space
 # Finite domains as numbers: every state (or action) of a finite product has a code, and back.
 #
 # Codes count in mixed radix, the first element of the first component slowest, so that the code of a

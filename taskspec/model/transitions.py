@@ -29,7 +29,6 @@ from taskspec.model.model import refuse
 from taskspec.model.space import MAX_CODES, Reads, Space, distinct
 from taskspec.task.task import Task
 
-# ---------- expectation
 # The expected reward where the reward itself is noisy: real draws that enter it linearly are replaced by their means.
 
 
@@ -79,7 +78,6 @@ def _keeps_linear(op: str, below: list[bool]) -> bool:
     return entry_of(op).linear(below)
 
 
-# ---------- outcomes
 # Every outcome of the finite draws of some expressions, with its probability, over a batch of points.
 #
 # Draws are taken one after the other. Where the probabilities are the same at all points and there are
@@ -241,7 +239,6 @@ def _at(values: Array, point: Array) -> Array:
     return values if values.shape[-1] == 1 else values[..., point]
 
 
-# ---------- transitions
 # One step of a finite task at many points at once: every outcome with its probability.
 
 TIME = (Role.TIME, "t")

@@ -23,7 +23,6 @@ from taskspec.task.build import build
 from taskspec.task.merge import merge, variant_names
 from taskspec.task.task import Task
 
-# ---------- judge
 # What notices that a spec was changed: the compiler, the checks, its examples, its claims, or nothing at all.
 
 Class = Literal["error", "example", "claim", "warning", "equivalent", "range", "order", "silent", "slow"]
@@ -167,7 +166,6 @@ def _within(seconds: int) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-# ---------- run
 # All mutants of a spec, judged in several processes.
 
 PART = 8

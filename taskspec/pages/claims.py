@@ -78,7 +78,7 @@ def _model(w: Writing, model: s.Expr) -> Inlines:
             return (Formula(w.math(model)),)
 
 
-# ---------- worked examples as a table
+# -- worked examples as a table
 
 
 def table(w: Writing, wrong: frozenset[int] = frozenset()) -> CellTable | None:

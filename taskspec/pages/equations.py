@@ -24,7 +24,7 @@ from taskspec.task.schema.models import Spec
 from taskspec.task.schema.typed import ComponentEntry, ParameterEntry
 from taskspec.task.task import Task
 
-# ---------- draws within expressions: `g = p + ξ, ξ ~ Unif{...}`
+# -- draws within expressions: `g = p + ξ, ξ ~ Unif{...}`
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def take_apart(expr: s.Expr, prefix: str = "xi") -> Drawn:
     return Drawn(inner, tuple(found))
 
 
-# ---------- equations and sets
+# -- equations and sets
 
 LETTERS = ("xi", "zeta", "chi", "eta")
 """Letters for what is drawn inside an expression, the usual one first."""

@@ -119,7 +119,7 @@ def _together(found: Sequence[Verdict]) -> VerdictFact:
     return VerdictFact(True if worst.holds else None if worst.status == "undecided" else False, shown)
 
 
-# ---------- scores in a line or a table
+# -- scores in a line or a table
 
 
 def title(facts: Facts) -> str:

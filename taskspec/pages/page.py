@@ -150,7 +150,7 @@ def _line_beside(line: SectionLine, concrete: SectionLine) -> SectionLine:
     return replace(line, values=(*line.values, found))
 
 
-# ---------- short pages, and tasks of one spec as differences
+# -- short pages, and tasks of one spec as differences
 
 _KEPT = frozenset({
     "parameters", "modifiers", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",

@@ -21,7 +21,7 @@ from taskspec.task.build import build_abstract
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 
-# ---------- abstraction
+# -- abstraction
 
 _OWN: tuple[tuple[str, str, Maker], ...] = (
     ("initial", "initial state", lines.initial),
@@ -52,7 +52,7 @@ def abstraction(w: Writing) -> Iterator[Inlines]:
         yield (Text("all else as above, with "), formula(m.joined(pairs)))
 
 
-# ---------- symmetries
+# -- symmetries
 
 _MAPS = {"observation": "what is seen: ", "action": "actions: "}
 
@@ -75,7 +75,7 @@ def symmetries(w: Writing) -> Iterator[Inlines]:
         )
 
 
-# ---------- modifiers
+# -- modifiers
 
 
 def modifiers(task: Task) -> Iterator[Inlines]:
@@ -129,7 +129,7 @@ def _observation(layout: SpaceLayout) -> Iterator[Inline]:
             yield from (Text("a vector of "), Formula(m.Num(f"{layout.size:,}")), Text(f" {kind}"))
 
 
-# ---------- sections
+# -- sections
 
 
 @dataclass(frozen=True, slots=True)

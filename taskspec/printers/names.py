@@ -91,7 +91,7 @@ class Writer(ABC):
         return [self.number(e).tree for e in exprs]
 
 
-# ---------- the notation of a task
+# -- the notation of a task
 
 
 def of_task(task: Task) -> Notation:

@@ -12,7 +12,6 @@ from taskspec.lang.operators.entry import ENCLOSED, Brackets, Level
 from taskspec.printers import tree as m
 from taskspec.printers.tex import read
 
-# ---------- brackets
 # One table for what is printed as text, where the grammar of the language decides, and one for mathematics, where the eye does
 # (operators, functions and distributions say it in their entries):
 # a fraction and a floor enclose what is in them, a remainder binds less than a sum, a sum sign takes the product after it,
@@ -65,7 +64,7 @@ NOTATION: dict[str, Brackets] = {
 }
 
 
-# ---------- parts of notation
+# -- parts of notation
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ from taskspec.printers.tree import (
     row,
 )  # fmt: skip
 
-# ---------- characters, for reading and for writing
+# -- characters, for reading and for writing
 
 GREEK: dict[str, str] = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ϵ", "varepsilon": "ε", "zeta": "ζ",
@@ -88,7 +88,6 @@ TEX_LETTER: dict[str, str] = {char: name for name, char in GREEK.items()}
 TEX_SYMBOL: dict[str, str] = {char: name for name, char in SYMBOLS.items()} | {"−": "-", "∼": "sim"}
 
 
-# ---------- the reader
 # Reads the templates of the operator table, the symbols that authors give and the `$...$` of descriptions. Commands
 # come from a closed list; anything else is shown as the text it is, so that no text of a spec reaches TeX as a command.
 

@@ -151,7 +151,7 @@ def _as_conditional(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], place:
     return _conditional(branches, last, place)
 
 
-# ---------- mathematics as a line of Unicode
+# -- mathematics as a line of Unicode
 
 _TIGHT = frozenset("()[]{}|‖′!")
 _AFTER = frozenset(",;:")

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 
-# ---------- readings
 # How floats are read as rationals: at their exact value, or as the short number that was probably written.
 #
 # `0.1` in a spec is a float a little above one tenth. What the program pays is the float, what the author means is the
@@ -81,7 +80,6 @@ def simplest(low: Fraction, high: Fraction) -> Fraction:
     return whole + 1 / simplest(1 / (high - whole), 1 / (low - whole))
 
 
-# ---------- enclosure
 # Numbers known to lie between two rationals, with arithmetic and comparisons that never lose the truth.
 #
 # An end may be infinite, which says that nothing is known on that side. Comparisons answer True or False where the ends

@@ -29,7 +29,7 @@ PANEL = (4.05, 2.9)
 TITLE = 0.34
 
 
-# ---------- one learner
+# -- one learner
 
 
 def of_exam(exam: Mapping[str, Any]) -> Scene:
@@ -120,7 +120,7 @@ def sample(cell: SeedCell) -> BoxSample:
     return BoxSample(report_rows.cut(cell.scores), (low, high), max(cell.mean or 0.0, report_rows.FLOOR))
 
 
-# ---------- learning curves
+# -- learning curves
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ def learning_curves(plot: Axes, row: TaskRow, style: CurveStyle) -> Iterator[Ite
     yield from chart.polyline(plot, steps, means, style.own, 0.06)
 
 
-# ---------- pieces of a page
+# -- pieces of a page
 
 
 STRIP = (8.9, 0.45)
@@ -234,7 +234,7 @@ def small_curves(row: TaskRow) -> Scene:
     return Scene(4.47, 2.53, tuple(learning_curves(plot, row, style)), alt, font="sans")
 
 
-# ---------- several learners
+# -- several learners
 
 
 def of_several(exams: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, Scene]]:

@@ -36,7 +36,7 @@ def write_scores(exams: Mapping[str, Mapping[str, Any]], path: Path) -> Path:
     return path
 
 
-# ---------- rows of a report
+# -- rows of a report
 
 FLOOR = -1.0
 """Where pictures cut scores off, as the paper does; numbers are told as they are."""

@@ -110,7 +110,7 @@ def _card(suite: Suite, page: Page) -> dict[str, Any]:
     }  # fmt: skip
 
 
-# ---------- the source of a task
+# -- the source of a task
 
 
 @lru_cache(maxsize=32)

@@ -14,7 +14,7 @@ from taskspec.figures import Scene
 from taskspec.pages.page import Page, Setting, anchor
 from taskspec.task.merge import lineage
 
-# ---------- templates, which only lay out what renderers have escaped
+# -- templates, which only lay out what renderers have escaped
 
 _TEMPLATES = Path(__file__).parent.parent / "templates"
 
@@ -39,7 +39,7 @@ def text_environment() -> Environment:
     )  # fmt: skip
 
 
-# ---------- pages with figures and references
+# -- pages with figures and references
 
 
 @dataclass(frozen=True, slots=True)
