@@ -15,7 +15,8 @@ from taskspec.cli.options import Json, Targets
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taskspec.mutation import Judgement, Mutant
+    from taskspec.mutation.judge import Judgement
+    from taskspec.mutation.mutants import Mutant
 
     Judged = tuple[Mutant, Judgement]
 
@@ -44,7 +45,8 @@ def mutate(
     """
     from taskspec.cli.options import checked_choice
     from taskspec.cli.progress import counter
-    from taskspec.mutation import CLASSES, has_timers, judgements, mutants
+    from taskspec.mutation.judge import CLASSES, has_timers, judgements
+    from taskspec.mutation.mutants import mutants
     from taskspec.source import read_file
 
     classes = [*ALWAYS, *(checked_choice("--list", name, tuple(CLASSES)) for name in shown or ())]
@@ -92,7 +94,7 @@ def _print_text(found: Mapping[Path, Sequence[Judged]], classes: Sequence[str]) 
 def _table(found: Mapping[Path, Sequence[Judged]]) -> Any:
     """Return how many changes there are of each class, spec by spec."""
     from taskspec.cli.console import VisibleText, columns
-    from taskspec.mutation import CLASSES
+    from taskspec.mutation.judge import CLASSES
 
     counts = {path: Counter(j.kind for _, j in judged) for path, judged in found.items()}
     kinds = [kind for kind in CLASSES if any(count[kind] for count in counts.values()) or kind == "silent"]
