@@ -90,7 +90,7 @@ def _by_token(text: str, names: Replacements) -> Iterator[Change]:
             replacements = off_by_one(token)
         elif kind == "sign":
             replacements = _SIGNS[token]
-        elif kind == "word" and token != "not" and before != "not" and not is_argument:
+        elif kind == "word" and token != "not" and (before, token) != ("not", "in") and not is_argument:
             replacements = _words(token, follows, names)
         for new in replacements:
             yield Change(found.start(), found.end(), new)
