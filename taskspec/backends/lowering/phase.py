@@ -31,6 +31,7 @@ class Phase:
     layout: WordLayout
     row_shape: tuple[int, ...]  # of a fresh float32 observation, () where observations are no arrays
     row_parts: tuple[tuple[int, Node], ...]  # offset and node of what is filled in for a whole block
+    row_count: int  # of equal rows in an item: copies made for a whole block cost half of those made one at a time
 
     @classmethod
     def of(
@@ -40,8 +41,9 @@ class Phase:
         observation: Sequence[Node],
         layout: SpaceLayout,
         words: WordLayout,
+        row_count: int = 1,
     ) -> Phase:
-        """Split a phase of a task."""
+        """Split a phase of a task; an observation that the block fills in wholly may come in `row_count` equal rows."""
         everything = (*roots, *observation)
         free = everywhere(everything, _block_can_compute)
         rows = layout.form == "box" and bool(layout.shape) and bool(observation)
@@ -67,6 +69,7 @@ class Phase:
             words,
             layout.shape if rows else (),
             parts,
+            row_count if rows and all(n is None for n in inner) else int(rows),
         )
 
     @property
@@ -80,10 +83,14 @@ class Phase:
         return [name for name, n in zip(self.hoisted_names, self.hoisted, strict=True) if n.type.size > WIDE]
 
     @property
+    def row_names(self) -> list[str]:
+        """The names of the fresh observation and of its copies."""
+        return [f"o{i or ''}" for i in range(self.row_count)]
+
+    @property
     def names(self) -> list[str]:
         """The names that an item of the stream is unpacked into."""
-        row = ["o"] if self.row_size else []
-        return [*row, *(w for ws in self.words.values() for w in ws), *self.hoisted_names]
+        return [*self.row_names, *(w for ws in self.words.values() for w in ws), *self.hoisted_names]
 
 
 _FILLED: Node = Const(0, Type(Kind.INT))

@@ -56,7 +56,8 @@ def _items(phase: Phase, seed: int, kind: int, at: int, count: int) -> Sequence[
     values = batch.evaluate((*phase.hoisted, *parts), {}, batch_sampler(layout, words))
     columns: list[Sequence[Any]] = []
     if phase.row_size:
-        columns.append(_rows(phase, values[len(phase.hoisted) :], count))
+        rows = _rows(phase, values[len(phase.hoisted) :], count)
+        columns += [list(rows), *(list(rows.copy()) for _ in range(1, phase.row_count))]
     for site, names in phase.words.items():
         start = layout.first[site]
         columns += [words[start + k].tolist() for k in range(len(names))]
@@ -65,13 +66,13 @@ def _items(phase: Phase, seed: int, kind: int, at: int, count: int) -> Sequence[
     return columns[0] if len(columns) == 1 else list(zip(*columns, strict=True))
 
 
-def _rows(phase: Phase, values: Sequence[Array], count: int) -> list[Array]:
+def _rows(phase: Phase, values: Sequence[Array], count: int) -> Array:
     """Return new float32 observations, with the parts that depend on draws alone filled in."""
     rows = np.empty((count, phase.row_size), np.float32)
     with np.errstate(over="ignore"):
         for (offset, node), value in zip(phase.row_parts, values, strict=True):
             rows[:, offset : offset + node.type.size] = value.reshape(node.type.size, value.shape[-1]).T
-    return list(rows.reshape(count, *phase.row_shape))
+    return rows.reshape(count, *phase.row_shape)
 
 
 def _listed(node: Node, value: Array, count: int) -> list[Any]:
