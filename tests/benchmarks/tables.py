@@ -48,8 +48,8 @@ PAIRS = (
     Pair("SortSeals", "Sort", 15),
     Pair("NoisyObsSeals", "NoisyObs", 10),
 )
-"""The tasks of seals. Each step of LargestSum is an episode: of 1.6 microseconds (31 in seals), 0.6 are for 50 random numbers and
-their sums, 0.3 for arrays that are handed out, 0.2 for the calls of `reset` and `step` alone."""
+"""The tasks of seals. Each step of LargestSum is an episode: of 1.2 microseconds (29 in seals), 0.5 are for 50 random numbers and
+their sums, 0.2 for arrays that are handed out, 0.2 for the calls of `reset` and `step` alone."""
 
 
 def pair(each: Pair, lanes: int | None, backend: str = "auto") -> tuple[Contestant, Contestant]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.backends.lowering import Invariants, changing, cold_components
-from taskspec.backends.scalar.interface import row_names, sees_state
+from taskspec.backends.scalar.interface import is_kept, row_names, sees_state
 from taskspec.backends.scalar.module import Parts, generate
 from taskspec.backends.scalar.phase import Phase, phase_stream
 from taskspec.backends.source_text import run
@@ -123,7 +123,9 @@ def compile_scalar(task: Task) -> ScalarProgram:
     cold = cold_components(task, (*changing(task, roots), *seen))
     cold = frozenset() if task.info and not sees_state(task, observation) else cold
     initial = [task.builder.scalar(0) if c.name in cold else n for c, n in zip(task.state, task.initial, strict=True)]
-    reset = Phase.of(task, (*initial, *invariants.at_reset), task.first_observation, observation, task.reset_words)
+    rows = 1 + invariants.observation + (invariants.observation and is_kept(task) and sees_state(task, observation))
+    first = (*initial, *invariants.at_reset)
+    reset = Phase.of(task, first, task.first_observation, observation, task.reset_words, rows)
     step = Phase.of(task, roots, seen, observation, task.step_words)
     source, constants = generate(Parts(task, invariants, cold, reset, step, observation, action))
     namespace = {

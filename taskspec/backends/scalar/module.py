@@ -142,8 +142,11 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
     body += [f"{', '.join(targets)} = {', '.join(stored)}"]
     if parts.invariants.observation:  # what is handed out may be written into, so it is always a copy
         body += [f"kept = {observation}"]
-        observation = "kept.copy()"
-    body += told_state(task, parts.observation, states, observation)
+        observation = phase.row_names[1] if phase.row_count > 1 else "kept.copy()"
+    if phase.row_count > 2:
+        body += [f"told = {phase.row_names[2]}"]
+    else:
+        body += told_state(task, parts.observation, states, observation)
     body += ["past += t", "t = 0", "episodes += 1", "alive = True", f"return {observation}, {{}}"]
     targets = [*states, *_kept(parts), "t", "past", "episodes", "alive"]
     return ["def reset():", *_indent([f"nonlocal {', '.join(targets)}", *body])]

@@ -41,6 +41,7 @@ class Phase:
     layout: WordLayout
     row_shape: tuple[int, ...]  # of a fresh float32 observation, () where observations are no arrays
     row_parts: tuple[tuple[int, Node], ...]  # offset and node of what is filled in for a whole block
+    row_count: int  # of equal rows in an item: copies made for a whole block cost half of those made one at a time
 
     @classmethod
     def of(
@@ -50,8 +51,9 @@ class Phase:
         observation: Sequence[Node],
         layout: SpaceLayout,
         words: WordLayout,
+        row_count: int = 1,
     ) -> Phase:
-        """Split a phase of a task."""
+        """Split a phase of a task; an observation that the block fills in wholly may come in `row_count` equal rows."""
         everything = (*roots, *observation)
         free = everywhere(everything, _block_can_compute)
         rows = layout.form == "box" and bool(layout.shape) and bool(observation)
@@ -77,6 +79,7 @@ class Phase:
             words,
             layout.shape if rows else (),
             parts,
+            row_count if rows and all(n is None for n in inner) else int(rows),
         )
 
     @property
@@ -90,10 +93,14 @@ class Phase:
         return [name for name, n in zip(self.hoisted_names, self.hoisted, strict=True) if n.type.size > WIDE]
 
     @property
+    def row_names(self) -> list[str]:
+        """The names of the fresh observation and of its copies."""
+        return [f"o{i or ''}" for i in range(self.row_count)]
+
+    @property
     def names(self) -> list[str]:
         """The names that an item of the stream is unpacked into."""
-        row = ["o"] if self.row_size else []
-        return [*row, *(w for ws in self.words.values() for w in ws), *self.hoisted_names]
+        return [*self.row_names, *(w for ws in self.words.values() for w in ws), *self.hoisted_names]
 
 
 _FILLED: Node = Const(0, Type(Kind.INT))
@@ -171,7 +178,8 @@ def _items(phase: Phase, seed: int, kind: int, at: int, count: int) -> Sequence[
     values = batch.evaluate((*phase.hoisted, *parts), {}, batch_sampler(layout, words))
     columns: list[Sequence[Any]] = []
     if phase.row_size:
-        columns.append(_rows(phase, values[len(phase.hoisted) :], count))
+        rows = _rows(phase, values[len(phase.hoisted) :], count)
+        columns += [list(rows), *(list(rows.copy()) for _ in range(1, phase.row_count))]
     for site, names in phase.words.items():
         start = layout.first[site]
         columns += [words[start + k].tolist() for k in range(len(names))]
@@ -180,13 +188,13 @@ def _items(phase: Phase, seed: int, kind: int, at: int, count: int) -> Sequence[
     return columns[0] if len(columns) == 1 else list(zip(*columns, strict=True))
 
 
-def _rows(phase: Phase, values: Sequence[Array], count: int) -> list[Array]:
+def _rows(phase: Phase, values: Sequence[Array], count: int) -> Array:
     """Return new float32 observations, with the parts that depend on draws alone filled in."""
     rows = np.empty((count, phase.row_size), np.float32)
     with np.errstate(over="ignore"):
         for (offset, node), value in zip(phase.row_parts, values, strict=True):
             rows[:, offset : offset + node.type.size] = value.reshape(node.type.size, value.shape[-1]).T
-    return list(rows.reshape(count, *phase.row_shape))
+    return rows.reshape(count, *phase.row_shape)
 
 
 def _listed(node: Node, value: Array, count: int) -> list[Any]:
