@@ -123,7 +123,9 @@ def registered(code: str, package: Path) -> bool:
     """Whether Gymnasium knows a shipped task after a program; no `.pth` file is read at the start of Python."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(package), sysconfig.get_path("purelib")])}
     code = f"{code}; import gymnasium; print('derail/Sort-v0' in gymnasium.registry)"
-    done = subprocess.run([sys.executable, "-S", "-c", code], env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
     return done.stdout == "True\n"
 
 
