@@ -7,8 +7,8 @@ states that look alike want different actions, it earns just that.
 A belief is the distribution of the state given all observations and actions so far. The beliefs that episodes come to are
 the states of a larger decision problem. It is searched from the start by trials, after T. Smith and R. Simmons, "Heuristic
 Search Value Iteration for POMDPs" (UAI 2004): a trial follows the action whose upper bound is highest and the observation
-whose gap weighs most, and on the way back narrows the bounds of the beliefs it passed. A new belief is worth at most what
-somebody would earn who knew the state, and at least what one action earns that is taken for ever.
+whose gap weighs most, and on the way back narrows the bounds of the beliefs it passed. A new belief is worth at most the
+return of an agent that knows the state, and at least that of an action which is taken at all times.
 
 Beliefs are exact. Their bounds are rationals, exact while they are short; longer ones are rounded outwards to a grid that is
 fine beside the largest value of the task, so that the cost of an operation does not grow with the length of a search.
@@ -74,7 +74,7 @@ def at(seen: Array, t: int) -> Array:
 
 
 def hides(model: Model, seen: Array) -> bool:
-    """Return whether two states in which episodes act at the same time look alike."""
+    """Return whether two states in which episodes act at the same time have the same observation."""
     return any(len(np.unique(at(seen, t)[level])) < np.count_nonzero(level) for t, level in model.levels())
 
 
@@ -142,7 +142,7 @@ class ReactiveSearch:
         return start, *self._conflict(policy, wanted[::-1])
 
     def _conflict(self, policy: Array, wanted: list[Array]) -> tuple[int | None, Array]:
-        """Return the first observation without an action that all its states want, as far as episodes come to them."""
+        """Return the first observation without an action that all its states want, among those that episodes come to."""
         numbers = self.numbers
         shape = (len(policy), numbers.model.n_actions)
         votes = np.zeros(shape)
