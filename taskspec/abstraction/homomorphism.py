@@ -16,7 +16,7 @@ from taskspec.lang.variates.outcomes import once
 from taskspec.model.model import Model
 from taskspec.model.transitions import TIME, Steps, count, joint_outcomes, merge_outcomes, total
 from taskspec.solve.enclosure import Inexact, Reader
-from taskspec.solve.rational import Chances
+from taskspec.solve.rational import ExactProbabilities
 
 MOST = 400_000
 """Outcomes of all steps together up to which models are compared."""
@@ -54,7 +54,7 @@ class _Comparison:
         self.other = other
         self.steps = Steps(whole.task, as_paid)
         self.other_steps = Steps(other.task, as_paid)
-        self.numbers = Chances(Reader())
+        self.numbers = ExactProbabilities(Reader())
         codes, outside = other.states.encode(evaluate(nodes, whole.reads()), whole.n_states)
         index = np.minimum(np.searchsorted(other.codes, codes), other.n_states - 1)
         missing = other.codes[index] != codes
@@ -156,13 +156,13 @@ class _Rows:
         return int(rows[np.flatnonzero(apart)[0]]) if apart.any() else None
 
 
-def _of_steps(model: Model, steps: Steps, mapped: Array, t: int, numbers: Chances) -> _Rows:
+def _of_steps(model: Model, steps: Steps, mapped: Array, t: int, numbers: ExactProbabilities) -> _Rows:
     found = steps.table(model.codes, t, numbers)
     rows = model.n_states * model.n_actions
     return _Rows.merged(found.row, mapped[found.column], found.ends, found.reward, found.weight, rows)
 
 
-def _of_expert(model: Model, t: int, numbers: Chances) -> _Rows:
+def _of_expert(model: Model, t: int, numbers: ExactProbabilities) -> _Rows:
     nodes = _expert(model)
     if count(draws(nodes), {}) > MOST:
         raise Uncompared("the expert draws from too many outcomes")
