@@ -57,7 +57,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Replacements:
-    """What may be mistaken for what: for each name the others of its type; and the names that take a prime."""
+    """Names of the same type, for each name; and the names that take a prime."""
 
     alike: Mapping[str, Sequence[str]]
     primed: frozenset[str]
