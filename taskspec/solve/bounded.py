@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.lang.builder import Builder
+from taskspec.lang.interval import bounds
 from taskspec.lang.ir import Const, Draw, Node, draws
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.choices import row_table
@@ -132,14 +132,14 @@ class Slack:
     beyond: float = 0.0
 
     @classmethod
-    def of(cls, draws: Sequence[Draw], builder: Builder, reward: Node | None = None) -> Slack:
+    def of(cls, draws: Sequence[Draw], reward: Node | None = None) -> Slack:
         """Return the bounds for outcomes of some draws together, which may enter a reward."""
         if not draws:
             return cls()
         relative = sum(_enumeration(d).steps(d) * UNIT for d in draws)
         absolute = sum(COMPUTED * _enumeration(d).chances(d) for d in draws if _is_computed(d))
         missing = sum(TAIL * d.type.size for d in draws if _enumeration(d).tail)
-        beyond = max(map(abs, builder.bounds(reward))) if missing and reward is not None else 0.0
+        beyond = max(map(abs, bounds(reward, {}))) if missing and reward is not None else 0.0
         return cls(relative, absolute, missing, beyond)
 
 
@@ -208,13 +208,10 @@ class Bounded:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.horizon = model.horizon or 0
-        builder = model.task.builder
         steps = Steps(model.task)
         first = draws(steps.first)
-        self.slack = Slack.of(steps.draws, builder, steps.reward)
-        self.start_weights = ExpectationError.of(
-            int(count(first, {})), Slack.of(first, builder), _smallest(model.start)
-        )
+        self.slack = Slack.of(steps.draws, steps.reward)
+        self.start_weights = ExpectationError.of(int(count(first, {})), Slack.of(first), _smallest(model.start))
         self._weights: dict[int, ExpectationError] = {}
         self._chosen: tuple[Step, Policy, Step] | None = None
 
@@ -434,7 +431,7 @@ class Bounded:
                 np.add.at(here, (action, at), np.broadcast_to(branch.weight, (len(at),)))
         if not drawn:
             return Policy(table)
-        slack = Slack.of(drawn, model.task.builder)
+        slack = Slack.of(drawn)
         terms = int(count(drawn, {}))
         faint = UNDERFLOW if _smallest(table) < SMALLEST else 0.0
         return Policy(table, slack.relative + gamma(8 + terms), slack.absolute * terms + slack.missing + faint)

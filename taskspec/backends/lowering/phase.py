@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 from taskspec.backends.lowering.hoist import WIDE, everywhere, maximal_draws, word_names
 from taskspec.base.records import dataclass
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import Kind, Type
 from taskspec.lang.variates.sample import WordLayout
 from taskspec.task.spaces import SpaceLayout
-from taskspec.task.task import Task
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,13 @@ class Phase:
     @classmethod
     def of(
         cls,
-        task: Task,
+        b: Builder,
         roots: Sequence[Node],
         observation: Sequence[Node],
         layout: SpaceLayout,
         words: WordLayout,
     ) -> Phase:
-        """Split a phase of a task."""
+        """Split a phase of a task: nodes are made by `b`."""
         everything = (*roots, *observation)
         free = everywhere(everything, _block_can_compute)
         rows = layout.form == "box" and bool(layout.shape) and bool(observation)
@@ -50,10 +50,10 @@ class Phase:
         names = {id(n): f"h{i}" for i, n in enumerate(hoisted)}
 
         def leaf(node: Node) -> Node | None:
-            return task.builder.read(Role.VARIABLE, names[id(node)], node.type) if id(node) in names else None
+            return b.read(Role.VARIABLE, names[id(node)], node.type) if id(node) in names else None
 
         lane = [*roots, *(n for n in inner if n is not None)]
-        rewritten = iter(rewrite(lane, leaf, task.builder.remake))
+        rewritten = iter(rewrite(lane, leaf, b.remake))
         new_roots = tuple(next(rewritten) for _ in roots)
         new_observation = tuple(_FILLED if n is None else next(rewritten) for n in inner)
         staying = [n for n in walk([*new_roots, *new_observation]) if isinstance(n, Draw)]
