@@ -40,7 +40,7 @@ class _Factoring:
     def __init__(self, found: Abstraction) -> None:
         self.found = found
         self.task = found.task
-        self.builder = found.task.builder
+        self.builder = found.task.new_builder(found.nodes)
         self.normal = LinearForms(self.builder)
         self.ranked: dict[str, Component] = {}
         self.replaced: dict[str, Node] = {}
@@ -63,7 +63,7 @@ class _Factoring:
             except Unfactored:
                 expert = None
         return replace(self.found.stand_in, initial=initial, raw_initial=initial, next=tuple(moved), raw_next=tuple(moved),
-                       reward=reward, terminal=terminal, builder=self.builder, expert=expert)  # fmt: skip
+                       reward=reward, terminal=terminal, expert=expert)  # fmt: skip
 
     def _replace_component(self, c: Component, node: Node) -> None:
         """Find the component of the task's own state that a mapped component replaces."""

@@ -88,12 +88,9 @@ class Check:
         inside = (value >= low - slack) & (value <= high + slack) & np.isfinite(value)
         return np.asarray((~inside).any(axis=axes))
 
-    def is_proved(self, builder: Builder, reached: dict[str, Interval] | None = None) -> bool:
-        """Return whether interval arithmetic proves it, everywhere or for values that components reach."""
-        if reached is None:
-            found = Range(*builder.bounds(self.node), builder.finite(self.node))
-        else:
-            found = ranges(self.node, over([self.node], reached))
+    def is_proved(self, known: dict[int, Range]) -> bool:
+        """Return whether interval arithmetic proves it, from what is known of nodes by id, which it adds to."""
+        found = ranges(self.node, known)
         return found.finite and found.low >= max(self.low, default=-INF) and found.high <= min(self.high, default=INF)
 
 
@@ -163,8 +160,10 @@ class PhaseBuilder:
     def phase(self, name: str, checks: Sequence[Check]) -> CheckPhase:
         """Return the checks that bounds do not prove: at all points of a finite task, otherwise at samples."""
         task = self.task
-        left = tuple(c for c in checks if not c.is_proved(task.builder))
-        nodes = lumped([n for c in left for n in (*c.guards, c.node)], task.builder)
+        known: dict[int, Range] = {}
+        left = tuple(c for c in checks if not c.is_proved(known))
+        roots = [n for c in left for n in (*c.guards, c.node)]
+        nodes = lumped(roots, Builder.of(roots))
         rest = iter(nodes)
         merged = tuple(replace(c, guards=tuple(next(rest) for _ in c.guards), node=next(rest)) for c in left)
         outcomes = count(draws(nodes), {})
@@ -179,7 +178,7 @@ class PhaseBuilder:
             grid = Grid(Space(task.state, Role.STATE), actions, times)
             if grid.size * outcomes <= min(self.limit, Cost(nodes).affordable()):
                 return CheckPhase(task, name, merged, grid, True)
-        left = tuple(c for c in left if not c.is_proved(task.builder, self.reached))
+        left = tuple(c for c in left if not c.is_proved(over([c.node], self.reached)))
         if not left:
             return CheckPhase(task, name, (), Samples({}, {}), True)
         return CheckPhase(task, name, left, self._samples(name == "observation"), False)
@@ -242,9 +241,10 @@ def _drawn(task: Task, section: str, roots: Sequence[Node]) -> list[Check]:
     if not draws(roots):
         return []
     found = []
+    where = SectionScope(task, section)
     for name, expr in entries(task, section):
-        for written in distributions(expr, SectionScope(task, section)):
-            found += _Parameters(task, section, name, written).checks()
+        for written in distributions(expr, where):
+            found += _Parameters(where, name, written).checks()
     return found
 
 
@@ -252,13 +252,9 @@ def _drawn(task: Task, section: str, roots: Sequence[Node]) -> list[Check]:
 class _Parameters:
     """A distribution in an entry of a section, whose parameters are checked."""
 
-    task: Task
-    section: str
+    where: SectionScope
     entry: str | None
     written: Written
-
-    def number(self, expr: s.Expr) -> Node | None:
-        return SectionScope(self.task, self.section).number(expr)
 
     def checks(self) -> Iterator[Check]:
         match self.written.expr:
@@ -271,10 +267,10 @@ class _Parameters:
 
     def _probabilities(self, exprs: list[s.Expr]) -> Iterator[Check]:
         """Yield checks that probabilities are between 0 and 1, and sum to 1."""
-        nodes = [self.number(e) for e in exprs]
+        nodes = [self.where.number(e) for e in exprs]
         if any(n is None or draws([n]) for n in nodes) or all(isinstance(n, Const) for n in nodes):
             return
-        b = self.task.builder
+        b = self.where.builder
         found = [b.cast(n, Kind.REAL) for n in nodes if n is not None]
         terms = found[0] if found[0].type.shape else b.structure("vector", found)
         for expr, node in zip(exprs, found, strict=True):
@@ -287,7 +283,7 @@ class _Parameters:
         nodes = {}
         for name, expr in given.items():
             if name in arguments and not isinstance(expr, s.SetOf | s.Comprehension):
-                node = self.number(expr)
+                node = self.where.number(expr)
                 if node is not None and not draws([node]):
                     nodes[name] = node
         for name, node in nodes.items():
@@ -297,13 +293,13 @@ class _Parameters:
                 low = argument.low + argument.open * LEAST
                 yield self._check(code, node, low, argument.high, f"'{name}' of {call.function}", given[name])
         if {"low", "high"} <= nodes.keys():
-            width = self.task.builder.apply("sub", nodes["high"], nodes["low"])
+            width = self.where.builder.apply("sub", nodes["high"], nodes["low"])
             if not isinstance(width, Const):
                 yield self._check("E408", width, 0.0, math.inf, f"'high' - 'low' of {call.function}", call)
 
     def _check(self, code: str, node: Node, low: float, high: float, what: str, place: s.Expr) -> Check:
         ends = ((low,) * node.type.size, (high,) * node.type.size)
-        return Check(code, node, *ends, self.section, self.entry, None, place, self.written.guards, what)
+        return Check(code, node, *ends, self.where.name, self.entry, None, place, self.written.guards, what)
 
 
 # -- evaluation -----------------------------------------------------------------------------------

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from taskspec.base.diagnostics import Collector
 from taskspec.lang import syntax as s
 from taskspec.lang.batch import evaluate
+from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
 from taskspec.lang.dists import is_distribution
 from taskspec.lang.ir import Node, draws
@@ -29,6 +31,10 @@ class SectionScope:
     task: Task
     name: str
 
+    @cached_property
+    def builder(self) -> Builder:
+        return self.task.new_builder()
+
     def value(self, expr: s.Expr, want: Domain | None = None) -> Value | None:
         """Return the meaning of a part, or None if it has none of its own."""
         known = self.task.surface.meaning(self.name, expr)
@@ -36,7 +42,7 @@ class SectionScope:
             return known
         scope = self.task.surface.scopes.get(self.name)
         try:
-            return scope and Checker(self.task.builder, Collector()).check(expr, scope, want)
+            return scope and Checker(self.builder, Collector()).check(expr, scope, want)
         except Refused:
             return None
 
@@ -45,7 +51,7 @@ class SectionScope:
         value = self.value(expr)
         if value is None or value.domain is None:
             return None if value is None else value.node
-        return Checker(self.task.builder, Collector()).number_of(value)
+        return Checker(self.builder, Collector()).number_of(value)
 
     def row(self, by: s.Expr, key: s.Expr) -> Node | None:
         """Return the condition that the value of a column is that of a row."""
@@ -55,14 +61,14 @@ class SectionScope:
         label = self.value(key, column.domain)
         if label is None or (column.node.type != label.node.type and column.node.type.kind is Kind.REAL):
             return None
-        b = self.task.builder
+        b = self.builder
         try:
             return b.apply("eq", column.node, label.node)
         except Refused:
             return None
 
     def negated(self, condition: Node | None) -> Node | None:
-        return None if condition is None else self.task.builder.apply("not", condition)
+        return None if condition is None else self.builder.apply("not", condition)
 
 
 def narrow(expr: s.Expr, section: SectionScope, reads: Reads) -> s.Expr:

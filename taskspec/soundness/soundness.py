@@ -223,7 +223,7 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
                 if diagnostic.code not in FORBIDDEN:
                     wrong.append(replace(diagnostic, notes=(*diagnostic.notes, parameters(values))))
         else:
-            left -= other.builder.expressions
+            left -= other.surface.expressions
             tried.append(values)
             wrong += examine(other, limit).diagnostics
         for diagnostic in wrong:
