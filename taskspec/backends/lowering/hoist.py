@@ -9,9 +9,8 @@ from taskspec.draws import NEVER
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Draw, Node, Read, Role, children, reads, rewrite, walk
 from taskspec.lang.types import INT
-from taskspec.lang.variates import VARIATES
+from taskspec.lang.variates import VARIATES, WordLayout, words_of
 from taskspec.lang.variates.choices import row_table
-from taskspec.lang.variates.sample import WordLayout, words_of
 from taskspec.task.task import Task
 
 

@@ -10,7 +10,7 @@ from taskspec.base.records import dataclass
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import Kind, Type
-from taskspec.lang.variates.sample import WordLayout
+from taskspec.lang.variates import WordLayout
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 

@@ -27,8 +27,7 @@ from taskspec.backends.numba.loops import (
 )
 from taskspec.backends.vector import Mode
 from taskspec.lang.operators import OPERATORS
-from taskspec.lang.variates import VARIATES
-from taskspec.lang.variates.sample import WordLayout
+from taskspec.lang.variates import VARIATES, WordLayout
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 

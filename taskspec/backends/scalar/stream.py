@@ -14,7 +14,7 @@ from taskspec.backends.lowering.phase import Phase
 from taskspec.base.arrays import Array
 from taskspec.lang import batch
 from taskspec.lang.ir import Node
-from taskspec.lang.variates.sample import batch_sampler
+from taskspec.lang.variates import batch_sampler
 
 
 def stream(items: Callable[[int, int], Sequence[Any]], first: int, width: int) -> Callable[[], Any]:
