@@ -6,11 +6,9 @@ import re
 from collections.abc import Container, Iterable, Sequence
 from typing import Any
 
-from taskspec.backends.emit.lane import LaneEmitter, LaneValue
-from taskspec.backends.emit.source import without_unused
-from taskspec.backends.lowering.hoist import Invariants, frozen_components
-from taskspec.backends.lowering.phase import Phase
-from taskspec.backends.scalar.emit import (
+from taskspec.backends.lane_form import LaneEmitter, LaneValue
+from taskspec.backends.lowering import Invariants, frozen_components
+from taskspec.backends.scalar.interface import (
     flat_state,
     has_rows,
     info,
@@ -21,6 +19,8 @@ from taskspec.backends.scalar.emit import (
     read_action,
     told_state,
 )
+from taskspec.backends.scalar.phase import Phase
+from taskspec.backends.source_text import without_unused
 from taskspec.base.records import dataclass
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Type
