@@ -13,8 +13,8 @@ from taskspec.abstraction.abstraction import abstraction
 from taskspec.abstraction.homomorphism import MOST, MOST_ENTRIES, Uncompared, difference
 from taskspec.base.diagnostics import SpecError
 from taskspec.lang.batch import evaluate
+from taskspec.lang.interval import NormalForms
 from taskspec.lang.ir import Read, Role, draws, reads
-from taskspec.lang.normal import NormalForms
 from taskspec.lang.variates import VARIATES
 from taskspec.model.extract import extract
 from taskspec.model.model import Model

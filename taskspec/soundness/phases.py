@@ -19,7 +19,7 @@ from taskspec.lang.dists import DISTS
 from taskspec.lang.interval import ranges
 from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
 from taskspec.lang.types import INF, Interval, Kind, Range
-from taskspec.lang.variates.sample import WordLayout, batch_sampler
+from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.cost import Cost
 from taskspec.model.lump import lumped
 from taskspec.model.points import Batch, Grid, Method, Samples, anew, are_related, columns, drawn

@@ -8,9 +8,8 @@ from typing import Any, Literal
 
 from taskspec.base.records import dataclass
 from taskspec.lang import syntax as s
-from taskspec.lang.basechecker import ClampedIndex
 from taskspec.lang.ir import Node, Role
-from taskspec.lang.scope import Scope, Value
+from taskspec.lang.scope import ClampedIndex, Scope, Value
 from taskspec.lang.types import Domain, Kind, Shape, Type
 
 __all__ = ["Component", "Parameter"]
