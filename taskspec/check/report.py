@@ -18,8 +18,7 @@ from taskspec.base.display import html_table
 from taskspec.base.extras import install, is_installed
 from taskspec.base.files import write_text
 from taskspec.base.limits import tell
-from taskspec.check.names import Accepted, idle, set_aside
-from taskspec.check.warnings import warnings
+from taskspec.check.warnings import Accepted, idle, set_aside, warnings
 from taskspec.model.model import misused
 from taskspec.model.points import Method
 from taskspec.modifiers import is_as_written

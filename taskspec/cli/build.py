@@ -17,7 +17,7 @@ from taskspec.cli.failures import fail
 from taskspec.cli.options import LimitsGiven, Targets
 
 if TYPE_CHECKING:
-    from taskspec.check.files import FileReport, Finding
+    from taskspec.check.file_checks import FileReport, Finding
     from taskspec.pages.facts import Facts
     from taskspec.task.task import Task
 
@@ -38,7 +38,7 @@ def build(targets: Targets = None, output: Output = Path("build"), limits: Limit
     (html), for a paper (latex) and for a repository (markdown). Nothing is written if a spec has an error.
     """
     from taskspec.base.limits import telling
-    from taskspec.check.files import check_file, counts
+    from taskspec.check.file_checks import check_file, counts
     from taskspec.cli.check import verdict
     from taskspec.cli.console import console, line
     from taskspec.cli.progress import progress
@@ -78,7 +78,7 @@ class _Gathered:
     def examine(self, task: Task) -> Finding:
         from taskspec.base.extras import is_installed
         from taskspec.base.limits import tell
-        from taskspec.check.files import finding
+        from taskspec.check.file_checks import finding
         from taskspec.cli.check import reported
         from taskspec.exact import scores
         from taskspec.pages.facts import gather

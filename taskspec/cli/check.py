@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from taskspec.check.files import Checked, FileReport, Finding
+    from taskspec.check.file_checks import Checked, FileReport, Finding
     from taskspec.check.report import Report
     from taskspec.source.scan import Kind
     from taskspec.targets import File
@@ -68,7 +68,7 @@ def check(
 
     Exit status 1 if there is an error.
     """
-    from taskspec.check.files import counts
+    from taskspec.check.file_checks import counts
     from taskspec.cli.options import checked_choice
     from taskspec.targets import files_of, others_of
 
@@ -88,7 +88,7 @@ def _checked(
     others: Iterable[tuple[Path, Kind]], files: Iterable[File], sense: bool, jobs: int | None
 ) -> list[FileReport]:
     from taskspec import exact, figures  # noqa: F401  # before processes are forked, which then need not import them again
-    from taskspec.check.files import FileCheck, check_file, started
+    from taskspec.check.file_checks import FileCheck, check_file, started
     from taskspec.cli.progress import progress
 
     checks = [FileCheck(path, partial(check_other, path, kind)) for path, kind in others]
@@ -107,7 +107,7 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
         sense: also check sanity and claims, beyond soundness.
         defaults: whether its parameters have their defaults: claims speak of these, and ranges are checked from there.
     """
-    from taskspec.check.files import finding
+    from taskspec.check.file_checks import finding
 
     return finding(reported(task, sense, defaults), len(task.examples) if sense and defaults else 0)
 
@@ -123,7 +123,7 @@ def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:
 
 def check_other(path: Path, kind: Kind) -> FileReport:
     """Check a file that is not a spec: its shape, and that all its entries mean something."""
-    from taskspec.check.files import FileReport
+    from taskspec.check.file_checks import FileReport
 
     try:
         diagnostics, entries = _entries(path, kind)
@@ -201,7 +201,7 @@ def remarks(reports: Sequence[FileReport]) -> list[str]:
 
 def mark(diagnostics: Sequence[Any]) -> Any:
     """Return a sign for errors, for warnings, for neither."""
-    from taskspec.check.files import counts
+    from taskspec.check.file_checks import counts
     from taskspec.cli.console import VisibleText
 
     errors, warnings = counts(diagnostics)
@@ -267,7 +267,7 @@ def _accepted(reports: Sequence[FileReport]) -> list[dict[str, Any]]:
 
 
 def _record(path: str, each: Checked) -> dict[str, Any]:
-    from taskspec.check.files import counts
+    from taskspec.check.file_checks import counts
 
     errors, warnings = counts(each.diagnostics)
     return {

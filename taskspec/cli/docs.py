@@ -162,7 +162,7 @@ def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[lis
 def _printable(tasks: Sequence[Task]) -> tuple[list[Task], list[Diagnostic], list[Diagnostic]]:
     """Return the tasks that can be printed, warnings about their figures, and what is wrong with the others."""
     from taskspec import pages
-    from taskspec.check.names import set_aside
+    from taskspec.check.warnings import set_aside
 
     found: list[Task] = []
     warnings: list[Diagnostic] = []

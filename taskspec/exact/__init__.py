@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from taskspec.abstraction.abstraction import extract as extract
-from taskspec.check.names import Accepted as Accepted
+from taskspec.check.warnings import Accepted as Accepted
 from taskspec.check.report import Report as Report
 from taskspec.check.report import Score as Score
 from taskspec.check.report import Scores as Scores
