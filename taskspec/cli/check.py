@@ -139,7 +139,7 @@ def _entries(path: Path, kind: Kind) -> tuple[Sequence[Diagnostic], int]:
 
         expanded = expand(read(path))
         return [*expanded.diagnostics, *expanded.refused], len(expanded.instances)
-    from taskspec.rules.books import read_exam, read_findings
+    from taskspec.rules.rule_books import read_exam, read_findings
 
     found = read_exam(path) if kind == "exam" else read_findings(path)
     return found.diagnostics, len(found.rules)
