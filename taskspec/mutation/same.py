@@ -17,7 +17,7 @@ from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Draw, Node, draws, reads
 from taskspec.lang.normal import NormalForms
 from taskspec.lang.variates import VARIATES
-from taskspec.model.reach import visits
+from taskspec.model.extract import visits
 from taskspec.model.space import Reads
 from taskspec.model.transitions import TIME, Steps, count, joint_outcomes, merge_outcomes
 from taskspec.solve.enclosure import Inexact, Reader

@@ -14,9 +14,8 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Const, Draw, Node, Role, draws
 from taskspec.lang.variates.sample import WordLayout, batch_sampler
-from taskspec.model.cost import Cost
-from taskspec.model.points import Batch, Grid, Method
-from taskspec.model.reach import Visits, successors, visits
+from taskspec.model.extract import Visits, successors, visits
+from taskspec.model.points import Batch, Cost, Grid, Method
 from taskspec.model.space import Reads, Space, distinct, holds, union, without
 from taskspec.model.transitions import Branch, Steps, branches, count, is_finite
 from taskspec.rollout.rollout import visited

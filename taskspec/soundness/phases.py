@@ -16,9 +16,8 @@ from taskspec.lang.dists import DISTS
 from taskspec.lang.interval import ranges
 from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
 from taskspec.lang.types import INF, Interval, Kind, Range
-from taskspec.model.cost import Cost
 from taskspec.model.lump import lumped
-from taskspec.model.points import Grid, Samples, anew, are_related, columns, drawn
+from taskspec.model.points import Cost, Grid, Samples, columns, drawn, resampled
 from taskspec.model.space import Reads, Space
 from taskspec.model.transitions import count
 from taskspec.rollout.rollout import entered, visited
@@ -166,11 +165,12 @@ def _sampled(episodes: _Episodes, name: str, checks: tuple[Check, ...]) -> Check
     ends = name == "observation"
     actions = [(Role.ACTION, c) for c in task.action]
     known = episodes.entered if ends else episodes.acting
-    points = columns([known, anew(known, actions, rng)])
+    points = columns([known, resampled(known, actions, rng)])
     others: Reads = {}
-    if not are_related(task.state):
+    has_reals = any(c.type.kind is Kind.REAL for c in task.state)
+    if not has_reals or sum(c.type.size for c in task.state) == 1:
         everywhere = [(Role.STATE, c) for c in _within(task.state, episodes.reached)] + actions
-        others = anew(entered(task, drawn(everywhere, _times(task, "step"), rng), False, rng), actions, rng)
+        others = resampled(entered(task, drawn(everywhere, _times(task, "step"), rng), False, rng), actions, rng)
         others = entered(task, others, True, rng) if ends and others else others
     return CheckPhase(task, name, left, Samples(points, others), False)
 
