@@ -14,7 +14,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, draws, reads
-from taskspec.lang.variates.outcomes import once
+from taskspec.lang.variates.entry import once
 from taskspec.model.extract import extract
 from taskspec.model.model import Model
 from taskspec.model.transitions import TIME, Steps, count, joint_outcomes, merge_outcomes

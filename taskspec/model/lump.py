@@ -19,7 +19,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, children, draws, rewrite, walk
 from taskspec.lang.operators import OPERATORS, entry_of
 from taskspec.lang.types import INT, Kind, Type
-from taskspec.lang.variates.counts import poisson_terms
+from taskspec.lang.variates.quantities import poisson_terms
 
 Users = dict[int, list[Node]]
 """The nodes that use a node, by its id; a root is used by itself, for what is not below the roots."""

@@ -13,8 +13,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.lang.ir import Const, Draw, Node, Role, walk
 from taskspec.lang.types import Kind
-from taskspec.lang.variates import VARIATES
-from taskspec.lang.variates.sample import words_of
+from taskspec.lang.variates import VARIATES, words_of
 from taskspec.model.model import refuse
 from taskspec.model.space import Reads, Space
 from taskspec.task.task import Component

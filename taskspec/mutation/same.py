@@ -14,8 +14,8 @@ from taskspec.abstraction.abstraction import abstraction
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.lang.batch import evaluate
+from taskspec.lang.interval import NormalForms
 from taskspec.lang.ir import Draw, Node, draws, reads
-from taskspec.lang.normal import NormalForms
 from taskspec.lang.variates import VARIATES
 from taskspec.model.extract import visits
 from taskspec.model.space import Reads

@@ -13,7 +13,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Const, Draw, Node, Role, draws
-from taskspec.lang.variates.sample import WordLayout, batch_sampler
+from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.extract import Visits, successors, visits
 from taskspec.model.points import Batch, Cost, Grid, Method
 from taskspec.model.space import Reads, Space, distinct, holds, union, without
