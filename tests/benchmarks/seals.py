@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taskspec.base.diagnostics import spec_error, suggest
-from taskspec.base.extras import need
-from taskspec.base.machine import machine
+from taskspec.base.extras import machine, need
 from taskspec.cli.console import VisibleText, columns, console, write_json
 from taskspec.envs.speed import race
 from tests.benchmarks.printed import Progress, footer, percent
