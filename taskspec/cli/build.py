@@ -15,7 +15,7 @@ from taskspec.base.extras import install, is_installed
 from taskspec.base.files import safe_name, write_text
 from taskspec.base.limits import tell, telling
 from taskspec.cli.check import mark, reported, verdict
-from taskspec.cli.console import columns, console, fail, line, print_diagnostics, say, to_json
+from taskspec.cli.console import VisibleText, columns, console, fail, line, print_diagnostics, say, to_json
 from taskspec.cli.docs import has_scores
 from taskspec.cli.options import LimitsGiven, Targets, folder_option
 from taskspec.cli.progress import progress
@@ -111,7 +111,7 @@ def _table(checked: Sequence[Checked], width: int) -> Table:
         numbers.remove(3)
     table = columns(*headers, right=numbers, styles=("", "name"))
     for each in checked:
-        cells = [mark(each.diagnostics), each.title, "", "", each.finding.how, each.finding.claims_words]
+        cells: list[VisibleText | str] = [mark(each.diagnostics), each.title, "", "", each.finding.how, each.finding.claims_words]
         if each.task is not None:
             cells[2] = size(each.task)
             cells[3] = horizon(each.task)

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 FORMATS = ("text", "json", "github")
 ENTRIES: dict[Kind, str] = {"experiment": "instance", "exam": "rule", "findings": "finding"}
 """The entries of files that are no specs."""
+NOUNS: dict[Kind, str] = {"findings": "findings file"}
 
 
 def check(
@@ -167,14 +168,16 @@ def _print_text(reports: Sequence[FileReport], problems: Sequence[Diagnostic]) -
 
 def _table(reports: Sequence[FileReport]) -> Table:
     tasks = [each for report in reports for each in report.tasks]
+    is_built = any(each.id is not None for each in tasks)
     shown = {
-        "validated by": any(each.id is not None for each in tasks),
-        "settings": any(each.id is not None for each in tasks),
-        "claims": any(each.id is not None for each in tasks),
+        "validated by": True,
+        "settings": is_built,
+        "claims": is_built,
         "examples": any(each.finding.examples for each in tasks),
         "symmetries": any(each.finding.symmetries for each in tasks),
     }
     table = columns("", "", *(header for header, is_shown in shown.items() if is_shown), fold=(1,))
+    table.show_header = is_built
     for report in reports:
         table.add_row(mark(report.diagnostics), VisibleText(report.path, style="title"))
         if report.kind != "taskspec":
@@ -211,9 +214,9 @@ def verdict(reports: Sequence[FileReport], errors: int, warnings: int, seconds: 
     what = []
     if kinds["taskspec"] or not kinds:
         what.append(f"{plural(tasks, 'task')} in {plural(kinds['taskspec'], 'spec')}")
-    for kind, noun in (("experiment", "experiment"), ("exam", "exam"), ("findings", "findings file")):
+    for kind in ENTRIES:
         if kinds[kind]:
-            what.append(plural(kinds[kind], noun))
+            what.append(plural(kinds[kind], NOUNS.get(kind, kind)))
     found = line(" and ".join(filter(None, (", ".join(what[:-1]), what[-1]))), ": ")
     if errors:
         found.append(plural(errors, "error"), "bad")

@@ -131,7 +131,7 @@ def _named(expressions: Mapping[str, Any]) -> list[Line]:
 
 def _expression(text: str, cases: Iterable[Mapping[str, Any]]) -> VisibleText:
     """Return an expression with the values of parameters that it is for."""
-    line = VisibleText.assemble(_colored(visible(text)))
+    line = _colored(visible(text))
     listed = "; ".join(", ".join(f"{name}={setting(value)}" for name, value in case.items()) for case in cases)
     if listed:
         line.append(f"  for {listed}", "quiet")

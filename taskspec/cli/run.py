@@ -156,13 +156,14 @@ def _watching(kind: str | None, path: Path, episodes: int) -> Iterator[Watch | N
         if kind == "gif" and film.frames > GIF_FRAMES:
             raise misuse(f"a GIF holds {GIF_FRAMES} steps at most", "make an MP4, or cut the episode with --max-steps")
 
-    if kind == "ansi":
-        yield show
-    elif kind == "gif" or kind == "mp4":
-        with progress(str(path)), Film(path, kind, episodes) as film:
-            yield film_of_limited_length
-    else:
-        yield None
+    match kind:
+        case "ansi":
+            yield show
+        case "gif" | "mp4":
+            with progress(str(path)), Film(path, kind, episodes) as film:
+                yield film_of_limited_length
+        case _:
+            yield None
 
 
 def _record(task: Task, policy: str, seed: int, summary: Summary, done: list[Episode]) -> dict[str, Any]:
