@@ -123,7 +123,7 @@ def _table(checked: Sequence[Checked], width: int) -> Table:
 
 def _write(tasks: Sequence[Task], results: _Results, folder: Path) -> Iterator[tuple[Path, str]]:
     """Write everything that comes from tasks, and yield each path with a word on what it is."""
-    from taskspec.backends.scalar.program import compile_scalar
+    from taskspec.backends.scalar import compile_scalar
     from taskspec.pages.write import gather_pages, write_pages
     from taskspec.task.record import record
     from taskspec.task.schema.export import json_schema

@@ -130,7 +130,7 @@ def show(
 
 
 def _source(task: Task) -> str:
-    from taskspec.backends.scalar.program import compile_scalar
+    from taskspec.backends.scalar import compile_scalar
 
     return compile_scalar(task).source
 
