@@ -111,7 +111,14 @@ def _table(checked: Sequence[Checked], width: int) -> Table:
         numbers.remove(3)
     table = columns(*headers, right=numbers, styles=("", "name"))
     for each in checked:
-        cells: list[VisibleText | str] = [mark(each.diagnostics), each.title, "", "", each.finding.how, each.finding.claims_words]
+        cells: list[VisibleText | str] = [
+            mark(each.diagnostics),
+            each.title,
+            "",
+            "",
+            each.finding.how,
+            each.finding.claims_words,
+        ]
         if each.task is not None:
             cells[2] = size(each.task)
             cells[3] = horizon(each.task)

@@ -69,7 +69,9 @@ def _raced(task: Pair, lanes: int | None, backend: str, rounds: int, seconds: fl
 
 def _print(results: Sequence[Result], lanes: int | None) -> None:
     target = ["target"] if lanes is None else []
-    table = columns("", "task", "taskspec", "±", "seals", "±", "ratio", "spread", *target, right=range(2, 8 + len(target)))
+    table = columns(
+        "", "task", "taskspec", "±", "seals", "±", "ratio", "spread", *target, right=range(2, 8 + len(target))
+    )
     for r in results:
         mark = (
             VisibleText("")
