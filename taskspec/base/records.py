@@ -10,32 +10,33 @@ if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass
 else:
 
-    def dataclass(**options):
-        """Make a frozen data class, as `dataclasses.dataclass` does, for modules that the first `gym.make` imports.
+    def dataclass(cls=None, /, **options):
+        """Make a data class, as `dataclasses.dataclass` does, for modules that the first `gym.make` imports.
 
         `dataclasses` compiles six methods for each frozen class, and the ninety classes on that path took a third of its time.
         Here `__init__` is compiled, and classes share the other methods.
         """
+        if not options.get("frozen"):
+            return dataclasses.dataclass(cls, **options)
+        return lambda cls: _frozen(cls, options)
 
-        def decorate(cls: type) -> Any:
-            methods = dict(_METHODS)
-            if options.get("slots"):
-                methods |= {"__getstate__": _values, "__setstate__": _set_state}
-            if options.get("eq", True):
-                methods |= {"__eq__": _equal, "__hash__": _hash}
-            missing = [name for name in methods if vars(cls).get(name) is None]
-            if cls.__doc__ is None:
-                cls.__doc__ = cls.__name__  # `dataclasses` would work out the signature for it
-            plain = options | {"frozen": False, "init": False, "repr": False, "eq": False}
-            made: Any = dataclasses.dataclass(**plain)(cls)
-            made.__init__ = _initializer(made, "kw_only" in options)
-            compared = [f.name for f in dataclasses.fields(made) if f.compare]
-            made._compared = staticmethod(attrgetter("__class__", *compared))
-            for name in missing:
-                setattr(made, name, methods[name])
-            return made
 
-        return decorate
+def _frozen(cls: type, options: dict[str, Any]) -> Any:
+    methods: dict[str, Any] = {"__repr__": _repr, "__setattr__": _refuse, "__delattr__": _refuse}
+    if options.get("slots"):
+        methods |= {"__getstate__": _values, "__setstate__": _set_state}
+    if options.get("eq", True):
+        methods |= {"__eq__": _equal, "__hash__": _hash}
+    missing = [name for name in methods if vars(cls).get(name) is None]
+    if cls.__doc__ is None:
+        cls.__doc__ = cls.__name__  # `dataclasses` would work out the signature for it
+    made: Any = dataclasses.dataclass(**options | {"frozen": False, "init": False, "repr": False, "eq": False})(cls)
+    made.__init__ = _initializer(made, "kw_only" in options)
+    compared = [f.name for f in dataclasses.fields(made) if f.compare]
+    made._compared = staticmethod(attrgetter("__class__", *compared))
+    for name in missing:
+        setattr(made, name, methods[name])
+    return made
 
 
 def _initializer(cls: type, kw_only: bool) -> Any:
@@ -79,7 +80,7 @@ def _repr(self: Any) -> str:
     return f"{type(self).__qualname__}({shown})"
 
 
-def _frozen(self: Any, name: str, value: object = None) -> None:
+def _refuse(self: Any, name: str, value: object = None) -> None:
     raise dataclasses.FrozenInstanceError(f"cannot change field {name!r}")
 
 
@@ -90,6 +91,3 @@ def _values(self: Any) -> list[Any]:
 def _set_state(self: Any, state: list[Any]) -> None:
     for field, value in zip(dataclasses.fields(self), state, strict=True):
         object.__setattr__(self, field.name, value)
-
-
-_METHODS: dict[str, Any] = {"__repr__": _repr, "__setattr__": _frozen, "__delattr__": _frozen}
