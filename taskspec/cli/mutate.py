@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from taskspec.mutation import Judgement, Mutant
+    from taskspec.mutation.judge import Judgement
+    from taskspec.mutation.mutants import Mutant
 
     Judged = tuple[Path, Mutant, Judgement]
 
@@ -43,7 +44,8 @@ def mutate(
     row, a bound left out) is put through the whole check. Changes that no error, warning, claim or example notices show
     which mistakes could stay undetected.
     """
-    from taskspec.mutation import CLASSES, has_timers, judgements, mutants
+    from taskspec.mutation.judge import CLASSES, has_timers, judgements
+    from taskspec.mutation.mutants import mutants
     from taskspec.source import read_file
     from taskspec.targets import files_of
 
@@ -88,7 +90,7 @@ def _print(judged: list[Judged], classes: list[str]) -> None:
 
 def _table(judged: list[Judged]) -> Table:
     """Return how many changes there are of each class, spec by spec."""
-    from taskspec.mutation import CLASSES
+    from taskspec.mutation.judge import CLASSES
 
     counts: dict[Path, Counter[str]] = {}
     total: Counter[str] = Counter()
