@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.abstraction.symmetries import verify_symmetry
+from taskspec.abstraction.symmetry_proofs import verify_symmetry
 from taskspec.exact import Results, score
 from taskspec.registry import task_ids
 from taskspec.task.task import Task
