@@ -350,3 +350,10 @@ class Steps:
             weights.append(weight)
         (first,), weight = merge_outcomes([np.concatenate(codes)], np.concatenate(weights))
         return first, weight
+
+
+def total(which: Array, values: Array, size: int) -> Array:
+    """Return sums (size,) of the values (N,) of each group, floats or rationals."""
+    sums = np.zeros(size, values.dtype)
+    np.add.at(sums, which, values)
+    return sums
