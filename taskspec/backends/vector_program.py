@@ -47,8 +47,9 @@ class Values:
         return self._shown([part.copy() for part in self.parts])
 
     def _shown(self, raw: Sequence[Array]) -> Any:
-        shown = list(map(_lanes_first, raw))
-        return {p.name: a for p, a in zip(self.layout.parts, shown, strict=True)} if self.layout.is_dict else shown[0]
+        if not self.layout.is_dict:
+            return _lanes_first(raw[0])
+        return {part.name: _lanes_first(each) for part, each in zip(self.layout.parts, raw, strict=True)}
 
     def part(self, lanes: slice) -> Values:
         """Return a range of the lanes, sharing memory."""
