@@ -15,9 +15,8 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, reads, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT, Kind, Type
-from taskspec.lang.variates import VARIATES
+from taskspec.lang.variates import VARIATES, WordLayout, words_of
 from taskspec.lang.variates.choices import row_table
-from taskspec.lang.variates.sample import WordLayout, words_of
 from taskspec.task.task import Task
 
 # ---------- hoist

@@ -22,8 +22,7 @@ from taskspec.lang.ir import Apply, Const, Draw, Node, Role, children, draws, re
 from taskspec.lang.operators import entry_of
 from taskspec.lang.types import Range
 from taskspec.lang.variates import VARIATES
-from taskspec.lang.variates.entry import ProbabilityArithmetic
-from taskspec.lang.variates.outcomes import FAINTEST, both, once
+from taskspec.lang.variates.entry import FAINTEST, ProbabilityArithmetic, both, once
 from taskspec.model.lump import lumped
 from taskspec.model.model import refuse
 from taskspec.model.space import MAX_CODES, Reads, Space, distinct

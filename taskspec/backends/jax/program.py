@@ -24,8 +24,7 @@ from taskspec.lang.interval import bounds, rounded, single_step
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, reads, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.types import INF, INT_MAX, Kind, Range
-from taskspec.lang.variates import VARIATES
-from taskspec.lang.variates.sample import WordLayout, words_of
+from taskspec.lang.variates import VARIATES, WordLayout, words_of
 from taskspec.task.reach import over, reach, widest
 from taskspec.task.spaces import Segment, SpaceLayout
 from taskspec.task.task import Component, Task

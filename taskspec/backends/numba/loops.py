@@ -18,9 +18,8 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Role
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT_MAX, Kind, Type
-from taskspec.lang.variates import VARIATES
-from taskspec.lang.variates.sample import WordLayout as WordLayout
-from taskspec.lang.variates.sample import words_of
+from taskspec.lang.variates import VARIATES, words_of
+from taskspec.lang.variates import WordLayout as WordLayout
 from taskspec.task.spaces import Segment, SpaceLayout
 from taskspec.task.task import Component, Task
 

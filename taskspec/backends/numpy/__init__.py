@@ -27,7 +27,7 @@ from taskspec.base.arrays import Array
 from taskspec.lang import batch
 from taskspec.lang.ir import Node
 from taskspec.lang.ir import draws as draws_below
-from taskspec.lang.variates.sample import WordLayout, batch_sampler
+from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 

@@ -16,7 +16,7 @@ from taskspec.base.arrays import Array
 from taskspec.lang.batch import UNSORTED, Runtime, network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.types import Kind
-from taskspec.lang.variates.sample import many
+from taskspec.lang.variates import many
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 

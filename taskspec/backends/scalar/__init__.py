@@ -21,7 +21,7 @@ from taskspec.backends.source_text import run
 from taskspec.base.records import dataclass
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.operators import OPERATORS
-from taskspec.lang.variates.sample import sampler
+from taskspec.lang.variates import sampler
 from taskspec.task.spaces import SpaceLayout, pack, singles
 from taskspec.task.task import Task
 

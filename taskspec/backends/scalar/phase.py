@@ -18,7 +18,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import Kind, Type
-from taskspec.lang.variates.sample import WordLayout, batch_sampler
+from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.task.spaces import SpaceLayout
 
 # ---------- phase
