@@ -232,14 +232,14 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Nothing to close."""
 
     def _observation(self) -> Any:
-        return self._seen if self._reuse else self._engine.buffers.seen.fresh()
+        return self._seen if self._reuse else self._engine.buffers.seen.view(copy=True)
 
     def _final(self) -> dict[str, Any]:
         """Last observations of the episodes that ended in this step, and which these are."""
         b = self._engine.buffers
         if self._reuse and self._last is not None:
             return {"final_obs": self._last, "_final_obs": b.ended, "final_info": {}, "_final_info": b.ended}
-        rows = _rows(b.final.fresh(), b.ended)
+        rows = _rows(b.final.view(copy=True), b.ended)
         return {"final_obs": rows, "_final_obs": b.ended.copy(), "final_info": {}, "_final_info": b.ended.copy()}
 
     # -- seeds ----------------------------------------------------------------------------------------------------

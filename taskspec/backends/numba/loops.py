@@ -12,7 +12,7 @@ from taskspec.backends.lane_form import LaneValue
 from taskspec.backends.lowering import compared, word_names
 from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
 from taskspec.backends.numpy.step import never
-from taskspec.backends.source_text import literal, without_unused
+from taskspec.backends.source_text import indent, literal, without_unused
 from taskspec.backends.vector_program import Mode
 from taskspec.lang.ir import Const, Draw, Node, Role
 from taskspec.lang.operators import OPERATORS
@@ -214,10 +214,6 @@ def _stores(p: Program, loop: Loop) -> dict[MemoryRow, str]:
 
 
 # -- functions of a kernel ----------------------------------------------------------------------------------------
-
-
-def indent(lines: Sequence[str], by: int = 1) -> list[str]:
-    return [f"{'    ' * by}{line}" if line else "" for line in lines]
 
 
 def action_rows(p: Program) -> list[tuple[str, str]]:
