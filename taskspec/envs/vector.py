@@ -18,7 +18,7 @@ from taskspec.backends import backend_table
 from taskspec.backends.backend_table import BackendName
 from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Mode, Options
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import install_package
 from taskspec.envs.options import (
     ENDINGS,
@@ -43,22 +43,12 @@ from taskspec.task.task import Task, TaskLike
 
 __all__ = ["VectorEnvironment"]
 
-# ---------- vector
-# Many environments of a task behind Gymnasium's vector interface.
-#
-# Lane i of `reset(seed=s)` walks the trajectory of the scalar environment with seed s + i, on every backend and for
-# every number of lanes. Needs Gymnasium 1.1 or later.
 
 if not hasattr(gymnasium.vector, "AutoresetMode"):
-    raise SpecError(
-        [
-            Diagnostic(
-                "E705",
-                None,
-                f"vector environments need Gymnasium 1.1 or later; this is {gymnasium.__version__}",
-                f"{install_package('gymnasium>=1.1')}, or use taskspec.envs.sb3, or SyncVectorEnv over taskspec.make",
-            )
-        ]
+    raise spec_error(
+        "E705",
+        f"vector environments need Gymnasium 1.1 or later; this is {gymnasium.__version__}",
+        f"{install_package('gymnasium>=1.1')}, or use taskspec.envs.sb3, or SyncVectorEnv over taskspec.make",
     )
 AutoresetMode = gymnasium.vector.AutoresetMode
 _MODES: dict[str, Mode] = {"NextStep": "next_step", "SameStep": "same_step", "Disabled": "disabled"}
@@ -314,10 +304,6 @@ def _rows(seen: Any, ended: Array) -> Array:
     for lane in np.flatnonzero(ended):
         rows[lane] = {name: part[lane] for name, part in seen.items()} if isinstance(seen, dict) else seen[lane]
     return rows
-
-
-# ---------- instances
-# Several instances of a task behind one vector interface: each lane has the constants of its own `instance_seed`.
 
 
 class InstanceLanes(VectorEnvironment):

@@ -18,7 +18,7 @@ from taskspec.backends.lowering import compared, folded, word_names
 from taskspec.backends.source_text import indent, names_of, run, tuple_of
 from taskspec.backends.vector_program import Buffers, Episodes, LanesNotRunningError, Mode, Options, action_reader
 from taskspec.base.arrays import AnyArray, Array
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import spec_error
 from taskspec.lang.interval import rounded, single_step
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, reads, walk
 from taskspec.lang.operators import Operator
@@ -28,9 +28,6 @@ from taskspec.lang.variates.sample import WordLayout, words_of
 from taskspec.task.reach import over, reach, widest
 from taskspec.task.spaces import Segment, SpaceLayout
 from taskspec.task.task import Component, Task
-
-# ---------- program
-# The JAX program: a task as pure functions of arrays, lanes last, and Gymnasium's layout of its values.
 
 DTYPES: dict[Kind, Any] = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL: jnp.float32}
 
@@ -231,7 +228,7 @@ def _check_ints(task: Task, roots: Sequence[Node]) -> None:
     most = widest(roots, INT_MAX, inside | counts, single_step)
     if most:
         message = f"an int of {task.id} may be as large as {most:.4g}; ints of JAX end at {INT_MAX}"
-        raise SpecError([Diagnostic("E715", None, message, 'use the backend "numba" or "numpy"')])
+        raise spec_error("E715", message, 'use the backend "numba" or "numpy"')
 
 
 def _read(roots: Sequence[Node], known: Mapping[int, Range]) -> Iterator[tuple[Node, Range]]:
@@ -302,10 +299,6 @@ def open_names(task: Task) -> dict[str, str]:
     """Return the parameters that a task leaves open, in alphabetical order, and their names in the source."""
     found = sorted(name for role, name in reads((*task.reset_roots, *task.step_roots)) if role is Role.PARAMETER)
     return {name: f"p{i}" for i, name in enumerate(found)}
-
-
-# ---------- engine
-# Many environments of a task, stepped by one jitted function (see `taskspec.backends.vector_program.Engine`).
 
 
 class JaxEngine:

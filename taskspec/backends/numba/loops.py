@@ -23,9 +23,6 @@ from taskspec.lang.variates.sample import words_of
 from taskspec.task.spaces import Segment, SpaceLayout
 from taskspec.task.task import Component, Task
 
-# ---------- loops
-# The loops over lanes of a Numba program as source, and the memory that they work on.
-
 SCRATCH = 1 << 16
 """Bytes of random words of a block, about: what a first-level cache and a part of the second hold."""
 BLOCK = 1024
@@ -358,14 +355,6 @@ def begin(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
         *indent(["j = u64(lanes[i])", *loads, *body], 2),
     ]
     return text, used, loop.shown
-
-
-# ---------- step
-# The generated module of a Numba program: the step, and the reset, of many lanes.
-#
-# `advance` is the step of n lanes and `begin` the first state of some of them: loops over lanes in which everything is a
-# scalar. `kernel` does either over the memory of an environment, block by block, so that what one loop leaves in the cache the
-# next one finds there.
 
 
 def generate(
