@@ -17,10 +17,9 @@ from taskspec.backends.source_text import literal, tuple_of
 from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
 from taskspec.lang.operators import OPERATORS, Elements, Operator, entry_of
-from taskspec.lang.operators.structure import strided
+from taskspec.lang.operators.vectors import strided
 from taskspec.lang.types import Kind
-from taskspec.lang.variates import VARIATES
-from taskspec.lang.variates.sample import one
+from taskspec.lang.variates import VARIATES, one
 
 UNROLLED = 16
 """Vectors up to this many elements become one expression for each."""

@@ -15,9 +15,8 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, reads, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT, Kind, Type
-from taskspec.lang.variates import VARIATES
+from taskspec.lang.variates import VARIATES, WordLayout, words_of
 from taskspec.lang.variates.choices import row_table
-from taskspec.lang.variates.sample import WordLayout, words_of
 from taskspec.task.task import Task
 
 # -- values out of the steps ----------------------------------------------------------------------------------------
@@ -62,7 +61,7 @@ class Invariants:
     observation: bool
 
     @classmethod
-    def of(cls, task: Task, rows: bool) -> Invariants:
+    def of(cls, b: Builder, task: Task, rows: bool) -> Invariants:
         """`rows`: whether observations are float32 arrays, which can be kept and copied."""
         frozen = frozen_components(task)
         roots = (*task.next, task.reward, task.terminal)
@@ -76,7 +75,7 @@ class Invariants:
         fixed = everywhere(everything, is_fixed)
         # The first observation may be another: `x'` may be the same in every step, and not be `x`.
         observed = rows and all(fixed[id(n)] for n in task.next_observation)
-        observed = observed and _at_reset(task, task.next_observation) == task.first_observation
+        observed = observed and _at_reset(b, task, task.next_observation) == task.first_observation
         shown = roots if observed else everything
         # Rows of a table that a draw looks up stay: their probabilities are exact only while they are known as such.
         for node in walk(shown):
@@ -84,27 +83,27 @@ class Invariants:
                 fixed[id(node.args[0])] = False
         # A bare read or constant is not worth a variable.
         nodes = tuple(_maximal(shown, fixed, lambda node: isinstance(node, Apply)))
-        return cls(nodes, _at_reset(task, nodes), tuple(f"k{i}" for i in range(len(nodes))), observed)
+        return cls(nodes, _at_reset(b, task, nodes), tuple(f"k{i}" for i in range(len(nodes))), observed)
 
-    def replaced(self, task: Task, roots: Sequence[Node]) -> tuple[Node, ...]:
+    def replaced(self, b: Builder, roots: Sequence[Node]) -> tuple[Node, ...]:
         """Return roots that read the variables instead of computing the invariants."""
         names = {id(n): name for n, name in zip(self.nodes, self.names, strict=True)}
 
         def leaf(node: Node) -> Node | None:
             name = names.get(id(node))
-            return None if name is None else task.builder.read(Role.VARIABLE, name, node.type)
+            return None if name is None else b.read(Role.VARIABLE, name, node.type)
 
-        return rewrite(roots, leaf, task.builder.remake)
+        return rewrite(roots, leaf, b.remake)
 
 
-def _at_reset(task: Task, nodes: Sequence[Node]) -> tuple[Node, ...]:
+def _at_reset(b: Builder, task: Task, nodes: Sequence[Node]) -> tuple[Node, ...]:
     """Return nodes as functions of the first state."""
     first = {c.name: n for c, n in zip(task.state, task.initial, strict=True)}
 
     def leaf(node: Node) -> Node | None:
         return first[node.name] if isinstance(node, Read) and node.role is Role.STATE else None
 
-    return rewrite(nodes, leaf, task.builder.remake_late)
+    return rewrite(nodes, leaf, b.remake_late)
 
 
 WIDE = 32

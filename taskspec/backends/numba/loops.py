@@ -14,12 +14,12 @@ from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
 from taskspec.backends.numpy.step import never
 from taskspec.backends.source_text import indent, literal, without_unused
 from taskspec.backends.vector_program import Mode
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Role
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT_MAX, Kind, Type
-from taskspec.lang.variates import VARIATES
-from taskspec.lang.variates.sample import WordLayout as WordLayout
-from taskspec.lang.variates.sample import words_of
+from taskspec.lang.variates import VARIATES, words_of
+from taskspec.lang.variates import WordLayout as WordLayout
 from taskspec.task.spaces import Segment, SpaceLayout
 from taskspec.task.task import Component, Task
 
@@ -83,7 +83,7 @@ class Program:
     constants: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        b = self.task.builder
+        b = self.task.new_builder()
         self.step_words = self.task.step_words
         self.step = compared(b, self.task.step_roots)
         self.reset_words = self.task.reset_words
@@ -151,7 +151,7 @@ def _loop(p: Program, roots: Sequence[Node], words: WordLayout, at: str, acting:
     for draw in words.draws:
         for name, number in zip(word_names(draw), numbers[draw.site], strict=True):
             names[Role.VARIABLE, name] = LaneValue([f"i64({number})"])
-    lane = KernelLane(names, numbers, p.task.builder.certain, constants=p.constants, unrolled=EVERYTHING)
+    lane = KernelLane(names, numbers, Builder().certain, constants=p.constants, unrolled=EVERYTHING)
     lane.reals = {d.site: [f"r{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
     shown = _shown(p, roots, words)
     hidden = {len(roots) - len(p.observation.components) + i for i in shown}

@@ -27,7 +27,7 @@ from taskspec.base.arrays import Array
 from taskspec.lang import batch
 from taskspec.lang.ir import Node
 from taskspec.lang.ir import draws as draws_below
-from taskspec.lang.variates.sample import WordLayout, batch_sampler
+from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
@@ -188,7 +188,7 @@ class Module:
 @lru_cache(maxsize=64)
 def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
     """Generate and compile the array form of a task."""
-    b = task.builder
+    b = task.new_builder()
     observation = task.observation_layout
     roots = task.step_roots
     hoisted = hoist(b, roots, task.step_words)
