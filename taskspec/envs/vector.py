@@ -108,8 +108,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._spec: EnvSpec | None = None
         options = Options(_MODES[self.autoreset_mode.value], num_threads)
         self._engine = backend_table.engine(self.task, num_envs, self.backend, options)
-        self._set_spaces()
         self._same_step = self.autoreset_mode == AutoresetMode.SAME_STEP
+        self._set_spaces()
         self._reuse = reuse
         self._seeded = False
         self._drawings: defaultdict[int, Frames] = defaultdict(Frames)
