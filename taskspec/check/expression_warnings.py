@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from taskspec.base.limits import limits
+import numpy as np
+
+from taskspec.base.arrays import Array
 from taskspec.check.name_warnings import followed, mentioned
 from taskspec.check.warning_context import Doubt, LintContext
 from taskspec.lang import syntax as s
@@ -16,13 +18,18 @@ from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, dra
 from taskspec.lang.operators import entry_of
 from taskspec.lang.scope import ClampedIndex
 from taskspec.lang.types import INT, Kind
-from taskspec.model.space import words
-from taskspec.soundness.phases import Check, Examination, PhaseBuilder, Violation, entries
+from taskspec.model.points import Samples, columns
+from taskspec.model.space import Reads, words
+from taskspec.rollout.rollout import visited
+from taskspec.soundness.phases import Check, CheckPhase, Examination, Violation, entries
 from taskspec.soundness.places import SectionScope, distributions
 from taskspec.soundness.soundness import in_words
 from taskspec.task.task import Task
 
 # -- indices --------------------------------------------------------------------------------------
+
+POINTS = 100_000
+"""States, actions and times that are evaluated, at most."""
 
 
 def moved(context: LintContext) -> Iterator[Doubt]:
@@ -31,7 +38,6 @@ def moved(context: LintContext) -> Iterator[Doubt]:
     left = {id(m.node): m for m in task.surface.moved}
     if not left:
         return
-    builder = PhaseBuilder(task, limits().points)
     expert = task.expert if isinstance(task.expert, tuple) else ()
     step = (*task.raw_next, task.reward, task.terminal)
     for phase, roots in (("observation", task.observation.nodes), ("expert", expert), ("step", step)):
@@ -44,9 +50,34 @@ def moved(context: LintContext) -> Iterator[Doubt]:
                     "W510", m.index, (0,) * size, (m.length - 1,) * size, phase, guards=(guard,), what=str(id(node))
                 )
                 checks[check.what] = check
-        for violation in Examination(builder.phase(phase, list(checks.values()))).violations():
-            if violation.acting:
-                yield _moved(left.pop(int(violation.check.what)), violation, task)
+        if not checks:
+            continue
+        points = Samples(_acting_points(context, roots), {})
+        for violation in Examination(CheckPhase(task, phase, tuple(checks.values()), points, False)).violations():
+            yield _moved(left.pop(int(violation.check.what)), violation, task)
+
+
+def _acting_points(context: LintContext, roots: Sequence[Node]) -> Reads:
+    """Return the values read at points at which episodes act: all if there is an exact model, otherwise samples."""
+    model = context.model
+    if model is None:
+        return visited(context.task)
+    read = reads(roots)
+    actions = 1
+    if any(role is Role.ACTION for role, _ in read):
+        actions = model.n_actions
+    levels: Iterable[tuple[int, Array]] = [(0, model.acting)]
+    if (Role.TIME, "t") in read or model.is_timed:
+        levels = model.levels()
+    parts = []
+    left = POINTS
+    for t, level in levels:
+        codes = model.codes[level]
+        every = np.arange(len(codes) * actions)[:left]
+        left -= len(every)
+        point = model.states.decode(codes[every % len(codes)], read) | model.actions.decode(every // len(codes), read)
+        parts.append(point | {(Role.TIME, "t"): np.full(len(every), t)})
+    return columns(parts)
 
 
 def _moved(m: ClampedIndex, violation: Violation, task: Task) -> Doubt:

@@ -15,8 +15,7 @@ from taskspec.lang.ir import Draw, Node, Read, Role, draws, reads, rewrite, walk
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import VARIATES
 from taskspec.model.extract import extract
-from taskspec.model.model import Model
-from taskspec.model.reach import differs, groups
+from taskspec.model.model import Model, differs, groups
 from taskspec.model.space import plain, shown, words
 from taskspec.rollout.rollout import at_random, is_bounded
 from taskspec.scores.partial_observability import pomdp_bounds
