@@ -109,6 +109,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         options = Options(_MODES[self.autoreset_mode.value], num_threads)
         self._engine = backend_table.engine(self.task, num_envs, self.backend, options)
         self._same_step = self.autoreset_mode == AutoresetMode.SAME_STEP
+        self._has_infos = bool(self.task.info) and not self._same_step
         self._set_spaces()
         self._reuse = reuse
         self._seeded = False
@@ -119,7 +120,6 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.single_action_space: gymnasium.Space[Any] = space(self._engine.action)
         self.observation_space: gymnasium.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
         self.action_space: gymnasium.Space[Any] = batch_space(self.single_action_space, self.num_envs)
-        self._has_infos = bool(self.task.info) and not self._same_step
         b = self._engine.buffers
         self._seen = b.seen.view()
         self._results = (b.reward, b.terminated, b.truncated)
