@@ -1,0 +1,542 @@
+"""Fingerprints: which Bellman operator a learner really applies, read from the values that it learned.
+
+A learner that bootstraps comes to the fixed point of the operator that its code applies. On a finite task the fixed points of the
+right operator and of wrong ones are computed exactly; the nearest one names the mistake, without a right version to compare with.
+
+Symbols: P[a, s, s'] is the probability that the episode goes on in s', P_end[a, s, s'] that it ends there, R[a, s] the expected
+reward, V(s) = max over a of Q(s, a) unless an operator says otherwise; for the critic of an actor, V(s) is the mean of Q(s, a)
+under its policy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.lang.builder import Builder
+from taskspec.lang.ir import Node
+from taskspec.lang.types import REAL
+from taskspec.model.extract import extract
+from taskspec.model.model import Model, misused, refuse
+from taskspec.modifiers.core import paying
+from taskspec.policies.adapters import ProbabilisticPolicy
+from taskspec.policies.policy import greedy, states_of
+from taskspec.registry import load
+from taskspec.task.task import Task, TaskLike
+
+RIGHT = 0.15
+"""Values this near to the right ones, as a share of their spread, are right."""
+NEAR = 0.25
+CLEARER = 0.5
+MUCH_CLEARER = 0.2
+"""A wrong operator is named if the values are within `NEAR` of its fixed point, and their distance is at most `CLEARER` of that
+to the right values; or if it is at most `MUCH_CLEARER` of that."""
+SAME = 0.03
+"""Operators whose distances differ by less than this cannot be told apart."""
+SWEEPS = 5000
+"""Applications of an operator, at most."""
+PRECISION = 1e-7
+"""Change of the values, as a share of the largest reward, at which they are taken for the fixed point."""
+EXPLORATION = 0.1
+"""The share of random actions that is assumed where an operator depends on how the learner behaves."""
+EXPLORATIONS = (0.05, 0.1, 0.2, 0.3)
+"""The shares that are tried for learners that value their own behaviour."""
+LARGEST = 20_000
+"""State-action pairs of a task, at most."""
+
+Reduce = Callable[[Array], Array]
+"""From Q, (A, S), to V, (S,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What operators are applied to: a finite task whose dynamics do not depend on the time, and the learner's discount.
+
+    Attributes:
+        model: the exact model.
+        gamma: the learner's discount.
+        clipped, signs: float64 (A, S), expected rewards of which each was clipped to [-1, 1], or replaced by its sign.
+    """
+
+    model: Model
+    gamma: float
+    clipped: Array
+    signs: Array
+
+    @property
+    def R(self) -> Array:
+        """float64 (A, S)."""
+        expected: Array = self.model.step(0).R.reshape(self.model.n_actions, self.model.n_states)
+        return expected
+
+    def following(self, V: Array) -> Array:
+        """Return the expected value (A, S) of the next state, 0 where the episode ends."""
+        expected: Array = (self.model.step(0).P @ V).reshape(self.R.shape)
+        return expected
+
+    def ending(self, V: Array) -> Array:
+        """Return the same of the states in which the episode ends, 0 where it goes on."""
+        P_end = self.model.step(0).P_end
+        if P_end is None:
+            return np.zeros_like(self.R)
+        expected: Array = (P_end @ V).reshape(self.R.shape)
+        return expected
+
+    def visits(self, policy: Array) -> Array:
+        """Return float64 (H, S): how often a policy (A, S) acts in each state at each time; without a horizon, one row."""
+        rows = []
+        now = self.model.start.copy()
+        steps = SWEEPS if self.model.horizon is None else self.model.horizon
+        for _ in range(steps):
+            rows.append(now)
+            now = self.model.step(0).P.T @ (policy * now).reshape(-1)
+            if now.sum() < 1e-9:
+                break
+        counts = np.array(rows)
+        return counts.sum(axis=0, keepdims=True) if self.model.horizon is None else counts
+
+    def last_share(self, policy: Array) -> Array:
+        """Return float64 (S,): of the visits to a state, the share in the last step before the limit."""
+        horizon = self.model.horizon
+        counts = self.visits(policy)
+        if horizon is None or len(counts) < horizon:
+            return np.zeros(self.model.n_states)
+        total = counts.sum(axis=0)
+        share: Array = np.divide(counts[-1], total, out=np.zeros_like(total), where=total > 0)
+        return share
+
+
+# -- operators --------------------------------------------------------------------------------------------------------
+
+Backup = Callable[[Setting, Array, Array], Array]
+"""From a setting, Q (A, S) and V (S,) to the next Q (A, S)."""
+
+
+@dataclass(frozen=True)
+class Operator:
+    """A Bellman operator, and the mistake that makes a learner apply it.
+
+    Attributes:
+        backup: from Q and V to the next Q.
+        mistake: a sentence that follows "your values are those of a learner".
+        code: what such code usually looks like.
+        fix: what to do.
+        reduce: the reduction of Q to V, where it is part of the mistake.
+        on_policy: whether V is the expectation of Q under what the learner does.
+    """
+
+    name: str
+    backup: Backup
+    mistake: str
+    code: str
+    fix: str
+    reduce: Callable[[Setting, Array], Array] | None = None
+    on_policy: bool = False
+
+
+def _right(s: Setting, Q: Array, V: Array) -> Array:
+    return s.R + s.gamma * s.following(V)
+
+
+def _ends_ignored(s: Setting, Q: Array, V: Array) -> Array:
+    known = np.where(s.model.acting, V, 0.0)  # a state in which no episode acts keeps the value that it was created with
+    return s.R + s.gamma * (s.following(V) + s.ending(known))
+
+
+def _next_episode(s: Setting, Q: Array, V: Array) -> Array:
+    first = float(s.model.start @ V)
+    last = s.last_share(_behaviour(Q))
+    ones = np.ones_like(V)
+    goes_on = (1 - last) * s.following(V)
+    starts_again = s.ending(ones) + last * s.following(ones)
+    found: Array = s.R + s.gamma * (goes_on + first * starts_again)
+    return found
+
+
+def _limit_is_end(s: Setting, Q: Array, V: Array) -> Array:
+    return s.R + s.gamma * (1 - s.last_share(_behaviour(Q))) * s.following(V)
+
+
+def _same_state(s: Setting, Q: Array, V: Array) -> Array:
+    goes_on = s.following(np.ones_like(V))
+    found: Array = s.R + s.gamma * goes_on * V
+    return found
+
+
+def _reward_discounted(s: Setting, Q: Array, V: Array) -> Array:
+    return s.gamma * (s.R + s.following(V))
+
+
+def _discounted_twice(s: Setting, Q: Array, V: Array) -> Array:
+    return s.R + s.gamma**2 * s.following(V)
+
+
+def _undiscounted(s: Setting, Q: Array, V: Array) -> Array:
+    return s.R + s.following(V)
+
+
+def _immediate(s: Setting, Q: Array, V: Array) -> Array:
+    return s.R
+
+
+def _clipped(s: Setting, Q: Array, V: Array) -> Array:
+    return s.clipped + s.gamma * s.following(V)
+
+
+def _signs(s: Setting, Q: Array, V: Array) -> Array:
+    return s.signs + s.gamma * s.following(V)
+
+
+def _negated(s: Setting, Q: Array, V: Array) -> Array:
+    return -s.R + s.gamma * s.following(V)
+
+
+def _action_before(s: Setting, Q: Array, V: Array) -> Array:
+    n = s.model.n_states
+    P = s.model.step(0).P
+    following = np.stack([P[a * n : (a + 1) * n] @ Q[a] for a in range(s.model.n_actions)])
+    return s.R + s.gamma * following
+
+
+def _behaviour(Q: Array, exploration: float = EXPLORATION) -> Array:
+    """Return probabilities (A, S): greedy for Q, with a share of random actions."""
+    return (1 - exploration) * greedy(Q.T).T + exploration / len(Q)
+
+
+def _mean(s: Setting, Q: Array) -> Array:
+    found: Array = Q.mean(axis=0)
+    return found
+
+
+def _least(s: Setting, Q: Array) -> Array:
+    found: Array = Q.min(axis=0)
+    return found
+
+
+def _all_states(s: Setting, Q: Array) -> Array:
+    return np.full(Q.shape[1], Q[:, s.model.acting].max())
+
+
+OPERATORS = {
+    operator.name: operator
+    for operator in (
+        Operator("right", _right, "without a mistake in its targets", "r + gamma * (1 - terminated) * V(s')", ""),
+        Operator(
+            "on policy", _right, "that learns the values of what it does, exploration included (SARSA)",
+            "target = r + gamma * Q(s', a')", "Nothing, if that is meant; else take the maximum over actions.",
+            on_policy=True,
+        ),
+        Operator(
+            "ends ignored", _ends_ignored, "that bootstraps past the end of an episode",
+            "target = r + gamma * V(s')", "Multiply V(s') by (1 - terminated).",
+        ),
+        Operator(
+            "next episode", _next_episode, "for which an episode continues with the first state of the next one",
+            "next_obs taken after the environment was reset",
+            "Take the last observation of the episode (final_obs), and mask its value where it is terminal.",
+        ),
+        Operator(
+            "limit is an end", _limit_is_end, "for which the time limit ends the world",
+            "done = terminated or truncated", "Mask V(s') by terminated alone; truncated episodes keep their value.",
+        ),
+        Operator(
+            "same state", _same_state, "that takes the state it left for the one it reached",
+            "next_obs = obs, or a buffer that shares memory", "Store the observation that step() returned, as a copy.",
+        ),
+        Operator(
+            "mean of actions", _right, "that averages over the next actions instead of choosing the best",
+            "q(s').mean(axis=-1)", "Take the maximum over actions.", _mean,
+        ),
+        Operator(
+            "least action", _right, "that expects the worst of the next actions",
+            "q(s').min(axis=-1), or a minimum over the wrong axis", "Take the maximum over actions.", _least,
+        ),
+        Operator(
+            "all states", _right, "that takes the best value of any state for the next one",
+            "q.max() without an axis", "Take the maximum over the axis of actions.", _all_states,
+        ),
+        Operator(
+            "action before", _action_before, "that looks up the next state with the action that was just taken",
+            "q[s', a]", "Update the action before the look-up, or take the maximum.",
+        ),
+        Operator(
+            "reward discounted", _reward_discounted, "that discounts the reward, too",
+            "gamma * (r + V(s'))", "Move the parenthesis: r + gamma * V(s').",
+        ),
+        Operator(
+            "discounted twice", _discounted_twice, "that discounts twice a step",
+            "gamma in the buffer and in the target", "Apply gamma once.",
+        ),
+        Operator(
+            "undiscounted", _undiscounted, "that does not discount", "target = r + V(s')",
+            "Multiply V(s') by gamma.",
+        ),
+        Operator(
+            "immediate reward", _immediate, "that sees no further than the next reward",
+            "target = r, or gamma = 0", "Add gamma * V(s'), and check that its mask is not inverted.",
+        ),
+        Operator(
+            "rewards clipped", _clipped, "whose rewards are clipped to [-1, 1]",
+            "a wrapper or option for Atari was left on", "Remove it.",
+        ),
+        Operator(
+            "signs of rewards", _signs, "that sees the signs of rewards alone",
+            "np.sign(r), as wrappers for Atari do", "Remove it.",
+        ),
+        Operator(
+            "reward negated", _negated, "that takes rewards for costs", "target = -r + ...", "Remove the minus sign.",
+        ),
+    )
+}  # fmt: skip
+"""Operators by name: the right one first, then those of mistakes."""
+GOOD = ("right", "on policy")
+"""Operators that are no mistake."""
+
+
+# -- fixed points -----------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=32)
+def _setting(task: Task, gamma: float) -> Setting:
+    model = extract(task)
+    if model.is_timed:
+        refuse(f"{task.id} depends on the time, which values of states leave out", "add the time to the state")
+    if model.n_states * model.n_actions > LARGEST:
+        refuse(f"{task.id} has more than {LARGEST:,} pairs of states and actions")
+    clipped = extract(_paid(task, lambda b, r: b.apply("min2", b.apply("max2", r, b.scalar(-1)), b.scalar(1))))
+    signs = extract(_paid(task, lambda b, r: b.apply("sign", r)))
+    shape = (model.n_actions, model.n_states)
+    return Setting(model, gamma, clipped.step(0).R.reshape(shape), signs.step(0).R.reshape(shape))
+
+
+def _paid(task: Task, change: Callable[[Builder, Node], Node]) -> Task:
+    """Return the task with another reward."""
+    b = task.new_builder()
+    return paying(b, task, b.cast(change(b, task.reward), REAL.kind))
+
+
+def fixed_point(setting: Setting, operator: Operator, reduce: Reduce) -> Array | None:
+    """Return Q, float64 (A, S), that an operator does not change; None if it grows without a bound, or does not settle.
+
+    Args:
+        reduce: Q to V, for operators without a reduction of their own.
+    """
+    Q = np.zeros_like(setting.R)
+    size = max(1e-9, float(np.abs(setting.R).max()))
+    for _ in range(SWEEPS):
+        V = reduce(Q) if operator.reduce is None else operator.reduce(setting, Q)
+        following = operator.backup(setting, Q, V)
+        change = float(np.abs(following - Q).max())
+        Q = following
+        if change <= PRECISION * size:
+            return Q
+        if not change < 1e6 * size:
+            return None
+    return None
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """How far learned values are from the fixed point of each operator, as a share of the spread of the right values.
+
+    Attributes:
+        distances: by operator; those whose fixed point the task cannot show (it is that of the right one, or there is none)
+            are left out.
+        same: operators that are the right one on this task.
+    """
+
+    distances: Mapping[str, float]
+    same: frozenset[str] = field(default_factory=frozenset)
+
+    @property
+    def names(self) -> list[str]:
+        """The operators that explain the values: "right" alone, one mistake or several alike; none if no operator is near."""
+        return named(self.distances)
+
+
+def named(distances: Mapping[str, float]) -> list[str]:
+    """Return the operators that explain distances: those that are no mistake within their tolerance, else the nearest."""
+    for name in GOOD:
+        if distances.get(name, np.inf) <= RIGHT:
+            return [name]
+    nearest = min(distances.values())
+    right = distances["right"]
+    if nearest > CLEARER * right or nearest > max(NEAR, MUCH_CLEARER * right):
+        return []
+    return [name for name, distance in distances.items() if distance <= nearest + SAME]
+
+
+def pooled(fingerprints: Sequence[Fingerprint]) -> dict[str, float]:
+    """Return the mean distance of each operator over tasks and seeds; where one is the right one, that of the right one."""
+    means = {}
+    for name in OPERATORS:
+        found = [f.distances.get(name, f.distances["right"] if name in f.same else np.inf) for f in fingerprints]
+        mean = float(np.mean(found)) if found else np.inf
+        if np.isfinite(mean):
+            means[name] = mean
+    return means
+
+
+def fingerprint(
+    task: TaskLike, *, q: Any = None, values: Any = None, policy: Any = None, discount: float | None = None
+) -> Fingerprint:
+    """Compare learned values with the fixed points of all operators.
+
+    Args:
+        task: a finite task that does not depend on the time, and whose observations tell its states apart.
+        q: the learned Q-values: a table, float (O, A), of the numbers of discrete observations; or a function from observations
+            (N, *shape) to (N, A).
+        values: instead, the state values of a critic: a table (O,), or a function from observations to (N,).
+        policy: with `values`, the probabilities of actions of the policy that they value, in the same form as `q`.
+        discount: the learner's gamma; by default that of the task.
+
+    Raises:
+        SpecError: E712 where the task has no such fixed points, E713 where the values have the wrong shape.
+    """
+    if (q is None) == (values is None):
+        misused("give either `q` or `values`")
+    if values is not None and policy is None:
+        misused("values are those of a policy", "give its probabilities of actions as `policy`")
+    task = load(task)
+    setting = _setting(task, task.discount if discount is None else float(discount))
+    model = setting.model
+    rows = _Observed(task, model)
+    reduce: Reduce = _best
+    pi = np.full((model.n_actions, model.n_states), 1 / model.n_actions)
+    if policy is not None:
+        pi = rows.read(policy, model.n_actions).T
+        reduce = _Expected(pi)
+    visits = setting.visits(pi).sum(axis=0)
+    weights = visits / visits.sum()
+    learned = rows.read(q, model.n_actions).T if values is None else rows.read(values, None)
+    if not np.isfinite(learned[..., weights > 0]).all():
+        misused("the learned values are not finite numbers")
+    shown: dict[str, Array] = {}
+    right_q = fixed_point(setting, OPERATORS["right"], reduce)
+    if right_q is None:
+        refuse(f"values of {task.id} have no bound at discount {setting.gamma:g}", "give the learner's `discount`")
+    scale = _spread(right_q, weights)
+    for name, operator in OPERATORS.items():
+        found = [fixed_point(setting, operator, each) for each in _reductions(operator, reduce)]
+        known = [Q if values is None else (pi * Q).sum(axis=0) for Q in found if Q is not None]
+        if known:
+            shown[name] = min(known, key=lambda Q: _distance(learned, Q, weights))
+    apart = {name: _distance(Q, shown["right"], weights) / scale for name, Q in shown.items()}
+    same = frozenset(name for name, distance in apart.items() if distance < RIGHT and name != "right")
+    distances = {
+        name: _distance(learned, Q, weights) / scale for name, Q in shown.items() if name not in same
+    }  # fmt: skip
+    return Fingerprint(distances, same)
+
+
+def _reductions(operator: Operator, reduce: Reduce) -> list[Reduce]:
+    """Return the reductions of Q to V with which an operator is tried."""
+    if not operator.on_policy:
+        return [reduce]
+    return [_OfBehaviour(exploration) for exploration in EXPLORATIONS]
+
+
+@dataclass(frozen=True, eq=False)
+class _OfBehaviour:
+    """Q to V under the policy that is greedy for Q, with a share of random actions."""
+
+    exploration: float
+
+    def __call__(self, Q: Array) -> Array:
+        expected: Array = (_behaviour(Q, self.exploration) * Q).sum(axis=0)
+        return expected
+
+
+@dataclass(frozen=True, eq=False)
+class _Expected:
+    """Q to V under a policy (A, S)."""
+
+    pi: Array
+
+    def __call__(self, Q: Array) -> Array:
+        expected: Array = (self.pi * Q).sum(axis=0)
+        return expected
+
+
+def _best(Q: Array) -> Array:
+    best: Array = Q.max(axis=0)
+    return best
+
+
+class _Observed:
+    """What is observed in each state of a model."""
+
+    def __init__(self, task: Task, model: Model) -> None:
+        reader = ProbabilisticPolicy(task, np.asarray, 0)
+        if reader.is_noisy or reader.sees_time:
+            refuse(f"observations of {task.id} are not functions of the state")
+        self.layout = task.observation_layout
+        self.rows = reader.observe(states_of(model), 0, np.random.default_rng(0))
+        parts = self.rows.values() if isinstance(self.rows, dict) else [self.rows]
+        flat = np.hstack([np.asarray(part, np.float64).reshape(model.n_states, -1) for part in parts])
+        acted = flat[model.acting]
+        if len(np.unique(acted, axis=0)) < len(acted):
+            refuse(f"two states of {task.id} look alike, so that they share their learned values")
+        self.acting = model.acting
+
+    def read(self, learned: Any, columns: int | None) -> Array:
+        """Return learned numbers of every state, float64 (S, columns) or (S,).
+
+        Raises:
+            SpecError: E713 for another shape.
+        """
+        if callable(learned):
+            found = np.asarray(learned(self.rows), np.float64)
+        else:
+            found = self._looked_up(np.asarray(learned, np.float64))
+        shape = (len(self.acting),) if columns is None else (len(self.acting), columns)
+        if columns is None:
+            found = found.reshape(-1)
+        if found.shape != shape:
+            misused(f"learned values have shape {shape} for {shape[0]} observations here, not {found.shape}")
+        return found
+
+    def _looked_up(self, table: Array) -> Array:
+        if self.layout.form != "discrete":
+            misused("a table needs discrete observations", "give a function of observations")
+        numbers = np.asarray(self.rows) - self.layout.starts[0]
+        if len(table) != self.layout.counts[0]:
+            misused(f"a table has {self.layout.counts[0]} rows here, one for each observation, not {len(table)}")
+        looked: Array = table[numbers]
+        return looked
+
+
+def _distance(one: Array, other: Array, weights: Array) -> float:
+    """Return the root of the mean squared difference of Q (A, S) or V (S,), states weighted by visits."""
+    squared = (one - other) ** 2
+    if squared.ndim == 2:
+        squared = squared.mean(axis=0)
+    known = weights > 0
+    return float(np.sqrt(squared[known] @ weights[known]))
+
+
+def _spread(right: Array, weights: Array) -> float:
+    """Return the standard deviation of the right Q (A, S) over visited states and actions; their size if they are all equal."""
+    known = weights > 0
+    each = right[:, known]
+    share = weights[known] / len(each)
+    mean = float((each * share).sum())
+    deviation = float(np.sqrt((share * (each - mean) ** 2).sum()))
+    size = float(np.abs(each).max())
+    if deviation > 1e-3 * size:
+        return deviation
+    return size or 1.0
+
+
+def explanation(names: Iterable[str]) -> str:
+    """Return a sentence about the operators that explain values."""
+    found = list(names)
+    if not found:
+        return "The values match no known operator."
+    mistakes = ", or ".join(OPERATORS[name].mistake for name in found)
+    return f"The values are those of a learner {mistakes}."
