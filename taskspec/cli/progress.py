@@ -19,7 +19,7 @@ from taskspec.base.limits import progress_listener
 from taskspec.cli.console import say
 
 if TYPE_CHECKING:
-    from taskspec.jobs.engine import Standing
+    from taskspec.jobs.running import JobProgress
 
 PATIENCE = 1.0
 EVERY = 0.1
@@ -55,7 +55,7 @@ def progress(name: str) -> Iterator[None]:
 
 
 @contextmanager
-def bar(name: str) -> Iterator[Callable[[Standing], None]]:
+def bar(name: str) -> Iterator[Callable[[JobProgress], None]]:
     """A function that shows on standard error how far a run is, within the block: a bar, a rate, and the time left."""
     if not is_terminal():
         yield _Lines(name).show
@@ -94,9 +94,9 @@ def counter(name: str, total: int, delay: float = 0.0, quiet: bool = False) -> I
         shown.stop()
 
 
-def _words(standing: Standing) -> str:
-    failed = f"{standing.failed} failed" if standing.failed else ""
-    rate = "" if standing.left is None else f"{standing.rate:.3g}/s, {timedelta(seconds=round(standing.left))} left"
+def _words(reached: JobProgress) -> str:
+    failed = f"{reached.failed} failed" if reached.failed else ""
+    rate = "" if reached.left is None else f"{reached.rate:.3g}/s, {timedelta(seconds=round(reached.left))} left"
     return ", ".join(filter(None, (failed, rate)))
 
 
@@ -107,12 +107,12 @@ class _Lines:
         self.name = name
         self.due = time.monotonic() + BETWEEN_LINES
 
-    def show(self, standing: Standing) -> None:
+    def show(self, reached: JobProgress) -> None:
         now = time.monotonic()
         if now < self.due:
             return
-        counts = f"{standing.over}/{standing.total}"
-        words = ", ".join(filter(None, (counts, _words(standing))))
+        counts = f"{reached.over}/{reached.total}"
+        words = ", ".join(filter(None, (counts, _words(reached))))
         say(f"{self.name}: {words}", err=True)
         self.due = now + BETWEEN_LINES
 

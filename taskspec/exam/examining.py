@@ -22,7 +22,7 @@ from taskspec.exam.results import FORMAT, Exam, Examined, Score, read, write
 from taskspec.exam.trial import LearnerFailed, Row, Trial, run_trial
 from taskspec.exam.twins import Modifiers, exam_id, tasks_of, twins_of
 from taskspec.exam.verdicts import check_comparable, flags, verdicts
-from taskspec.jobs.engine import Standing, run
+from taskspec.jobs.running import JobProgress, run
 from taskspec.jobs.store import Job, JobResult, Store
 from taskspec.modifiers import modify
 from taskspec.task.task import Task, TaskLike
@@ -57,7 +57,7 @@ class Running:
     cluster: str | None = None
     seconds: float | None = None
     retry: bool = False
-    progress: Callable[[Standing], None] | None = None
+    progress: Callable[[JobProgress], None] | None = None
 
 
 def examine(

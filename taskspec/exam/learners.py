@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 import taskspec
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam.case import SOURCES, Source
-from taskspec.jobs.code import code_files, code_hash
+from taskspec.jobs.code_hash import code_files, code_hash
 from taskspec.learners import learner
 from taskspec.policies.files import function_of, is_function, place_of
 

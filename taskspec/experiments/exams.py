@@ -16,10 +16,10 @@ from taskspec.exam.verdicts import by_seed, told
 from taskspec.experiments.instances import Instance, expand
 from taskspec.experiments.reading import ExperimentFile
 from taskspec.experiments.sweeping import Measured
-from taskspec.jobs.engine import Standing
+from taskspec.jobs.running import JobProgress
 from taskspec.task.task import Task
 
-Bar = Callable[[str], AbstractContextManager[Callable[[Standing], None]]]
+Bar = Callable[[str], AbstractContextManager[Callable[[JobProgress], None]]]
 """For the name of a learner, a place that shows how far its exam is."""
 
 
