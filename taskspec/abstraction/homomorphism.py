@@ -19,7 +19,7 @@ from taskspec.model.extract import extract
 from taskspec.model.model import Model
 from taskspec.model.transitions import TIME, Steps, count, joint_outcomes, merge_outcomes
 from taskspec.solve.enclosure import Inexact, Reader
-from taskspec.solve.rational import Chances
+from taskspec.solve.rational import ExactProbabilities
 from taskspec.task.task import Task
 
 MOST = 400_000
@@ -78,7 +78,7 @@ class _Comparison:
         self.whole = whole
         self.mapped = mapped
         self.other = other
-        self.chances = Chances(Reader())
+        self.probabilities = ExactProbabilities(Reader())
 
     def found(self, with_expert: bool) -> str | None:
         nowhere = (self.mapped < 0) & self.whole.entered
@@ -89,9 +89,9 @@ class _Comparison:
 
     def _starts(self) -> str | None:
         mine: Law = defaultdict(Fraction)
-        for state, p in _first(self.whole, self.chances).items():
+        for state, p in _first(self.whole, self.probabilities).items():
             mine[int(self.mapped[state])] += p
-        others = _first(self.other, self.chances)
+        others = _first(self.other, self.probabilities)
         for state in sorted(mine.keys() | others.keys()):
             p = mine.get(state, Fraction(0))
             q = others.get(state, Fraction(0))
@@ -103,8 +103,8 @@ class _Comparison:
     def _steps(self) -> str | None:
         times = max(_times(m, Steps(m.task).uses_time) for m in (self.whole, self.other))
         for t, acting in self._acting(times):
-            mine = _Laws.of(self.whole, t, self.chances, self.mapped)
-            others = _Laws.of(self.other, t, self.chances, np.arange(self.other.n_states))
+            mine = _Laws.of(self.whole, t, self.probabilities, self.mapped)
+            others = _Laws.of(self.other, t, self.probabilities, np.arange(self.other.n_states))
             rows = np.flatnonzero(np.tile(acting, self.whole.n_actions))
             row = mine.differs(others, rows, self._row(rows))
             if row is not None:
@@ -126,7 +126,7 @@ class _Comparison:
     def _experts(self) -> str | None:
         nodes = [node for m in (self.whole, self.other) for node in _expert(m)]
         for t, acting in self._acting(_times(self.whole, TIME in reads(nodes))):
-            mine, others = (_Laws.of_expert(m, t, self.chances) for m in (self.whole, self.other))
+            mine, others = (_Laws.of_expert(m, t, self.probabilities) for m in (self.whole, self.other))
             rows = np.flatnonzero(acting)
             state = mine.differs(others, rows, self.mapped[rows])
             if state is not None:
@@ -144,8 +144,8 @@ def _difference_of_laws(mine: Law, others: Law) -> str | None:
     return None
 
 
-def _first(model: Model, chances: Chances) -> Law:
-    codes, weights = Steps(model.task).starts(chances)
+def _first(model: Model, probabilities: ExactProbabilities) -> Law:
+    codes, weights = Steps(model.task).starts(probabilities)
     return dict(zip(np.searchsorted(model.codes, codes).tolist(), weights, strict=True))
 
 
@@ -163,12 +163,12 @@ class _Laws:
     weight: Array
 
     @classmethod
-    def of(cls, model: Model, t: int, chances: Chances, mapped: Array) -> _Laws:
+    def of(cls, model: Model, t: int, probabilities: ExactProbabilities, mapped: Array) -> _Laws:
         steps = Steps(model.task)
         n = model.n_states
         parts = []
         for a in range(model.n_actions):
-            for found in steps.outcomes(model.codes, np.array([a]), t, chances):
+            for found in steps.outcomes(model.codes, np.array([a]), t, probabilities):
                 at = np.arange(n) if found.origin is None else found.origin
                 to = mapped[np.minimum(np.searchsorted(model.codes, found.code), n - 1)]
                 values = (a * n + at, to, found.terminal, found.reward, found.weight)
@@ -176,13 +176,13 @@ class _Laws:
         return cls._ordered(parts, n * model.n_actions)
 
     @classmethod
-    def of_expert(cls, model: Model, t: int, chances: Chances) -> _Laws:
+    def of_expert(cls, model: Model, t: int, probabilities: ExactProbabilities) -> _Laws:
         nodes = _expert(model)
         given = model.reads(t)
         parts = []
         if count(draws(nodes), {}) > MOST:
             raise Uncompared("the expert draws from too many outcomes")
-        for values, at, weight in joint_outcomes(nodes, given, model.n_states, chances):
+        for values, at, weight in joint_outcomes(nodes, given, model.n_states, probabilities):
             action, _ = model.actions.encode(values, len(at))
             parts.append(tuple(np.broadcast_to(v, (len(at),)) for v in (at, action, False, 0.0, weight)))
         return cls._ordered(parts, model.n_states)

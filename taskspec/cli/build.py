@@ -173,7 +173,7 @@ def _index(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
 
 def _sources(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
     """Return the generated module of every task, in a folder for each suite."""
-    from taskspec.backends.scalar.program import compile_scalar
+    from taskspec.backends.scalar import compile_scalar
 
     for task in tasks:
         path = folder / "source" / safe_name(task.suite or "tasks") / f"{safe_name(task.name)}.py"

@@ -17,7 +17,7 @@ from taskspec.cli.options import Json, Modifiers, Parameters, PolicyName, TaskAr
 if TYPE_CHECKING:
     from taskspec.cli.rollouts import Episode, Summary, Watch
     from taskspec.envs import Environment
-    from taskspec.envs.film import Film
+    from taskspec.envs.window import Film
     from taskspec.task.parameters import RenderMode
     from taskspec.task.task import Task
 
@@ -147,7 +147,7 @@ def _kind_of(render: str | None, output: Path | None) -> str | None:
 def _watching(kind: str | None, path: Path, episodes: int) -> Iterator[Watch | None]:
     """Yield the function that shows every state; None where nothing is shown."""
     from taskspec.cli.progress import progress
-    from taskspec.envs.film import Film
+    from taskspec.envs.window import Film
 
     match kind:
         case "ansi":

@@ -38,7 +38,7 @@ def show(
 
 
 def _source_record(task: Task) -> dict[str, Any]:
-    from taskspec.backends.scalar.program import compile_scalar
+    from taskspec.backends.scalar import compile_scalar
 
     return {"id": task.id, "language": "python", "source": compile_scalar(task).source}
 

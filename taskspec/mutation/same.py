@@ -21,7 +21,7 @@ from taskspec.model.reach import visits
 from taskspec.model.space import Reads
 from taskspec.model.transitions import TIME, Steps, count, joint_outcomes, merge_outcomes
 from taskspec.solve.enclosure import Inexact, Reader
-from taskspec.solve.rational import Chances
+from taskspec.solve.rational import ExactProbabilities
 from taskspec.task.task import Component, Task
 
 MOST = 5_000_000
@@ -168,7 +168,7 @@ def _rows(steps: Steps, given: Reads) -> list[Array]:
 def _outcomes(roots: Sequence[Node], given: Reads, lanes: int) -> list[Array]:
     """Return columns of outcomes, the last one their probabilities, in a fixed order."""
     parts = []
-    for values, point, weight in joint_outcomes(roots, given, lanes, Chances(Reader())):
+    for values, point, weight in joint_outcomes(roots, given, lanes, ExactProbabilities(Reader())):
         rows = [row for v in values for row in v.reshape(-1, v.shape[-1])]
         parts.append([point, *rows, weight])
     *keys, weight = [np.concatenate(column) for column in zip(*parts, strict=True)]

@@ -34,7 +34,8 @@ from taskspec.policies.policy import (
     states_of,
 )  # fmt: skip
 from taskspec.rollout.rollout import State, reads_of
-from taskspec.solve.plans import Plan, stationary, timed
+from taskspec.solve.backward import Plan
+from taskspec.solve.plans import stationary, timed
 from taskspec.task import spaces
 from taskspec.task.task import Task
 

@@ -22,7 +22,8 @@ from taskspec.policies.policy import Actions, EpisodeBatch, Tabulated, TaskPolic
 from taskspec.rollout.rollout import State, expert_actions
 from taskspec.scores.returns import Given, Results, Return
 from taskspec.solve import solve
-from taskspec.solve.plans import Plan, rule_of, tables, uniform_plan
+from taskspec.solve.backward import Plan, rule_of
+from taskspec.solve.plans import tables, uniform_plan
 from taskspec.task.task import Component, Soft, Task
 
 NAMES = {

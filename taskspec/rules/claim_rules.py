@@ -45,7 +45,7 @@ from taskspec.solve.enclosure import (
     digits,
     negative,
 )
-from taskspec.solve.solver import Solver
+from taskspec.solve.solve import Solver
 
 
 @dataclass(frozen=True, slots=True)

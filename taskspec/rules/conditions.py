@@ -21,7 +21,7 @@ from taskspec.rules.vocabulary import InvalidClaim
 from taskspec.scores.returns import Results
 from taskspec.solve.backward import Rule
 from taskspec.solve.bounded import UNKNOWN
-from taskspec.solve.solver import Solver
+from taskspec.solve.solve import Solver
 from taskspec.task.task import Task
 
 Timed = Callable[[int], Array]

@@ -28,7 +28,7 @@ from taskspec.model.transitions import FLOATS, count, is_finite, joint_outcomes,
 from taskspec.registry import load
 from taskspec.rules.claims import wrong_setting
 from taskspec.solve.enclosure import Inexact, Reader
-from taskspec.solve.rational import Chances
+from taskspec.solve.rational import ExactProbabilities
 from taskspec.task.annotations import SCOPE
 from taskspec.task.build import build
 from taskspec.task.context import assign
@@ -95,7 +95,7 @@ def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
     if not all(map(is_finite, found)) or count(found, {}) > min(MOST_OUTCOMES, MOST_NUMBERS / max(1, size)):
         return None
     try:
-        return _enumerated(nodes, Chances(Reader(as_written=True)))
+        return _enumerated(nodes, ExactProbabilities(Reader(as_written=True)))
     except Inexact:
         return _enumerated(nodes, FLOATS)
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from taskspec.backends.table import BACKENDS, PROGRAMS
+from taskspec.backends.backend_table import BACKENDS, PROGRAMS
 from taskspec.base.limits import Limits
 from taskspec.cli.app import Commands
 from taskspec.cli.failures import misuse

@@ -11,8 +11,8 @@ from typing import Any
 
 import typer
 
-from taskspec.backends import table as select
-from taskspec.backends.table import BACKENDS, PROGRAMS, QUICKEST
+from taskspec.backends import backend_table as select
+from taskspec.backends.backend_table import BACKENDS, PROGRAMS, QUICKEST
 from taskspec.base.diagnostics import SpecError, TaskspecError, spec_error
 from taskspec.base.extras import is_installed, need
 from taskspec.base.machine import machine

@@ -19,12 +19,12 @@ from hypothesis import strategies as st
 
 import taskspec
 from taskspec import draws
-from taskspec.backends.interpreter import Interpreter
-from taskspec.envs.conformance import Agreement
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.seeding_page import CODE, RESET, STEP, words
+from tests.shared.conformance import Agreement
+from tests.shared.interpreter import Interpreter
 
 U = "UniformInt(0, 1048575)"
 SEED = 2**40 + 7

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from taskspec import draws
-from taskspec.backends.interpreter import Interpreter
 from taskspec.draws import GAMMA_WORDS, variates
-from taskspec.envs.conformance import Agreement
 from taskspec.model.transitions import expected
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.conformance import Agreement
+from tests.shared.interpreter import Interpreter
 
 COUNT = 40_000
 SIGMAS = 5.0

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from taskspec import draws
-from taskspec.backends.emit.lane import LaneEmitter, LaneValue
-from taskspec.backends.scalar import program
+from taskspec.backends import scalar
+from taskspec.backends.lane_form import LaneEmitter, LaneValue
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import CATEGORICAL, DISTS
@@ -96,7 +96,7 @@ def by_lane(b: Builder, node: Node, arguments: Sequence[Argument], words: Sequen
     source = "\n".join(
         [f"def form({', '.join(parameters)}):", *(f"    {x}" for x in lane.lines), f"    return {result}"]
     )
-    namespace = {**program.scalar_namespace(), **lane.constants}
+    namespace = {**scalar.scalar_namespace(), **lane.constants}
     exec(source, namespace)
     values = [a.flat[0] if a.type.is_scalar else a.flat for a in arguments]
     return namespace["form"](*values, *words)  # type: ignore[no-any-return]

@@ -51,7 +51,7 @@ class Draws(Protocol):
 
 
 class LaneWriter(Protocol):
-    """What writes a draw into the scalar program (`taskspec.backends.emit.lane`)."""
+    """What writes a draw into the scalar program (`taskspec.backends.lane_form`)."""
 
     def atoms(self, node: Node) -> list[str]:
         """Return one expression for each element."""
@@ -72,7 +72,7 @@ class LaneWriter(Protocol):
 class KernelWriter(Protocol):
     """What writes a draw into a compiled kernel (`taskspec.backends.numba.kernel`), without branches.
 
-    Statements may use the functions of `taskspec.backends.numba.runtime` and `taskspec.backends.numba.draws`.
+    Statements may use the functions of `taskspec.backends.numba.runtime` and `taskspec.backends.numba.kernel_draws`.
     """
 
     lines: list[str]
@@ -148,7 +148,7 @@ class Variate:
 
     What depends on draws alone is worked out in blocks by `many`. Where a distribution depends on the state, the scalar
     program has the form `lane`, or else calls `one`. Kernels have the expressions `kernel`, one for each element; or a `loop` of
-    `taskspec.backends.numba.draws` makes float32 numbers of the words, each of its own, before the step. `compared` gives
+    `taskspec.backends.numba.kernel_draws` makes float32 numbers of the words, each of its own, before the step. `compared` gives
     the elements as comparisons of words (ints, less a bias) with known thresholds, where it can.
 
     `mean` is what a draw is replaced by where a reward is linear in it; variates with `outcomes` are gone through.

@@ -14,14 +14,14 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from taskspec.backends.interpreter import Interpreter
-from taskspec.backends.table import BACKENDS, BackendName
+from taskspec.backends.backend_table import BACKENDS, BackendName
 from taskspec.envs.env import Environment
 from taskspec.envs.options import Autoreset, NotRunningError
 from taskspec.envs.state import plain_state
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.task.spaces import pack, unpack
 from taskspec.task.task import Task
+from tests.shared.interpreter import Interpreter
 
 
 def check_environment(make: Callable[[], gymnasium.Env[Any, Any]], steps: int = 100, seed: int = 0) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Literal
 
-from taskspec.backends.vector import Engine, Options
+from taskspec.backends.vector_program import Engine, Options
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.extras import install, is_installed, missing
 from taskspec.task.task import Task
@@ -33,7 +33,7 @@ class Backend:
 
 
 BACKENDS: dict[str, Backend] = {
-    "numpy": Backend("taskspec.backends.numpy.engine:NumpyEngine"),
+    "numpy": Backend("taskspec.backends.numpy:NumpyEngine"),
     "numba": Backend("taskspec.backends.numba:NumbaEngine", "numba", suits="taskspec.backends.numba.kernel:suits"),
     # float32, and fused products
     "jax": Backend("taskspec.backends.jax:JaxEngine", "jax", tolerance=2e-4),

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from taskspec.backends.emit.source import literal, tuple_of
+from taskspec.backends.source_text import literal, tuple_of
 from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
 from taskspec.lang.operators import OPERATORS, Elements, Operator, entry_of

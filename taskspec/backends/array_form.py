@@ -132,7 +132,7 @@ class ArrayForm:
         return self._owner.get(id(root), id(root))
 
     def _release(self, node: Node, place: int) -> None:
-        for owner in {self._owner.get(id(c), id(c)) for c in children(node)}:
+        for owner in dict.fromkeys(self._owner.get(id(c), id(c)) for c in children(node)):
             if self._last.get(owner) == place and owner in self._buffers and self.scratch is not None:
                 self.scratch.give(self._buffers.pop(owner))
 

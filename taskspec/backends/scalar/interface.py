@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.emit.lane import UNROLLED, LaneEmitter, LaneValue
-from taskspec.backends.emit.source import literal
-from taskspec.backends.lowering.phase import Phase, is_filled
-from taskspec.backends.scalar.stream import stream
+from taskspec.backends.lane_form import UNROLLED, LaneEmitter, LaneValue
+from taskspec.backends.scalar.phase import Phase, is_filled, stream
+from taskspec.backends.source_text import literal
 from taskspec.lang.ir import Node, Read
 from taskspec.lang.types import Kind
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout
