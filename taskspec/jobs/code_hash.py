@@ -69,7 +69,7 @@ def _home(file: Path) -> Path:
 
 
 def _imported(content: bytes, file: Path, folders: list[Path]) -> Iterator[Path]:
-    """Yield the files that a file imports, as far as they lie in the folders or in those of packages there."""
+    """Yield the files that a file imports, if they lie in the folders or in those of packages there."""
     try:
         with warnings.catch_warnings(action="ignore"):
             tree = ast.parse(content)

@@ -148,7 +148,7 @@ def _invalid(message: str, hint: str) -> SpecError:
 
 
 class _Site(NamedTuple):
-    """Where calls are done.
+    """A place where calls are done.
 
     Args:
         attempt: does a call, there (see `Crew.attempt`).
