@@ -70,7 +70,7 @@ def abstraction(task: Task) -> Abstraction | None:
     stand_in = None if as_written is None else modified_stand_in(task, as_written)
     if stand_in is None or not isinstance(written, dict):
         return None
-    checker = Checker(task.builder, Collector())
+    checker = Checker(task.new_builder(), Collector())
     scope = task.surface.scopes["abstraction"]
     nodes = [assign(checker, written[c.name], scope, c) for c in stand_in.state if c.name in written]
     found = tuple(n for n in nodes if n is not None)

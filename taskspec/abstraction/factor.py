@@ -48,7 +48,7 @@ class _Factoring:
     def __init__(self, found: Abstraction) -> None:
         self.found = found
         self.task = found.task
-        self.builder = found.task.builder
+        self.builder = found.task.new_builder(found.nodes)
         self.normal = LinearForms(self.builder)
         self.ranked: dict[str, Component] = {}
         self.replaced: dict[str, Node] = {}
@@ -64,7 +64,7 @@ class _Factoring:
         initial = tuple(self._initial(first))
         moved = step[:-2]
         result = replace(self.found.stand_in, initial=initial, raw_initial=initial, next=moved, raw_next=moved,
-                         reward=step[-2], terminal=step[-1], builder=self.builder, expert=None)  # fmt: skip
+                         reward=step[-2], terminal=step[-1], expert=None)  # fmt: skip
         expert = self._expert()
         return Factored(result if expert is None else replace(result, expert=expert), expert is not None)
 

@@ -56,7 +56,7 @@ class Invariants:
     observation: bool
 
     @classmethod
-    def of(cls, task: Task, rows: bool) -> Invariants:
+    def of(cls, b: Builder, task: Task, rows: bool) -> Invariants:
         """`rows`: whether observations are float32 arrays, which can be kept and copied."""
         roots = (*task.next, task.reward, task.terminal)
         fixed = _fixed((*roots, *task.next_observation), frozen_components(task))
@@ -64,31 +64,31 @@ class Invariants:
         observed = (
             rows
             and all(fixed[id(n)] for n in task.next_observation)
-            and _at_reset(task, task.next_observation) == task.first_observation
+            and _at_reset(b, task, task.next_observation) == task.first_observation
         )
         seen = () if observed else task.next_observation
         nodes = tuple(_maximal_fixed((*roots, *seen), fixed))
-        return cls(nodes, _at_reset(task, nodes), tuple(f"k{i}" for i in range(len(nodes))), observed)
+        return cls(nodes, _at_reset(b, task, nodes), tuple(f"k{i}" for i in range(len(nodes))), observed)
 
-    def replaced(self, task: Task, roots: Sequence[Node]) -> tuple[Node, ...]:
+    def replaced(self, b: Builder, roots: Sequence[Node]) -> tuple[Node, ...]:
         """Return roots that read the variables instead of computing the invariants."""
         names = {id(n): name for n, name in zip(self.nodes, self.names, strict=True)}
 
         def leaf(node: Node) -> Node | None:
             name = names.get(id(node))
-            return None if name is None else task.builder.read(Role.VARIABLE, name, node.type)
+            return None if name is None else b.read(Role.VARIABLE, name, node.type)
 
-        return rewrite(roots, leaf, task.builder.remake)
+        return rewrite(roots, leaf, b.remake)
 
 
-def _at_reset(task: Task, nodes: Sequence[Node]) -> tuple[Node, ...]:
+def _at_reset(b: Builder, task: Task, nodes: Sequence[Node]) -> tuple[Node, ...]:
     """Return nodes as functions of the first state."""
     first = {c.name: n for c, n in zip(task.state, task.initial, strict=True)}
 
     def leaf(node: Node) -> Node | None:
         return first[node.name] if isinstance(node, Read) and node.role is Role.STATE else None
 
-    return rewrite(nodes, leaf, task.builder.remake_late)
+    return rewrite(nodes, leaf, b.remake_late)
 
 
 WIDE = 32

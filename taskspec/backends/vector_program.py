@@ -222,10 +222,16 @@ def _reader_of_arrays(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
     low, high = np.array(layout.ends).T[..., None]
     dtype = np.int64 if layout.parts[0].is_whole else np.float64
     segments = list(zip(task.action, layout.segments, strict=True))
+    unsigned = dtype is np.int64 and not low.any()  # as such, negative numbers are huge: one comparison is enough
+    largest = high.astype(np.uint64) if unsigned else high
 
     def read(actions: Any) -> tuple[Array, ...]:
         rows = action_array(actions, layout, lanes).reshape(lanes, -1).T.astype(dtype, order="C")
-        if not (np.greater_equal(rows, low).all() and np.less_equal(rows, high).all()):
+        if unsigned:
+            inside = not np.greater(rows.view(np.uint64), largest).any()
+        else:
+            inside = np.greater_equal(rows, low).all() and np.less_equal(rows, high).all()
+        if not inside:
             raise BadActionError
         return tuple(_component(c, segment, rows) for c, segment in segments)
 

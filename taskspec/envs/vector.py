@@ -129,6 +129,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.single_action_space: gymnasium.Space[Any] = space(self._engine.action)
         self.observation_space: gymnasium.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
         self.action_space: gymnasium.Space[Any] = batch_space(self.single_action_space, self.num_envs)
+        self._has_infos = bool(self.task.info) and not self._same_step
         b = self._engine.buffers
         self._seen = b.seen.view()
         self._results = (b.reward, b.terminated, b.truncated)
@@ -169,7 +170,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             ActionError: the actions are not in the batched action space.
             NotRunningError: before the first reset; without autoreset, where an episode is over.
         """
-        before = self._before() if self.task.info and not self._same_step else None
+        before = self._before() if self._has_infos else None
         try:
             ended = self._engine.step(actions)
         except BadActionError:

@@ -14,6 +14,7 @@ from taskspec.figures.marks import SIGNS, marked, sign
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.scene import Box, Color, Item, Label, Line, Scene, fitted, shifted, text_width
 from taskspec.figures.values import State, at_states, expert_path, reads_of
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Read
 from taskspec.lang.types import Kind
 from taskspec.printers import tree as m
@@ -100,7 +101,7 @@ def _vector(task: Task) -> Node | None:
     if task.figure is not None and task.figure.values is not None:
         node = task.figure.values
         return node if len(node.type.shape) == 1 and node.type.size else None
-    b = task.builder
+    b = Builder()
     vectors = (b.read(*c.read, c.type, c.least, c.most) for c in task.state if len(c.type.shape) == 1 and c.type.size)
     return next(vectors, None)
 

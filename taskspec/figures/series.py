@@ -17,6 +17,7 @@ from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted
 from taskspec.figures.values import STEPS, at_states, expert_path, reads_of
 from taskspec.lang import interval
 from taskspec.lang import syntax as s
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Node, Read
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import mathematics
@@ -159,7 +160,7 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
                 names.symbol(c.name),
                 [float(state[c.name]) for state in path],
                 (float(min(c.low)), float(max(c.high))),
-                turn(task, task.builder.read(*c.read, c.type, c.least, c.most)),
+                turn(task, Builder().read(*c.read, c.type, c.least, c.most)),
             )
             for c in shown
         ]

@@ -285,9 +285,10 @@ class Steps:
         self.states = Space(task.state, Role.STATE)
         self.actions = Space(task.action, Role.ACTION)
         decisive = draws((*task.next, task.terminal))
-        self.reward = task.reward if as_paid else expected(task.reward, task.builder, decisive)
-        self.roots = lumped((*task.raw_next, self.reward, task.terminal), task.builder)
-        self.first = lumped(task.raw_initial, task.builder)
+        b = task.new_builder()
+        self.reward = task.reward if as_paid else expected(task.reward, b, decisive)
+        self.roots = lumped((*task.raw_next, self.reward, task.terminal), b)
+        self.first = lumped(task.raw_initial, b)
 
     @cached_property
     def draws(self) -> tuple[Draw, ...]:

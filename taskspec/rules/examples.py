@@ -226,7 +226,8 @@ class _Trial:
 
     def __post_init__(self) -> None:
         self.collector = Collector()
-        self.checker = Checker(self.task.builder, self.collector)
+        self.builder = self.task.new_builder()
+        self.checker = Checker(self.builder, self.collector)
         self.scope = self.task.surface.scopes[SCOPE]
         self.fixed = Scope({}, parent=self.scope)
         self.fixed.draws = "what an example begins with is fixed"
@@ -266,7 +267,7 @@ class _Trial:
         found: dict[tuple[Role, str], Node | None] = {
             key: self._value(components[key], expr) for key, expr in self.example.given.items()
         }
-        found[Role.TIME, "t"] = self.task.builder.scalar(self.example.t)
+        found[Role.TIME, "t"] = self.builder.scalar(self.example.t)
         return found
 
     def _value(self, c: Component, expr: Any) -> Node | None:
@@ -293,7 +294,7 @@ class _Trial:
 
         if any(self.given[key] is None for key in reads([node])):
             return None
-        return rewrite([node], leaf, self.task.builder.remake)[0]
+        return rewrite([node], leaf, self.builder.remake)[0]
 
     # -- what follows -----------------------------------------------------------------------------
 
@@ -312,7 +313,7 @@ class _Trial:
     def _in_task(self, follows: Followed) -> tuple[Component, Node, str] | None:
         """Return the component of an entry, its node, and words for it."""
         task = self.task
-        b = self.task.builder
+        b = self.builder
         name = follows.name
         match follows.section:
             case "initial":

@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.lang.builder import Builder
+from taskspec.lang.interval import bounds
 from taskspec.lang.ir import Const, Draw, Node, draws
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.choices import row_table
@@ -130,7 +130,7 @@ class Slack:
     beyond: float = 0.0
 
     @classmethod
-    def of(cls, draws: Sequence[Draw], builder: Builder, reward: Node | None = None) -> Slack:
+    def of(cls, draws: Sequence[Draw], reward: Node | None = None) -> Slack:
         """Return the bounds for outcomes of some draws together, which may enter a reward."""
         relative = 0.0
         absolute = 0.0
@@ -146,7 +146,7 @@ class Slack:
                 missing += TAIL * draw.type.size
         beyond = 0.0
         if missing and reward is not None:
-            beyond = max(map(abs, builder.bounds(reward)))
+            beyond = max(map(abs, bounds(reward, {})))
         return cls(relative, absolute, missing, beyond)
 
 
@@ -198,9 +198,9 @@ class Bounded:
         self.horizon = model.horizon or 0
         self.shape = (model.n_actions, model.n_states)
         steps = Steps(model.task)
-        self.slack = Slack.of(steps.draws, model.task.builder, steps.reward)
+        self.slack = Slack.of(steps.draws, steps.reward)
         first = draws(steps.first)
-        slack = Slack.of(first, model.task.builder)
+        slack = Slack.of(first)
         self.start_error = ExpectationError.of(int(count(first, {})), slack, smallest_size(model.start))
         self._errors: dict[int, ExpectationError] = {}
 
@@ -376,7 +376,7 @@ class Bounded:
         drawn = draws(nodes)
         if not drawn:
             return Policy(table)
-        slack = Slack.of(drawn, model.task.builder)
+        slack = Slack.of(drawn)
         terms = int(count(drawn, {}))
         absolute = slack.absolute * terms + slack.missing
         if smallest_size(table) < SMALLEST:

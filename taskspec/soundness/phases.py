@@ -62,12 +62,9 @@ class Check:
         inside = (value >= low - slack) & (value <= high + slack) & np.isfinite(value)
         return np.asarray((~inside).any(axis=axes))
 
-    def is_proved(self, builder: Builder, reached: dict[str, Interval] | None = None) -> bool:
-        """Return whether interval arithmetic proves it, everywhere or for values that components reach."""
-        if reached is None:
-            found = Range(*builder.bounds(self.node), builder.finite(self.node))
-        else:
-            found = ranges(self.node, over([self.node], reached))
+    def is_proved(self, known: dict[int, Range]) -> bool:
+        """Return whether interval arithmetic proves it, from what is known of nodes by id, which it adds to."""
+        found = ranges(self.node, known)
         return found.finite and found.low >= max(self.low, default=-INF) and found.high <= min(self.high, default=INF)
 
 
@@ -133,8 +130,9 @@ class _Episodes:
 
 def _phase(episodes: _Episodes, name: str, checks: Sequence[Check], limit: int) -> CheckPhase:
     task = episodes.task
-    left = tuple(c for c in checks if not c.is_proved(task.builder))
-    listed = _lumped(left, task)
+    known: dict[int, Range] = {}
+    left = tuple(c for c in checks if not c.is_proved(known))
+    listed = _lumped(left)
     roots = [n for c in listed for n in (*c.guards, c.node)]
     outcomes = count(draws(roots), {})
     read = reads(roots)
@@ -150,16 +148,17 @@ def _phase(episodes: _Episodes, name: str, checks: Sequence[Check], limit: int) 
     return _sampled(episodes, name, left)
 
 
-def _lumped(checks: Sequence[Check], task: Task) -> tuple[Check, ...]:
+def _lumped(checks: Sequence[Check]) -> tuple[Check, ...]:
     """Return the same checks over draws with merged outcomes, for enumeration."""
-    nodes = iter(lumped([n for c in checks for n in (*c.guards, c.node)], task.builder))
+    roots = [n for c in checks for n in (*c.guards, c.node)]
+    nodes = iter(lumped(roots, Builder.of(roots)))
     return tuple(replace(c, guards=tuple(next(nodes) for _ in c.guards), node=next(nodes)) for c in checks)
 
 
 def _sampled(episodes: _Episodes, name: str, checks: tuple[Check, ...]) -> CheckPhase:
     """Return checks that bounds on episodes do not prove, at points that episodes visit and at others."""
     task = episodes.task
-    left = tuple(c for c in checks if not c.is_proved(task.builder, episodes.reached))
+    left = tuple(c for c in checks if not c.is_proved(over([c.node], episodes.reached)))
     if not left:
         return CheckPhase(task, name, (), Samples({}, {}), True)
     rng = np.random.default_rng(1)
@@ -275,7 +274,7 @@ def _probabilities(exprs: list[s.Expr], written: Written, where: SectionScope, e
     nodes = [where.number(e) for e in exprs]
     if any(n is None or draws([n]) for n in nodes) or all(isinstance(n, Const) for n in nodes):
         return
-    b = where.task.builder
+    b = where.builder
     found = [b.cast(n, Kind.REAL) for n in nodes if n is not None]
     total = b.apply("sum", found[0] if found[0].type.shape else b.structure("vector", found))
     for expr, node in zip(exprs, found, strict=True):
@@ -307,7 +306,7 @@ def _ordered(
     top = where.number(high)
     if bottom is None or top is None or draws([bottom, top]):
         return
-    width = where.task.builder.apply("sub", top, bottom)
+    width = where.builder.apply("sub", top, bottom)
     if not isinstance(width, Const):
         ends = (0.0,) * width.type.size, (math.inf,) * width.type.size
         what = f"'high' - 'low' of {call.function}"

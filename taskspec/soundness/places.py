@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from taskspec.base.diagnostics import Collector
 from taskspec.lang import syntax as s
 from taskspec.lang.batch import evaluate
+from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
 from taskspec.lang.dists import is_distribution
 from taskspec.lang.ir import Const, Node, draws
@@ -31,6 +33,10 @@ class SectionScope:
     task: Task
     name: str
 
+    @cached_property
+    def builder(self) -> Builder:
+        return self.task.new_builder()
+
     @property
     def scope(self) -> Scope | None:
         return self.task.surface.scopes.get(self.name)
@@ -43,7 +49,7 @@ class SectionScope:
         scope = self.scope
         if scope is None:
             return None
-        checker = Checker(self.task.builder, Collector())
+        checker = Checker(self.builder, Collector())
         try:
             return checker.check(expr, scope, want)
         except Refused:
@@ -54,7 +60,7 @@ class SectionScope:
         value = self.value(expr)
         if value is None or value.domain is None:
             return None if value is None else value.node
-        return Checker(self.task.builder, Collector()).number_of(value)
+        return Checker(self.builder, Collector()).number_of(value)
 
     def row(self, by: s.Expr, key: s.Expr) -> Node | None:
         """Return the condition that the value of a column is that of a row."""
@@ -64,14 +70,14 @@ class SectionScope:
         label = self.value(key, column.domain)
         if label is None or (column.node.type != label.node.type and column.node.type.kind is Kind.REAL):
             return None
-        b = self.task.builder
+        b = self.builder
         try:
             return b.apply("eq", column.node, label.node)
         except Refused:
             return None
 
     def negated(self, condition: Node | None) -> Node | None:
-        return None if condition is None else self.task.builder.apply("not", condition)
+        return None if condition is None else self.builder.apply("not", condition)
 
 
 def holds(condition: Node | None, reads: Reads) -> bool | None:

@@ -251,7 +251,7 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
         except SpecError as error:
             wrong: Iterable[Diagnostic] = _at(values, error)
         else:
-            left -= other.builder.expressions
+            left -= other.surface.expressions
             tried.append(values)
             wrong = examine(other, limit).diagnostics
         for diagnostic in wrong:

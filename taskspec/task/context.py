@@ -126,7 +126,9 @@ class Context:
         checker = self.checker
         sections = {id(scope): name for name, scope in self.named_scopes.items()}
         meanings = {(sections[at], part): found for (part, at), found in checker.found.items() if at in sections}
-        return Surface(self.exprs, self.named_scopes, tuple(checker.moved.values()), meanings, self.shapes)
+        return Surface(
+            self.exprs, self.named_scopes, tuple(checker.moved.values()), meanings, self.shapes, checker.checked
+        )
 
     def expr(self, path: Path) -> s.Expr:
         """Return the expression at a path.

@@ -19,7 +19,8 @@ from taskspec.backends.source_text import run, tuple_of
 from taskspec.backends.vector_program import Buffers, Episodes, LanesNotRunningError, Mode, Options, action_reader
 from taskspec.base.arrays import AnyArray, Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.lang.interval import rounded, single_step
+from taskspec.lang.builder import Builder
+from taskspec.lang.interval import bounds, rounded, single_step
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, reads, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.types import INF, INT_MAX, Kind, Range
@@ -224,9 +225,9 @@ def compile_required(task: Task) -> Callable[..., tuple[AnyArray, ...]]:
 def _check_ints(task: Task, roots: Sequence[Node]) -> None:
     reached = reach(task.state, task.initial, task.next, task.horizon)
     for c, start in zip(task.state, task.initial, strict=True):
-        (low, high), (first, last) = reached[c.name], task.builder.bounds(start)
+        (low, high), (first, last) = reached[c.name], bounds(start, {})
         reached[c.name] = (min(first, -LONG) if low == -INF else low, max(last, LONG) if high == INF else high)
-    counts = {id(n): Range(0, LONG) for n in walk(roots) if _is_endless(task, n)}
+    counts = {id(n): Range(0, LONG) for n in walk(roots) if _is_endless(n)}
     inside = {id(n): rounded(r) if n.type.kind is Kind.REAL else r for n, r in _read(roots, over(roots, reached))}
     most = widest(roots, INT_MAX, inside | counts, single_step)
     if most:
@@ -239,9 +240,9 @@ def _read(roots: Sequence[Node], known: Mapping[int, Range]) -> Iterator[tuple[N
     return ((node, known[id(node)]) for node in walk(roots) if id(node) in known)
 
 
-def _is_endless(task: Task, node: Node) -> bool:
+def _is_endless(node: Node) -> bool:
     """Return whether a node is the draw of a count without a bound."""
-    return isinstance(node, Draw) and node.type.kind is Kind.INT and task.builder.bounds(node)[1] == INF
+    return isinstance(node, Draw) and node.type.kind is Kind.INT and bounds(node, {})[1] == INF
 
 
 _NAMESPACE: dict[str, Any] = {
@@ -265,7 +266,8 @@ def _emit(
     task: Task, roots: Sequence[Node], words: WordLayout, constants: dict[str, Any]
 ) -> tuple[list[str], list[str]]:
     """Return statements for the roots of a phase, and the source of each root."""
-    lowered = folded(task.builder, compared(task.builder, roots, library.BIAS))
+    b = Builder.of(roots)
+    lowered = folded(b, compared(b, roots, library.BIAS))
     names = {(Role.TIME, "t"): "t"}
     for components, prefix, role in ((task.state, "s", Role.STATE), (task.action, "a", Role.ACTION)):
         names |= {(role, c.name): s for c, s in zip(components, _names(prefix, components), strict=True)}

@@ -14,6 +14,7 @@ from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
 from taskspec.backends.numpy.step import never
 from taskspec.backends.source_text import literal, without_unused
 from taskspec.backends.vector_program import Mode
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Role
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT_MAX, Kind, Type
@@ -86,7 +87,7 @@ class Program:
     constants: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        b = self.task.builder
+        b = self.task.new_builder()
         self.step_words = self.task.step_words
         self.step = compared(b, self.task.step_roots)
         self.reset_words = self.task.reset_words
@@ -154,7 +155,7 @@ def _loop(p: Program, roots: Sequence[Node], words: WordLayout, at: str, acting:
     for draw in words.draws:
         for name, number in zip(word_names(draw), numbers[draw.site], strict=True):
             names[Role.VARIABLE, name] = LaneValue([f"i64({number})"])
-    lane = KernelLane(names, numbers, p.task.builder.certain, constants=p.constants, unrolled=EVERYTHING)
+    lane = KernelLane(names, numbers, Builder().certain, constants=p.constants, unrolled=EVERYTHING)
     lane.reals = {d.site: [f"r{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
     shown = _shown(p, roots, words)
     hidden = {len(roots) - len(p.observation.components) + i for i in shown}

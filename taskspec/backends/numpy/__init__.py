@@ -200,7 +200,7 @@ class Module:
 @lru_cache(maxsize=64)
 def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
     """Generate and compile the array form of a task."""
-    b = task.builder
+    b = task.new_builder()
     observation = task.observation_layout
     roots = task.step_roots
     hoisted = hoist(b, roots, task.step_words)

@@ -117,16 +117,17 @@ def compile_scalar(task: Task) -> ScalarProgram:
     """Generate and compile the scalar program of a task."""
     observation = task.observation_layout
     action = task.action_layout
-    invariants = Invariants.of(task, observation.form == "box" and bool(observation.shape))
-    roots = invariants.replaced(task, (*task.next, task.reward, task.terminal))
-    seen = () if invariants.observation else invariants.replaced(task, task.next_observation)
+    b = task.new_builder()
+    invariants = Invariants.of(b, task, observation.form == "box" and bool(observation.shape))
+    roots = invariants.replaced(b, (*task.next, task.reward, task.terminal))
+    seen = () if invariants.observation else invariants.replaced(b, task.next_observation)
     cold = cold_components(task, (*changing(task, roots), *seen))
     cold = frozenset() if task.info and not sees_state(task, observation) else cold
-    initial = [task.builder.scalar(0) if c.name in cold else n for c, n in zip(task.state, task.initial, strict=True)]
+    initial = [b.scalar(0) if c.name in cold else n for c, n in zip(task.state, task.initial, strict=True)]
     rows = 1 + invariants.observation + (invariants.observation and is_kept(task) and sees_state(task, observation))
     first = (*initial, *invariants.at_reset)
-    reset = Phase.of(task, first, task.first_observation, observation, task.reset_words, rows)
-    step = Phase.of(task, roots, seen, observation, task.step_words)
+    reset = Phase.of(b, first, task.first_observation, observation, task.reset_words, rows)
+    step = Phase.of(b, roots, seen, observation, task.step_words)
     source, constants = generate(Parts(task, invariants, cold, reset, step, observation, action))
     namespace = {
         **scalar_namespace(),

@@ -22,6 +22,7 @@ from taskspec.backends.scalar.interface import (
 from taskspec.backends.scalar.phase import Phase
 from taskspec.backends.source_text import without_unused
 from taskspec.base.records import dataclass
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Type
 from taskspec.task.spaces import SpaceLayout
@@ -114,7 +115,7 @@ def _lane(
         names[Role.VARIABLE, name] = _held(name, node.type)
     for node, name in zip(phase.hoisted, phase.hoisted_names, strict=True) if phase else ():
         names[Role.VARIABLE, name] = _held(name, node.type)
-    return LaneEmitter(names, phase.words if phase else {}, task.builder.certain, constants=constants)
+    return LaneEmitter(names, phase.words if phase else {}, Builder().certain, constants=constants)
 
 
 def _unpack(phase: Phase, call: str) -> list[str]:

@@ -14,12 +14,12 @@ from taskspec.backends.lowering import WIDE, everywhere, maximal_draws, word_nam
 from taskspec.base.arrays import Array
 from taskspec.base.records import dataclass
 from taskspec.lang import batch
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import Kind, Type
 from taskspec.lang.variates.sample import WordLayout, batch_sampler
 from taskspec.task.spaces import SpaceLayout
-from taskspec.task.task import Task
 
 # ---------- phase
 # A phase of the scalar program (reset or step): which values depend on draws alone, and come in blocks.
@@ -46,7 +46,7 @@ class Phase:
     @classmethod
     def of(
         cls,
-        task: Task,
+        b: Builder,
         roots: Sequence[Node],
         observation: Sequence[Node],
         layout: SpaceLayout,
@@ -62,10 +62,10 @@ class Phase:
         names = {id(n): f"h{i}" for i, n in enumerate(hoisted)}
 
         def leaf(node: Node) -> Node | None:
-            return task.builder.read(Role.VARIABLE, names[id(node)], node.type) if id(node) in names else None
+            return b.read(Role.VARIABLE, names[id(node)], node.type) if id(node) in names else None
 
         lane = [*roots, *(n for n in inner if n is not None)]
-        rewritten = iter(rewrite(lane, leaf, task.builder.remake))
+        rewritten = iter(rewrite(lane, leaf, b.remake))
         new_roots = tuple(next(rewritten) for _ in roots)
         new_observation = tuple(_FILLED if n is None else next(rewritten) for n in inner)
         staying = [n for n in walk([*new_roots, *new_observation]) if isinstance(n, Draw)]
