@@ -89,7 +89,7 @@ def perform(call: bytes, seconds: float | None, trace: Path) -> Ending:
     """
     start = time.perf_counter()
     try:
-        with _killed(seconds, trace), _interrupted(seconds):
+        with _killed(seconds, trace), _interrupted(seconds), _alone():
             function, arguments = pickle.loads(call)
             if isinstance(function, str):
                 module, _, name = function.partition(":")
@@ -133,6 +133,17 @@ def _interrupted(seconds: float | None) -> Iterator[None]:
 
 def _ring(*_: Any) -> None:
     raise _Late
+
+
+@contextmanager
+def _alone() -> Iterator[None]:
+    """End copies of this process that a call made by `os.fork`, so that one process answers."""
+    us = os.getpid()
+    try:
+        yield
+    finally:
+        if os.getpid() != us:
+            os._exit(0)
 
 
 @contextmanager
