@@ -11,8 +11,8 @@ from rich.padding import Padding
 from rich.table import Table
 
 from taskspec.cli.console import Console, VisibleText, columns, console, line
-from taskspec.exam.report import rows as report_rows
-from taskspec.exam.report.rows import SeedCell, TaskRow
+from taskspec.exam import score_rows
+from taskspec.exam.score_rows import SeedCell, TaskRow
 from taskspec.figures import chart
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ def show(exam: Mapping[str, Any], out: Console | None = None) -> None:
 
 
 def _parts(exam: Mapping[str, Any]) -> Iterable[RenderableType]:
-    yield line((exam["learner"], "title"), (f"  {report_rows.headline(exam)}", "quiet"))
-    yield VisibleText(report_rows.finding(exam))
+    yield line((exam["learner"], "title"), (f"  {score_rows.headline(exam)}", "quiet"))
+    yield VisibleText(score_rows.finding(exam))
     yield VisibleText()
     yield _table(exam)
     for each in exam["diagnoses"]:
@@ -45,21 +45,21 @@ def _parts(exam: Mapping[str, Any]) -> Iterable[RenderableType]:
         yield VisibleText()
     for flag in exam["flags"]:
         yield line((flag["kind"], "bad"), " ", (flag["task"], "name"), f": {flag['message']}")
-    for text in report_rows.left_out(exam):
+    for text in score_rows.left_out(exam):
         yield VisibleText(f"it cannot learn {text}", style="quiet")
     yield VisibleText()
-    yield VisibleText(report_rows.costs(exam), style="quiet")
+    yield VisibleText(score_rows.costs(exam), style="quiet")
 
 
 def _table(exam: Mapping[str, Any]) -> Table:
     """Return a row for each capability with its verdict, and under it its tasks with their mean scores on their colours."""
     table = columns("", "score", "95 %", "twins", "drawn", "constant", right=range(1, 6))
-    rows = report_rows.rows(exam)
+    rows = score_rows.rows(exam)
     verdicts: Mapping[str, Mapping[str, Any]] = exam["verdicts"]
     order = list(dict.fromkeys([*verdicts, *(row.capability for row in rows)]))
     for capability in order:
         grade = verdicts[capability]["verdict"] if capability in verdicts else None
-        mark = VisibleText(f"{report_rows.SIGNS[grade]} {grade}", style=STYLES[grade]) if grade else VisibleText("")
+        mark = VisibleText(f"{score_rows.SIGNS[grade]} {grade}", style=STYLES[grade]) if grade else VisibleText("")
         table.add_row(VisibleText(capability, style="head"), mark)
         for row in (each for each in rows if each.capability == capability):
             _add_task(table, row)
@@ -68,7 +68,7 @@ def _table(exam: Mapping[str, Any]) -> Table:
 
 def _add_task(table: Table, row: TaskRow) -> None:
     several = len(row.printed.scores) > 1
-    ends = report_rows.interval(*row.printed.interval) if several else ""
+    ends = score_rows.interval(*row.printed.interval) if several else ""
     constant = SeedCell(() if row.constant is None else (row.constant,))
     cells = [shaded(cell) for cell in (row.printed, row.twins, row.drawn, constant)]
     table.add_row(VisibleText(f"  {row.name}", style="name"), cells[0], VisibleText(ends, style="quiet"), *cells[1:])
@@ -78,7 +78,7 @@ def shaded(cell: SeedCell) -> VisibleText:
     """Return a mean score on its colour."""
     if cell.mean is None:
         return VisibleText(cell.words or "·", style="quiet")
-    background = report_rows.colour(cell.mean)
+    background = score_rows.colour(cell.mean)
     return VisibleText(f" {cell.words} ", style=f"{chart.ink(background)} on {chart.hexadecimal(background)}")
 
 
@@ -102,7 +102,7 @@ def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -
     from taskspec.base.files import near, safe_name
     from taskspec.cli.console import console, line, say
     from taskspec.exam.report import write, write_several
-    from taskspec.exam.report.rows import named
+    from taskspec.exam.score_rows import named
     from taskspec.experiments.picture import draw
 
     out = console(wide=True)
@@ -123,7 +123,7 @@ def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -
 def table_of(exams: Mapping[str, Mapping[str, Any]]) -> Table:
     """Mean scores: a row for each task, a column for each learner, each number on its colour."""
     from taskspec.cli.console import VisibleText, columns
-    from taskspec.exam.report.rows import SeedCell, rows
+    from taskspec.exam.score_rows import SeedCell, rows
 
     found = {name: {row.id: row for row in rows(exam)} for name, exam in exams.items()}
     tasks = {task: row.name for each in found.values() for task, row in each.items()}

@@ -80,7 +80,7 @@ def merged(results: Sequence[Result]) -> dict[str, dict[str, dict[str, Any]]]:
 
 def setups(exams: Sequence[Exam]) -> list[str]:
     """Return how results were obtained, in lines: one for each that differs."""
-    from taskspec.exam.report.rows import duration
+    from taskspec.exam.score_rows import duration
 
     commands = dict.fromkeys(exam["command"] for exam in exams if exam["command"])
     versions = dict.fromkeys(", ".join(f"{k} {v}" for k, v in exam["versions"].items()) for exam in exams)

@@ -18,8 +18,6 @@ from taskspec.rules.score_rules import Comparison, ScoreEvaluator
 from taskspec.rules.scores import ONE, SeedScores
 from taskspec.task.schema.experiments import DiagnosisEntry, FindingEntry, FindingsDocument
 
-# -- findings ---------------------------------------------------------------------------------------------------------
-
 Outcome = Literal["confirmed", "refuted", "undecided", "not run"]
 OUTCOMES: tuple[Outcome, ...] = ("confirmed", "refuted", "undecided", "not run")
 _WORDS: dict[bool | None, Outcome] = {True: "confirmed", False: "refuted", None: "undecided"}

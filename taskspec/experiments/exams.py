@@ -10,9 +10,9 @@ from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam import Exam, Running, examine
+from taskspec.exam.examining import exam_id
 from taskspec.exam.results import folder_name
-from taskspec.exam.twins import exam_id
-from taskspec.exam.verdicts import by_seed, told
+from taskspec.exam.verdicts import by_seed, mean_score
 from taskspec.experiments.instances import Instance, expand
 from taskspec.experiments.reading import ExperimentFile
 from taskspec.experiments.sweeping import Measured
@@ -40,7 +40,7 @@ class LearnersExamined:
         name = exam_id(task)
         values = dict[str, Any]()
         for learner, exam in self.exams.items():
-            found = told(list(by_seed(exam["scores"], name, "printed").values()), name)
+            found = mean_score(list(by_seed(exam["scores"], name, "printed").values()), name)
             low = found["low"]
             high = found["high"]
             half = None if low is None or high is None else (high - low) / 2
