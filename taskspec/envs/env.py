@@ -21,7 +21,7 @@ from taskspec.envs.options import ENDINGS, ActionError, NotRunningError, one_of,
 from taskspec.envs.state import flat_state, overridden, plain_state
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
-from taskspec.lang.variates.sample import sampler
+from taskspec.lang.variates import sampler
 from taskspec.registry import load
 from taskspec.task.parameters import Ending, RenderMode
 from taskspec.task.spaces import space

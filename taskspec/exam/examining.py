@@ -17,9 +17,9 @@ import numpy as np
 from taskspec import registry
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.extras import machine
 from taskspec.base.ids import InstanceId
 from taskspec.base.limits import written
-from taskspec.base.machine import machine
 from taskspec.data import demonstrations
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.examinee import Examinee, learner_of
@@ -30,7 +30,7 @@ from taskspec.exam.verdicts import check_comparable, flags, verdicts
 from taskspec.jobs.running import JobProgress, run
 from taskspec.jobs.store import Job, Store
 from taskspec.modifiers import keeps_observers, modify
-from taskspec.rules.books import exam_of, read_exam
+from taskspec.rules.rule_books import EXAM, file_of, read_exam
 from taskspec.task.task import Task, TaskLike
 
 WIDEST = 16
@@ -144,7 +144,7 @@ def tasks_of(suite: str, wanted: Sequence[TaskLike] | None) -> list[Task]:
         if not known:
             suites = {e.suite for e in registry.known().values()}
             raise SpecError([Diagnostic("E713", None, f"there is no suite '{suite}'", suggest(suite, suites))])
-        path = exam_of(suite)
+        path = file_of(suite, EXAM)
         wanted = (read_exam(path).described.tasks if path is not None else ()) or tuple(known)
     found = [registry.load(known.get(task, task) if isinstance(task, str) else task) for task in wanted]
     ids = [exam_id(task) for task in found]

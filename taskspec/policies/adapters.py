@@ -19,7 +19,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Role, draws, reads
 from taskspec.lang.types import Kind
-from taskspec.lang.variates.sample import WordLayout, batch_sampler
+from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.model import Model, misused
 from taskspec.policies.files import function_of, is_function
 from taskspec.policies.named import named, unknown

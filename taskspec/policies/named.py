@@ -16,7 +16,7 @@ from taskspec.base.diagnostics import suggest
 from taskspec.base.extras import is_installed
 from taskspec.lang.ir import Role
 from taskspec.lang.types import Kind
-from taskspec.lang.variates.sample import WordLayout
+from taskspec.lang.variates import WordLayout
 from taskspec.model.model import Model, misused, refuse
 from taskspec.policies.policy import Actions, EpisodeBatch, Tabulated, TaskPolicy, drawn
 from taskspec.rollout.rollout import State, expert_actions

@@ -16,11 +16,10 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.lang import syntax as s
-from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.check import Checker
+from taskspec.lang.interval import NormalForms
 from taskspec.lang.ir import Const, Node, Read, Role, draws, reads, rewrite
-from taskspec.lang.normal import NormalForms
-from taskspec.lang.scope import Scope
+from taskspec.lang.scope import Poisoned, Scope
 from taskspec.lang.types import BOOL, INF, REAL, Refused
 from taskspec.lang.variates.entry import ProbabilityArithmetic
 from taskspec.model.space import domain, plain, words

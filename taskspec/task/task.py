@@ -14,7 +14,7 @@ from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, rewrite
 from taskspec.lang.types import Kind
-from taskspec.lang.variates.sample import WordLayout
+from taskspec.lang.variates import WordLayout
 from taskspec.source import Document
 from taskspec.task.merge import Merged
 from taskspec.task.parameters import Ending

@@ -18,7 +18,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.operators import FUNCTIONS, TABLE, Operator
-from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.operators.vectors import STRUCTURES
 from taskspec.lang.types import Kind, Type
 from tests.shared.values import BACKENDS, SLOWLY, constant, kind_of, type_of
 

@@ -25,9 +25,9 @@ from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Apply, Const, Node, Read, Role, rewrite, walk
 from taskspec.lang.operators import FUNCTIONS, OPERATORS
-from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.operators.vectors import STRUCTURES
 from taskspec.lang.types import Kind, Type
-from taskspec.lang.variates.sample import WordLayout, batch_sampler, sampler, words_of
+from taskspec.lang.variates import WordLayout, batch_sampler, sampler, words_of
 from tests.shared.sparse import sparse
 
 Flat = tuple[Any, ...]

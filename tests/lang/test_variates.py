@@ -17,8 +17,7 @@ from taskspec.exact import extract
 from taskspec.lang.dists import DISTS, Argument, Dist
 from taskspec.lang.types import REAL, Kind
 from taskspec.lang.variates import VARIATES
-from taskspec.lang.variates.entry import Enumeration, Variate, rows
-from taskspec.lang.variates.outcomes import each, power, product
+from taskspec.lang.variates.entry import Enumeration, Variate, each, power, product, rows
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.shared.conformance import Agreement

@@ -8,7 +8,7 @@ from typing import Any
 from taskspec import draws
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
-from taskspec.lang.variates.sample import sampler
+from taskspec.lang.variates import sampler
 from taskspec.task.task import Task
 
 Flat = tuple[Any, ...]

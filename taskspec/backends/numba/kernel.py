@@ -16,7 +16,7 @@ from taskspec.backends.source_text import literal
 from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, plain, walk
 from taskspec.lang.operators import Operator
-from taskspec.lang.operators.structure import strided
+from taskspec.lang.operators.vectors import strided
 from taskspec.lang.types import INT_MAX, Kind
 from taskspec.lang.variates import VARIATES
 from taskspec.task.task import Task

@@ -65,7 +65,7 @@ def reset_words(m: Any, lanes: Any, words: Any, width: Any, slots: Any, k0: Any,
             first[i], second[i] = threefry(k0[j], k1[j], episodes[j], u32(slot + 0x80000000))
 
 
-# -- float32 polynomials, as in taskspec.draws.polynomials --------------------------------------------------------
+# -- float32 polynomials, as in taskspec.draws.variates --------------------------------------------------------
 
 
 @inner

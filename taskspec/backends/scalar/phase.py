@@ -18,11 +18,8 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import Kind, Type
-from taskspec.lang.variates.sample import WordLayout, batch_sampler
+from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.task.spaces import SpaceLayout
-
-# ---------- phase
-# A phase of the scalar program (reset or step): which values depend on draws alone, and come in blocks.
 
 
 @dataclass(frozen=True)
@@ -133,10 +130,6 @@ def _row_parts(
         inner.append(None if free[id(node)] else node)
         offset += node.type.size
     return tuple(parts), inner
-
-
-# ---------- stream
-# The draws of a scalar program: computed by NumPy for blocks of coming steps or episodes, handed out one at a time.
 
 
 def stream(items: Callable[[int, int], Sequence[Any]], first: int, width: int) -> Callable[[], Any]:

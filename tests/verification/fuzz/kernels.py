@@ -19,7 +19,7 @@ from taskspec import draws
 from taskspec.backends.numba import loading, loops
 from taskspec.backends.numba.loops import Program
 from taskspec.lang.types import INT_MAX, Kind
-from taskspec.lang.variates.sample import words_of
+from taskspec.lang.variates import words_of
 from taskspec.task.task import Task
 
 Array = Any
