@@ -276,14 +276,14 @@ def _check_horizon(task: Task, max_episode_steps: int | None) -> None:
     """Refuse a limit on steps that is not the task's: Gymnasium would cut episodes short, without a word."""
     if max_episode_steps not in (None, task.horizon):
         message = f"episodes of {task.id} have {task.horizon} steps, not {max_episode_steps}"
-        raise SpecError([Diagnostic("E713", None, message, "a parameter of the task may decide it")])
+        raise spec_error("E713", message, "a parameter of the task may decide it")
 
 
 def _source(task: str | None, path: str | None) -> str | Path:
     if task is not None and path is not None:
-        raise SpecError([Diagnostic("E713", None, "give `task` or `path`, not both")])
+        raise spec_error("E713", "give `task` or `path`, not both")
     source = task if path is None else Path(path)
     if source is None:
         hint = 'gym.make("taskspec/Spec-v0", path="my.yaml")'
-        raise SpecError([Diagnostic("E713", None, f"{SPEC_ID} needs a spec", hint)])
+        raise spec_error("E713", f"{SPEC_ID} needs a spec", hint)
     return source

@@ -10,8 +10,7 @@ import numpy as np
 from taskspec.check.context import SAME, Doubt, LintContext
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Node, Read, Role, reads, rewrite, walk
-from taskspec.model.model import Model
-from taskspec.model.reach import differs, groups
+from taskspec.model.model import Model, differs, groups
 from taskspec.model.space import shown, words
 from taskspec.rollout.rollout import at_random, is_bounded
 from taskspec.scores.partial_observability import pomdp_bounds

@@ -14,8 +14,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node, Role, draws, reads
 from taskspec.lang.types import BOOL, Refused
-from taskspec.model.model import Model, refuse
-from taskspec.model.reach import differs
+from taskspec.model.model import Model, differs, refuse
 from taskspec.model.transitions import TIME
 from taskspec.rules.evaluator import Undecidable
 from taskspec.rules.vocabulary import InvalidClaim

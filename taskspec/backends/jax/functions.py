@@ -16,16 +16,13 @@ from jax.custom_batching import custom_vmap
 
 from taskspec.backends.jax.program import JaxProgram, State, StepResult, acted, compile_jax, compile_required, observed
 from taskspec.base.arrays import AnyArray
-from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error, suggest
 from taskspec.base.extras import need
 from taskspec.lang.types import INT_MAX
 from taskspec.registry import load
 from taskspec.task.build import build_varying
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
 from taskspec.task.task import Component, Parameter, Task, TaskLike
-
-# ---------- gymnax
-# A task in the shape of an environment of gymnax 1.0, for its wrappers and for learners written for it.
 
 
 class Functions(Protocol):
@@ -63,9 +60,7 @@ class Gymnax:
         self._seen = program.observation
         self._acted = program.action
         if flat_actions and self._acted.form not in ("discrete", "multi_discrete"):
-            raise SpecError(
-                [Diagnostic("E713", None, f"the actions of {task.id} are not finite, and cannot be one number")]
-            )
+            raise spec_error("E713", f"the actions of {task.id} are not finite, and cannot be one number")
         self._flat = flat_actions and self._acted.form == "multi_discrete"
         self.name = functional.name
         self.default_params: Any = functional.default_params
@@ -174,9 +169,6 @@ def _box(spaces: Any, low: tuple[float, ...], high: tuple[float, ...], shape: tu
 def _spaces() -> Any:
     return need("gymnax.environments.spaces", what="a space of gymnax")
 
-
-# ---------- params
-# Parameters of a task that are given where it runs, so that they may differ between lanes.
 
 _DTYPES = {"int": jnp.int32, "real": jnp.float32}
 
@@ -328,15 +320,7 @@ def _check(parameter: Parameter, value: Any) -> None:
     elif parameter.kind == "int" and (given != np.rint(given)).any():
         problem = "must be an int"
     if problem:
-        raise SpecError([Diagnostic("E703", None, f"parameter {parameter.name} {problem}, not {known}")])
-
-
-# ---------- functional
-# A task as pure functions of one environment, in the shape that gymnax users know.
-#
-# Use them under `jit`, `vmap` and `scan`. The key that `reset` gets is the seed: `reset(jax.random.key(s))` walks the
-# trajectory of the scalar environment with seed s. No other keys are needed, since draws follow from the seed and the
-# counters that the state carries.
+        raise spec_error("E703", f"parameter {parameter.name} {problem}, not {known}")
 
 
 class Functional:
@@ -441,9 +425,7 @@ class Functional:
 def _one_hot(task: Task) -> Task:
     """Return the same task with one-hot observations."""
     if not all(c.is_finite for c in task.observation.components):
-        raise SpecError(
-            [Diagnostic("E713", None, f"the observations of {task.id} are not finite, and cannot be one-hot")]
-        )
+        raise spec_error("E713", f"the observations of {task.id} are not finite, and cannot be one-hot")
     return replace(task, observation=replace(task.observation, space="one_hot"))
 
 

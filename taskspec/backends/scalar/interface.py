@@ -12,15 +12,11 @@ import numpy as np
 
 from taskspec.backends.lane_form import UNROLLED, LaneEmitter, LaneValue
 from taskspec.backends.scalar.phase import Phase, is_filled, stream
-from taskspec.backends.source_text import literal
+from taskspec.backends.source_text import literal, names_of
 from taskspec.lang.ir import Node, Read
 from taskspec.lang.types import Kind
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout
 from taskspec.task.task import Component, Task
-
-
-def names_of(prefix: str, components: Sequence[Component]) -> list[str]:
-    return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
 
 
 def read_action(task: Task, layout: SpaceLayout) -> tuple[list[str], list[LaneValue]]:

@@ -13,14 +13,13 @@ from taskspec.backends.scalar.interface import (
     has_rows,
     info,
     is_kept,
-    names_of,
     observe,
     old_state,
     read_action,
     told_state,
 )
 from taskspec.backends.scalar.phase import Phase
-from taskspec.backends.source_text import without_unused
+from taskspec.backends.source_text import indent, names_of, without_unused
 from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Role
@@ -76,7 +75,7 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
             "",
             "",
             "def lane(next_first, next_draws, bad_action, not_running):",
-            *_indent(lines),
+            *indent(lines),
             "",
         ]
     ), constants
@@ -86,10 +85,6 @@ def _kept(parts: Parts) -> list[str]:
     """Variables that hold what stays the same for an episode."""
     told = ["told"] if is_kept(parts.task) else []
     return [*parts.invariants.names, *(["kept"] if parts.invariants.observation else []), *told]
-
-
-def _indent(lines: Sequence[str]) -> list[str]:
-    return [f"    {line}" if line else "" for line in lines]
 
 
 def _held(name: str, type_: Type) -> LaneValue:
@@ -150,7 +145,7 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
         body += told_state(task, parts.observation, states, observation)
     body += ["past += t", "t = 0", "episodes += 1", "alive = True", f"return {observation}, {{}}"]
     targets = [*states, *_kept(parts), "t", "past", "episodes", "alive"]
-    return ["def reset():", *_indent([f"nonlocal {', '.join(targets)}", *body])]
+    return ["def reset():", *indent([f"nonlocal {', '.join(targets)}", *body])]
 
 
 def _unwrapped(phase: Phase, body: Iterable[str], kept: Iterable[tuple[str, str]], others: Iterable[str]) -> list[str]:
@@ -196,7 +191,7 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
     body += [*told, "t += 1", *end, f"return {observation}, {reward}, {flags}, {info(task, states)}"]
     nonlocals = [*(states[i] for i in changed), *(["told"] if told else []), "t", "alive"]
     running = ["if not alive:", "    raise not_running()"]
-    return ["def step(action):", *_indent([f"nonlocal {', '.join(nonlocals)}", *reading, *running, *body])]
+    return ["def step(action):", *indent([f"nonlocal {', '.join(nonlocals)}", *reading, *running, *body])]
 
 
 def _fixed(lane: LaneEmitter, source: str, own: Container[str]) -> str:
@@ -279,5 +274,5 @@ def _access(parts: Parts, states: Sequence[str], restored: Sequence[str]) -> lis
         f"    return ({everything}), ({clock})",
         "",
         "def put(values, clock):",
-        *_indent(body),
+        *indent(body),
     ]

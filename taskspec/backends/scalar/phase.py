@@ -21,9 +21,6 @@ from taskspec.lang.types import Kind, Type
 from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.task.spaces import SpaceLayout
 
-# ---------- phase
-# A phase of the scalar program (reset or step): which values depend on draws alone, and come in blocks.
-
 
 @dataclass(frozen=True)
 class Phase:
@@ -133,10 +130,6 @@ def _row_parts(
         inner.append(None if free[id(node)] else node)
         offset += node.type.size
     return tuple(parts), inner
-
-
-# ---------- stream
-# The draws of a scalar program: computed by NumPy for blocks of coming steps or episodes, handed out one at a time.
 
 
 def stream(items: Callable[[int, int], Sequence[Any]], first: int, width: int) -> Callable[[], Any]:
