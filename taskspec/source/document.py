@@ -17,6 +17,10 @@ Path: TypeAlias = tuple[str | int, ...]
 """Where a value stands in the data: keys of mappings and indices of lists, from the root down."""
 
 
+EXTENDS = "extends"
+"""The section that takes what is left out from another file."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Document:
     """A YAML text as plain data (`dict`, `list`, `str`, `int`, `float`, `bool`, `None`).

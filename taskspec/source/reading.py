@@ -12,9 +12,8 @@ from typing import Any, TypeAlias
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Origin, SpecError, spec_error
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.source.document import Document, Path, span
+from taskspec.source.document import EXTENDS, Document, Path, span
 from taskspec.source.nodes import FENCE, Composed, MappingNode, Node, ScalarNode, SequenceNode, TextProblem, resolve
-from taskspec.source.scan import EXTENDS
 from taskspec.source.yaml_errors import explain, find
 
 _MAX_FINDINGS = 50
