@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from taskspec.base.codes import CLASSES, CODES
+from taskspec.base.diagnostics import CLASSES, CODES
 from taskspec.registry import shipped, task_ids
 from tests.shared.commands import Done, spec
 from tests.shared.sparse import sparse

@@ -8,20 +8,16 @@ points; if all of them return to themselves, it is tested.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Diagnostic
+from taskspec.abstraction.abstraction import in_words
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.model.points import SAMPLES, sampled
-from taskspec.model.space import shown
 from taskspec.task.bijection import MapPart, outside, parts
-from taskspec.task.merge import merge
-from taskspec.task.parts import Component, Symmetry
+from taskspec.task.parts import Symmetry
 from taskspec.task.task import Task
 
 ROUNDS = 12
@@ -55,20 +51,11 @@ def verify_symmetry(task: Task, symmetry: Symmetry) -> SymmetryCheck:
             break
         clash = part.clash()
         if clash is not None:
-            problem = f"{_in_words(symmetry.seen, clash[0])} and {_in_words(symmetry.seen, clash[1])} look alike"
+            problem = f"{in_words(symmetry.seen, clash[0])} and {in_words(symmetry.seen, clash[1])} look alike"
         elif not part.is_decided:
             problem = _returning(symmetry, part)
             points = SAMPLES
     return SymmetryCheck(symmetry, points, problem)
-
-
-def invalid_symmetries(task: Task, checks: Iterable[SymmetryCheck]) -> Iterator[Diagnostic]:
-    """Yield E605 for each declared symmetry with a problem."""
-    for each in checks:
-        if each.problem is not None:
-            name = each.symmetry.name
-            place = merge(task.document, task.variant).key_span(("symmetries", name))
-            yield Diagnostic("E605", place, f"'{name}' is not a symmetry: {each.problem}")
 
 
 def _of_actions(task: Task, symmetry: Symmetry) -> str | None:
@@ -80,18 +67,10 @@ def _of_actions(task: Task, symmetry: Symmetry) -> str | None:
         found = outside(part)
         clash = part.clash()
         if found is not None:
-            return f"the action {_in_words(task.action, found[0])} becomes {_in_words(task.action, found[1])}, where actions end"
+            return f"the action {in_words(task.action, found[0])} becomes {in_words(task.action, found[1])}, where actions end"
         if clash is not None:
-            return f"{_in_words(task.action, clash[0])} and {_in_words(task.action, clash[1])} become the same action"
+            return f"{in_words(task.action, clash[0])} and {in_words(task.action, clash[1])} become the same action"
     return None
-
-
-def _in_words(components: Sequence[Component], values: Mapping[str, Array]) -> str:
-    """Return a value in words, as `x = 2, y = 0`."""
-    return ", ".join(f"{c.name} = {shown(c, values[c.name])}" for c in components if c.name in values)
-
-
-# -- tests --------------------------------------------------------------------------------------------------------
 
 
 def _returning(symmetry: Symmetry, part: MapPart) -> str | None:
@@ -108,20 +87,12 @@ def _returning(symmetry: Symmetry, part: MapPart) -> str | None:
     for _ in range(ROUNDS):
         read = {(Role.NEXT, name): value for name, value in now.items()}
         now = dict(zip(names, evaluate([nodes[n] for n in names], read), strict=True))
-        apart = _apart(first, now)
+        apart = np.zeros(SAMPLES, np.bool_)
+        for name, value in first.items():
+            same = np.isclose(np.broadcast_to(now[name], value.shape), value, rtol=1e-9, atol=1e-9)
+            apart |= ~same.reshape(-1, SAMPLES).all(axis=0)
         if not apart.any():
             return None
-    lane = int(np.flatnonzero(apart)[0])
-    return (
-        f"{_in_words(part.inputs, {n: v[..., lane] for n, v in first.items()})} does not return to itself when it is applied "
-        f"{ROUNDS} times, so it could not be shown to be one-to-one"
-    )
-
-
-def _apart(first: Mapping[str, Array], now: Mapping[str, Array]) -> Array:
-    """Return where (N,) values differ."""
-    found = np.zeros(SAMPLES, np.bool_)
-    for name, value in first.items():
-        same = np.isclose(np.broadcast_to(now[name], value.shape), value, rtol=1e-9, atol=1e-9)
-        found |= ~same.reshape(-1, SAMPLES).all(axis=0)
-    return found
+    state = in_words(part.inputs, first, int(np.flatnonzero(apart)[0]))
+    problem = f"{state} does not return to itself when it is applied {ROUNDS} times"
+    return f"{problem}, so it could not be shown to be one-to-one"

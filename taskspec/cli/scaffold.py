@@ -1,4 +1,4 @@
-"""`taskspec new`: a spec to start from."""
+"""`taskspec new` and `taskspec schema`: a spec to start from, and completion for editors."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import typer
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.files import write_text
-from taskspec.cli.console import say
-
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
+from taskspec.cli.console import misuse, say, to_json
+from taskspec.cli.options import file_option
 
 SCAFFOLD = """\
 # Completion and marks in an editor: run `taskspec schema -o taskspec.schema.json`, then make the next line
@@ -67,19 +66,49 @@ def new(
 
     It passes [cyan]taskspec check[/] as it is, and shows every section that most tasks need.
     """
-    if not _NAME.fullmatch(name):
-        better = "".join(part[:1].upper() + part[1:] for part in re.findall(r"[A-Za-z0-9]+", name)).lstrip("0123456789")
-        hint = f"perhaps {better}" if better else None
-        raise spec_error("E205", f"'{name}' cannot name a task: letters and digits only, a letter first", hint)
-    path = output or Path(f"{_words(name, '_')}.yaml")
-    if path.is_dir():
-        path = path / f"{_words(name, '_')}.yaml"
-    write_text(path, SCAFFOLD.format(name=name, title=_words(name, " ").capitalize()), new=True)
+    if not re.fullmatch("[A-Za-z][A-Za-z0-9]*", name):
+        raise spec_error("E205", f"'{name}' cannot name a task: letters and digits only, a letter first")
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name).lower()
+    path = Path(f"{words.replace(' ', '_')}.yaml")
+    if output is not None:
+        path = output / path if output.is_dir() else output
+    write_text(path, SCAFFOLD.format(name=name, title=words.capitalize()), new=True)
     say(
         f"wrote {path}\n\n  taskspec check {path}\n  taskspec show {path}\n  taskspec run {path} --policy expert --render"
     )
 
 
-def _words(name: str, between: str) -> str:
-    """RiskyPath as risky_path."""
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", between, name).lower()
+def schema(
+    output: Annotated[Path | None, file_option("--output", "-o", help="Write to this file.")] = None,
+    experiment: Annotated[bool, typer.Option("--experiment", help="The schema of experiments.")] = False,
+    exam: Annotated[bool, typer.Option("--exam", help="The schema of exams.")] = False,
+    findings: Annotated[bool, typer.Option("--findings", help="The schema of findings.")] = False,
+) -> None:
+    """Print the JSON Schema of specs or related files, for editors.
+
+    With yaml-language-server (VS Code, Neovim, Helix, Emacs), write it next to your specs:
+
+        [cyan]taskspec schema -o taskspec.schema.json[/]
+
+    and start every spec with this line, which gives completion, documentation, and error marks while typing:
+
+        [green]# yaml-language-server: $schema=taskspec.schema.json[/]
+    """
+    from taskspec.task.schema.experiments import exam_schema, experiment_schema, findings_schema
+    from taskspec.task.schema.export import json_schema
+
+    if experiment + exam + findings > 1:
+        raise misuse("--experiment, --exam and --findings are three schemas; ask for one")
+    make = json_schema
+    if experiment:
+        make = experiment_schema
+    elif exam:
+        make = exam_schema
+    elif findings:
+        make = findings_schema
+    text = to_json(make())
+    if output is None:
+        say(text)
+        return
+    write_text(output, text + "\n")
+    say(f"wrote {output}", err=True)

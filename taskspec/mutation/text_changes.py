@@ -37,10 +37,8 @@ _WORDS: Mapping[str, Sequence[str]] = {
     "cos": ("sin",), "sort": ("reverse", "argsort"), "argsort": ("sort",), "sum": ("prod", "max"), "prod": ("sum",),
     "norm1": ("norm2",), "norm2": ("norm1",), "Uniform": ("UniformInt",), "UniformInt": ("Uniform",), "count": ("any",),
 }  # fmt: skip
-_RESERVED = frozenset({"if", "else", "for", "and", "or", "not", "in", "True", "False", "true", "false"})
 _TRUTHS = frozenset({"True", "False", "true", "false"})
-
-
+_RESERVED = _TRUTHS | {"if", "else", "for", "and", "or", "not", "in"}
 NOWHERE = Span(Origin("", ""), 1, 1, 1, 1)
 """The place of everything in a text that stands in no file."""
 
@@ -59,7 +57,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Replacements:
-    """What may be mistaken for what: for each name the others of its type; and the names that take a prime."""
+    """Names of the same type, for each name; and the names that take a prime."""
 
     alike: Mapping[str, Sequence[str]]
     primed: frozenset[str]
@@ -75,66 +73,51 @@ def changes(text: str, names: Replacements) -> Iterator[Change]:
             yield change
 
 
-# -- tokens -------------------------------------------------------------------------------------------------------
-
-
 def _by_token(text: str, names: Replacements) -> Iterator[Change]:
     before = ""
     for found in _TOKEN.finditer(text):
         token = found.group()
         kind = found.lastgroup
         follows = text[found.end() :].lstrip()
-        for new in _replacements(token, kind or "", before, follows, names):
-            end = found.end()
-            if new == "":  # what is left out takes the space behind it along
-                end += len(text[end:]) - len(text[end:].lstrip())
-            yield Change(found.start(), end, new)
+        replacements: Sequence[str] = ()
+        ends_operand = before[-1:].isalnum() or before[-1:] in tuple("_')]}")
+        is_sign = kind == "sign" and token in "+-" and (not ends_operand or before in _RESERVED - _TRUTHS)
+        is_negation = token == "not" and not follows.startswith("in ")
+        is_argument = follows.startswith("=") and not follows.startswith("==")
+        if is_sign or is_negation:  # it is left out, with the space behind it
+            yield Change(found.start(), len(text) - len(follows), "")
+        elif kind == "number":
+            replacements = off_by_one(token)
+        elif kind == "sign":
+            replacements = _SIGNS[token]
+        elif kind == "word" and token != "not" and (before, token) != ("not", "in") and not is_argument:
+            replacements = _words(token, follows, names)
+        for new in replacements:
+            yield Change(found.start(), found.end(), new)
         before = token
 
 
-def _replacements(token: str, kind: str, before: str, follows: str, names: Replacements) -> Iterator[str]:
-    match kind:
-        case "number":
-            yield from off_by_one(token)
-        case "sign" if token in "+-" and not _ends_operand(before):
-            yield ""
-        case "sign":
-            yield from _SIGNS[token]
-        case "word" if token == "not":
-            yield from () if follows.startswith("in ") else ("",)
-        case "word" if before == "not" and token == "in":
-            return
-        case "word" if not (follows.startswith("=") and not follows.startswith("==")):
-            yield from _words(token, follows, names)
-
-
-def _ends_operand(token: str) -> bool:
-    return bool(token) and (token[-1].isalnum() or token[-1] in "_')]}") and token not in _RESERVED - _TRUTHS
-
-
-def _words(token: str, follows: str, names: Replacements) -> Iterator[str]:
-    yield from _WORDS.get(token, ())
-    bare = token.removesuffix("'")
-    prime = "'" * token.endswith("'")
+def _words(token: str, follows: str, names: Replacements) -> list[str]:
+    found = list(_WORDS.get(token, ()))
     if token in _RESERVED or follows.startswith("("):
-        return
-    yield from (other + prime for other in names.alike.get(bare, ()))
-    if prime:
-        yield bare
+        return found
+    bare = token.removesuffix("'")
+    found += [other + token[len(bare) :] for other in names.alike.get(bare, ())]
+    if bare != token:
+        found.append(bare)
     elif bare in names.primed:
-        yield bare + "'"
+        found.append(bare + "'")
+    return found
 
 
-def off_by_one(number: str) -> Iterator[str]:
-    """Yield a number with its last digit one higher, and one lower where it stays a number without a sign."""
+def off_by_one(number: str) -> list[str]:
+    """Return a number with its last digit one higher, and one lower where it stays a number without a sign."""
     value = Decimal(number)
     step = Decimal(1).scaleb(min(0, int(value.as_tuple().exponent)))
-    yield str(value + step)
+    found = [str(value + step)]
     if value >= step:
-        yield str(value - step)
-
-
-# -- parts --------------------------------------------------------------------------------------------------------
+        found.append(str(value - step))
+    return found
 
 
 def _by_part(text: str) -> Iterator[Change]:
@@ -168,11 +151,11 @@ def _operands(node: s.Binary, text: str) -> Iterator[Change]:
 
 def _conditions(node: s.Logical, text: str) -> Iterator[Change]:
     """Without one of the conditions, and with one of them denied where no other change does."""
+    parts = [f"({_source(operand, text)})" for operand in node.operands]
     for i, operand in enumerate(node.operands):
-        rest = [f"({_source(o, text)})" for j, o in enumerate(node.operands) if j != i]
-        yield _whole(node, "(" + f" {node.op} ".join(rest) + ")")
+        yield _whole(node, "(" + f" {node.op} ".join(parts[:i] + parts[i + 1 :]) + ")")
         if not isinstance(operand, s.Compare | s.Unary):
-            yield _whole(operand, f"(not ({_source(operand, text)}))")
+            yield _whole(operand, f"(not {parts[i]})")
 
 
 def _links(node: s.Compare, text: str) -> Iterator[Change]:
@@ -201,9 +184,10 @@ def _arguments(node: s.Call, text: str) -> Iterator[Change]:
 
 def _elements(node: s.SetOf, text: str) -> Iterator[Change]:
     """Yield a set without one of its elements."""
-    for i in range(len(node.items) if len(node.items) > 1 else 0):
-        rest = [_source(item, text) for j, item in enumerate(node.items) if j != i]
-        yield _whole(node, "{" + ", ".join(rest) + "}")
+    items = [_source(item, text) for item in node.items]
+    if len(items) > 1:
+        for i in range(len(items)):
+            yield _whole(node, "{" + ", ".join(items[:i] + items[i + 1 :]) + "}")
 
 
 def _ends(node: s.Subscript, text: str) -> Iterator[Change]:
