@@ -1,4 +1,4 @@
-"""What notices that a spec was changed: the compiler, the checks, its examples, its claims, or nothing at all."""
+"""Judge changes of a spec: what notices them (compiler, checks, examples, claims), and whether two tasks are the same."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from taskspec.abstraction.abstraction import abstraction
-from taskspec.abstraction.homomorphism import MOST, MOST_ENTRIES, Uncompared, difference
+from taskspec.abstraction.verify import MOST, MOST_ENTRIES, Uncompared, difference
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.check.report import check
 from taskspec.lang.batch import evaluate
@@ -58,7 +58,7 @@ def has_timers() -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What became of a mutant; and what was said of it, which has no place, for nobody has written its text."""
+    """The class of a mutant, with the diagnostic that decides it; its place is left out, since nobody has written its text."""
 
     kind: Class
     code: str | None = None
@@ -258,7 +258,7 @@ def _have_same_stand_ins(one: Task, other: Task) -> bool:
 
 
 def _have_same_episodes(one: Task, other: Task, forms: NormalForms) -> bool:
-    """Return whether two finite tasks cannot be told apart in any episode, whatever is done in it.
+    """Return whether two finite tasks cannot be distinguished in any episode, for any actions.
 
     In every state that episodes reach, the outcomes of every action (next state, reward and end together, with their
     probabilities as rationals), the observations and the expert's actions are compared, all to the last bit.
