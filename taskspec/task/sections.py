@@ -13,7 +13,7 @@ from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Lazy, Poisoned, Scope, Value
 from taskspec.lang.types import Kind, Type
 from taskspec.source import Path
-from taskspec.task import declare, parameters
+from taskspec.task import declarations, parameters
 from taskspec.task.context import Context, poison
 from taskspec.task.names import Names
 from taskspec.task.observe import Observed
@@ -188,7 +188,7 @@ def observed(context: Context, names: Names, initial: list[Node], following: lis
     found = {name: value for name, value in values.items() if value is not None}
     size = sum(v.node.type.size for v in found.values())
     place = context.merged.key_span(("observation",))
-    if not declare.fits(context, size, place, "`observation:`", least=int(len(found) == len(declared))):
+    if not declarations.fits(context, size, place, "`observation:`", least=int(len(found) == len(declared))):
         return Observation((), ())
     edges = {name: [_edge(context, name, key, v.node.type) for key in ("low", "high")] for name, v in found.items()}
     components = tuple(observed.expression(name, v, *edges[name]) for name, v in found.items())
@@ -217,7 +217,7 @@ def _check_space(context: Context, components: tuple[Component, ...], space: str
 def _check_order(context: Context, c: Component) -> bool:
     """Return whether values lie between the bounds of what is observed; reported where there are none."""
     try:
-        declare.check_order(context, c.low, c.high, ("observation", c.name))
+        declarations.check_order(context, c.low, c.high, ("observation", c.name))
     except Poisoned:
         return False
     return True
@@ -230,7 +230,7 @@ def _edge(context: Context, name: str, key: str, type_: Type) -> tuple[float, ..
         return None
     scope = context.constant_scope("bounds are fixed")
     try:
-        return declare.bound(context, entry, key, ("observation", name), type_, scope)
+        return declarations.bound(context, key, ("observation", name), type_, scope)
     except Poisoned:
         return None
 
@@ -317,7 +317,7 @@ def _mapped(context: Context, name: str, expr: s.Expr | None, components: dict[s
         context.collector.add("E216", span, f"the abstraction has no component '{name}'", suggest(name, components))
         return None
     fixed = context.constant_scope("domains are fixed")
-    c = declare.component(context, ("abstraction", "state", name), fixed)
+    c = declarations.component(context, ("abstraction", "state", name), fixed)
     return None if expr is None or c is None else context.assign(expr, scope, c)
 
 
