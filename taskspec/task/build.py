@@ -19,11 +19,10 @@ from taskspec.lang.scope import FunctionDef
 from taskspec.lang.types import REAL, Refused
 from taskspec.source import Document, Packed, packed, unpacked
 from taskspec.task import declarations, sections
-from taskspec.task.annotations import figure, read_examples, symmetries
+from taskspec.task.annotations import figure, read_examples, remembered, symmetries
 from taskspec.task.context import Context
 from taskspec.task.merge import Merged, abstracted, merge, stripped
 from taskspec.task.names import Names, check_names, signature
-from taskspec.task.observe import remembered
 from taskspec.task.parameters import Varying
 from taskspec.task.task import Parameter, Task
 
