@@ -1,4 +1,4 @@
-"""What a spec declares, evaluated for given parameter values: parameters, constants, components, horizon and discount."""
+"""Declarations of a spec for given parameter values: parameters, constants, components, horizon and discount."""
 
 from __future__ import annotations
 
@@ -257,7 +257,7 @@ def _constant(context: Context, name: str, scope: Scope, seed: int | None) -> Va
 
 
 def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> Const:
-    """Return a text grid: every character stands for what the legend says."""
+    """Return a text grid: the legend gives the value of every character."""
     is_block = isinstance(value["grid"], str)
     lines = value["grid"].splitlines() if is_block else value["grid"]
     legend = {}
@@ -293,7 +293,7 @@ def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> 
 
 
 def bind_components(context: Context, section: str) -> tuple[Component, ...]:
-    """Return the components of a section; one that is broken (and reported) is stood for by what is known of it."""
+    """Return the components of a section; of one that is broken (and reported), the labels are known."""
     if not context.data[section]:
         hint = "where there is nothing to tell apart, one value is enough: `s: {type: choice, values: [only]}`"
         context.report_key("E210", (section,), f"`{section}:` names no component", hint)
