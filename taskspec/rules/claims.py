@@ -20,8 +20,7 @@ from taskspec.rollout.simulate import EPISODES
 from taskspec.rules.claim_rules import ClaimEvaluator, Reason, Terms
 from taskspec.rules.evaluator import Undecidable
 from taskspec.rules.vocabulary import InvalidClaim
-from taskspec.scores.returns import Results
-from taskspec.scores.saved import CLAIMS, OfClaim
+from taskspec.scores.returns import CLAIMS, OfClaim, Results
 from taskspec.source import Path
 from taskspec.task.build import build
 from taskspec.task.merge import Merged, merge
