@@ -332,11 +332,7 @@ class Film:
             self._target.finish()
 
     def _check(self, path: Path) -> None:
-        """Check that ffmpeg, which does not report failures, wrote all frames.
-
-        Raises:
-            OSError: frames are missing.
-        """
+        """Check that ffmpeg, which does not report failures, wrote all frames."""
         try:
             frames, _ = self._ffmpeg.count_frames_and_secs(str(path))
         except RuntimeError:

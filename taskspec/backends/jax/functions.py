@@ -7,7 +7,7 @@ from collections import namedtuple
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -25,24 +25,6 @@ from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
 from taskspec.task.task import Component, Parameter, Task, TaskLike
 
 
-class Functions(Protocol):
-    """What is adapted: `taskspec.backends.jax.functions.Functional`."""
-
-    task: Task
-    program: JaxProgram
-    default_params: Any
-
-    @property
-    def name(self) -> str: ...
-    def reset(self, key: AnyArray, params: Any) -> tuple[Any, State]: ...
-    def step(
-        self, state: State, action: AnyArray, params: Any
-    ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]: ...
-    def step_env(
-        self, state: State, action: AnyArray, params: Any
-    ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]: ...
-
-
 class Gymnax:
     """`reset(key, params)` and `step(key, state, action, params)`; the key of `reset` is the seed, others are ignored.
 
@@ -53,7 +35,7 @@ class Gymnax:
         SpecError: E713, for flat actions that are not finite.
     """
 
-    def __init__(self, functional: Functions, flat_actions: bool = False) -> None:
+    def __init__(self, functional: Functional, flat_actions: bool = False) -> None:
         task = functional.task
         program = functional.program
         self._functional = functional
@@ -231,9 +213,7 @@ class OpenParameters:
                 raise SpecError([Diagnostic("E704", None, f"{message} ({self._told(params, known)})")])
 
     def _told(self, params: Any, holds: AnyArray) -> str:
-        """Return the first values of which something does not hold, where there is one for each of its own; else all of
-        them.
-        """
+        """Return the first values of which something does not hold, where there is one for each of its own."""
         found = []
         for p in self.varying:
             value = _known(getattr(params, p.name))
@@ -284,9 +264,7 @@ def _refused(name: str, opened: OpenParameters) -> Diagnostic:
 
 
 def _known(value: Any) -> AnyArray | None:
-    """Return a value as an array, with all lanes of what is mapped over by `vmap`; None where it is not known before a
-    program runs.
-    """
+    """Return a value as an array, with all lanes of what is mapped over by `vmap`."""
     if not isinstance(value, jax.core.Tracer):
         return np.asarray(value)
     seen: list[Any] = []

@@ -315,15 +315,9 @@ class JaxEngine:
         self._episodes = Episodes(self.buffers, options.mode)
         self._lanes = lanes
         self._reset, self._step = jitted(task, options.mode)
-        self._state = self._empty(task, lanes)
-
-    @staticmethod
-    def _empty(task: Task, lanes: int) -> State:
-        dtypes = {np.dtype(np.bool_): jnp.bool_, np.dtype(np.int64): jnp.int32, np.dtype(np.float64): jnp.float32}
-        held = Buffers.of(task, compile_jax(task).observation, lanes).state
-        values = tuple(jnp.zeros(v.shape, dtypes[v.dtype]) for v in held)
+        values = tuple(jnp.zeros(v.shape, _NARROW[v.dtype.kind]) for v in self.buffers.state)
         zero = jnp.zeros(lanes, jnp.uint32)
-        return State(values, zero.astype(jnp.int32), zero, zero, jnp.zeros((2, lanes), jnp.uint32))
+        self._state = State(values, zero.astype(jnp.int32), zero, zero, jnp.zeros((2, lanes), jnp.uint32))
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:
         self._episodes.seed(seeds, lanes)
@@ -385,24 +379,11 @@ def _parts(layout: SpaceLayout, seen: Any) -> list[Any]:
 def jitted(task: Task, mode: Mode) -> tuple[Any, Any]:
     """Return the jitted reset and step of an autoreset mode."""
     program = compile_jax(task)
-    return jax.jit(_resetting(program)), jax.jit(_stepping(program, mode))
+    layout = program.observation
 
-
-def _chosen(flags: Any, a: State, b: State) -> State:
-    """Lanes of `a` where flagged, of `b` elsewhere."""
-    return jax.tree.map(lambda x, y: jnp.where(flags, x, y), a, b)  # type: ignore[no-any-return]
-
-
-def _resetting(program: JaxProgram) -> Any:
     def reset(state: State, chosen: Any) -> tuple[State, Any]:
         fresh, seen = program.begin(state)
-        return _chosen(chosen, fresh, state), observed(program.observation, seen)
-
-    return reset
-
-
-def _stepping(program: JaxProgram, mode: Mode) -> Any:
-    layout = program.observation
+        return _chosen(chosen, fresh, state), observed(layout, seen)
 
     def step(state: State, action: Any, late: Any) -> tuple[State, Any]:
         after, result = program.step(state, action)
@@ -414,8 +395,13 @@ def _stepping(program: JaxProgram, mode: Mode) -> Any:
         if mode == "disabled":
             return after, (seen, seen, *flags)
         fresh_state, fresh = program.begin(state)
-        shown = jax.tree.map(lambda x, y: jnp.where(late, x, y), observed(layout, fresh), seen)
+        shown = _chosen(late, observed(layout, fresh), seen)
         reward, terminated, truncated = (jnp.where(late, jnp.zeros_like(f), f) for f in flags)
         return _chosen(late, fresh_state, after), (shown, seen, reward, terminated, truncated)
 
-    return step
+    return jax.jit(reset), jax.jit(step)
+
+
+def _chosen(flags: Any, a: Any, b: Any) -> Any:
+    """Lanes of `a` where flagged, of `b` elsewhere."""
+    return jax.tree.map(lambda x, y: jnp.where(flags, x, y), a, b)

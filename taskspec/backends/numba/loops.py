@@ -403,11 +403,7 @@ def _views(p: Program, rows: Sequence[MemoryRow]) -> list[str]:
 def _kernel(
     p: Program, rows: Sequence[MemoryRow], shown: Shown, begin: Sequence[MemoryRow], begin_shown: Shown
 ) -> list[str]:
-    """Check the actions of a range of lanes, step them, or begin episodes in those chosen, as `what` says.
-
-    It is given two arrays as CPython passes objects, the program's memory and the actions, and gives the number of lanes
-    whose episodes have ended, or `BAD`, as an int of Python's.
-    """
+    """Check the actions of a range of lanes, step them, or begin episodes in those chosen, as `what` says."""
     body = _views(p, [*rows, *begin])
     body += [f"lanes = i64s({p.memory.at('lanes')}, i64(0))", "late = 0"]
     body += [f"if what == {RESET}:", *indent(_choose(p)), "else:", *indent(_step(p, rows, shown))]

@@ -138,9 +138,7 @@ def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Ho
     form = ArrayForm(names, lambda draw, args: drawn(draw, args), scratch=Scratch())
 
     def drawn(draw: Draw, args: Sequence[str]) -> str:
-        """Return a draw whose distribution depends on the state; the step is given its words one by one, as int64
-        (lanes,).
-        """
+        """Return a draw whose distribution depends on the state; the step is given its words one by one."""
         words = f"np.stack({tuple_of(hoisted.words[draw.site])}).astype(np.uint32)"
         return f"{form.constant(many(draw))}({tuple_of(args)}, {words})"
 

@@ -144,10 +144,7 @@ def compile_scalar(task: Task) -> ScalarProgram:
 
 
 def _as_floats(action: Any, shape: tuple[int, ...]) -> Any:
-    """Return an array-like action as an array of float64 of the given shape; one number goes with and without an axis.
-
-    ValueError: it has another shape or is no array of numbers.
-    """
+    """Return an array-like action as an array of float64 of the given shape."""
     array = np.asarray(action)
     if shape in _ONE and array.shape in _ONE:
         array = array.reshape(shape)

@@ -52,10 +52,7 @@ def _elements(task: Task, names: Sequence[str]) -> tuple[list[str], list[LaneVal
 
 
 def _listed(shape: tuple[int, ...], names: Sequence[str], convert: str, usual: str) -> list[str]:
-    """Return statements that spread an array-like action over names; anything of another shape is refused.
-
-    An array that meets the condition `usual` is taken as it is, all else goes through the function `convert`.
-    """
+    """Return statements that spread an array-like action over names; anything of another shape is refused."""
     ravel = ".ravel()" if len(shape) > 1 else ""
     return [
         "try:",

@@ -149,11 +149,7 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
 
 
 def _unwrapped(phase: Phase, body: Iterable[str], kept: Iterable[tuple[str, str]], others: Iterable[str]) -> list[str]:
-    """Return arrays turned into lists of Python numbers, where the body computes with their elements, or `others` with
-    what is kept.
-
-    `kept` are variables and what they become. Numbers of NumPy's own would be slow, and do not do what Python's do: 1 // 0.
-    """
+    """Return arrays turned into lists of Python numbers, where the body computes with their elements."""
     read = _names_in(others)
     used = _names_in([*body, *(source for name, source in kept if name in read)])
     return [f"{h} = {h}.tolist()" for h in phase.wide if h in used]
@@ -164,10 +160,7 @@ def _names_in(lines: Iterable[str]) -> set[str]:
 
 
 def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants: dict[str, Any]) -> list[str]:
-    """Return the function `step`: it works everything out, and fixes what it returns, before the state moves on.
-
-    `others` are the statements besides its own that compute with the state.
-    """
+    """Return the function `step`: it works everything out, and fixes what it returns, before the state moves on."""
     task = parts.task
     phase = parts.step
     reading, actions = read_action(task, parts.action)
@@ -195,10 +188,7 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
 
 
 def _fixed(lane: LaneEmitter, source: str, own: Container[str]) -> str:
-    """Return a result as a number, or as a name that keeps its value when the state moves on.
-
-    Such are the names that the emitter makes, and those in `own`; anything else gets a name of its own now.
-    """
+    """Return a result as a number, or as a name that keeps its value when the state moves on."""
     names = _NAMES.findall(source)
     if not names or (_ATOM.fullmatch(source) and (names[0] in own or _MADE.fullmatch(names[0]))):
         return source
@@ -213,9 +203,7 @@ _ATOM = re.compile(r"\w+(\[\d+\])?")
 def _seen(
     lane: LaneEmitter, parts: Parts, terminal: str, values: Sequence[LaneValue], own: Container[str]
 ) -> tuple[str, list[str]]:
-    """Return the observation of a step: the kept one where it stays the same, itself rather than a copy on what is always
-    the last.
-    """
+    """Return the observation of a step: the kept one where it stays the same."""
     if parts.invariants.observation:
         return ("kept" if terminal == "True" else "kept.copy()"), []
     observation, statements = observe(lane, parts.observation, parts.step, values)

@@ -109,9 +109,7 @@ def is_filled(node: Node) -> bool:
 
 
 def _block_can_compute(node: Node) -> bool:
-    """Return whether NumPy computes the same number in a block: no read, and no operator whose last digit differs in the C
-    library.
-    """
+    """Return whether NumPy computes the same number in a block: no read."""
     if isinstance(node, Read):
         return False
     return not isinstance(node, Apply) or node.op not in OPERATORS or OPERATORS[node.op].precise
