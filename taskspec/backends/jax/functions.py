@@ -131,8 +131,8 @@ def _space(layout: SpaceLayout) -> Any:
                 if c.is_finite and c.type.is_scalar:
                     made[c.name] = spaces.Discrete(c.counts[0])
                 else:
-                    low, high = (tuple(map(single, bound)) for bound in (c.low, c.high))
-                    made[c.name] = _box(spaces, low, high, c.type.shape)
+                    lows = tuple(map(single, c.low))
+                    made[c.name] = _box(spaces, lows, tuple(map(single, c.high)), c.type.shape)
             return spaces.Dict(made)
         case "box":
             return _box(spaces, layout.low, layout.high, layout.shape)
