@@ -94,7 +94,7 @@ class EpisodeBatch:
 
     @classmethod
     def sharing(cls, t: int, states: State, observations: Any, rng: np.random.Generator) -> EpisodeBatch:
-        """Return a batch of episodes of which all run, with one generator."""
+        """Return a batch of running episodes that share one generator."""
         lanes = next(iter(states.values())).shape[-1]
         return cls(t, states, observations, SharedDraws(rng, lanes), np.ones(lanes, np.bool_))
 
