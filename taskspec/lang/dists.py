@@ -1,5 +1,9 @@
 """Distributions that an author may draw from.
 
+A distribution is arithmetic over a *base variate* whose random words do not depend on the state: `Normal(m, s)` is
+`m + s * normal`. Backends implement the few of `lang.variates`; everything else is ordinary operators. One entry per
+distribution; the language reference, the printers and the statistical tests follow from the table.
+
 The distribution function is Numerical Recipes' rational Chebyshev fit of erfc (relative error below 1.2e-7, in the tails as
 well), its inverse Acklam's rational approximation (1.2e-9). Bounds with more mass above 0 than below are mirrored,
 so that the digits of small probabilities are not lost beside 1.
@@ -26,22 +30,14 @@ ERFC = (
     0.17087277,
 )  # fmt: skip
 A = (
-    -39.69683028665376,
-    220.9460984245205,
-    -275.9285104469687,
-    138.3577518672690,
-    -30.66479806614716,
+    -39.69683028665376, 220.9460984245205, -275.9285104469687, 138.3577518672690, -30.66479806614716,
     2.506628277459239,
-)
+)  # fmt: skip
 B = (-54.47609879822406, 161.5858368580409, -155.6989798598866, 66.80131188771972, -13.28068155288572, 1.0)
 C = (
-    -0.007784894002430293,
-    -0.3223964580411365,
-    -2.400758277161838,
-    -2.549732539343734,
-    4.374664141464968,
+    -0.007784894002430293, -0.3223964580411365, -2.400758277161838, -2.549732539343734, 4.374664141464968,
     2.938163982698783,
-)
+)  # fmt: skip
 D = (0.007784695709041462, 0.3224671290700398, 2.445134137142996, 3.754408661907416, 1.0)
 TAIL = 0.02425
 
@@ -85,13 +81,6 @@ def _polynomial(b: NodeMaker, x: Node, coefficients: Sequence[float]) -> Node:
     for c in coefficients[1:]:
         value = b.apply("add", b.apply("mul", value, x), b.scalar(c))
     return value
-
-
-# Distributions: what an author may draw from.
-#
-# A distribution is arithmetic over a *base variate* whose random words do not depend on the state: `Normal(m, s)` is
-# `m + s * normal`. Backends implement the few of `lang.variates`; everything else is ordinary operators. One entry per
-# distribution; the language reference, the printers and the statistical tests follow from the table.
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,18 +288,14 @@ def _elements(b: Builder, node: Node, shape: Shape) -> list[Node]:
     return [node] if flat is None else [b.structure("element", [flat], (i,)) for i in range(size)]
 
 
-def _is_all(value: float, *names: str) -> Callable[[Mapping[str, Node | None]], bool]:
-    """Return whether one of some arguments is a constant with this value everywhere."""
+def _is_all(name: str, *values: float) -> Callable[[Mapping[str, Node | None]], bool]:
+    """Return whether an argument is a constant with one of some values everywhere."""
 
     def test(given: Mapping[str, Node | None]) -> bool:
-        found = (given.get(name) for name in names)
-        return any(isinstance(n, Const) and n.flat and all(v == value for v in n.flat) for n in found)
+        node = given.get(name)
+        return isinstance(node, Const) and set(node.flat) in [{value} for value in values]
 
     return test
-
-
-def _is_sure(given: Mapping[str, Node | None]) -> bool:
-    return _is_all(0, "p")(given) or _is_all(1, "p")(given)
 
 
 def _has_no_width(given: Mapping[str, Node | None]) -> bool:
@@ -340,7 +325,7 @@ DISTS: dict[str, Dist] = {
              r"\operatorname{Unif}\{{low}, \ldots, {high}\}", _has_no_width,
              samples=({"low": -2, "high": 5}, {"low": 3, "high": 3})),
         Dist("Normal", (Argument("mean", 0), Argument("std", 1, low=0)), _normal, "Normal (Gaussian) real.",
-             r"\mathcal{N}({mean}, {std}^2)", _is_all(0, "std"), samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0}),
+             r"\mathcal{N}({mean}, {std}^2)", _is_all("std", 0), samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0}),
              brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM))),
         Dist("TruncatedNormal", (Argument("mean"), Argument("std", low=0, open=True), Argument("low"), Argument("high")),
              _truncated_normal, "Normal real between `low` and `high`; `mean` and `std` are those before truncation.",
@@ -348,10 +333,10 @@ DISTS: dict[str, Dist] = {
              samples=({"mean": 1, "std": 2, "low": 0, "high": 2}, {"mean": 0, "std": 1, "low": 3, "high": 5}),
              brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM, Level.SCOPE, Level.SCOPE))),
         Dist("Bernoulli", (_P,), _bernoulli, "A condition that holds with probability `p`.",
-             r"\operatorname{Bernoulli}({p})", _is_sure, samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
+             r"\operatorname{Bernoulli}({p})", _is_all("p", 0, 1), samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
         Dist("Binomial", (Argument("n", static=True, low=0, otherwise=_TRIALS), _P), _binomial,
              "Number of successes in `n` trials that each succeed with probability `p`.",
-             r"\operatorname{Binomial}({n}, {p})", _is_sure,
+             r"\operatorname{Binomial}({n}, {p})", _is_all("p", 0, 1),
              samples=({"n": 6, "p": 0.3}, {"n": 1, "p": 0.5}, {"n": 4, "p": 0}, {"n": 40, "p": 0.9})),
         Dist("Exponential", (Argument("rate", 1, low=0, open=True),), _exponential, "Exponential real with mean 1/`rate`.",
              r"\operatorname{Exp}({rate})", samples=({"rate": 2},)),
@@ -360,9 +345,9 @@ DISTS: dict[str, Dist] = {
              samples=({"a": 2.5, "rate": 2}, {"a": 0.25, "rate": 1})),
         Dist("Geometric", (Argument("p", low=0, high=1, open=True),), _geometric,
              "Number of trials up to the first success, where each succeeds with probability `p`: 1 or more.",
-             r"\operatorname{Geometric}({p})", _is_all(1, "p"), samples=({"p": 0.5}, {"p": 0.2}, {"p": 1})),
+             r"\operatorname{Geometric}({p})", _is_all("p", 1), samples=({"p": 0.5}, {"p": 0.2}, {"p": 1})),
         Dist("Poisson", (Argument("rate", low=0),), _poisson, "Number of events, with mean `rate`.",
-             r"\operatorname{Poisson}({rate})", _is_all(0, "rate"), samples=({"rate": 4}, {"rate": 0}, {"rate": 0.25})),
+             r"\operatorname{Poisson}({rate})", _is_all("rate", 0), samples=({"rate": 4}, {"rate": 0}, {"rate": 0.25})),
         Dist("Dirichlet", (Argument("alpha", vector=True, low=0, open=True),), _dirichlet,
              "A vector of probabilities with concentrations `alpha`.", r"\operatorname{Dirichlet}({alpha})",
              _has_one_share, shaped=False, samples=({"alpha": (1.0, 0.5, 3.0)},)),
@@ -371,10 +356,10 @@ DISTS: dict[str, Dist] = {
              samples=({"a": 2, "b": 5}, {"a": 0.5, "b": 0.25})),
         Dist("Permutation", (Argument("n", static=True, low=0),), _permutation,
              "A uniform permutation of 0, ..., n - 1; `shape=` gives a vector of permutations.",
-             r"\operatorname{Perm}({n})", _is_all(1, "n"), samples=({"n": 5}, {"n": 1})),
+             r"\operatorname{Perm}({n})", _is_all("n", 1), samples=({"n": 5}, {"n": 1})),
         Dist("Subset", (Argument("n", static=True, low=0), Argument("k", static=True, low=0)), _subset,
              "`n` conditions of which `k` hold, all choices equally likely; `shape=` gives a vector of choices.",
-             r"\operatorname{Subset}({n}, {k})", lambda given: _is_all(0, "k")(given) or given["n"] is given["k"],
+             r"\operatorname{Subset}({n}, {k})", lambda given: _is_all("k", 0)(given) or given["n"] is given["k"],
              samples=({"n": 5, "k": 2}, {"n": 3, "k": 3})),
     )
 }  # fmt: skip
