@@ -76,7 +76,7 @@ def _quantile(b: NodeMaker, p: Node) -> Node:
 
 
 def _polynomial(b: NodeMaker, x: Node, coefficients: Sequence[float]) -> Node:
-    """Return the first coefficient belongs to the highest power."""
+    """Return the value of a polynomial, whose first coefficient belongs to the highest power."""
     value: Node = b.scalar(coefficients[0])
     for c in coefficients[1:]:
         value = b.apply("add", b.apply("mul", value, x), b.scalar(c))
@@ -175,23 +175,20 @@ def _gamma(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _geometric(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    """Return one more than an index with the probabilities of so many failures; the last one stands for all that are
-    rarer than RARE.
-    """
+    """Return one more than an index drawn with the probabilities of failures; the last stands for all rarer than RARE."""
     p = b.cast(a["p"], Kind.REAL)
     least = min(map(float, p.flat), default=1.0) if isinstance(p, Const) else b.bounds(p)[0]
     most = Limits.waiting if isinstance(p, Const) else Limits.trials
-    counts = 1 if least >= 1 else math.inf if least <= 0 else 2 + math.log(RARE) / math.log1p(-least)
+    counts = math.inf
+    if least >= 1:
+        counts = 1
+    elif least > 0:
+        counts = 2 + math.log(RARE) / math.log1p(-least)
     if counts >= most + 1:
         raise Refused(f"Geometric waits for up to {most:,} trials, and with this 'p' for more", "E408",
                       None if isinstance(p, Const) else "give it a bound: `Geometric(clip(p, 0.1, 1))`")  # fmt: skip
     count = int(counts)
-    if p.type.is_scalar:
-        found = b.draw("categorical", (_failures(b, count, p),), Type(Kind.INT, shape))
-    else:
-        drawn = [b.draw("categorical", (_failures(b, count, q),), INT) for q in _elements(b, p, shape)]
-        found = b.structure("reshape", [b.structure("vector", drawn)], shape)
-    return b.apply("add", b.scalar(1), found)
+    return b.apply("add", b.scalar(1), _drawn(b, p, shape, lambda q: _failures(b, count, q)))
 
 
 RARE = 2.0**-60
@@ -199,15 +196,12 @@ RARE = 2.0**-60
 
 
 def _failures(b: Builder, count: int, p: Node) -> Node:
-    """Return the probabilities of 0, 1, ... failures before the first success, and of `count` - 1 or more; exact
-    like `_counts`.
-    """
+    """Return the probabilities of 0, 1, ... failures before the first success, and of `count` - 1 or more."""
     type_ = Type(Kind.REAL, (count,))
     if isinstance(p, Const):
         q = Fraction(p.value)
-        exact = [q * (1 - q) ** k for k in range(count - 1)] + [(1 - q) ** (count - 1)]
-        short = all(v.denominator.bit_length() <= Limits.bits for v in exact) and not isinstance(p.value, float)
-        return b.const(exact if short else list(map(float, exact)), type_)
+        row = [q * (1 - q) ** k for k in range(count - 1)] + [(1 - q) ** (count - 1)]
+        return _row(b, row, not isinstance(p.value, float))
     fails = b.apply("pow", b.apply("sub", b.scalar(1), p), b.const(list(range(count)), type_))
     stops = b.structure("concat", [b.structure("fill", [p], (count - 1,)), b.const([1], Type(Kind.REAL, (1,)))])
     return b.apply("mul", stops, fails)
@@ -261,10 +255,8 @@ def _binomial(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     assert isinstance(n, Const)
     if n.value > Limits.trials:
         raise Refused(f"Binomial takes at most {Limits.trials:,} trials", "E408")
-    if p.type.is_scalar:
-        return b.draw("categorical", (_counts(b, int(n.value), p),), Type(Kind.INT, shape))
-    drawn = [b.draw("categorical", (_counts(b, int(n.value), q),), INT) for q in _elements(b, p, shape)]
-    return b.structure("reshape", [b.structure("vector", drawn)], shape)
+    trials = int(n.value)
+    return _drawn(b, p, shape, lambda q: _counts(b, trials, q))
 
 
 def _counts(b: Builder, n: int, p: Node) -> Node:
@@ -273,12 +265,26 @@ def _counts(b: Builder, n: int, p: Node) -> Node:
     ways = [math.comb(n, k) for k in range(n + 1)]
     if isinstance(p, Const) and not isinstance(p.value, float):
         q = Fraction(p.value)
-        exact = [c * q**k * (1 - q) ** (n - k) for k, c in enumerate(ways)]
-        short = all(v.denominator.bit_length() <= Limits.bits for v in exact)
-        return b.const(exact if short else list(map(float, exact)), type_)
+        return _row(b, [c * q**k * (1 - q) ** (n - k) for k, c in enumerate(ways)], True)
     heads = b.apply("pow", p, b.const(list(range(n + 1)), type_))
     tails = b.apply("pow", b.apply("sub", b.scalar(1), p), b.const(list(range(n, -1, -1)), type_))
     return b.apply("mul", b.const(ways, type_), b.apply("mul", heads, tails))
+
+
+def _row(b: Builder, values: list[Fraction], exact: bool) -> Node:
+    """Return probabilities as a constant; floats where they are not `exact`, or have very many digits."""
+    type_ = Type(Kind.REAL, (len(values),))
+    if exact and all(v.denominator.bit_length() <= Limits.bits for v in values):
+        return b.const(values, type_)
+    return b.const(list(map(float, values)), type_)
+
+
+def _drawn(b: Builder, p: Node, shape: Shape, row: Callable[[Node], Node]) -> Node:
+    """Draw indices with the probabilities that `row` gives of p, one for each element of a draw."""
+    if p.type.is_scalar:
+        return b.draw("categorical", (row(p),), Type(Kind.INT, shape))
+    drawn = [b.draw("categorical", (row(q),), INT) for q in _elements(b, p, shape)]
+    return b.structure("reshape", [b.structure("vector", drawn)], shape)
 
 
 def _elements(b: Builder, node: Node, shape: Shape) -> list[Node]:
