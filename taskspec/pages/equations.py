@@ -2,82 +2,24 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 from typing import Any
 
 from taskspec.lang import syntax as s
-from taskspec.lang.dists import is_distribution
 from taskspec.printers import tree as m
-from taskspec.printers.elements import rank, renamed
+from taskspec.printers.elements import rank
 from taskspec.printers.expressions import ExpressionWriter, condition, mathematics
 from taskspec.printers.idioms import interval
-from taskspec.printers.names import Notation, expression, of_task
+from taskspec.printers.names import Notation, expression, of_task, symbol
 from taskspec.printers.pieces import prime
-from taskspec.printers.substitute import substitute
-from taskspec.printers.symbols import symbol
+from taskspec.printers.rewrites import Drawn, is_draw, shows_probabilities, substitute, take_apart
 from taskspec.task.names import signature
 from taskspec.task.schema.models import Spec
 from taskspec.task.schema.typed import ComponentEntry, ParameterEntry
 from taskspec.task.task import Task
-
-# -- draws within expressions: `g = p + ξ, ξ ~ Unif{...}`
-
-
-@dataclass(frozen=True, slots=True)
-class Drawn:
-    """An expression whose inner draws have names, and those draws: what stands for each, and what it is drawn from.
-
-    A draw in a comprehension is made for each of its elements, and has their index: `xi[i]`.
-    """
-
-    expr: s.Expr
-    draws: tuple[tuple[s.Name | s.Subscript, s.Expr], ...]
-
-
-def is_draw(expr: s.Expr) -> bool:
-    """Return whether an expression is a distribution as a whole."""
-    return isinstance(expr, s.Weights) or (isinstance(expr, s.Call) and is_distribution(expr.function))
-
-
-def shows_chances(expr: s.Expr) -> bool:
-    """Return whether an expression is printed as cases with probabilities, which need no name."""
-    return isinstance(expr, s.Weights) or (
-        isinstance(expr, s.Call) and expr.function == "Categorical" and any(isinstance(a, s.Weights) for a in expr.args)
-    )
-
-
-def take_apart(expr: s.Expr, prefix: str = "xi") -> Drawn:
-    """Return names for the draws inside an expression, in written order."""
-    found: list[tuple[s.Name | s.Subscript, s.Expr]] = []
-
-    def go(node: Any, indices: tuple[str, ...] = ()) -> Any:
-        if isinstance(node, tuple):
-            return tuple(go(x, indices) for x in node)
-        if isinstance(node, s.Place) or not dataclasses.is_dataclass(node) or isinstance(node, type):
-            return node
-        if isinstance(node, s.Call) and is_distribution(node.function) and not shows_chances(node):
-            name = s.Name(f"{prefix}_{len(found) + 1}", False, node.place)
-            below = tuple(s.Name(i, False, node.place) for i in indices)
-            found.append((s.Subscript(name, below, node.place) if below else name, node))
-            return found[-1][0]
-        if isinstance(node, s.Comprehension):
-            indices = (*indices, *(name for clause in node.clauses for name in clause.targets))
-        return dataclasses.replace(
-            node, **{f.name: go(getattr(node, f.name), indices) for f in dataclasses.fields(node)}
-        )
-
-    inner = go(expr)
-    if len(found) == 1:  # one draw needs no number
-        ((name, alone),) = found
-        return Drawn(renamed(inner, f"{prefix}_1", prefix), ((renamed(name, f"{prefix}_1", prefix), alone),))
-    return Drawn(inner, tuple(found))
-
-
-# -- equations and sets
 
 LETTERS = ("xi", "zeta", "chi", "eta")
 """Letters for what is drawn inside an expression, the usual one first."""
@@ -127,7 +69,7 @@ class Writing:
     def equation(self, left: m.Math, expr: s.Expr, of: str | None = None) -> m.Math:
         """Return `left = expr`, or `left ~ expr` for a distribution; draws inside the expression get names."""
         if is_draw(expr):
-            sign = "=" if shows_chances(expr) else "∼"
+            sign = "=" if shows_probabilities(expr) else "∼"
             return m.Row((left, m.Sym(sign), self.math(expr, of)))
         apart = take_apart(expr, self.drawn)
         notation = self._drawing(apart)
@@ -143,7 +85,7 @@ class Writing:
             whole, indices = (name.value, name.indices) if isinstance(name, s.Subscript) else (name, ())
             assert isinstance(whole, s.Name)
             axes[whole.id] = rank(ExpressionWriter(self.notation), draw) + len(indices)
-        return self.notation.with_axes(axes)
+        return replace(self.notation, axes={**self.notation.axes, **axes})
 
     @cached_property
     def drawn(self) -> str:

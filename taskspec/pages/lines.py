@@ -8,12 +8,13 @@ from typing import Any
 
 from taskspec.base.display import lettered
 from taskspec.lang import syntax as s
-from taskspec.pages.equations import Writing, is_draw, unchanged
+from taskspec.pages.equations import Writing, unchanged
 from taskspec.pages.prose import CodeSpan, Formula, Inline, Inlines, Text, inlines, listing
 from taskspec.printers import piecewise
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import ExpressionWriter
 from taskspec.printers.names import expression
+from taskspec.printers.rewrites import is_draw
 from taskspec.printers.text import text
 from taskspec.task.names import signature
 from taskspec.task.schema.typed import ComponentEntry
