@@ -6,7 +6,7 @@ A closed set of nodes. Characters are Unicode throughout; what TeX calls them is
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from taskspec.lang.syntax import Place
@@ -160,12 +160,12 @@ def upright(text: str) -> Ident:
 def children(node: Any) -> list[Any]:
     """Return the nodes right below a node of mathematics or of surface syntax, in reading order."""
     found = []
-    waiting = [getattr(node, f.name) for f in reversed(fields(node))]
+    waiting = [getattr(node, name) for name in reversed(node.__dataclass_fields__)]
     while waiting:
         value = waiting.pop()
         if isinstance(value, tuple):
             waiting += reversed(value)
-        elif is_dataclass(value) and not isinstance(value, Place):
+        elif hasattr(value, "__dataclass_fields__") and not isinstance(value, Place):
             found.append(value)
     return found
 
@@ -176,11 +176,11 @@ def mapped(node: Any, change: Callable[[Any], Any]) -> Any:
     def go(value: Any) -> Any:
         if isinstance(value, tuple):
             return tuple(go(x) for x in value)
-        if is_dataclass(value) and not isinstance(value, Place):
+        if hasattr(value, "__dataclass_fields__") and not isinstance(value, Place):
             return change(value)
         return value
 
-    return replace(node, **{f.name: go(getattr(node, f.name)) for f in fields(node)})
+    return replace(node, **{name: go(getattr(node, name)) for name in node.__dataclass_fields__})
 
 
 def is_tall(node: Math) -> bool:
