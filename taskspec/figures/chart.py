@@ -249,7 +249,7 @@ def level(plot: Axes, y: float, color: Paint = RULE, dash: Dash = "dashed", widt
 
 def upright(plot: Axes, x: float, color: Paint = RULE, dash: Dash = "dashed", width: float = 0.03) -> Line:
     """Return a line from the bottom of the plot to its top."""
-    return Line((plot.at(x, plot.y.high), plot.at(x, plot.y.low)), color=color, width=width, dash=dash)
+    return Line((plot.at(x, plot.y.low), plot.at(x, plot.y.high)), color=color, width=width, dash=dash)
 
 
 def band(
