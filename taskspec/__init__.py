@@ -5,7 +5,9 @@ One YAML spec gives a Gymnasium environment, an exact model and the printed appe
 
 from __future__ import annotations
 
-TYPE_CHECKING = False  # as in `typing`, which is not imported: `taskspec.autoload` runs whenever Python starts
+import sys
+
+TYPE_CHECKING = False  # as in `typing`, which need not be imported
 if TYPE_CHECKING:
     from taskspec import data as data
     from taskspec import envs as envs
@@ -58,7 +60,7 @@ _ROOMS = ("data", "envs", "exact")
 
 
 def __getattr__(name: str) -> object:
-    """Import each public name on first use, so that `import taskspec` costs next to nothing."""
+    """Import a public name on first use, so that `import taskspec` costs next to nothing."""
     from importlib import import_module
 
     if name in _ROOMS:
@@ -74,5 +76,6 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *_PUBLIC, *_ROOMS})
 
 
-# Importing the package registers its tasks, too. By name: as an import it would put the package above all its layers.
-__import__("taskspec.autoload")
+# Gymnasium learns the ids of the shipped tasks where it was imported before.
+if "gymnasium.envs.registration" in sys.modules:
+    __getattr__("register")()

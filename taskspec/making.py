@@ -15,17 +15,16 @@ from typing import TYPE_CHECKING, Any
 
 from taskspec import registry
 from taskspec.base import ids
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
 from taskspec.registry import entries, load, shipped
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
 
-    from taskspec.backends.table import BackendName
+    from taskspec.backends.backend_table import BackendName
     from taskspec.envs import Environment
-    from taskspec.envs.instances import InstanceLanes
     from taskspec.envs.options import Autoreset
-    from taskspec.envs.vector import AutoresetMode, VectorEnvironment
+    from taskspec.envs.vector import AutoresetMode, InstanceLanes, VectorEnvironment
     from taskspec.modifiers import Written
     from taskspec.task.parameters import Ending, RenderMode
     from taskspec.task.task import Task, TaskLike
@@ -68,27 +67,32 @@ def make(
     return Environment(task, render_mode=render_mode, ending=ending, observe_time=observe_time)
 
 
-def register(folder: str | os.PathLike[str]) -> list[str]:
-    """Register the specs of a folder, and of its sub-folders, with Gymnasium; gives the ids.
+def register(folder: str | os.PathLike[str] | None = None) -> list[str]:
+    """Register specs with Gymnasium; they are not read in full.
+
+    Args:
+        folder: its specs, and those of its sub-folders; without one, the shipped tasks.
+
+    Returns:
+        The ids.
 
     Raises:
         SpecError: when the folder does not exist or a spec in it cannot be read.
     """
+    if folder is None:
+        for entry in shipped().values():
+            _add(entry.id, {"task": entry.id})
+        _add(SPEC_ID, {})
+        return [*shipped(), SPEC_ID]
     root = Path(folder)
     if not root.is_dir():
-        raise SpecError([Diagnostic("E710", None, f"there is no folder '{root}'")])
-    found = [e for each in (root, *sorted(p for p in root.iterdir() if p.is_dir())) for e in entries(each.resolve())]
+        raise spec_error("E710", f"there is no folder '{root}'")
+    folders = [root, *sorted(p for p in root.iterdir() if p.is_dir())]
+    found = [entry for each in folders for entry in entries(each.resolve())]
     for entry in found:
         registry.add(entry)
         _add(entry.id, {"path": str(entry.path), "variant": entry.variant})
     return [entry.id for entry in found]
-
-
-def register_shipped() -> None:
-    """Register the shipped tasks with Gymnasium: once, cheaply, without reading their specs in full."""
-    for entry in shipped().values():
-        _add(entry.id, {"task": entry.id})
-    _add(SPEC_ID, {})
 
 
 def _add(task_id: str, kwargs: dict[str, Any]) -> None:
@@ -203,8 +207,8 @@ def _of_instances(
     options: dict[str, Any],
 ) -> InstanceLanes:
     """Lanes of several instances, those with one seed of one task."""
-    from taskspec.envs.instances import InstanceLanes
     from taskspec.envs.options import invalid, positive
+    from taskspec.envs.vector import InstanceLanes
 
     count = len(seeds) if num_envs is None else positive("num_envs", num_envs)
     if not 0 < len(seeds) <= count:

@@ -12,6 +12,9 @@ from typing import Any
 import gymnasium.vector
 import pytest
 
+import taskspec
+
+taskspec.register()  # a plugin of pytest may have imported the package before Gymnasium
 os.environ["TASKSPEC_INVARIANTS"] = "1"  # every task that any test builds, subprocesses included
 os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")  # tests run in as many processes as there are cores
 ROOT = Path(__file__).parent.parent

@@ -12,7 +12,7 @@ from docs.tools.commands import commands
 from docs.tools.language import language
 from docs.tools.markdown import code, table
 from docs.tools.names import names
-from taskspec.base.codes import PAGE
+from taskspec.base.diagnostics import PAGE
 from taskspec.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
 from taskspec.modifiers.entry import never
 from taskspec.scores.difficulty import MEASURES

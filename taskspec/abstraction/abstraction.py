@@ -6,7 +6,7 @@ the mapped state alone; then values, and returns of policies of the mapped state
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,14 +18,13 @@ from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node
 from taskspec.model.extract import extract as model_of
 from taskspec.model.model import Model
+from taskspec.model.space import shown
 from taskspec.modifiers import stand_in as modified_stand_in
 from taskspec.registry import load
 from taskspec.rollout.rollout import reads_of
 from taskspec.task.build import build_abstract
 from taskspec.task.context import assign
-from taskspec.task.task import Task, TaskLike
-
-State = Mapping[str, Array]
+from taskspec.task.task import Component, Task, TaskLike
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class Abstraction:
     stand_in: Task
     nodes: tuple[Node, ...]
 
-    def map(self, state: State) -> dict[str, Array]:
+    def map(self, state: Mapping[str, Array]) -> dict[str, Array]:
         """Return the mapped state, (*shape, lanes)."""
         lanes = next(iter(state.values())).shape[-1]
         values = evaluate(self.nodes, reads_of(state, {}, 0))
@@ -66,12 +65,26 @@ def abstraction(task: Task) -> Abstraction | None:
     if task.memory is not None or task.remembers:  # the map does not read the memory
         task = replace(task, expert=None, memory=None)
     written = task.surface.sections.get("abstraction")
-    as_written = build_abstract(task) if written else None
-    stand_in = None if as_written is None else modified_stand_in(task, as_written)
-    if stand_in is None or not isinstance(written, dict):
+    if not isinstance(written, dict):
         return None
-    checker = Checker(task.builder, Collector())
+    as_written = build_abstract(task)
+    stand_in = None if as_written is None else modified_stand_in(task, as_written)
+    if stand_in is None:
+        return None
+    checker = Checker(task.new_builder(), Collector())
     scope = task.surface.scopes["abstraction"]
     nodes = [assign(checker, written[c.name], scope, c) for c in stand_in.state if c.name in written]
     found = tuple(n for n in nodes if n is not None)
     return Abstraction(task, stand_in, found) if len(found) == len(stand_in.state) else None
+
+
+def in_words(components: Iterable[Component], values: Mapping[str, Array], lane: int | None = None) -> str:
+    """Return values of some components in words, as `x = 2, y = 0`; those of a lane if they have a batch axis."""
+    found = []
+    for c in components:
+        if c.name in values:
+            value = values[c.name]
+            if lane is not None:
+                value = value[..., lane]
+            found.append(f"{c.name} = {shown(c, value)}")
+    return ", ".join(found)

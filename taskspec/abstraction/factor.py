@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from taskspec.abstraction.abstraction import Abstraction
 from taskspec.lang.builder import Builder
@@ -27,16 +27,8 @@ class Unfactored(Exception):
     """The task could not be rewritten: a few words that say why."""
 
 
-@dataclass(frozen=True)
-class Factored:
-    """A task over the mapped state; `has_expert` if its expert depends on nothing else, too."""
-
-    task: Task
-    has_expert: bool
-
-
-def factored(found: Abstraction) -> Factored:
-    """Return the task of an abstraction over the mapped state alone.
+def factored(found: Abstraction) -> Task:
+    """Return the task of an abstraction over the mapped state alone, without an expert that depends on more.
 
     Raises:
         Unfactored: if that cannot be shown.
@@ -48,36 +40,30 @@ class _Factoring:
     def __init__(self, found: Abstraction) -> None:
         self.found = found
         self.task = found.task
-        self.builder = found.task.builder
+        self.builder = found.task.new_builder(found.nodes)
         self.normal = LinearForms(self.builder)
         self.ranked: dict[str, Component] = {}
         self.replaced: dict[str, Node] = {}
 
-    def result(self) -> Factored:
+    def result(self) -> Task:
+        task = self.task
         for c, node in zip(self.found.stand_in.state, self.found.nodes, strict=True):
             self._replace_component(c, node)
-        following = {c.name: node for c, node in zip(self.task.state, self.task.next, strict=True)}
-        first = {c.name: node for c, node in zip(self.task.state, self.task.initial, strict=True)}
-        self._check_rearranged(following)
+        following = {c.name: node for c, node in zip(task.state, task.next, strict=True)}
+        for name in self.ranked:
+            if dependence([following[name]], name) != [Dependence.REARRANGEMENT]:
+                raise Unfactored(f"the next {name} does more than rearrange its elements")
         mapped = [self._over(node, following) for node in self.found.nodes]
-        step = self._final([*mapped, self.task.reward, self.task.terminal])
-        initial = tuple(self._initial(first))
-        moved = step[:-2]
-        result = replace(self.found.stand_in, initial=initial, raw_initial=initial, next=moved, raw_next=moved,
-                         reward=step[-2], terminal=step[-1], builder=self.builder, expert=None)  # fmt: skip
-        expert = self._expert()
-        return Factored(result if expert is None else replace(result, expert=expert), expert is not None)
-
-    def _expert(self) -> tuple[Node, ...] | None:
-        nodes = self.task.expert
-        if not isinstance(nodes, tuple):
-            return None
-        try:
-            return self._final(nodes)
-        except Unfactored:
-            return None
-
-    # -- maps ---------------------------------------------------------------------------------------------------------
+        *moved, reward, terminal = self._final([*mapped, task.reward, task.terminal])
+        initial = tuple(self._initial())
+        expert = None
+        if isinstance(task.expert, tuple):
+            try:
+                expert = self._final(task.expert)
+            except Unfactored:
+                expert = None
+        return replace(self.found.stand_in, initial=initial, raw_initial=initial, next=tuple(moved), raw_next=tuple(moved),
+                       reward=reward, terminal=terminal, expert=expert)  # fmt: skip
 
     def _replace_component(self, c: Component, node: Node) -> None:
         """Find the component of the task's own state that a mapped component replaces."""
@@ -112,8 +98,6 @@ class _Factoring:
         (form,) = self.normal.form([node])
         self.replaced = {k: self._over(v, {name: form}) for k, v in self.replaced.items()} | {name: form}
 
-    # -- expressions --------------------------------------------------------------------------------------------------
-
     def _over(self, node: Node, values: Mapping[str, Node]) -> Node:
         """Return an expression with state components replaced."""
 
@@ -142,17 +126,10 @@ class _Factoring:
         named = {k: b.read(Role.STATE, c.name, c.type, c.least, c.most) for k, c in own.items()}
         return tuple(self._over(node, named) for node in found)
 
-    # -- ranks --------------------------------------------------------------------------------------------------------
-
-    def _check_rearranged(self, following: Mapping[str, Node]) -> None:
-        for name in self.ranked:
-            (how,) = dependence([following[name]], name)
-            if how is not Dependence.REARRANGEMENT:
-                raise Unfactored(f"the next {name} does more than rearrange its elements")
-
-    def _initial(self, first: Mapping[str, Node]) -> list[Node]:
+    def _initial(self) -> list[Node]:
         """Return initial values of the mapped state: uniform ranks, and the mapped initial values of the others."""
         b = self.builder
+        first = {c.name: node for c, node in zip(self.task.state, self.task.initial, strict=True)}
         found = []
         sites: set[int] = set()
         for name in self.ranked:
@@ -237,8 +214,6 @@ class LinearForms:
                 zero = b.stretch(b.scalar(0), shape)
                 return {id(node): (node, 1)}, zero
 
-    # -- one node whose arguments are in normal form ------------------------------------------------------------------
-
     def _simplified(self, node: Node) -> Node:
         if not isinstance(node, Apply):
             return node
@@ -254,16 +229,13 @@ class LinearForms:
             case Apply(op="lt" | "le" as op, args=(left, right)) if whole:
                 difference = self._difference(right, left)
                 return self.builder.apply(op, self._zero(difference), difference)
-            case Apply(op="where", args=(condition, then, otherwise)) if node.type.kind is Kind.INT:
-                return self._choice([condition], then, otherwise, node)
-            case Apply(op="min2" | "max2", args=(left, right)) if node.type.kind is Kind.INT:
-                return self._choice([], left, right, node)
-            case Apply(op=op, args=(inner, *rest), static=static) if (
-                _rearranges(op, node) and inner.type.kind is Kind.INT
-            ):
-                return self._moved(op, inner, rest, static, node)
-            case _:
-                return node
+            case Apply(op="where" | "min2" | "max2") if node.type.kind is Kind.INT:
+                return self._choice(node)
+            case Apply(op=op, args=(inner, *_)) if inner.type.kind is Kind.INT:
+                entry = entry_of(op)
+                if entry.elements is Elements.MOVED and entry.indices == tuple(range(1, len(node.args))):
+                    return self._moved(node)
+        return node
 
     def _difference(self, left: Node, right: Node) -> Node:
         b = self.builder
@@ -272,9 +244,10 @@ class LinearForms:
     def _zero(self, node: Node) -> Node:
         return self.builder.stretch(self.builder.scalar(0), node.type.shape)
 
-    def _choice(self, condition: list[Node], one: Node, other: Node, node: Apply) -> Node:
+    def _choice(self, node: Apply) -> Node:
         """Return a choice between two sums as the first sum plus a choice between 0 and their difference."""
         b = self.builder
+        *condition, one, other = node.args
         one = b.stretch(b.cast(one, Kind.INT), node.type.shape)
         other = b.stretch(b.cast(other, Kind.INT), node.type.shape)
         terms, rest = self.terms(one)
@@ -291,17 +264,18 @@ class LinearForms:
             return node
         return self._sum(_added({}, terms, -1), self.builder.apply("neg", rest))
 
-    def _moved(self, op: str, inner: Node, rest: list[Node], static: tuple[int, ...], node: Node) -> Node:
+    def _moved(self, node: Apply) -> Node:
         """Apply an operator that selects elements to each term of a sum."""
         b = self.builder
+        inner, *rest = node.args
         terms, constant = self.terms(inner)
-        if len(terms) == 1 and next(iter(terms.values())) == (inner, 1):
+        if list(terms) == [id(inner)]:
             return node
         found: Terms = {}
         for term, factor in terms.values():
-            part = b.structure(op, [term, *rest], static)
+            part = b.structure(node.op, [term, *rest], node.static)
             found = _added(found, {id(part): (part, 1)}, factor)
-        return self._sum(found, b.structure(op, [constant, *rest], static))
+        return self._sum(found, b.structure(node.op, [constant, *rest], node.static))
 
     def _sum(self, terms: Terms, constant: Node) -> Node:
         """Return the sum of terms, in order, and a constant."""
@@ -309,11 +283,14 @@ class LinearForms:
         found = None
         for key in sorted(terms, key=self._place):
             node, factor = terms[key]
-            part = node if factor == 1 else b.apply("mul", b.scalar(factor), node)
-            found = part if found is None else b.apply("add", found, part)
+            if factor != 1:
+                node = b.apply("mul", b.scalar(factor), node)
+            found = b.apply("add", found, node) if found else node
         if found is None:
             return constant
-        return found if _is_zero(constant) else b.apply("add", found, constant)
+        if isinstance(constant, Const) and not any(constant.flat):
+            return found
+        return b.apply("add", found, constant)
 
     def _place(self, key: int) -> int:
         return self._order.setdefault(key, len(self._order))
@@ -328,10 +305,6 @@ def _added(terms: Terms, others: Terms, factor: int) -> Terms:
         else:
             found.pop(key, None)
     return found
-
-
-def _is_zero(node: Node) -> bool:
-    return isinstance(node, Const) and not any(node.flat)
 
 
 # -- dependence on the order of elements ------------------------------------------------------------------------------
@@ -355,51 +328,38 @@ def dependence(roots: Sequence[Node], name: str) -> list[Dependence | None]:
     """Return the dependence of expressions on a state component, a vector of reals; None if it is none of the kinds."""
     found: dict[int, Dependence | None] = {}
     for node in walk(roots):
-        found[id(node)] = _of(node, [found[id(c)] for c in children(node)], name)
+        args = [found[id(c)] for c in children(node)]
+        if isinstance(node, Read) and (node.role, node.name) == (Role.STATE, name):
+            found[id(node)] = Dependence.REARRANGEMENT
+        elif all(a is Dependence.INVARIANT for a in args):
+            found[id(node)] = Dependence.INVARIANT
+        elif isinstance(node, Apply):
+            found[id(node)] = _of_operator(node, [a for a in args if a is not None])
+        else:
+            found[id(node)] = None
     return [found[id(root)] for root in roots]
 
 
-def _of(node: Node, args: list[Dependence | None], name: str) -> Dependence | None:
-    match node:
-        case Read(role=Role.STATE, name=read):
-            return Dependence.REARRANGEMENT if read == name else Dependence.INVARIANT
-        case Draw() if any(a is not Dependence.INVARIANT for a in args):
-            return None
-        case Apply(op=op) if any(a is not Dependence.INVARIANT for a in args):
-            return None if None in args else _chosen(node, op, [a for a in args if a is not None])
-        case _:
-            return Dependence.INVARIANT
-
-
-def _rearranges(op: str, node: Apply) -> bool:
-    """Return whether an operator only chooses elements of its first argument, and so acts on each term of a sum."""
-    entry = entry_of(op)
-    return entry.elements is Elements.MOVED and entry.indices == tuple(range(1, len(node.args)))
-
-
-def _chosen(node: Apply, op: str, args: list[Dependence]) -> Dependence | None:
-    """Return the dependence of an operator with an argument that is a selection."""
-    entry = entry_of(op)
-    indices = entry.indices
-    elements = [a for i, a in enumerate(args) if i not in indices]
-    if any(args[i] is not Dependence.INVARIANT for i in indices) or Dependence.INVARIANT in elements:
+def _of_operator(node: Apply, args: list[Dependence]) -> Dependence | None:
+    """Return the dependence of an operator with an argument that is a selection, or of no kind (left out of `args`)."""
+    entry = entry_of(node.op)
+    elements = [a for i, a in enumerate(args) if i not in entry.indices]
+    if len(args) < len(node.args) or any(args[i] is not Dependence.INVARIANT for i in entry.indices):
+        return None
+    if Dependence.INVARIANT in elements:
         return None  # an element is compared with, or mixed with, something else
     if entry.elements is Elements.RANKED:
         return Dependence.INVARIANT
     if entry.elements is Elements.COMPUTED or node.type.kind is not Kind.REAL:
         return None
-    whole = min(elements) is Dependence.REARRANGEMENT
-    return Dependence.REARRANGEMENT if whole and _keeps_all(node) else Dependence.SELECTION
-
-
-def _keeps_all(node: Apply) -> bool:
-    """Return whether the operator keeps every element of its arguments, which have them all."""
-    match node:
+    if min(elements) is not Dependence.REARRANGEMENT:
+        return Dependence.SELECTION
+    match node:  # operators that keep every element of their arguments
         case Apply(op="sort" | "swap"):
-            return True
-        case Apply(op="slice", static=(start, count, -1)):
-            return start == count - 1 and count == node.args[0].type.shape[0]
-        case Apply(op="where", args=(condition, *_)):
-            return condition.type.is_scalar
-        case _:
-            return False
+            return Dependence.REARRANGEMENT
+        case Apply(op="slice", static=(start, count, -1), args=(whole,)) if start == count - 1:
+            if count == whole.type.shape[0]:
+                return Dependence.REARRANGEMENT
+        case Apply(op="where", args=(condition, *_)) if condition.type.is_scalar:
+            return Dependence.REARRANGEMENT
+    return Dependence.SELECTION

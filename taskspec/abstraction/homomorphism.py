@@ -1,12 +1,10 @@
-"""Compare two finite tasks up to a map of states, step by step: probabilities, rewards and terminations."""
+"""Compare two finite models up to a map of states, step by step: probabilities, rewards and terminations."""
 
 from __future__ import annotations
 
 import operator
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -14,143 +12,120 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, draws, reads
-from taskspec.lang.variates.outcomes import once
-from taskspec.model.extract import extract
+from taskspec.lang.variates.entry import once
 from taskspec.model.model import Model
-from taskspec.model.transitions import TIME, Steps, count, joint_outcomes, merge_outcomes
+from taskspec.model.transitions import TIME, Steps, count, joint_outcomes, merge_outcomes, total
 from taskspec.solve.enclosure import Inexact, Reader
-from taskspec.solve.rational import Chances
-from taskspec.task.task import Task
+from taskspec.solve.rational import ExactProbabilities
 
 MOST = 400_000
-"""Outcomes of all steps together up to which tasks are compared."""
+"""Outcomes of all steps together up to which models are compared."""
 MOST_ENTRIES = 2_000_000
-Law = dict[Any, Fraction]
-"""Probabilities of outcomes."""
 
 
 class Uncompared(Exception):
-    """The tasks could not be compared: a few words that say why."""
+    """The models could not be compared: a few words that say why."""
 
 
-def difference(task: Task, nodes: Sequence[Node], stand_in: Task, with_expert: bool) -> str | None:
-    """Return a difference between a finite task and the stand-in that its states are mapped to; None if there is none.
+def difference(
+    whole: Model, nodes: Sequence[Node], other: Model, with_expert: bool, as_paid: bool = False
+) -> str | None:
+    """Return a difference between a model and the one that its states are mapped to; None if there is none.
 
     Args:
-        nodes: the mapped state, as expressions over the state of the task.
+        nodes: the mapped state, as expressions over the state of the first model.
         with_expert: whether the experts, given by expressions, are compared as well.
+        as_paid: whether the distributions of rewards have to be the same, instead of their expectations.
 
     Raises:
         Uncompared: if they are too large, or probabilities are not rationals.
-        SpecError: (E712) if one of them has no exact model.
     """
-    whole = extract(task, True, MOST_ENTRIES)
-    other = extract(stand_in, True, MOST_ENTRIES)
-    if max(_size(whole), _size(other)) > MOST:
-        raise Uncompared("there are too many steps to compare")
     try:
-        return _Comparison(whole, _mapped(whole, nodes, other), other).found(with_expert)
+        return _Comparison(whole, nodes, other, as_paid).found(with_expert)
     except Inexact:
         raise Uncompared("probabilities are no rational numbers") from None
 
 
-def _size(model: Model) -> float:
-    """Return an upper bound on the outcomes of all steps together."""
-    steps = Steps(model.task)
-    return model.n_states * model.n_actions * steps.branching * _times(model, steps.uses_time)
-
-
-def _times(model: Model, is_timed: bool) -> int:
-    return (model.horizon or 1) if is_timed else 1
-
-
-def _mapped(whole: Model, nodes: Sequence[Node], other: Model) -> Array:
-    """Return the index in the other model of each mapped state (S,); -1 if it is not a state of it."""
-    values = evaluate(nodes, whole.reads())
-    codes, outside = other.states.encode(values, whole.n_states)
-    index = np.minimum(np.searchsorted(other.codes, codes), other.n_states - 1)
-    missing = (other.codes[index] != codes) | (False if outside is None else outside)
-    return np.where(missing, -1, index)
-
-
 class _Comparison:
-    def __init__(self, whole: Model, mapped: Array, other: Model) -> None:
+    """Two models with their steps; `mapped` has the index of each state (S,) in the other one, -1 if it has none."""
+
+    def __init__(self, whole: Model, nodes: Sequence[Node], other: Model, as_paid: bool) -> None:
         self.whole = whole
-        self.mapped = mapped
         self.other = other
-        self.chances = Chances(Reader())
+        self.steps = Steps(whole.task, as_paid)
+        self.other_steps = Steps(other.task, as_paid)
+        self.numbers = ExactProbabilities(Reader())
+        codes, outside = other.states.encode(evaluate(nodes, whole.reads()), whole.n_states)
+        index = np.minimum(np.searchsorted(other.codes, codes), other.n_states - 1)
+        missing = other.codes[index] != codes
+        if outside is not None:
+            missing |= outside
+        self.mapped = np.where(missing, -1, index)
 
     def found(self, with_expert: bool) -> str | None:
+        is_timed = self.steps.uses_time or self.other_steps.uses_time
+        times = (self.whole.horizon or 1) if is_timed else 1
+        for model, steps in ((self.whole, self.steps), (self.other, self.other_steps)):
+            if model.n_states * model.n_actions * steps.branching * times > MOST:
+                raise Uncompared("there are too many steps to compare")
         nowhere = (self.mapped < 0) & self.whole.entered
         if nowhere.any():
             state = self.whole.state_name(int(np.flatnonzero(nowhere)[0]))
             return f"{state} is mapped to a state that the abstraction is never in"
-        return self._starts() or self._steps() or (self._experts() if with_expert else None)
+        problem = self._starts() or self._steps(is_timed)
+        if problem is None and with_expert:
+            problem = self._experts()
+        return problem
 
     def _starts(self) -> str | None:
-        mine: Law = defaultdict(Fraction)
-        for state, p in _first(self.whole, self.chances).items():
-            mine[int(self.mapped[state])] += p
-        others = _first(self.other, self.chances)
-        for state in sorted(mine.keys() | others.keys()):
-            p = mine.get(state, Fraction(0))
-            q = others.get(state, Fraction(0))
-            if p != q:
-                odds = f"probability {float(p):.6g}, and {float(q):.6g} in the abstraction"
-                return f"episodes start in {self.other.state_name(state)} with {odds}"
-        return None
+        codes, weight = self.steps.starts(self.numbers)
+        other_codes, other_weight = self.other_steps.starts(self.numbers)
+        states = self.mapped[np.searchsorted(self.whole.codes, codes)]
+        other_states = np.searchsorted(self.other.codes, other_codes)
+        p = total(states, weight, self.other.n_states)
+        q = total(other_states, other_weight, self.other.n_states)
+        wrong = np.flatnonzero(p != q)
+        if not len(wrong):
+            return None
+        state = int(wrong[0])
+        odds = f"probability {float(p[state]):.6g}, and {float(q[state]):.6g} in the abstraction"
+        return f"episodes start in {self.other.state_name(state)} with {odds}"
 
-    def _steps(self) -> str | None:
-        times = max(_times(m, Steps(m.task).uses_time) for m in (self.whole, self.other))
-        for t, acting in self._acting(times):
-            mine = _Laws.of(self.whole, t, self.chances, self.mapped)
-            others = _Laws.of(self.other, t, self.chances, np.arange(self.other.n_states))
-            rows = np.flatnonzero(np.tile(acting, self.whole.n_actions))
-            row = mine.differs(others, rows, self._row(rows))
+    def _steps(self, is_timed: bool) -> str | None:
+        whole = self.whole
+        for t, acting in self._levels(is_timed):
+            own = _of_steps(whole, self.steps, self.mapped, t, self.numbers)
+            others = _of_steps(self.other, self.other_steps, np.arange(self.other.n_states), t, self.numbers)
+            rows = np.flatnonzero(np.tile(acting, whole.n_actions))
+            action, state = np.divmod(rows, whole.n_states)
+            row = own.differs(others, rows, action * self.other.n_states + self.mapped[state])
             if row is not None:
-                action, state = divmod(row, self.whole.n_states)
-                where = f"in {self.whole.state_name(state)} with {self.whole.action_name(action)}"
-                words = _difference_of_laws(mine.law(row), others.law(self._row(row)))
-                return f"{where}{f' at t = {t}' if times > 1 else ''} {words}"
+                action, state = divmod(row, whole.n_states)
+                at = f" at t = {t}" if is_timed else ""
+                where = f"in {whole.state_name(state)} with {whole.action_name(action)}{at}"
+                return f"{where} it gives another reward, end or next state, or with another probability"
         return None
-
-    def _acting(self, times: int) -> Iterator[tuple[int, Array]]:
-        """Return times, and the states (S,) in which episodes act then; a single time if the time does not matter."""
-        return self.whole.levels() if times > 1 else iter([(0, self.whole.acting)])
-
-    def _row(self, row: Any) -> Any:
-        """Return the rows of the other model that rows a*S + s of the task are mapped to."""
-        action, state = np.divmod(row, self.whole.n_states)
-        return action * self.other.n_states + self.mapped[state]
 
     def _experts(self) -> str | None:
-        nodes = [node for m in (self.whole, self.other) for node in _expert(m)]
-        for t, acting in self._acting(_times(self.whole, TIME in reads(nodes))):
-            mine, others = (_Laws.of_expert(m, t, self.chances) for m in (self.whole, self.other))
+        nodes = [node for model in (self.whole, self.other) for node in _expert(model)]
+        for t, acting in self._levels(TIME in reads(nodes)):
+            own = _of_expert(self.whole, t, self.numbers)
+            others = _of_expert(self.other, t, self.numbers)
             rows = np.flatnonzero(acting)
-            state = mine.differs(others, rows, self.mapped[rows])
+            state = own.differs(others, rows, self.mapped[rows])
             if state is not None:
                 return f"in {self.whole.state_name(state)} the experts act in different ways"
         return None
 
-
-def _difference_of_laws(mine: Law, others: Law) -> str | None:
-    for outcome in mine.keys() | others.keys():
-        p = mine.get(outcome, Fraction(0))
-        q = others.get(outcome, Fraction(0))
-        if p != q:
-            odds = f"one has probability {float(p):.6g}, and {float(q):.6g} in the abstraction"
-            return f"it gives another reward, end or next state: {odds}"
-    return None
-
-
-def _first(model: Model, chances: Chances) -> Law:
-    codes, weights = Steps(model.task).starts(chances)
-    return dict(zip(np.searchsorted(model.codes, codes).tolist(), weights, strict=True))
+    def _levels(self, is_timed: bool) -> Iterator[tuple[int, Array]]:
+        """Return times, and the states (S,) in which episodes act then; a single time if the time does not matter."""
+        if is_timed:
+            return self.whole.levels()
+        return iter([(0, self.whole.acting)])
 
 
 @dataclass(frozen=True)
-class _Laws:
+class _Rows:
     """Outcomes of each row a*S + s: (mapped) next states, terminations, rewards, in order, and their probabilities.
 
     Entries `first[r]` to `first[r + 1]` belong to row r. For experts, rows are states, and `to` are actions.
@@ -163,59 +138,51 @@ class _Laws:
     weight: Array
 
     @classmethod
-    def of(cls, model: Model, t: int, chances: Chances, mapped: Array) -> _Laws:
-        steps = Steps(model.task)
-        n = model.n_states
-        parts = []
-        for a in range(model.n_actions):
-            for found in steps.outcomes(model.codes, np.array([a]), t, chances):
-                at = np.arange(n) if found.origin is None else found.origin
-                to = mapped[np.minimum(np.searchsorted(model.codes, found.code), n - 1)]
-                values = (a * n + at, to, found.terminal, found.reward, found.weight)
-                parts.append(tuple(np.broadcast_to(v, (len(at),)) for v in values))
-        return cls._ordered(parts, n * model.n_actions)
+    def merged(cls, row: Array, to: Array, ends: Array, reward: Array, weight: Array, rows: int) -> _Rows:
+        (row, to, ends, reward), weight = merge_outcomes((row, to, ends, reward), weight)
+        return cls(np.searchsorted(row, np.arange(rows + 1)), to, ends, reward, weight)
 
-    @classmethod
-    def of_expert(cls, model: Model, t: int, chances: Chances) -> _Laws:
-        nodes = _expert(model)
-        given = model.reads(t)
-        parts = []
-        if count(draws(nodes), {}) > MOST:
-            raise Uncompared("the expert draws from too many outcomes")
-        for values, at, weight in joint_outcomes(nodes, given, model.n_states, chances):
-            action, _ = model.actions.encode(values, len(at))
-            parts.append(tuple(np.broadcast_to(v, (len(at),)) for v in (at, action, False, 0.0, weight)))
-        return cls._ordered(parts, model.n_states)
-
-    @classmethod
-    def _ordered(cls, parts: Sequence[tuple[Array, ...]], rows: int) -> _Laws:
-        row, to, ends, reward, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
-        (row, to, ends, reward), total = merge_outcomes((row, to, ends, reward), weight)
-        return cls(np.searchsorted(row, np.arange(rows + 1)), to, ends, reward, total)
-
-    def differs(self, others: _Laws, rows: Array, theirs: Array) -> int | None:
-        """Return the first of some rows whose law differs from that of a row of others."""
+    def differs(self, others: _Rows, rows: Array, theirs: Array) -> int | None:
+        """Return the first of some rows whose outcomes differ from those of a row of others."""
         counts = np.diff(self.first)[rows]
         apart = counts != np.diff(others.first)[theirs]
         if not apart.any():
-            own = _ranges(self.first[rows], counts)
-            other = _ranges(others.first[theirs], counts)
+            own = _entries(self.first[rows], counts)
+            other = _entries(others.first[theirs], counts)
             wrong = np.zeros(len(own), np.bool_)
             for name in ("to", "ends", "reward", "weight"):
                 wrong |= once(operator.ne, getattr(self, name)[own], getattr(others, name)[other]).astype(np.bool_)
             apart = np.bincount(np.repeat(np.arange(len(rows)), counts), wrong, len(rows)) > 0
         return int(rows[np.flatnonzero(apart)[0]]) if apart.any() else None
 
-    def law(self, row: int) -> Law:
-        here = range(int(self.first[row]), int(self.first[row + 1]))
-        return {(self.to[i].item(), self.ends[i].item(), self.reward[i].item()): self.weight[i] for i in here}
+
+def _of_steps(model: Model, steps: Steps, mapped: Array, t: int, numbers: ExactProbabilities) -> _Rows:
+    found = steps.table(model.codes, t, numbers)
+    rows = model.n_states * model.n_actions
+    return _Rows.merged(found.row, mapped[found.column], found.ends, found.reward, found.weight, rows)
 
 
-def _ranges(first: Array, counts: Array) -> Array:
-    """Return the numbers first, first + 1, ... of each range, one range after the other."""
+def _of_expert(model: Model, t: int, numbers: ExactProbabilities) -> _Rows:
+    nodes = _expert(model)
+    if count(draws(nodes), {}) > MOST:
+        raise Uncompared("the expert draws from too many outcomes")
+    states = []
+    actions = []
+    weights = []
+    for values, at, weight in joint_outcomes(nodes, model.reads(t), model.n_states, numbers):
+        states.append(at)
+        actions.append(model.actions.encode(values, len(at))[0])
+        weights.append(weight)
+    state = np.concatenate(states)
+    none = np.zeros(len(state))
+    return _Rows.merged(state, np.concatenate(actions), none, none, np.concatenate(weights), model.n_states)
+
+
+def _entries(first: Array, counts: Array) -> Array:
+    """Return the numbers first, first + 1, ... of each row, one row after the other."""
     return np.asarray(np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts))
 
 
-def _expert(model: Model) -> tuple[Node, ...]:
+def _expert(model: Model) -> tuple[Any, ...]:
     assert isinstance(model.task.expert, tuple)
     return model.task.expert

@@ -1,7 +1,9 @@
 """Diagnostics: a place in a text, a code from a closed table, a message and a hint; and how they are rendered.
 
-The bottom layer: it imports nothing of the package but the table of codes. Columns and offsets
-count characters (code points), lines and columns start at 1, and ends are exclusive.
+The codes are read from `errors.md` beside this file, of which `docs/errors.md` is a copy. A new code is a new entry: an
+anchor, the heading `### E302 unknown-name: title`, and an explanation in Markdown with a wrong and a corrected example.
+
+Columns and offsets count characters (code points), lines and columns start at 1, and ends are exclusive.
 """
 
 from __future__ import annotations
@@ -9,15 +11,11 @@ from __future__ import annotations
 import difflib
 import re
 import unicodedata
-from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from itertools import accumulate
+from pathlib import Path
 from typing import Literal, Protocol
 
-from taskspec.base.codes import CODES as CODES
-from taskspec.base.codes import Code as Code
-from taskspec.base.codes import Severity as Severity
 from taskspec.base.display import visible, visible_json
 from taskspec.base.records import dataclass
 
@@ -36,6 +34,43 @@ __all__ = [
 
 Format = Literal["text", "json", "github"]
 """How diagnostics are written out."""
+
+Severity = Literal["error", "warning"]
+"""How bad a diagnostic is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """One situation that a user can be in. `explanation` is Markdown."""
+
+    code: str
+    slug: str
+    title: str
+    explanation: str
+
+    @property
+    def severity(self) -> Severity:
+        """`warning` for the W codes, `error` for all others."""
+        return "warning" if self.code.startswith("W") else "error"
+
+
+CLASSES: dict[str, str] = {}
+"""The subject of each class of codes, by the first two characters of the codes."""
+
+CODES: dict[str, Code] = {}
+"""Every code of an error or a warning, with its explanation."""
+
+PAGE = Path(__file__).with_name("errors.md")
+
+for _part in PAGE.read_text(encoding="utf-8").split("\n## ")[1:]:
+    _heading, *_entries = _part.split("\n### ")
+    _prefix, _, _subject = _heading.splitlines()[0].partition("xx: ")
+    CLASSES[_prefix] = _subject
+    for _entry in _entries:
+        _title, _, _explanation = _entry.partition("\n")
+        _name, _, _title = _title.partition(": ")
+        _code, _slug = _name.split(" ")
+        CODES[_code] = Code(_code, _slug, _title, _explanation.partition('\n<a id="')[0].strip())
 
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _EXCERPT_WIDTH = 100
@@ -132,17 +167,12 @@ class Collector:
         self._found: list[Diagnostic] = []
 
     def add(
-        self,
-        code: str,
-        place: Placed | None,
-        message: str,
-        hint: str | None = None,
-        notes: Iterable[str] = (),
+        self, code: str, place: Placed | None, message: str, hint: str | None = None, notes: Iterable[str] = ()
     ) -> None:
         """Record a problem. `place` is a span, anything that has one, or None for no place."""
         if code not in CODES:
             raise KeyError(f"no diagnostic code {code!r} in the table")
-        span = None if place is None else place.span
+        span = place.span if place is not None else None
         self._found.append(Diagnostic(code, span, message, hint, tuple(notes)))
 
     def extend(self, diagnostics: Iterable[Diagnostic]) -> None:
@@ -156,7 +186,6 @@ class Collector:
 
     @property
     def has_errors(self) -> bool:
-        """Whether anything recorded is an error (warnings do not count)."""
         return has_errors(self._found)
 
     def raise_if_errors(self) -> None:
@@ -177,18 +206,18 @@ def raise_if_errors(found: Sequence[Diagnostic]) -> None:
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Sort diagnostics by place (those without one first), each only once; the sort is stable."""
-    return tuple(sorted(dict.fromkeys(diagnostics), key=_place_key))
 
+    def place(diagnostic: Diagnostic) -> tuple[str, int, int]:
+        span = diagnostic.span
+        return (span.origin.name, span.line, span.column) if span is not None else ("", 0, 0)
 
-def _place_key(diagnostic: Diagnostic) -> tuple[str, int, int]:
-    span = diagnostic.span
-    return ("", 0, 0) if span is None else (span.origin.name, span.line, span.column)
+    return tuple(sorted(dict.fromkeys(diagnostics), key=place))
 
 
 def suggest(name: str, candidates: Iterable[str]) -> str | None:
     """Return `did you mean 'x'?` for the nearest candidate, or None when none is near."""
     near = nearest(name, candidates)
-    return None if near is None else f"did you mean {near!r}?"
+    return f"did you mean {near!r}?" if near is not None else None
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
@@ -220,7 +249,7 @@ def render(
         case "text":
             return "\n".join(_text(each, color, width) for each in diagnostics)
         case "json":
-            return visible_json([_record(each) for each in diagnostics])
+            return visible_json(records(diagnostics))
         case "github":
             return "\n".join(_github(each) for each in diagnostics)
     raise ValueError(f"unknown format {format!r}: one of 'text', 'json', 'github'")
@@ -228,89 +257,89 @@ def render(
 
 def _text(diagnostic: Diagnostic, color: bool, width: int | None) -> str:
     code = CODES[diagnostic.code]
-    room = _EXCERPT_WIDTH if width is None else min(_EXCERPT_WIDTH, max(20, width - _GUTTER))
+    span = diagnostic.span
     paint = _COLORS if color else dict.fromkeys(_COLORS, "")
-    place = "" if diagnostic.span is None else f"{visible(str(diagnostic.span), keep='')}: "
-    title = f"{paint[code.severity]}{code.severity}[{code.code} {code.slug}]{paint['reset']}"
-    used = len(f"{place}{code.severity}[{code.code} {code.slug}]: ")
-    lines = [f"{place}{title}: {_broken(visible(diagnostic.message), width, used, 4)}"]
+    place = f"{visible(str(span), keep='')}: " if span is not None else ""
+    name = f"{code.severity}[{code.code} {code.slug}]"
+    message = _wrapped(visible(diagnostic.message), width, len(f"{place}{name}: "), 4)
+    lines = [f"{place}{paint[code.severity]}{name}{paint['reset']}: {message}"]
     remarks = [("note", note) for note in diagnostic.notes]
-    hint = diagnostic.hint
-    if diagnostic.span is not None:
-        excerpt, pad = _excerpt(diagnostic.span, room)
-        marks = paint[code.severity] + pad + paint["reset"]
-        number = str(diagnostic.span.line)
-        margin = " " * max(5, len(number))
+    if diagnostic.hint is not None:
+        remarks.insert(0, ("hint", diagnostic.hint))
+    if span is not None:
+        room = _EXCERPT_WIDTH
+        if width is not None:
+            room = min(room, max(20, width - _GUTTER))
+        excerpt, pad = _excerpt(span, room)
+        marks = f"{paint[code.severity]}{pad}{paint['reset']}"
+        hint = diagnostic.hint
         if hint is not None and "\n" not in hint and len(pad) + len(visible(hint)) < room:
-            marks = f"{marks} {visible(hint)}"
-            hint = None
-        lines += [f"{number:>5} | {excerpt}".rstrip(), f"{margin} | {marks}"]
-    if hint is not None:
-        remarks.insert(0, ("hint", hint))
-    return "\n".join(lines + [_remark(kind, text, paint, width) for kind, text in remarks])
+            marks += f" {visible(hint)}"
+            del remarks[0]
+        lines.append(f"{span.line:>5} | {excerpt}".rstrip())
+        lines.append(f"{' ' * max(5, len(str(span.line)))} | {marks}")
+    for kind, text in remarks:
+        under = len(f"      = {kind}: ")
+        parts = [_wrapped(line, width, under, under) for line in visible(text).split("\n")]
+        lines.append(f"      {paint['dim']}={paint['reset']} {kind}: " + f"\n{' ' * under}".join(parts))
+    return "\n".join(lines)
 
 
-def _remark(kind: str, text: str, paint: dict[str, str], width: int | None) -> str:
-    lead = f"      {paint['dim']}={paint['reset']} {kind}: "
-    under = len(f"      = {kind}: ")
-    lines = [_broken(line, width, under, under) for line in visible(text).split("\n")]
-    return lead + f"\n{' ' * under}".join(lines)
-
-
-def _broken(text: str, width: int | None, used: int, indent: int) -> str:
+def _wrapped(text: str, width: int | None, used: int, indent: int) -> str:
     """Wrap text between words: the first line starts at column `used`, the others are indented."""
     if width is None or used + _width(text) <= width:
         return text
-    lead = " " * used
-    margin = " " * indent
-    if used + _width(text.split(" ")[0]) > width:  # no room beside a long path
-        lead = ""
-        text = f"{margin}{text}"
     import textwrap
 
-    lines = textwrap.wrap(text, max(width, indent + 20), initial_indent=lead, subsequent_indent=margin)
-    return "\n".join(lines)[used:] if lead else "\n" + "\n".join(lines)
+    lead = " " * used
+    margin = " " * indent
+    room = max(width, indent + 20)
+    if used + _width(text.split(" ")[0]) > width:  # no room beside a long path
+        return "\n" + textwrap.fill(f"{margin}{text}", room, subsequent_indent=margin)
+    return textwrap.fill(text, room, initial_indent=lead, subsequent_indent=margin)[used:]
 
 
 def _excerpt(span: Span, room: int) -> tuple[str, str]:
     """Return the line a span starts on (a window of it when long) and the carets under it."""
-    line = span.origin.line(span.line)
-    skipped = max(0, span.column - 1 - 2 * room)  # a line may have a million characters
-    near = line[skipped : skipped + 5 * room]
-    start = min(span.column - 1 - skipped, len(near))
-    end = min(span.end_column - 1 - skipped, len(near)) if span.end_line == span.line else len(near)
-    cells = [" " if char == "\t" else visible(char, keep="") for char in near]
-    edges = [0, *accumulate(map(_width, cells))]  # columns before each character
-    whole = not skipped and ((len(near) == len(line) and edges[-1] <= room) or edges[end] <= room // 2)
-    first = 0 if whole else bisect_left(edges, edges[start] - room // 2)
-    last = max(first + 1, bisect_right(edges, edges[first] + room) - 1)
-    head = "…" if skipped + first else ""
-    tail = "…" if skipped + last < len(line) else ""
-    marked = edges[max(start, min(end, last))] - edges[start]
-    pad = " " * (len(head) + edges[start] - edges[first])
-    return head + "".join(cells[first:last]) + tail, pad + "^" * max(1, marked)
+    line = span.origin.line(span.line).replace("\t", " ")
+    start = min(span.column - 1, len(line))
+    end = min(span.end_column - 1, len(line)) if span.end_line == span.line else len(line)
+    near = line[max(0, start - room) : start + room]
+    if not near.isascii() and _width(visible(near, keep="")) > len(near):
+        room //= 2  # wide characters take two columns
+    first = 0
+    if len(line) > room and end > room // 2:
+        first = max(0, start - room // 2)
+    last = first + room
+    head = "…" if first else ""
+    tail = "…" if last < len(line) else ""
+    pad = " " * _width(head + visible(line[first:start], keep=""))
+    marks = "^" * max(1, _width(visible(line[start : min(end, last)], keep="")))
+    return head + visible(line[first:last], keep="") + tail, pad + marks
 
 
 def _width(text: str) -> int:
     """Return the columns of a text in a terminal: wide characters take two, combining ones none."""
-    return sum(0 if unicodedata.combining(char) else 1 + (unicodedata.east_asian_width(char) in "WF") for char in text)
+    columns = 0
+    for char in text:
+        if not unicodedata.combining(char):
+            columns += 1 + (unicodedata.east_asian_width(char) in "WF")
+    return columns
 
 
-def _record(diagnostic: Diagnostic) -> dict[str, object]:
-    span = diagnostic.span
-    return {
-        "code": diagnostic.code,
-        "slug": CODES[diagnostic.code].slug,
-        "severity": diagnostic.severity,
-        "message": diagnostic.message,
-        "hint": diagnostic.hint,
-        "notes": list(diagnostic.notes),
-        "file": span and span.origin.name,
-        "line": span and span.line,
-        "column": span and span.column,
-        "end_line": span and span.end_line,
-        "end_column": span and span.end_column,
-    }
+def records(diagnostics: Iterable[Diagnostic]) -> list[dict[str, object]]:
+    """Return diagnostics as plain data."""
+    found = []
+    for each in diagnostics:
+        code = CODES[each.code]
+        place: dict[str, object] = dict.fromkeys(("file", "line", "column", "end_line", "end_column"))
+        span = each.span
+        if span is not None:
+            place = {"file": span.origin.name, "line": span.line, "column": span.column}
+            place |= {"end_line": span.end_line, "end_column": span.end_column}
+        about = {"code": each.code, "slug": code.slug, "severity": code.severity, "message": each.message}
+        found.append({**about, "hint": each.hint, "notes": list(each.notes), **place})
+    return found
 
 
 def _github(diagnostic: Diagnostic) -> str:
@@ -323,14 +352,12 @@ def _github(diagnostic: Diagnostic) -> str:
         if span.line == span.end_line:  # GitHub refuses columns on a range of several lines
             fields |= {"col": span.column, "endColumn": span.end_column}
     fields["title"] = f"{code.code} {code.slug}"
-    head = ",".join(f"{key}={_escape_property(str(value))}" for key, value in fields.items())
-    parts = [diagnostic.message, *([diagnostic.hint] if diagnostic.hint else []), *diagnostic.notes]
-    return f"::{code.severity} {head}::{_escape_data(chr(10).join(parts))}"
+    parts = []
+    for key, value in fields.items():
+        parts.append(f"{key}=" + _escaped(str(value)).replace(":", "%3A").replace(",", "%2C"))
+    text = "\n".join(filter(None, (diagnostic.message, diagnostic.hint, *diagnostic.notes)))
+    return f"::{code.severity} {','.join(parts)}::{_escaped(text)}"
 
 
-def _escape_data(text: str) -> str:
+def _escaped(text: str) -> str:
     return visible(text, keep="\r\n").replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
-
-
-def _escape_property(text: str) -> str:
-    return _escape_data(text).replace(":", "%3A").replace(",", "%2C")

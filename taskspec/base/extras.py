@@ -1,15 +1,18 @@
-"""Optional packages, and names of this package, that are imported on first use."""
+"""Optional packages, names that are imported on first use, and the versions of packages that results rest on."""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
+import re
 import sys
 from collections.abc import Callable, Mapping
-from importlib import import_module
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from taskspec.base import __version__
 from taskspec.base.diagnostics import SpecError, spec_error
 
 # Optional packages: imported when they are first needed, with the command that installs what is missing.
@@ -48,22 +51,17 @@ def is_installed(module: str) -> bool:
 
 def install(extra: str) -> str:
     """Return the command that installs an extra of this package, in a checkout or from the index."""
-    root = _checkout()
-    return install_package(f"{DISTRIBUTION}[{extra}]") if root is None else f'pip install -e "{root}[{extra}]"'
+    project = Path(__file__).resolve().parents[2] / "pyproject.toml"
+    if not project.is_file() or f'name = "{DISTRIBUTION}"' not in project.read_text(encoding="utf-8"):
+        return install_package(f"{DISTRIBUTION}[{extra}]")
+    here = Path(project.name)
+    root = "." if here.is_file() and here.samefile(project) else str(project.parent)
+    return f'pip install -e "{root}[{extra}]"'
 
 
 def install_package(requirement: str) -> str:
     """Return the command that installs a package; all shells, also those of Windows, accept double quotes."""
     return f'pip install "{requirement}"'
-
-
-def _checkout() -> str | None:
-    """Return the folder of the checkout that contains this module, "." where it is the working folder; None in a wheel."""
-    project = Path(__file__).resolve().parents[2] / "pyproject.toml"
-    if not project.is_file() or f'name = "{DISTRIBUTION}"' not in project.read_text(encoding="utf-8"):
-        return None
-    here = Path(project.name)
-    return "." if here.is_file() and here.samefile(project) else str(project.parent)
 
 
 # Public names of packages that are imported on first use.
@@ -79,8 +77,36 @@ def on_demand(package: str, places: Mapping[str, str]) -> Callable[[str], object
     def find(name: str) -> object:
         if name not in places:
             raise AttributeError(f"module '{package}' has no attribute {name!r}")
-        value: object = getattr(import_module(places[name]), name)
+        value: object = getattr(importlib.import_module(places[name]), name)
         setattr(sys.modules[package], name, value)
         return value
 
     return find
+
+
+PACKAGES = (
+    "numpy", "numba", "jax", "optax", "gymnasium", "seals", "gymnax", "envpool", "stable-baselines3", "imitation",
+)  # fmt: skip
+CPU_INFO = Path("/proc/cpuinfo")
+
+
+def machine() -> dict[str, Any]:
+    """Return processor, system and versions of packages as plain data."""
+    import platform
+    from importlib import metadata
+
+    processor = platform.processor() or platform.machine()
+    with suppress(OSError):
+        found = re.search(r"^model name\s*:\s*(.+)$", CPU_INFO.read_text(encoding="utf-8"), re.MULTILINE)
+        if found:
+            processor = found[1]
+    versions = {"python": platform.python_version(), "taskspec": __version__}
+    for name in PACKAGES:
+        with suppress(metadata.PackageNotFoundError):
+            versions[name] = metadata.version(name)
+    return {
+        "processor": processor,
+        "cores": os.cpu_count(),
+        "platform": f"{platform.system()} {platform.machine()}",
+        "versions": versions,
+    }

@@ -1,4 +1,4 @@
-"""Frozen data classes as those of `dataclasses`, made in a fifth of the time."""
+"""Frozen data classes like those of `dataclasses`, made in a fifth of the time."""
 
 from __future__ import annotations
 
@@ -13,20 +13,18 @@ else:
     def dataclass(cls=None, /, **options):
         """Make a data class, as `dataclasses.dataclass` does, for modules that the first `gym.make` imports.
 
-        `dataclasses` compiles six methods for each frozen class, and the hundred classes on that path took half of its time.
+        `dataclasses` compiles six methods for each frozen class, and the ninety classes on that path took a third of its time.
         Here `__init__` is compiled, and classes share the other methods.
         """
-        if cls is None:
-            return lambda cls: dataclass(cls, **options)
         if not options.get("frozen"):
-            return dataclasses.dataclass(**options)(cls)
-        return _frozen(cls, options)
+            return dataclasses.dataclass(cls, **options)
+        return lambda cls: _frozen(cls, options)
 
 
 def _frozen(cls: type, options: dict[str, Any]) -> Any:
-    methods: dict[str, Any] = {"__repr__": _repr, "__setattr__": _assign, "__delattr__": _delete}
+    methods: dict[str, Any] = {"__repr__": _repr, "__setattr__": _refuse, "__delattr__": _refuse}
     if options.get("slots"):
-        methods |= {"__getstate__": _state, "__setstate__": _set_state}
+        methods |= {"__getstate__": _values, "__setstate__": _set_state}
     if options.get("eq", True):
         methods |= {"__eq__": _equal, "__hash__": _hash}
     missing = [name for name in methods if vars(cls).get(name) is None]
@@ -34,7 +32,8 @@ def _frozen(cls: type, options: dict[str, Any]) -> Any:
         cls.__doc__ = cls.__name__  # `dataclasses` would work out the signature for it
     made: Any = dataclasses.dataclass(**options | {"frozen": False, "init": False, "repr": False, "eq": False})(cls)
     made.__init__ = _initializer(made, "kw_only" in options)
-    made._compared = _getter([f.name for f in dataclasses.fields(made) if f.compare])
+    compared = [f.name for f in dataclasses.fields(made) if f.compare]
+    made._compared = staticmethod(attrgetter("__class__", *compared))
     for name in missing:
         setattr(made, name, methods[name])
     return made
@@ -65,11 +64,6 @@ def _initializer(cls: type, kw_only: bool) -> Any:
     return scope["__init__"]
 
 
-def _getter(names: list[str]) -> Any:
-    """Return a static method that gives the values of these fields."""
-    return staticmethod(attrgetter(*names) if names else lambda self: ())
-
-
 def _equal(self: Any, other: Any) -> Any:
     if other.__class__ is not self.__class__:
         return NotImplemented
@@ -86,15 +80,11 @@ def _repr(self: Any) -> str:
     return f"{type(self).__qualname__}({shown})"
 
 
-def _assign(self: Any, name: str, value: object) -> None:
-    raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+def _refuse(self: Any, name: str, value: object = None) -> None:
+    raise dataclasses.FrozenInstanceError(f"cannot change field {name!r}")
 
 
-def _delete(self: Any, name: str) -> None:
-    raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
-
-
-def _state(self: Any) -> list[Any]:
+def _values(self: Any) -> list[Any]:
     return [getattr(self, f.name) for f in dataclasses.fields(self)]
 
 

@@ -132,7 +132,7 @@ def _step(task: Task) -> tuple[Node, ...]:
 
 def _by_form(task: Task, c: Component) -> Callable[[int, int], bool]:
     """Compares what is left of a step once the value is known: equal forms are one node."""
-    b = task.builder
+    b = task.new_builder()
     roots = _step(task)
 
     def chosen(value: int) -> tuple[Node, ...]:

@@ -12,14 +12,13 @@ from taskspec.base.arrays import Array
 from taskspec.check.context import Doubt, LintContext
 from taskspec.check.names import followed, mentioned
 from taskspec.lang import syntax as s
-from taskspec.lang.basechecker import ClampedIndex
 from taskspec.lang.batch import evaluate
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, draws, reads, walk
 from taskspec.lang.operators import entry_of
-from taskspec.lang.scope import Value
+from taskspec.lang.scope import ClampedIndex, Value
 from taskspec.lang.types import INT, Kind
-from taskspec.lang.variates.sample import WordLayout, batch_sampler
+from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.space import Reads, shown, words
 from taskspec.rollout.rollout import visited
 from taskspec.soundness.places import SectionScope, distributions

@@ -23,7 +23,7 @@ from taskspec.targets import File, name_of, task_in, variants_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taskspec.abstraction.symmetries import SymmetryCheck
+    from taskspec.abstraction.symmetry_proofs import SymmetryCheck
     from taskspec.check.names import Accepted
     from taskspec.check.report import Report
     from taskspec.model.points import Method

@@ -13,7 +13,7 @@ from taskspec.check.names import mentioned
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Apply, Const, Node, Read, Role, draws, reads
 from taskspec.lang.types import Kind
-from taskspec.lang.variates.sample import WordLayout, batch_sampler
+from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.model import Model
 from taskspec.model.space import plain, words
 from taskspec.modifiers import modify

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from taskspec.abstraction.symmetries import SymmetryCheck, invalid_symmetries, verify_symmetry
-from taskspec.abstraction.verify import unfaithful
+from taskspec.abstraction.symmetry_proofs import SymmetryCheck, verify_symmetry
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, in_order
 from taskspec.base.display import html_table
@@ -31,6 +30,7 @@ from taskspec.rules.examples import wrong_examples
 from taskspec.scores.returns import Results, Return, normalised
 from taskspec.scores.saved import read
 from taskspec.soundness.soundness import check_ranges, examine
+from taskspec.task.merge import merge
 from taskspec.task.task import Task, TaskLike
 
 if TYPE_CHECKING:
@@ -113,7 +113,10 @@ def check(
         found += others.diagnostics
         cases = others.cases
     symmetries = tuple(verify_symmetry(task, each) for each in task.symmetries) if is_as_written(task) else ()
-    found += invalid_symmetries(task, symmetries)
+    for each in symmetries:
+        if each.problem is not None:
+            place = merge(task.document, task.variant).key_span(("symmetries", each.symmetry.name))
+            found.append(Diagnostic("E605", place, f"'{each.symmetry.name}' is not a symmetry: {each.problem}"))
     wrong = list(wrong_examples(task)) if claims else []
     found += [diagnostic for _, diagnostic in wrong]
     report = Report(task, (), sound.method, cases, wrong_examples=frozenset(dict(wrong)), symmetries=symmetries)
@@ -145,8 +148,12 @@ def _warnings(task: Task, results: Results) -> list[Diagnostic]:
         stand_in = results.abstraction
     except SpecError as error:
         return list(error.diagnostics)
-    problem = None if stand_in is None else unfaithful(stand_in, results.abstraction_check)
-    return [*warnings(task, results), *([] if problem is None else [problem])]
+    found = list(warnings(task, results))
+    if stand_in is not None and results.abstraction_check is not None and results.abstraction_check.problem is not None:
+        expr = next(iter(task.surface.sections["abstraction"].values()))
+        problem = f"the abstraction is not faithful: {results.abstraction_check.problem}"
+        found.append(Diagnostic("E604", expr.place.span, problem))
+    return found
 
 
 ELSEWHERE = ("W523",)

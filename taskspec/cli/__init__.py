@@ -5,6 +5,6 @@ from __future__ import annotations
 
 def main() -> None:
     """Run the command line on `sys.argv`."""
-    from taskspec.cli.app import run
+    from taskspec.cli.app import main as run
 
     run()

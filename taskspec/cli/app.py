@@ -10,23 +10,19 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from taskspec.base import __version__
 from taskspec.base.limits import limits
-from taskspec.cli import failures, listing
+from taskspec.cli import reading, scaffold, scoring
+from taskspec.cli import run as running
 from taskspec.cli.build import build
 from taskspec.cli.check import check
+from taskspec.cli.console import reported
 from taskspec.cli.data import demos, preferences
 from taskspec.cli.docs import docs, figure
 from taskspec.cli.exam import exam
-from taskspec.cli.explain import explain
 from taskspec.cli.mutate import mutate
-from taskspec.cli.new import new
 from taskspec.cli.options import flowed
-from taskspec.cli.play import play
 from taskspec.cli.report import report
-from taskspec.cli.run import run as run_command
-from taskspec.cli.schema import schema
-from taskspec.cli.scoring import score, solve
-from taskspec.cli.show import show
 from taskspec.cli.sweep import sweep
 
 READ = "Read tasks"
@@ -34,18 +30,18 @@ WRITE = "Write tasks"
 USE = "Run and score tasks"
 PRINT = "Print tasks"
 COMMANDS = (
-    ("list", listing.list_tasks, READ),
-    ("show", show, READ),
-    ("explain", explain, READ),
-    ("new", new, WRITE),
+    ("list", reading.list_tasks, READ),
+    ("show", reading.show, READ),
+    ("explain", reading.explain, READ),
+    ("new", scaffold.new, WRITE),
     ("check", check, WRITE),
     ("mutate", mutate, WRITE),
     ("build", build, WRITE),
-    ("schema", schema, WRITE),
-    ("run", run_command, USE),
-    ("play", play, USE),
-    ("solve", solve, USE),
-    ("score", score, USE),
+    ("schema", scaffold.schema, WRITE),
+    ("run", running.run, USE),
+    ("play", running.play, USE),
+    ("solve", scoring.solve, USE),
+    ("score", scoring.score, USE),
     ("sweep", sweep, USE),
     ("exam", exam, USE),
     ("report", report, USE),
@@ -57,11 +53,11 @@ COMMANDS = (
 
 
 class Commands(TyperGroup):
-    """The commands; whatever one of them raises ends in a message and a status, never in a traceback."""
+    """The commands; an error that one of them raises ends in a message and a status, never in a traceback."""
 
     def invoke(self, ctx: Any) -> Any:
-        with failures.reported():
-            limits()  # what the environment says of them is looked at before anything rests on it
+        with reported():
+            limits()  # a mistake in the environment variable is reported before anything rests on it
             return super().invoke(ctx)
 
 
@@ -81,8 +77,6 @@ for _name, _function, _panel in COMMANDS:
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from taskspec.base import __version__
-
         typer.echo(f"taskspec {__version__}")
         raise typer.Exit
 
@@ -99,7 +93,7 @@ def taskspec(
     """
 
 
-def run() -> None:
+def main() -> None:
     """Run the program; a reader that goes away (`taskspec list | head`) is no error."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a terminal that lacks a letter shows a question mark
@@ -108,12 +102,8 @@ def run() -> None:
     try:
         app(prog_name="taskspec")
     finally:
-        _flush()
+        try:
+            sys.stdout.flush()
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         gc.freeze()  # the program ends: looking for garbage among all tasks and models would take a sixth of `check`
-
-
-def _flush() -> None:
-    try:
-        sys.stdout.flush()
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

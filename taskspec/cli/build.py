@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskspec.base import __version__
 from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.extras import install, is_installed
 from taskspec.base.files import safe_name, write_text
-from taskspec.cli.console import say
-from taskspec.cli.failures import fail
-from taskspec.cli.options import LimitsGiven, Targets
+from taskspec.base.limits import tell, telling
+from taskspec.cli.check import mark, reported, verdict
+from taskspec.cli.console import VisibleText, columns, console, fail, line, print_diagnostics, say, to_json
+from taskspec.cli.docs import has_scores
+from taskspec.cli.options import LimitsGiven, Targets, folder_option
+from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
-    from taskspec.check.files import FileReport, Finding
+    from rich.table import Table
+
+    from taskspec.check.files import Checked, Finding
     from taskspec.pages.facts import Facts
     from taskspec.task.task import Task
 
@@ -28,58 +34,57 @@ DOCS = {
 }
 WIDE = 90
 """From this width on, there is room for the horizon."""
-Output = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write.", file_okay=False)]
 
 
-def build(targets: Targets = None, output: Output = Path("build"), limits: LimitsGiven = None) -> None:
+def build(
+    targets: Targets = None,
+    output: Annotated[Path, folder_option("Where to write.")] = Path("build"),
+    limits: LimitsGiven = None,
+) -> None:
     """Check specs and write everything that comes from them.
 
     An index of the tasks, their scores, the generated code, the schema for editors, and the documentation as a site
     (html), for a paper (latex) and for a repository (markdown). Nothing is written if a spec has an error.
     """
-    from taskspec.base.limits import telling
     from taskspec.check.files import check_file, counts
-    from taskspec.cli.check import verdict
-    from taskspec.cli.console import console, line
-    from taskspec.cli.progress import progress
     from taskspec.targets import files_of
 
     start = time.perf_counter()
-    known = _Gathered()
+    results = _Results()
     with progress("check"):
         files = telling(files_of(targets or []), lambda file: str(file.path))
-        reports = [check_file(file, known.examine) for file in files]
-    errors, warnings = counts(d for report in reports for d in report.diagnostics)
-    _print_problems(reports)
+        reports = [check_file(file, results.examine) for file in files]
+    problems = [d for report in reports for d in report.diagnostics]
+    errors, warnings = counts(problems)
+    print_diagnostics(problems, err=False)
+    if problems:
+        say("")
+    checked = [each for report in reports for each in report.tasks]
     out = console(wide=True)
-    out.print(_table(reports, out.width))
+    out.print(_table(checked, out.width))
     out.print()
     out.print(verdict(reports, errors, warnings, time.perf_counter() - start))
     if errors:
         say("nothing was written", err=True)
         raise typer.Exit(1)
     with progress("write"):
-        written = write(_tasks(reports), known, output)
+        written = list(_write([each.task for each in checked if each.task is not None], results, output))
     for path, what in written:
         out.print(line("wrote ", (str(path), "name"), (f"  {what}", "quiet")))
-    if known.problems:
-        fail(known.problems)
+    if results.problems:
+        fail(results.problems)
 
 
-@dataclass
-class _Gathered:
-    """What pages and tables tell of each task by its id, gathered while it is checked: one exact model is held at a time."""
+class _Results:
+    """Facts for pages, and scores, by id of the task, gathered in the check: one exact model is held at a time."""
 
-    facts: dict[str, Facts] = field(default_factory=dict)
-    scores: dict[str, Any] = field(default_factory=dict)
-    problems: list[Diagnostic] = field(default_factory=list)
-    """Why tasks have no scores."""
+    def __init__(self) -> None:
+        self.facts: dict[str, Facts] = {}
+        self.scores: dict[str, Any] = {}
+        self.problems: list[Diagnostic] = []  # why tasks have no scores
 
     def examine(self, task: Task) -> Finding:
-        from taskspec.base.extras import is_installed
-        from taskspec.base.limits import tell
         from taskspec.check.files import finding
-        from taskspec.cli.check import reported
         from taskspec.exact import scores
         from taskspec.pages.facts import gather
 
@@ -94,95 +99,60 @@ class _Gathered:
         return finding(report, len(task.examples))
 
 
-def _print_problems(reports: Sequence[FileReport]) -> None:
-    from taskspec.cli import failures
-
-    problems = [d for report in reports for d in report.diagnostics]
-    failures.show(problems, err=False)
-    if problems:
-        say("")
-
-
-def _tasks(reports: Sequence[FileReport]) -> list[Task]:
-    return [each.task for report in reports for each in report.tasks if each.task is not None]
-
-
-def _table(reports: Sequence[FileReport], width: int) -> Any:
+def _table(checked: Sequence[Checked], width: int) -> Table:
     """Return every task with its size and how it was checked."""
-    from taskspec.cli.check import mark
-    from taskspec.cli.console import VisibleText, columns
     from taskspec.task.record import horizon, size
 
-    headers = ["", "task", "size", *(["horizon"] if width >= WIDE else []), "validated by", "claims"]
-    table = columns(*headers, right=(2, 3) if width >= WIDE else (2,))
-    for each in (each for report in reports for each in report.tasks):
-        cells = [
+    headers = ["", "task", "size", "horizon", "validated by", "claims"]
+    numbers = [2, 3]
+    is_narrow = width < WIDE
+    if is_narrow:
+        headers.remove("horizon")
+        numbers.remove(3)
+    table = columns(*headers, right=numbers, styles=("", "name"))
+    for each in checked:
+        cells: list[VisibleText | str] = [
             mark(each.diagnostics),
-            VisibleText(each.title, style="name"),
-            "" if each.task is None else size(each.task),
+            each.title,
+            "",
+            "",
+            each.finding.how,
+            each.finding.claims_words,
         ]
-        if width >= WIDE:
-            cells.append("" if each.task is None else horizon(each.task))
-        table.add_row(*cells, each.finding.how, each.finding.claims_words)
+        if each.task is not None:
+            cells[2] = size(each.task)
+            cells[3] = horizon(each.task)
+        if is_narrow:
+            del cells[3]
+        table.add_row(*cells)
     return table
 
 
-# -- writing ------------------------------------------------------------------------------------------------------
-
-
-def write(tasks: Sequence[Task], known: _Gathered, folder: Path) -> list[tuple[Path, str]]:
-    """Write everything that comes from tasks; gives the paths, each with a word on what it is."""
-    from taskspec.cli.docs import has_scores
-
-    written = [_schema(folder), _index(tasks, folder), _sources(tasks, folder)]
-    if has_scores():
-        written.append((_json(folder / "scores.json", known.scores), "optimal, expert, random and worst returns"))
-    return [*written, *_docs(tasks, known.facts, folder)]
-
-
-def _docs(tasks: Sequence[Task], facts: Mapping[str, Facts], folder: Path) -> list[tuple[Path, str]]:
-    """Return the documentation, a folder for each format; left out, with a word, where the packages that write it are
-    missing.
-    """
-    from taskspec.base.extras import install, is_installed
+def _write(tasks: Sequence[Task], results: _Results, folder: Path) -> Iterator[tuple[Path, str]]:
+    """Write everything that comes from tasks, and yield each path with a word on what it is."""
+    from taskspec.backends.scalar import compile_scalar
     from taskspec.pages.write import gather_pages, write_pages
-
-    if not is_installed("markdown_it"):
-        say(f"documentation needs markdown-it-py, and is left out: {install('docs')}", err=True)
-        return []
-    suite = gather_pages(tasks, facts=facts)
-    for name in DOCS:
-        write_pages(suite, [name], folder / name)
-    return [(folder / name, what) for name, what in DOCS.items()]
-
-
-def _schema(folder: Path) -> tuple[Path, str]:
+    from taskspec.task.record import record
     from taskspec.task.schema.export import json_schema
 
-    return _json(folder / "schema.json", json_schema()), "JSON Schema of specs, for editors"
-
-
-def _index(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
-    """Return every task with its spaces, parameters and content hash."""
-    from taskspec.base import __version__
-    from taskspec.task.record import record
-
-    data = {"taskspec": __version__, "tasks": [record(task) for task in tasks]}
-    return _json(folder / "tasks.json", data), f"{len(tasks)} tasks with spaces, parameters and content hashes"
-
-
-def _sources(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
-    """Return the generated module of every task, in a folder for each suite."""
-    from taskspec.backends.scalar.program import compile_scalar
-
+    yield _json(folder / "schema.json", json_schema()), "JSON Schema of specs, for editors"
+    index = {"taskspec": __version__, "tasks": [record(task) for task in tasks]}
+    yield _json(folder / "tasks.json", index), f"{len(tasks)} tasks with spaces, parameters and content hashes"
     for task in tasks:
         path = folder / "source" / safe_name(task.suite or "tasks") / f"{safe_name(task.name)}.py"
         write_text(path, compile_scalar(task).source)
-    return folder / "source", "the generated code of every environment"
+    yield folder / "source", "the generated code of every environment"
+    if has_scores():
+        yield _json(folder / "scores.json", results.scores), "optimal, expert, random and worst returns"
+    if not is_installed("markdown_it"):
+        say(f"documentation needs markdown-it-py, and is left out: {install('docs')}", err=True)
+        return
+    suite = gather_pages(tasks, facts=results.facts)
+    for name, what in DOCS.items():
+        write_pages(suite, [name], folder / name)
+        yield folder / name, what
 
 
 def _json(path: Path, data: Any) -> Path:
-    from taskspec.cli.console import to_json
-
     write_text(path, to_json(data) + "\n")
     return path

@@ -11,10 +11,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
-from taskspec.base.numbers import plural
-from taskspec.cli.console import say
-from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, Targets, Variant
+from taskspec.base.diagnostics import Diagnostic, SpecError, in_order, records, render
+from taskspec.base.display import plural
+from taskspec.cli.console import VisibleText, columns, console, line, print_diagnostics, say, write_json
+from taskspec.cli.options import (
+    Jobs,
+    Json,
+    LimitsGiven,
+    Modifiers,
+    Parameters,
+    Targets,
+    Variant,
+    checked_choice,
+    choices_option,
+)
+from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,23 +39,9 @@ if TYPE_CHECKING:
     from taskspec.task.task import Task
 
 FORMATS = ("text", "json", "github")
-OTHER_NOUNS: dict[Kind, str] = {"experiment": "experiment", "exam": "exam", "findings": "findings file"}
 ENTRIES: dict[Kind, str] = {"experiment": "instance", "exam": "rule", "findings": "finding"}
-"""What files that are no specs are called, and their entries."""
-Format = Annotated[
-    str,
-    typer.Option(
-        "--format", metavar="|".join(FORMATS), help="Text, JSON, or GitHub annotations.", autocompletion=lambda: FORMATS
-    ),
-]
-Jobs = Annotated[
-    int | None,
-    typer.Option("--jobs", "-j", min=1, help="Processes; one for each processor by default.", show_default=False),
-]
-Strict = Annotated[bool, typer.Option("--strict", help="Count warnings as errors.")]
-Quick = Annotated[
-    bool, typer.Option("--quick", help="Only soundness for the given parameters; no sanity checks, no claims.")
-]
+"""The entries of files that are no specs."""
+NOUNS: dict[Kind, str] = {"findings": "findings file"}
 
 
 def check(
@@ -52,10 +49,14 @@ def check(
     variant: Variant = None,
     parameters: Parameters = None,
     modifiers: Modifiers = None,
-    format: Format = "text",
+    format: Annotated[
+        str, choices_option("--format", allowed=FORMATS, help="Text, JSON, or GitHub annotations.")
+    ] = "text",
     json: Json = False,
-    strict: Strict = False,
-    quick: Quick = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Count warnings as errors.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Only soundness for the given parameters; no sanity checks, no claims.")
+    ] = False,
     jobs: Jobs = None,
     limits: LimitsGiven = None,
 ) -> None:
@@ -69,17 +70,26 @@ def check(
     Exit status 1 if there is an error.
     """
     from taskspec.check.files import counts
-    from taskspec.cli.options import checked_choice
     from taskspec.targets import files_of, others_of
 
     start = time.perf_counter()
-    format = "json" if json else checked_choice("--format", format, FORMATS)  # noqa: A001
+    checked_choice("--format", format, FORMATS)
     files = files_of(targets or [], parameters or [], modifiers or [])
     if variant is not None:
         files = [replace(file, variants=(variant,)) for file in files]
     reports = _checked(others_of(targets or []), files, not quick, jobs)
-    errors, warnings = counts(d for report in reports for d in report.diagnostics)
-    _PRINTERS[format](reports, errors, warnings, time.perf_counter() - start)
+    problems = [d for report in reports for d in report.diagnostics]
+    errors, warnings = counts(problems)
+    seconds = time.perf_counter() - start
+    if json or format == "json":
+        _print_json(reports, problems, errors, warnings, seconds)
+    elif format == "github":
+        if problems:
+            say(render(problems, "github"))
+        console(err=True).print(verdict(reports, errors, warnings, seconds))
+    else:
+        _print_text(reports, problems)
+        console(wide=True).print(verdict(reports, errors, warnings, seconds))
     if errors or (strict and warnings):
         raise typer.Exit(1)
 
@@ -89,7 +99,6 @@ def _checked(
 ) -> list[FileReport]:
     from taskspec import exact, figures  # noqa: F401  # before processes are forked, which then need not import them again
     from taskspec.check.files import FileCheck, check_file, started
-    from taskspec.cli.progress import progress
 
     checks = [FileCheck(path, partial(check_other, path, kind)) for path, kind in others]
     for file in files:
@@ -122,172 +131,139 @@ def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:
 
 
 def check_other(path: Path, kind: Kind) -> FileReport:
-    """Check a file that is not a spec: its shape, and that all its entries mean something."""
+    """Check a file that is not a spec: its shape, and that all its instances, rules or findings mean something."""
     from taskspec.check.files import FileReport
+    from taskspec.experiments import expand, read
+    from taskspec.rules.books import read_exam, read_findings
 
     try:
-        diagnostics, entries = _entries(path, kind)
+        if kind == "experiment":
+            expanded = expand(read(path))
+            diagnostics: Sequence[Diagnostic] = [*expanded.diagnostics, *expanded.refused]
+            entries = len(expanded.instances)
+        else:
+            found = read_exam(path) if kind == "exam" else read_findings(path)
+            diagnostics = found.diagnostics
+            entries = len(found.rules)
     except SpecError as error:
         return FileReport(str(path), (), error.diagnostics, kind=kind)
     return FileReport(str(path), (), in_order(diagnostics), kind=kind, entries=entries)
 
 
-def _entries(path: Path, kind: Kind) -> tuple[Sequence[Diagnostic], int]:
-    """Return the problems of an experiment, an exam or a findings file, and the number of its instances or rules."""
-    if kind == "experiment":
-        from taskspec.experiments import expand, read
-
-        expanded = expand(read(path))
-        return [*expanded.diagnostics, *expanded.refused], len(expanded.instances)
-    from taskspec.rules.books import read_exam, read_findings
-
-    found = read_exam(path) if kind == "exam" else read_findings(path)
-    return found.diagnostics, len(found.rules)
-
-
 # -- text ---------------------------------------------------------------------------------------------------------
 
 
-def _print_text(reports: Sequence[FileReport], errors: int, warnings: int, seconds: float) -> None:
-    from taskspec.cli import failures
-    from taskspec.cli.console import console
-
-    problems = [d for report in reports for d in report.diagnostics]
-    failures.show(problems, err=False)
+def _print_text(reports: Sequence[FileReport], problems: Sequence[Diagnostic]) -> None:
+    """Print problems, what was checked and how, and what was left out and why, each reason once."""
+    print_diagnostics(problems, err=False)
     out = console(wide=True)
     if problems:
         out.print()
-    out.print(table_of(reports))
+    out.print(_table(reports))
     out.print()
-    for remark in remarks(reports):
-        out.print(remark, style="warn")
-    out.print(verdict(reports, errors, warnings, seconds))
+    skipped = [each.finding.skipped for report in reports for each in report.tasks]
+    for reason in dict.fromkeys(filter(None, skipped)):
+        out.print(reason, style="warn")
 
 
-def table_of(reports: Sequence[FileReport]) -> Table:
-    """Return what was checked, file by file, and how."""
-    from taskspec.cli.console import VisibleText, columns
-
-    built = any(each.id is not None for report in reports for each in report.tasks)
-    shown = any(each.finding.examples for report in reports for each in report.tasks)
-    mirrored = any(each.finding.symmetries for report in reports for each in report.tasks)
-    headers = [
-        "validated by",
-        "settings",
-        "claims",
-        *(["examples"] if shown else []),
-        *(["symmetries"] if mirrored else []),
-    ]
-    table = columns("", "", *(headers if built else ("", "", "")), fold=(1,))
+def _table(reports: Sequence[FileReport]) -> Table:
+    tasks = [each for report in reports for each in report.tasks]
+    is_built = any(each.id is not None for each in tasks)
+    shown = {
+        "validated by": True,
+        "settings": is_built,
+        "claims": is_built,
+        "examples": any(each.finding.examples for each in tasks),
+        "symmetries": any(each.finding.symmetries for each in tasks),
+    }
+    table = columns("", "", *(header for header, is_shown in shown.items() if is_shown), fold=(1,))
+    table.show_header = is_built
     for report in reports:
         table.add_row(mark(report.diagnostics), VisibleText(report.path, style="title"))
         if report.kind != "taskspec":
             table.add_row("", VisibleText(f"  {plural(report.entries, ENTRIES[report.kind])}", style="quiet"))
         for each in report.tasks:
             found = each.finding
-            ranges = f"{found.cases} tried" if found.cases else ""
+            cells = {
+                "validated by": found.how,
+                "settings": f"{found.cases} tried" if found.cases else "",
+                "claims": found.claims_words,
+                "examples": found.examples_words,
+                "symmetries": found.symmetries_words,
+            }
             name = VisibleText(f"  {each.title}", style="name")
-            row = [found.how, ranges, found.claims_words, *([found.examples_words] if shown else [])]
-            row += [found.symmetries_words] if mirrored else []
-            table.add_row(mark(each.diagnostics), name, *row)
+            table.add_row(mark(each.diagnostics), name, *(cells[header] for header in shown if shown[header]))
     return table
 
 
-def remarks(reports: Sequence[FileReport]) -> list[str]:
-    """Return what was left out, and why, each reason once."""
-    skipped = [each.finding.skipped for report in reports for each in report.tasks]
-    return list(dict.fromkeys(reason for reason in skipped if reason))
-
-
-def mark(diagnostics: Sequence[Any]) -> Any:
+def mark(diagnostics: Sequence[Diagnostic]) -> VisibleText:
     """Return a sign for errors, for warnings, for neither."""
-    from taskspec.check.files import counts
-    from taskspec.cli.console import VisibleText
-
-    errors, warnings = counts(diagnostics)
-    if errors:
+    severities = {each.severity for each in diagnostics}
+    if "error" in severities:
         return VisibleText("✗", style="bad")
-    return VisibleText("!", style="warn") if warnings else VisibleText("✓", style="good")
+    if "warning" in severities:
+        return VisibleText("!", style="warn")
+    return VisibleText("✓", style="good")
 
 
-def verdict(reports: Sequence[FileReport], errors: int, warnings: int, seconds: float) -> Any:
+def verdict(reports: Sequence[FileReport], errors: int, warnings: int, seconds: float) -> VisibleText:
     """Return the last line: how many tasks, how many problems, how long."""
-    from taskspec.cli.console import line
-
     tasks = sum(len(report.tasks) for report in reports)
-    kinds = Counter(report.kind for report in reports)
-    others = [plural(kinds[kind], noun) for kind, noun in OTHER_NOUNS.items() if kinds[kind]]
-    specs = (
-        [f"{plural(tasks, 'task')} in {plural(kinds['taskspec'], 'spec')}"] if kinds["taskspec"] or not others else []
-    )
-    *most, last = [*specs, *others]
-    what = f"{', '.join(most)} and {last}: " if most else f"{last}: "
-    found = [(plural(errors, "error"), "bad")] if errors else []
-    found += [(plural(warnings, "warning"), "warn")] if warnings else []
-    found = found or [("no errors, no warnings", "good")]
     accepted = sum(len(report.accepted) for report in reports)
-    found += [(f"{plural(accepted, 'warning')} accepted", "quiet")] if accepted else []
-    parts: list[tuple[str, str] | str] = [what]
-    for i, part in enumerate(found):
-        parts += [", ", part] if i else [part]
-    return line(*parts, (f"  ({seconds:.2f} s)", "quiet"))
+    kinds = Counter(report.kind for report in reports)
+    what = []
+    if kinds["taskspec"] or not kinds:
+        what.append(f"{plural(tasks, 'task')} in {plural(kinds['taskspec'], 'spec')}")
+    for kind in ENTRIES:
+        if kinds[kind]:
+            what.append(plural(kinds[kind], NOUNS.get(kind, kind)))
+    found = line(" and ".join(filter(None, (", ".join(what[:-1]), what[-1]))), ": ")
+    if errors:
+        found.append(plural(errors, "error"), "bad")
+    if warnings:
+        found.append(", " if errors else "").append(plural(warnings, "warning"), "warn")
+    if not errors and not warnings:
+        found.append("no errors, no warnings", "good")
+    if accepted:
+        found.append(", ").append(f"{plural(accepted, 'warning')} accepted", "quiet")
+    return found.append(f"  ({seconds:.2f} s)", "quiet")
 
 
 # -- for programs -------------------------------------------------------------------------------------------------
 
 
-def _print_json(reports: Sequence[FileReport], errors: int, warnings: int, seconds: float) -> None:
-    from taskspec.cli.console import write_json
-
-    found = [d for report in reports for d in report.diagnostics]
-    tasks = [_record(report.path, each) for report in reports for each in report.tasks]
-    write_json({
-        "errors": errors, "warnings": warnings, "seconds": round(seconds, 4), "diagnostics": records(found), "tasks": tasks,
-        "accepted": _accepted(reports),
-        **{
-            key: [{"path": r.path, ENTRIES[kind] + "s": r.entries} for r in reports if r.kind == kind]
-            for key, kind in (("experiments", "experiment"), ("exams", "exam"), ("findings", "findings"))
-        },
-    })  # fmt: skip
-
-
-def records(diagnostics: Sequence[Any]) -> Any:
-    """Return diagnostics as data, as `diagnostics.render` writes them."""
-    from json import loads
-
-    from taskspec.base.diagnostics import render
-
-    return loads(render(diagnostics, "json"))
-
-
-def _accepted(reports: Sequence[FileReport]) -> list[dict[str, Any]]:
-    found = [a for report in reports for a in report.accepted]
-    warnings = records([a.warning for a in found])
-    return [warning | {"because": a.because} for warning, a in zip(warnings, found, strict=True)]
+def _print_json(
+    reports: Sequence[FileReport], problems: Sequence[Diagnostic], errors: int, warnings: int, seconds: float
+) -> None:
+    data: dict[str, Any] = {
+        "errors": errors,
+        "warnings": warnings,
+        "seconds": round(seconds, 4),
+        "diagnostics": records(problems),
+        "tasks": [_record(report.path, each) for report in reports for each in report.tasks],
+        "accepted": [],
+        "experiments": [],
+        "exams": [],
+        "findings": [],
+    }
+    for report in reports:
+        for accepted, record in zip(report.accepted, records([a.warning for a in report.accepted]), strict=True):
+            data["accepted"].append({**record, "because": accepted.because})
+        if report.kind != "taskspec":
+            kind = report.kind.removesuffix("s") + "s"
+            data[kind].append({"path": report.path, ENTRIES[report.kind] + "s": report.entries})
+    write_json(data)
 
 
 def _record(path: str, each: Checked) -> dict[str, Any]:
     from taskspec.check.files import counts
 
     errors, warnings = counts(each.diagnostics)
+    found = each.finding
     return {
         "id": each.id, "name": each.name, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
-        "method": each.finding.method, "other_parameter_values": each.finding.cases,
-        "claims_proved": each.finding.proved, "claims_tested": each.finding.tested,
-        "claims": each.finding.verdicts,
-        "examples": each.finding.examples, "examples_wrong": each.finding.wrong_examples, "skipped": each.finding.skipped,
-        "symmetries": each.finding.symmetries, "seconds": round(each.seconds, 6),
+        "method": found.method, "other_parameter_values": found.cases, "claims_proved": found.proved,
+        "claims_tested": found.tested, "claims": found.verdicts, "examples": found.examples,
+        "examples_wrong": found.wrong_examples, "skipped": found.skipped, "symmetries": found.symmetries,
+        "seconds": round(each.seconds, 6),
     }  # fmt: skip
-
-
-def _print_github(reports: Sequence[FileReport], errors: int, warnings: int, seconds: float) -> None:
-    from taskspec.base.diagnostics import render
-    from taskspec.cli.console import console
-
-    text = render([d for report in reports for d in report.diagnostics], "github")
-    if text:
-        say(text)
-    console(err=True).print(verdict(reports, errors, warnings, seconds))
-
-
-_PRINTERS = {"text": _print_text, "json": _print_json, "github": _print_github}

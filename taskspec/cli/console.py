@@ -1,4 +1,4 @@
-"""Output of commands: one theme, one width, one kind of table, and JSON.
+"""Output of commands: text, tables and JSON; and errors as messages with an exit status.
 
 Control characters of specs and file names are shown as escapes, never sent to the terminal.
 """
@@ -8,7 +8,8 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import rich.console
@@ -16,10 +17,29 @@ import rich.text
 import typer
 from rich.segment import Segment
 
+from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, render
 from taskspec.base.display import visible, visible_json
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+STYLES = {
+    "title": "bold",
+    "head": "bold bright_blue",
+    "name": "cyan",
+    "value": "green",
+    "quiet": "dim",
+    "good": "green",
+    "bad": "bold red",
+    "warn": "bold yellow",
+}
+PAGE = 100
+"""The largest width of prose."""
+PIPED = 4096
+"""The width of tables in pipes: every row stays on one line."""
+DEBUG = "TASKSPEC_TRACEBACK"
+"""Set in the environment, this variable shows where an internal error comes from."""
+PASSED_ON = ("Exit", "Abort", "BrokenPipeError")  # by name: their modules differ between versions of typer
 
 
 class VisibleText(rich.text.Text):
@@ -54,22 +74,6 @@ class PipedConsole(Console):
         self.file.write("\n".join(line.rstrip(" ") for line in text.split("\n")))
 
 
-STYLES = {
-    "title": "bold",
-    "head": "bold bright_blue",
-    "name": "cyan",
-    "value": "green",
-    "quiet": "dim",
-    "good": "green",
-    "bad": "bold red",
-    "warn": "bold yellow",
-}
-PAGE = 100
-"""The largest width of prose."""
-PIPED = 4096
-"""The width of tables in pipes: every row stays on one line."""
-
-
 def console(err: bool = False, wide: bool = False) -> Console:
     """Return the console of an output stream.
 
@@ -79,36 +83,76 @@ def console(err: bool = False, wide: bool = False) -> Console:
     """
     from rich.theme import Theme
 
-    stream = sys.stderr if err else sys.stdout
-    theme = Theme(STYLES)
+    stream = _stream(err)
     kind = Console if stream.isatty() else PipedConsole
-    found = kind(file=stream, theme=theme, highlight=False, emoji=False, markup=False, width=_piped(stream, wide))
-    if not wide and found.width > PAGE:
-        found.width = PAGE
+    width = None
+    if terminal_width(err) is None:
+        width = PIPED if wide else PAGE
+    found = kind(file=stream, theme=Theme(STYLES), highlight=False, emoji=False, markup=False, width=width)
+    if not wide:
+        found.width = min(found.width, PAGE)
     return found
 
 
-def _piped(stream: Any, wide: bool) -> int | None:
-    """Return the width for a stream that is no terminal; None leaves it to the terminal, or to COLUMNS."""
-    if stream.isatty() or os.environ.get("COLUMNS", "").isdigit():
-        return None
-    return PIPED if wide else PAGE
+def _stream(err: bool) -> Any:
+    return sys.stderr if err else sys.stdout
 
 
 def colored(err: bool = False) -> bool:
     """Return whether a stream gets colours."""
-    stream = sys.stderr if err else sys.stdout
     if os.environ.get("NO_COLOR"):
         return False
-    return stream.isatty() or bool(os.environ.get("FORCE_COLOR"))
+    return bool(_stream(err).isatty() or os.environ.get("FORCE_COLOR"))
 
 
 def terminal_width(err: bool = False) -> int | None:
     """Return the columns of a terminal, or COLUMNS; None without either."""
-    stream = sys.stderr if err else sys.stdout
-    if not stream.isatty() and not os.environ.get("COLUMNS", "").isdigit():
-        return None
-    return shutil.get_terminal_size().columns
+    if _stream(err).isatty() or os.environ.get("COLUMNS", "").isdigit():
+        return shutil.get_terminal_size().columns
+    return None
+
+
+def say(text: str, err: bool = False, nl: bool = True) -> None:
+    """Print plain text."""
+    typer.echo(visible(text), err=err, nl=nl)
+
+
+def line(*parts: tuple[str, str] | str) -> VisibleText:
+    """Return a line of text in several styles, from parts `("words", "style")` or plain words."""
+    text = VisibleText(no_wrap=False)
+    for part in parts:
+        if isinstance(part, str):
+            text.append(part)
+        else:
+            text.append(*part)
+    return text
+
+
+def columns(
+    *headers: str, right: Iterable[int] = (), fold: Iterable[int] = (), styles: Sequence[str] = (), gap: int = 2
+) -> Table:
+    """Return a table without rules.
+
+    Args:
+        headers: one for each column; a table without any has no row for them.
+        right: the columns that are aligned to the right.
+        fold: the columns that may wrap.
+        styles: the styles of the first columns.
+        gap: blanks between columns.
+    """
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), show_header=any(headers), header_style="quiet")
+    for header in headers:
+        table.add_column(header, no_wrap=True)
+    for i in right:
+        table.columns[i].justify = "right"
+    for i in fold:
+        table.columns[i].no_wrap = False
+        table.columns[i].overflow = "fold"
+    for column, style in zip(table.columns, styles, strict=False):
+        column.style = style
+    return table
 
 
 def write_json(data: Any) -> None:
@@ -137,24 +181,56 @@ def _finite(data: Any) -> Any:
             return data
 
 
-def say(text: str, err: bool = False, nl: bool = True) -> None:
-    """Print plain text."""
-    typer.echo(visible(text), err=err, nl=nl)
+# -- errors -------------------------------------------------------------------------------------------------------
 
 
-def line(*parts: tuple[str, str] | str) -> VisibleText:
-    """Return a line of text in several styles, from parts `("words", "style")` or plain words."""
-    text = VisibleText(no_wrap=False)
-    for part in parts:
-        text.append(*((part,) if isinstance(part, str) else part))
-    return text
+class UsageError(SpecError):
+    """Wrong usage of a command: exit status 2."""
 
 
-def columns(*headers: str, right: Iterable[int] = (), fold: Iterable[int] = ()) -> Table:
-    """Return a table without rules; columns in `right` are aligned to the right, those in `fold` may wrap."""
-    from rich.table import Table
+def misuse(message: str, hint: str | None = None) -> UsageError:
+    """Return an error about options that mean nothing, alone or together."""
+    return UsageError([Diagnostic("E713", None, message, hint)])
 
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=any(headers), header_style="quiet")
-    for i, header in enumerate(headers):
-        table.add_column(header, justify="right" if i in right else "left", no_wrap=i not in fold)
-    return table
+
+@contextmanager
+def reported() -> Iterator[None]:
+    """Turn exceptions into messages: status 1 for errors, 2 for wrong usage, 130 for interrupts, 70 for internal errors."""
+    try:
+        yield
+    except SpecError as error:
+        fail(error.diagnostics, 2 if isinstance(error, UsageError) else 1)
+    except BrokenPipeError:
+        raise
+    except (TaskspecError, OSError) as error:
+        message = f"error: {error}"
+        if isinstance(error, OSError):
+            name = f"{error.filename}: " if error.filename is not None else ""
+            message = f"error[E711 file-unreadable]: {name}{error.strerror or error}"
+        say(message, err=True)
+        raise typer.Exit(1) from None
+    except KeyboardInterrupt as error:
+        if str(error):
+            say(str(error), err=True)
+        raise typer.Exit(130) from None
+    except Exception as error:
+        name = type(error).__name__
+        if name in PASSED_ON or hasattr(error, "exit_code") or os.environ.get(DEBUG):
+            raise
+        say(f"internal error: {name}: {error}\n  This is a bug in taskspec; {DEBUG}=1 shows where.", err=True)
+        raise typer.Exit(70) from None
+
+
+def fail(diagnostics: Iterable[Diagnostic], status: int = 1) -> None:
+    """Report problems and end."""
+    print_diagnostics(diagnostics)
+    raise typer.Exit(status)
+
+
+def print_diagnostics(diagnostics: Iterable[Diagnostic], err: bool = True) -> None:
+    """Print problems; on a terminal in colour, and wrapped to its width."""
+    color = colored(err)
+    width = terminal_width(err)
+    text = "\n\n".join(render([each], color=color, width=width) for each in diagnostics)
+    if text:
+        typer.echo(text, err=err, color=color)

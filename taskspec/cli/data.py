@@ -2,56 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskspec.cli.failures import misuse
-from taskspec.cli.options import Json, Modifiers, Parameters, PolicyName, TaskArgument, Variant
+from taskspec.cli.console import console, line, misuse, say, write_records
+from taskspec.cli.options import Json, Modifiers, Parameters, PolicyName, TaskArgument, Variant, seed_option
+from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
     from taskspec.data import Demonstrations, Preferences
     from taskspec.task.task import Task
 
-    Make = Callable[..., Demonstrations | Preferences]
-
-Episodes = Annotated[
-    int | None, typer.Option("--episodes", "-n", min=1, help="How many; 100 by default.", show_default=False)
-]
-Steps = Annotated[
-    int | None,
-    typer.Option(
-        "--transitions",
-        min=1,
-        help="Generate whole episodes, until there are at least this many steps.",
-        show_default=False,
-    ),
-]
-Seed = Annotated[
-    int,
-    typer.Option(
-        "--seed", min=0, max=2**64 - 1, metavar="SEED", help="Episode i is that of [green]reset(seed=SEED+i)[/]."
-    ),
-]
-Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Processes; the data is the same for any number.")]
+FORMATS = ("npz", "parquet", "imitation", "minari")
+Seed = Annotated[int, seed_option("Episode i is that of [green]reset(seed=SEED+i)[/].")]
+DataJobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Processes; the data is the same for any number.")]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="The file, or the folder.")]
 Format = Annotated[
     str | None,
     typer.Option(
-        "--format", metavar="npz|parquet|imitation|minari", help="File format; by default from the suffix.", show_default=False,
-        autocompletion=lambda: ("npz", "parquet", "imitation", "minari"),
+        "--format", metavar="|".join(FORMATS), help="File format; by default from the suffix.", show_default=False,
+        autocompletion=lambda: FORMATS,
     ),
 ]  # fmt: skip
-Pairs = Annotated[int, typer.Option("--pairs", "-n", min=1, help="How many pairs the teacher is shown.")]
-Length = Annotated[
+Transitions = Annotated[
     int | None,
     typer.Option(
-        "--length", min=1, metavar="K", help="Steps of a segment; whole episodes by default.", show_default=False
+        "--transitions", min=1, help="Generate whole episodes, until there are at least this many steps.", show_default=False
     ),
-]
+]  # fmt: skip
 TeacherName = Annotated[
     str,
     typer.Option(
@@ -65,13 +47,15 @@ def demos(
     task: TaskArgument,
     output: Output,
     policy: PolicyName = "expert",
-    episodes: Episodes = None,
-    transitions: Steps = None,
+    episodes: Annotated[
+        int | None, typer.Option("--episodes", "-n", min=1, help="How many; 100 by default.", show_default=False)
+    ] = None,
+    transitions: Transitions = None,
     seed: Seed = 0,
     variant: Variant = None,
     parameters: Parameters = None,
     modifiers: Modifiers = None,
-    jobs: Jobs = 1,
+    jobs: DataJobs = 1,
     format: Format = None,
     json: Json = False,
 ) -> None:
@@ -92,15 +76,18 @@ def demos(
 def preferences(
     task: TaskArgument,
     output: Output,
-    pairs: Pairs = 100,
+    pairs: Annotated[int, typer.Option("--pairs", "-n", min=1, help="How many pairs the teacher is shown.")] = 100,
     policy: PolicyName = "random",
-    length: Length = None,
+    length: Annotated[
+        int | None,
+        typer.Option("--length", min=1, metavar="K", help="Steps of a segment; whole episodes by default."),
+    ] = None,
     teacher: TeacherName = "noiseless",
     seed: Seed = 0,
     variant: Variant = None,
     parameters: Parameters = None,
     modifiers: Modifiers = None,
-    jobs: Jobs = 1,
+    jobs: DataJobs = 1,
     format: Format = None,
     json: Json = False,
 ) -> None:
@@ -116,45 +103,45 @@ def preferences(
     _write(tasks_of(task, variant, parameters or [], modifiers or []), make, output, format, json)
 
 
-def _write(found: list[Task], make: Make, output: Path, format: str | None, as_json: bool) -> None:
+def _write(
+    tasks: Sequence[Task],
+    make: Callable[..., Demonstrations | Preferences],
+    output: Path,
+    format: str | None,
+    as_json: bool,
+) -> None:
     """Make data of tasks and write it, in a file each."""
-    from taskspec.cli.console import write_records
-    from taskspec.cli.progress import progress
     from taskspec.data import write
     from taskspec.data.files import format_of
     from taskspec.targets import beside
 
-    format_of(output, format)
+    format_of(output, format)  # a mistake is reported before the work
     records = []
-    for task in found:
-        place = output if len(found) == 1 else beside(output, task)
+    for task in tasks:
+        place = output if len(tasks) == 1 else beside(output, task)
         with progress(task.instance_id):
             data = make(task)
         write(data, place, format)
-        if as_json:
-            records.append({**data.metadata, "file": str(place)})
-        else:
-            _print(data, place)
+        about = data.metadata
+        records.append({**about, "file": str(place)})
+        if not as_json:
+            out = console()
+            out.print(line((about["instance"], "name"), (f"  {about['policy']}, seed {about['seed']}", "quiet")))
+            out.print(f"  {_summary(about)}")
+            say(f"wrote {place}")
     if as_json:
         write_records(records)
 
 
-def _print(data: Demonstrations | Preferences, output: Path) -> None:
-    from taskspec.cli.console import console, line, say
-
-    told = data.metadata
-    console().print(line((told["instance"], "name"), (f"  {told['policy']}, seed {told['seed']}", "quiet")))
-    for row in _rows(told):
-        console().print(f"  {row}")
-    say(f"wrote {output}")
-
-
-def _rows(told: Any) -> list[str]:
-    """Return what the data amounts to, line by line."""
-    if told["kind"] == "demonstrations":
-        value = told["return"]
-        exact = "" if value is None else f"; the policy earns {value['value']:.6g} ({value['status']})"
-        return [f"{told['transitions']:,} transitions of {told['episodes']:,} episodes{exact}"]
-    skipped = f", {told['skipped']:,} skipped" if told["skipped"] else ""
-    of = "whole episodes" if told["length"] is None else f"segments of {told['length']} steps"
-    return [f"{told['shown'] - told['skipped']:,} pairs of {of}{skipped}; teacher: {told['teacher']}"]
+def _summary(about: Any) -> str:
+    """Return how much data there is, in words."""
+    if about["kind"] == "demonstrations":
+        words = f"{about['transitions']:,} transitions of {about['episodes']:,} episodes"
+        if about["return"] is not None:
+            words += f"; the policy earns {about['return']['value']:.6g} ({about['return']['status']})"
+        return words
+    parts = "whole episodes" if about["length"] is None else f"segments of {about['length']} steps"
+    words = f"{about['shown'] - about['skipped']:,} pairs of {parts}"
+    if about["skipped"]:
+        words += f", {about['skipped']:,} skipped"
+    return f"{words}; teacher: {about['teacher']}"

@@ -8,27 +8,33 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, raise_if_errors
-from taskspec.base.numbers import plural
-from taskspec.cli.console import say
-from taskspec.cli.failures import misuse, show
-from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, Targets, TaskArgument, Variant
+from taskspec.base.diagnostics import Diagnostic, SpecError, raise_if_errors, spec_error
+from taskspec.base.display import plural
+from taskspec.base.extras import install, is_installed
+from taskspec.base.files import near
+from taskspec.base.limits import telling
+from taskspec.cli.console import print_diagnostics, say, write_json
+from taskspec.cli.options import (
+    Json,
+    LimitsGiven,
+    Modifiers,
+    Parameters,
+    Targets,
+    TaskArgument,
+    Variant,
+    checked_choices,
+    choices_option,
+    folder_option,
+    formats_option,
+)
+from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
     from taskspec.pages.facts import Facts
     from taskspec.task.task import Task
 
 FORMATS = ("html", "latex", "markdown", "svg", "pdf")
-Format = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--format", "-f", metavar="|".join(FORMATS), help="What to write; may be repeated. HTML by default.",
-        autocompletion=lambda: FORMATS, show_default=False,
-    ),
-]  # fmt: skip
-Output = Annotated[
-    Path, typer.Option("--output", "--out", "-o", metavar="FOLDER", help="Where to write.", file_okay=False)
-]
+OVERLAYS = ("values", "policy", "expert", "occupancy")
 Results = Annotated[bool, typer.Option("--results/--no-results", help="Scores, and the verdicts on claims.")]
 Brief = Annotated[bool, typer.Option("--brief", help="Half a page for each task: its definition, figure and scores.")]
 Title = Annotated[
@@ -37,28 +43,24 @@ Title = Annotated[
 FigureFile = Annotated[
     Path,
     typer.Option(
-        "--output",
-        "-o",
-        metavar="FILE",
-        help="Output file, ending in .svg, .tex, .png or .pdf.",
-        dir_okay=False,
+        "--output", "-o", metavar="FILE", help="Output file, ending in .svg, .tex, .png or .pdf.", dir_okay=False,
         show_default=False,
     ),
-]
+]  # fmt: skip
 Overlays = Annotated[
     list[str] | None,
-    typer.Option(
-        "--overlay", metavar="values|policy|expert|occupancy",
-        help="Lay exact results over the states; may be repeated, or given with commas.",
-        autocompletion=lambda: ("values", "policy", "expert", "occupancy"), show_default=False,
+    choices_option(
+        "--overlay", allowed=OVERLAYS, help="Lay exact results over the states; may be repeated, or given with commas."
     ),
-]  # fmt: skip
+]
 
 
 def docs(
     targets: Targets = None,
-    format: Format = None,
-    output: Output = Path("build/docs"),
+    format: Annotated[
+        list[str] | None, formats_option(FORMATS, "What to write; may be repeated. HTML by default.")
+    ] = None,
+    output: Annotated[Path, folder_option("Where to write.")] = Path("build/docs"),
     parameters: Parameters = None,
     modifiers: Modifiers = None,
     results: Results = True,
@@ -78,23 +80,31 @@ def docs(
     A spec with an error is reported and left out; exit status 1 then.
     """
     from taskspec import pages
-    from taskspec.base.files import near
-    from taskspec.cli.console import write_json
-    from taskspec.cli.progress import progress
+    from taskspec.check.names import set_aside
+    from taskspec.figures import HINT
     from taskspec.targets import settings
 
-    wanted = _named("--format", format or ["html"], FORMATS)
+    wanted = checked_choices("--format", format or ["html"], FORMATS)
     columns = settings(parameters) if parameters else ()
+    tasks: list[Task] = []
+    warnings: list[Diagnostic] = []
     with progress("docs"):
         built, problems = tasks_of(targets or [], modifiers or [])
-        tasks, warnings, unsound = _printable(built)
-        problems += unsound
+        for task in built:
+            try:
+                undrawn = pages.undrawn(task)
+            except SpecError as error:
+                problems += error.diagnostics
+            else:
+                tasks.append(task)
+                warnings += set_aside(task, undrawn)[0]
         if not tasks:
             raise SpecError(problems)
         facts = _facts_of(tasks, problems) if results and has_scores() else {}
         written = pages.write(tasks, wanted, output, title=title, facts=facts, columns=columns, brief=brief)
-    show([*problems, *warnings])
-    _is_something(written)
+    print_diagnostics([*problems, *warnings])
+    if not written:  # of figures alone, as every task has a page
+        raise spec_error("E713", "there is no figure to write", HINT)
     if json:
         write_json([str(path) for path in written])
     else:
@@ -104,11 +114,60 @@ def docs(
         raise typer.Exit(1)
 
 
-def _is_something(written: Sequence[Path]) -> None:
-    from taskspec.figures import HINT
+def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[list[Task], list[Diagnostic]]:
+    """Return all tasks of ids, files and folders, and the instances of experiments that are named; and what is wrong with
+    others.
 
-    if not written:  # of figures alone, as every task has a page
-        raise SpecError((Diagnostic("E713", None, "there is no figure to write", HINT),))
+    Raises:
+        SpecError: for a target that does not exist.
+    """
+    from taskspec.experiments import expand, read
+    from taskspec.registry import load
+    from taskspec.targets import files_of, kind_of, tasks_in
+
+    named = [target for target in targets if kind_of(target) == "experiment"]
+    others = [target for target in targets if target not in named]
+    tasks: list[Task] = []
+    problems: list[Diagnostic] = []
+    if others or not named:
+        for found in tasks_in(files_of(others, modifiers=modifiers)):
+            if isinstance(found, SpecError):
+                problems += found.diagnostics
+            else:
+                tasks.append(found)
+    for target in named:
+        try:
+            expanded = expand(read(target))
+            raise_if_errors([*expanded.diagnostics, *expanded.refused])
+            for each in expanded.instances:
+                given = (*each.modifiers, *modifiers)
+                tasks.append(load(each.source, each.variant, modifiers=given, **each.parameters))
+        except SpecError as error:
+            problems += error.diagnostics
+    return tasks, problems
+
+
+def has_scores() -> bool:
+    """Return whether scores can be worked out, for which SciPy is needed; where it is missing, standard error says so."""
+    if is_installed("scipy"):
+        return True
+    say(f"scores and verdicts need scipy, and are left out: {install('exact')}", err=True)
+    return False
+
+
+def _facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Facts]:
+    """Return scores and verdicts at the defaults by id of the task, and add to the problems why a task has none."""
+    from taskspec.pages.facts import gather
+    from taskspec.pages.write import together
+
+    found = {}
+    printed = [task for task, _ in together(tasks)]
+    for task in telling(printed, lambda task: f"scores of {task.id}"):
+        try:
+            found[task.id] = gather(task)
+        except SpecError as error:
+            problems += error.diagnostics
+    return found
 
 
 def figure(
@@ -127,107 +186,7 @@ def figure(
     from taskspec.targets import beside, tasks_of
 
     found = tasks_of(task, variant, parameters or [], modifiers or [])
-    wanted = _named("--overlay", overlays or [], pages.OVERLAYS)
+    wanted = checked_choices("--overlay", overlays, OVERLAYS)
     for each in found:
-        say(f"wrote {pages.figure(each, output if len(found) == 1 else beside(output, each), wanted)}")
-
-
-def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[list[Task], list[Diagnostic]]:
-    """Return all tasks of ids, files and folders, and the instances of experiments that are named; and what is wrong with
-    others.
-
-    Raises:
-        SpecError: for a target that does not exist.
-    """
-    from taskspec.targets import files_of, kind_of, tasks_in
-
-    named = [target for target in targets if kind_of(target) == "experiment"]
-    others = [target for target in targets if target not in named]
-    files = files_of(others, modifiers=modifiers) if others or not named else []
-    tasks: list[Task] = []
-    problems: list[Diagnostic] = []
-    for found in tasks_in(files):
-        if isinstance(found, SpecError):
-            problems += found.diagnostics
-        else:
-            tasks.append(found)
-    for target in named:
-        try:
-            tasks += _instances(target, modifiers)
-        except SpecError as error:
-            problems += error.diagnostics
-    return tasks, problems
-
-
-def _printable(tasks: Sequence[Task]) -> tuple[list[Task], list[Diagnostic], list[Diagnostic]]:
-    """Return the tasks that can be printed, warnings about their figures, and what is wrong with the others."""
-    from taskspec import pages
-    from taskspec.check.names import set_aside
-
-    found: list[Task] = []
-    warnings: list[Diagnostic] = []
-    problems: list[Diagnostic] = []
-    for task in tasks:
-        try:
-            undrawn = pages.undrawn(task)
-        except SpecError as error:
-            problems += error.diagnostics
-            continue
-        found.append(task)
-        warnings += set_aside(task, undrawn)[0]
-    return found, warnings, problems
-
-
-def _instances(target: str, modifiers: Sequence[str]) -> list[Task]:
-    """Return the tasks of an experiment.
-
-    Raises:
-        SpecError: when it has a mistake.
-    """
-    from taskspec.experiments import expand, read
-    from taskspec.registry import load
-
-    found = expand(read(target))
-    raise_if_errors([*found.diagnostics, *found.refused])
-    return [
-        load(each.source, each.variant, modifiers=(*each.modifiers, *modifiers), **each.parameters)
-        for each in found.instances
-    ]
-
-
-def has_scores() -> bool:
-    """Return whether scores can be worked out, for which SciPy is needed; where it is missing, standard error says so."""
-    from taskspec.base.extras import install, is_installed
-
-    if is_installed("scipy"):
-        return True
-    say(f"scores and verdicts need scipy, and are left out: {install('exact')}", err=True)
-    return False
-
-
-def _facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Facts]:
-    """Return scores and verdicts at the defaults, by id of the task; those of other settings are gathered with its page.
-
-    Why a task has none is added to the problems.
-    """
-    from taskspec.base.limits import telling
-    from taskspec.pages.facts import gather
-    from taskspec.pages.write import together
-
-    tasks = [task for task, _ in together(tasks)]
-    found = {}
-    for task in telling(tasks, lambda task: f"scores of {task.id}"):
-        try:
-            found[task.id] = gather(task)
-        except SpecError as error:
-            problems += error.diagnostics
-    return found
-
-
-def _named(option: str, texts: Sequence[str], allowed: Sequence[str]) -> list[str]:
-    """Return the names in an option; several may stand in one, with commas between them."""
-    wanted = [name.strip() for text in texts for name in text.split(",")]
-    for name in wanted:
-        if name not in allowed:
-            raise misuse(f"{option} is one of {', '.join(allowed)}, not '{name}'")
-    return wanted
+        place = output if len(found) == 1 else beside(output, each)
+        say(f"wrote {pages.figure(each, place, wanted)}")

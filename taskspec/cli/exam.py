@@ -10,18 +10,34 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskspec.base.files import safe_name
-from taskspec.cli.console import say, write_json
-from taskspec.cli.failures import misuse
-from taskspec.cli.options import Json, LimitsGiven, complete_learners
-from taskspec.cli.sweep import Cluster, Jobs, Retry
+from taskspec.base.files import near, safe_name
+from taskspec.cli.console import misuse, say, write_json
+from taskspec.cli.options import (
+    Cluster,
+    Jobs,
+    Json,
+    LimitsGiven,
+    Retry,
+    complete_learners,
+    folder_option,
+    split_names,
+    time_limit_option,
+)
+from taskspec.cli.progress import job_progress
 
 if TYPE_CHECKING:
-    from taskspec.exam import Exam, Running
+    from taskspec.exam import Running
     from taskspec.experiments import ExperimentFile
     from taskspec.task.task import TaskLike
 
 _COUNT = re.compile(r"(\d+(?:\.\d+)?)([kM]?)")
+_UNITS = {"": 1, "k": 1_000, "M": 1_000_000}
+
+
+def _option(*names: str, help: str, **more: Any) -> Any:
+    return typer.Option(*names, help=help, show_default=False, **more)
+
+
 LearnerArgument = Annotated[
     str,
     typer.Argument(
@@ -31,59 +47,45 @@ LearnerArgument = Annotated[
         "[cyan]suite/name[/]: its learners, on its tasks.",
     ),
 ]  # fmt: skip
-Suite = Annotated[
-    str | None,
-    typer.Option("--suite", metavar="NAME", help="The suite of tasks; derail unless given.", show_default=False),
-]
+Suite = Annotated[str | None, _option("--suite", metavar="NAME", help="The suite of tasks; derail unless given.")]
 Tasks = Annotated[
     list[str] | None,
-    typer.Option("--tasks", "-t", metavar="TASK,...", show_default=False,
-                 help="The tasks to examine, or an experiment for its instances; all of the suite unless given."),
-]  # fmt: skip
-Seeds = Annotated[
-    int | None, typer.Option("--seeds", min=1, help="Number of random seeds; 15 unless given.", show_default=False)
-]
-Steps = Annotated[
-    str | None,
-    typer.Option("--steps", metavar="N", help="Environment steps of each training run; 500k unless given.",
-                 show_default=False),
-]  # fmt: skip
-Shown = Annotated[
-    str | None,
-    typer.Option("--transitions", metavar="N", help="Transitions of expert demonstrations; 10k unless given.",
-                 show_default=False),
-]  # fmt: skip
-Twins = Annotated[
-    int | None,
-    typer.Option("--twins", min=0, help="Twins of each task that has some; 2 unless given.", show_default=False),
-]
-Probes = Annotated[
-    bool | None,
-    typer.Option("--probes/--no-probes", show_default=False,
-                 help="Whether to test if the learner uses rewards that are withheld; on by default."),
-]  # fmt: skip
-LearnsFrom = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--learns-from", metavar="reward|demonstrations|preferences",
-        help="What the learner is granted; may be repeated, or given with commas.", show_default=False,
+    _option(
+        "--tasks", "-t", metavar="TASK,...",
+        help="The tasks to examine, or an experiment for its instances; all of the suite unless given.",
     ),
 ]  # fmt: skip
-Output = Annotated[
-    Path | None,
-    typer.Option("--output", "--out", "-o", metavar="FOLDER", help="Where results are stored; build/exams/NAME by default.",
-                 file_okay=False, show_default=False),
+Seeds = Annotated[int | None, _option("--seeds", min=1, help="Number of random seeds; 15 unless given.")]
+Steps = Annotated[
+    str | None, _option("--steps", metavar="N", help="Environment steps of each training run; 500k unless given.")
+]
+Transitions = Annotated[
+    str | None, _option("--transitions", metavar="N", help="Transitions of expert demonstrations; 10k unless given.")
+]
+Twins = Annotated[int | None, _option("--twins", min=0, help="Twins of each task that has some; 2 unless given.")]
+Probes = Annotated[
+    bool | None,
+    _option(
+        "--probes/--no-probes", help="Whether to test if the learner uses rewards that are withheld; on by default."
+    ),
+]
+LearnsFrom = Annotated[
+    list[str] | None,
+    _option(
+        "--learns-from", metavar="reward|demonstrations|preferences",
+        help="What the learner is granted; may be repeated, or given with commas.",
+    ),
 ]  # fmt: skip
 Against = Annotated[
     Path | None,
-    typer.Option("--against", metavar="FOLDER", show_default=False,
-                 help="An earlier exam, or one that comes with a suite (derail/bc): regressions since then are flagged."),
+    _option(
+        "--against", metavar="FOLDER",
+        help="An earlier exam, or one that comes with a suite (derail/bc): regressions since then are flagged.",
+    ),
 ]  # fmt: skip
-TimeLimit = Annotated[
-    float | None,
-    typer.Option("--time-limit", metavar="SECONDS", help="Time limit for one seed, or block of seeds, on a task.",
-                 show_default=False),
-]  # fmt: skip
+Output = Annotated[
+    Path | None, folder_option("Where results are stored; build/exams/NAME by default.", show_default=False)
+]
 
 
 def exam(
@@ -92,7 +94,7 @@ def exam(
     tasks: Tasks = None,
     seeds: Seeds = None,
     steps: Steps = None,
-    transitions: Shown = None,
+    transitions: Transitions = None,
     twins: Twins = None,
     probes: Probes = None,
     learns_from: LearnsFrom = None,
@@ -100,7 +102,9 @@ def exam(
     output: Output = None,
     jobs: Jobs = None,
     cluster: Cluster = None,
-    time_limit: TimeLimit = None,
+    time_limit: Annotated[
+        float | None, time_limit_option("Time limit for one seed, or block of seeds, on a task.")
+    ] = None,
     retry: Retry = False,
     json: Json = False,
     limits: LimitsGiven = None,
@@ -119,27 +123,39 @@ def exam(
     from taskspec.experiments.reading import read_if_experiment
 
     running = Running(jobs, cluster, time_limit, retry)
-    terms = _terms(seeds, steps, transitions, twins, probes)
+    counts = {"steps": _count("--steps", steps), "transitions": _count("--transitions", transitions)}
+    given = {"seeds": seeds, "twins": twins, "probes": probes, **counts}
+    terms: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     written = read_if_experiment(learner)
-    if written is None:
-        about = {"suite": suite or "derail", "tasks": _tasks(_split(tasks)), "learns_from": _split(learns_from)}
-        _examine_one(learner, output, running, about | terms, against, json)
-    else:
-        _refuse({"--suite": suite, "--tasks": tasks, "--learns-from": learns_from, "--against": against})
+    if written is not None:
+        single = {"--suite": suite, "--tasks": tasks, "--learns-from": learns_from, "--against": against}
+        for option, value in single.items():
+            if value is not None:
+                raise misuse(f"{option} is for a single learner, not for an experiment")
         _examine_all(written, output, running, terms, json)
+        return
+    if tasks is not None:
+        terms["tasks"] = _tasks(split_names(tasks))
+    if learns_from is not None:
+        terms["learns_from"] = split_names(learns_from)
+    _examine_one(learner, output, running, {"suite": suite or "derail", "against": against, **terms}, json)
 
 
-def _examine_one(
-    learner: str, output: Path | None, running: Running, terms: dict[str, Any], against: Path | None, json: bool
-) -> None:
-    from taskspec.cli.progress import bar
+def _examine_one(learner: str, output: Path | None, running: Running, terms: dict[str, Any], json: bool) -> None:
+    from taskspec.cli.report import print_exam
     from taskspec.exam import examine
+    from taskspec.exam.report import write
     from taskspec.exam.results import folder_name
 
     folder = output or Path("build/exams") / folder_name(learner)
-    with bar(learner) as progress:
-        found = examine(learner, **terms, against=against, out=folder, running=replace(running, progress=progress))
-    write_json(found) if json else _print(found, folder)
+    with job_progress(learner) as progress:
+        found = examine(learner, **terms, out=folder, running=replace(running, progress=progress))
+    if json:
+        write_json(found)
+    else:
+        print_exam(found)
+        for path in (folder / "exam.json", *write(found, folder)):
+            say(f"wrote {near(path)}")
     if found["flags"]:
         raise typer.Exit(1)
 
@@ -147,40 +163,24 @@ def _examine_one(
 def _examine_all(
     written: ExperimentFile, output: Path | None, running: Running, terms: dict[str, Any], json: bool
 ) -> None:
-    from taskspec.cli.exam_tables import print_exams
-    from taskspec.cli.progress import bar
+    from taskspec.cli.report import print_exams
     from taskspec.experiments import examine_all
 
     folder = output or Path("build/exams") / safe_name(written.experiment.name)
-    found = examine_all(written, folder, running=running, bar=bar, **terms)
-    write_json(found.exams) if json else print_exams(written.experiment, found, folder)
+    found = examine_all(written, folder, running=running, bar=job_progress, **terms)
+    if json:
+        write_json(found.exams)
+    else:
+        print_exams(written.experiment, found, folder)
     if any(each["flags"] for each in found.exams.values()):
         raise typer.Exit(1)
 
 
-def _terms(
-    seeds: int | None, steps: str | None, transitions: str | None, twins: int | None, probes: bool | None
-) -> dict[str, Any]:
-    """Return what is given of an exam's terms."""
-    counts = {"steps": _count("--steps", steps), "transitions": _count("--transitions", transitions)}
-    given = {"seeds": seeds, "twins": twins, "probes": probes, **counts}
-    return {name: value for name, value in given.items() if value is not None}
-
-
-def _refuse(given: dict[str, Any]) -> None:
-    """Options that an experiment says itself, or that are about one learner."""
-    for option, value in given.items():
-        if value is not None:
-            raise misuse(f"{option} is for a single learner, not for an experiment")
-
-
-def _tasks(names: Sequence[str] | None) -> list[TaskLike] | None:
+def _tasks(names: Sequence[str]) -> list[TaskLike]:
     """Return tasks by name; those of an experiment where one is named."""
     from taskspec.experiments.instances import expand
     from taskspec.experiments.reading import read_if_experiment
 
-    if names is None:
-        return None
     found: list[TaskLike] = []
     for name in names:
         written = read_if_experiment(name)
@@ -191,10 +191,6 @@ def _tasks(names: Sequence[str] | None) -> list[TaskLike] | None:
     return found
 
 
-def _split(given: Sequence[str] | None) -> list[str] | None:
-    return None if given is None else [name.strip() for text in given for name in text.split(",")]
-
-
 def _count(option: str, text: str | None) -> int | None:
     """Return a number such as 500k or 1.5M; None where none is given."""
     if text is None:
@@ -202,17 +198,4 @@ def _count(option: str, text: str | None) -> int | None:
     found = _COUNT.fullmatch(text.replace("_", "").replace(",", ""))
     if found is None:
         raise misuse(f"{option} is a number such as 500k, not '{text}'")
-    return round(float(found[1]) * {"": 1, "k": 1_000, "M": 1_000_000}[found[2]])
-
-
-# -- output -------------------------------------------------------------------------------------------------------
-
-
-def _print(found: Exam, folder: Path) -> None:
-    from taskspec.base.files import near
-    from taskspec.cli.exam_tables import show
-    from taskspec.exam.report import write
-
-    show(found)
-    for path in (folder / "exam.json", *write(found, folder)):
-        say(f"wrote {near(path)}")
+    return round(float(found[1]) * _UNITS[found[2]])

@@ -10,10 +10,13 @@ from typing import Annotated, Any
 import typer
 
 from taskspec.base.diagnostics import suggest
-from taskspec.cli.failures import misuse
+from taskspec.cli.console import misuse
 
 CHARTS = (".svg", ".png", ".pdf")
 MAX_OFFERED = 100
+
+Completions = list[tuple[str, str]]
+"""What a word may go on to, each with a remark."""
 
 
 def flowed(doc: str) -> str:
@@ -34,73 +37,107 @@ def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:
     return value
 
 
-def complete_targets(incomplete: str) -> list[tuple[str, str]]:
-    """Ids of known tasks, and specs and folders on disk, that start like this."""
+def split_names(texts: Sequence[str] | None) -> list[str]:
+    """Return the names in an option that may be repeated, or given with commas."""
+    return [name.strip() for text in texts or () for name in text.split(",")]
+
+
+def checked_choices(option: str, texts: Sequence[str] | None, allowed: Sequence[str]) -> list[str]:
+    """Return the names in an option that may be repeated, or given with commas.
+
+    Raises:
+        UsageError: when one is not allowed.
+    """
+    return [checked_choice(option, name, allowed) for name in split_names(texts)]
+
+
+# -- completion ---------------------------------------------------------------------------------------------------
+
+
+def starting(incomplete: str, found: Completions) -> Completions:
+    """Return the completions that begin with what is written so far."""
+    return [each for each in found if each[0].startswith(incomplete)]
+
+
+def complete_targets(incomplete: str) -> Completions:
+    """Return ids of known tasks, and specs and folders on disk."""
     from taskspec import registry
 
-    known = registry.known().values()
-    ids = [(e.id, e.path.name) for e in known if e.id.startswith(incomplete)]
-    names = [(e.name, e.id) for e in known if incomplete and e.name.startswith(incomplete)]
-    return (ids + names + complete_paths(incomplete))[:MAX_OFFERED]
+    known = list(registry.known().values())
+    found = starting(incomplete, [(e.id, e.path.name) for e in known])
+    if incomplete:
+        found += starting(incomplete, [(e.name, e.id) for e in known])
+    return (found + complete_paths(incomplete))[:MAX_OFFERED]
 
 
-def complete_paths(incomplete: str) -> list[tuple[str, str]]:
-    """Specs, and folders, that a path may go on to."""
+def complete_paths(incomplete: str) -> Completions:
+    """Return specs, and folders, that a path may go on to."""
     head, slash, tail = incomplete.rpartition("/")
     folder = Path(head + slash or ".")
     if not folder.is_dir():
         return []
-    found = [p for p in sorted(folder.iterdir()) if p.name.startswith(tail) and (tail or not p.name.startswith("."))]
-    folders = [(f"{head}{slash}{p.name}/", "folder") for p in found if p.is_dir()]
-    return [(f"{head}{slash}{p.name}", "spec") for p in found if p.suffix in (".yaml", ".yml")] + folders
+    specs: Completions = []
+    folders: Completions = []
+    for path in sorted(folder.iterdir()):
+        is_offered = path.name.startswith(tail) if tail else not path.name.startswith(".")
+        if not is_offered:
+            continue
+        if path.is_dir():
+            folders.append((f"{head}{slash}{path.name}/", "folder"))
+        elif path.suffix in (".yaml", ".yml"):
+            specs.append((f"{head}{slash}{path.name}", "spec"))
+    return specs + folders
 
 
-def complete_experiments(incomplete: str) -> list[tuple[str, str]]:
+def complete_experiments(incomplete: str) -> Completions:
     """Return the experiments that come with the suites, and files on disk."""
     from taskspec.experiments.reading import shipped
 
-    return [(name, path.name) for name, path in shipped().items() if name.startswith(incomplete)] + complete_paths(
-        incomplete
-    )
+    known = [(name, path.name) for name, path in shipped().items()]
+    return starting(incomplete, known) + complete_paths(incomplete)
 
 
-def complete_learners(incomplete: str) -> list[tuple[str, str]]:
+def complete_learners(incomplete: str) -> Completions:
     """Return the learners that come with the package, experiments, and files on disk."""
     from taskspec.learners import BUILT_IN
 
-    own = [(entry.name, entry.summary) for entry in BUILT_IN.values() if entry.name.startswith(incomplete)]
-    return own + complete_experiments(incomplete)
+    known = [(entry.name, entry.summary) for entry in BUILT_IN.values()]
+    return starting(incomplete, known) + complete_experiments(incomplete)
 
 
-def complete_parameters(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
-    """`L=10` for the parameters of the task on the command line: with their defaults, and what they mean."""
-    task = _task_in(ctx)
-    if task is None:
+def complete_parameters(ctx: typer.Context, incomplete: str) -> Completions:
+    """Return `L=10` for the parameters of the task on the command line: with their defaults, and what they mean."""
+    from taskspec import registry
+    from taskspec.base.display import setting
+
+    target = _target_in(ctx)
+    if target is None:
         return []
-    from taskspec.base.numbers import setting
+    try:
+        task = registry.load(target, ctx.params.get("variant"))
+    except (ValueError, OSError):
+        return []
+    found: Completions = []
+    for p in task.parameters:
+        if incomplete.startswith(f"{p.name}="):
+            found += [(f"{p.name}={value}", "") for value in p.values or ()]
+        else:
+            found.append((f"{p.name}={setting(p.default)}", p.doc or p.kind))
+    return starting(incomplete, found)
 
-    name, sign, _ = incomplete.partition("=")
-    if sign:
-        values = next((p.values or () for p in task.parameters if p.name == name), ())
-        return [(f"{name}={v}", "") for v in values if f"{name}={v}".startswith(incomplete)]
-    return [
-        (f"{p.name}={setting(p.default)}", p.doc or p.kind) for p in task.parameters if p.name.startswith(incomplete)
-    ]
 
-
-def complete_variants(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
-    """Variants of the spec on the command line."""
+def complete_variants(ctx: typer.Context, incomplete: str) -> Completions:
+    """Return variants of the spec on the command line."""
     from taskspec import registry
     from taskspec.source.scan import scan
 
-    target = _target_in(ctx)
     try:
-        name = registry.instance(target or "").name
+        name = registry.instance(_target_in(ctx) or "").name
         path = Path(name) if registry.is_path(name) else registry.find(name).path
         found = scan(path.read_text(encoding="utf-8")).tasks
     except (ValueError, OSError):
         return []
-    return [(variant, name) for name, variant in found if variant is not None and variant.startswith(incomplete)]
+    return starting(incomplete, [(variant, name) for name, variant in found if variant is not None])
 
 
 def _target_in(ctx: typer.Context) -> str | None:
@@ -110,30 +147,25 @@ def _target_in(ctx: typer.Context) -> str | None:
     return next((word for word in words if not word.startswith("-")), None)
 
 
-def _task_in(ctx: typer.Context) -> Any:
-    from taskspec import registry
-
-    target = _target_in(ctx)
-    try:
-        return None if target is None else registry.load(target, ctx.params.get("variant"))
-    except (ValueError, OSError):
-        return None
-
-
-def complete_modifiers(incomplete: str) -> list[tuple[str, str]]:
-    """`sticky=` and the others: with what they do."""
+def complete_modifiers(incomplete: str) -> Completions:
+    """Return `sticky=` and the others: with what they do."""
     from taskspec.modifiers import MODIFIERS
 
-    return [(n + "=" * bool(e.arguments), e.doc) for n, e in MODIFIERS.items() if n.startswith(incomplete)]
+    return starting(incomplete, [(name + "=" * bool(e.arguments), e.doc) for name, e in MODIFIERS.items()])
 
 
-def complete_limits(incomplete: str) -> list[tuple[str, str]]:
-    """`seconds=10` for the limits that can be changed: with their defaults, and what they are about."""
+def complete_limits(incomplete: str) -> Completions:
+    """Return `seconds=10` for the limits that can be changed: with their defaults, and what they are about."""
     from taskspec.base.limits import table
 
-    return [
-        (f"{row.name}={row.value}", row.what) for row in table() if not row.fixed and row.name.startswith(incomplete)
-    ]
+    return starting(incomplete, [(f"{row.name}={row.value}", row.what) for row in table() if not row.fixed])
+
+
+def complete_policies(incomplete: str) -> Completions:
+    """Return names of policies, and files."""
+    from taskspec.policies.named import NAMES
+
+    return starting(incomplete, list(NAMES.items())) + complete_paths(incomplete)
 
 
 def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None:
@@ -145,11 +177,37 @@ def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None
     return given
 
 
-def complete_policies(incomplete: str) -> list[tuple[str, str]]:
-    """Return names of policies, and files."""
-    from taskspec.policies.named import NAMES
+# -- options ------------------------------------------------------------------------------------------------------
 
-    return [p for p in NAMES.items() if p[0].startswith(incomplete)] + complete_paths(incomplete)
+
+def choices_option(*names: str, allowed: Sequence[str], help: str) -> Any:
+    """Return an option with some of the values allowed; see `checked_choices`."""
+    return typer.Option(
+        *names, metavar="|".join(allowed), help=help, autocompletion=lambda: allowed, show_default=False
+    )
+
+
+def formats_option(allowed: Sequence[str], help: str) -> Any:
+    return choices_option("--format", "-f", allowed=allowed, help=help)
+
+
+def folder_option(help: str, show_default: bool = True) -> Any:
+    """Return the option for the folder that a command writes to."""
+    names = ("--output", "--out", "-o")
+    return typer.Option(*names, metavar="FOLDER", help=help, file_okay=False, show_default=show_default)
+
+
+def file_option(*names: str, help: str) -> Any:
+    """Return an option that names a file."""
+    return typer.Option(*names, metavar="FILE", help=help, dir_okay=False, show_default=False)
+
+
+def seed_option(help: str) -> Any:
+    return typer.Option("--seed", min=0, max=2**64 - 1, metavar="SEED", help=help)
+
+
+def time_limit_option(help: str) -> Any:
+    return typer.Option("--time-limit", metavar="SECONDS", help=help, show_default=False)
 
 
 TaskArgument = Annotated[
@@ -161,12 +219,10 @@ TaskArgument = Annotated[
 Targets = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="[TASK|FOLDER]...",
-        help="Ids, specs, suites or folders of specs; all known tasks if omitted.",
-        autocompletion=complete_targets,
-        show_default=False,
+        metavar="[TASK|FOLDER]...", help="Ids, specs, suites or folders of specs; all known tasks if omitted.",
+        autocompletion=complete_targets, show_default=False,
     ),
-]
+]  # fmt: skip
 Variant = Annotated[
     str | None,
     typer.Option("--variant", "-v", metavar="NAME", help="A variant of the spec.", autocompletion=complete_variants),
@@ -193,7 +249,6 @@ LimitsGiven = Annotated[
         help="Limit the cost of an analysis: [green]--limit seconds=60[/], or [green]seconds=0[/] to skip it; may be repeated.",
     ),
 ]  # fmt: skip
-Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
 PolicyName = Annotated[
     str,
     typer.Option(
@@ -202,3 +257,16 @@ PolicyName = Annotated[
         "action; [green]run[/] also takes a .json or .csv file of actions.",
     ),
 ]  # fmt: skip
+Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
+Jobs = Annotated[
+    int | None,
+    typer.Option("--jobs", "-j", min=1, help="Processes; one for each processor by default.", show_default=False),
+]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        "--cluster", metavar="ADDRESS", help="A Dask scheduler that does the work, such as tcp://10.0.0.1:8786.",
+        show_default=False,
+    ),
+]  # fmt: skip
+Retry = Annotated[bool, typer.Option("--retry", help="Retry what failed before.")]

@@ -4,39 +4,78 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Console, Group
 from rich.markdown import Markdown
 from rich.padding import Padding
 from rich.table import Table
 
-from taskspec.base.display import lettered, visible
+from taskspec.base.display import lettered, setting, visible
 from taskspec.base.files import near
-from taskspec.base.numbers import setting
-from taskspec.cli.console import VisibleText
+from taskspec.cli.console import VisibleText, columns
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.modifiers import sentences
+from taskspec.printers import plain
 from taskspec.printers import text as written
+from taskspec.printers.tex import read as read_tex
+from taskspec.task.merge import variant_names
 from taskspec.task.record import domain_words, space_words
-from taskspec.task.schema.models import Erratum, Source
-from taskspec.task.task import Component, Followed, Parameter, Soft, Task
+from taskspec.task.task import Component, Example, Soft, Task
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-# Expressions for a terminal: in the notation of specs, coloured, tables and cases set as rows.
+    Line = tuple[str, RenderableType]  # the left and the right side of an equation
 
 _TOKENS = re.compile(
     r"(?P<word>\b(?:and|or|not|in|if|else|for|otherwise)\b)|(?P<call>\b[^\W\d]\w*(?=\())|(?P<number>\b\d[\d_]*(?:\.\d+)?(?:e[+-]?\d+)?\b)"
 )
 _STYLES = {"word": "bright_blue", "call": "magenta", "number": "green"}
+_MATH = re.compile(r"\$([^$\n]+)\$")
+_LONGEST = 300
+"""Longer constants are cut."""
 
 
-def colored(text: str) -> VisibleText:
+def print_page(task: Task, out: Console) -> None:
+    """Print everything that the spec says about a task: what it is, what is in it, how it moves, what is claimed of it."""
+    spec = task.spec
+    bare = task.unmodified
+    out.print(_title(task, out.width))
+    if spec.summary:
+        out.print(VisibleText(_words(spec.summary), style="italic"))
+    if spec.description:
+        out.print(Padding(Markdown(_words(spec.description)), (1, 0, 0, 2)))
+    sections: tuple[tuple[str, Sequence[RenderableType], str], ...] = (
+        ("Parameters", _parameters(task), ""),
+        ("State", _components(task.state), ""),
+        ("Action", _components(task.action), space_words(task.action_layout)),
+        ("Observation", _observation(bare), space_words(task.observation_layout)),
+        ("Modifiers", _modifiers(task), "in this order; the equations are those of the task as written"),
+        ("Equations", list(_equations(bare)), ""),
+        ("Symmetries", _symmetries(bare), ""),
+        ("Claims", [_expression(claim.text, claim.cases) for claim in task.claims], ""),
+        ("Examples", [_expression(_example(each), each.cases) for each in task.examples], ""),
+        ("Corrections to the source", _errata(task), ""),
+        ("Sources", [VisibleText.assemble((visible(x.key), "cyan"), f"  {visible(x.where or '')}") for x in spec.sources], ""),
+    )  # fmt: skip
+    for title, content, note in sections:
+        if content:
+            out.print(VisibleText.assemble("\n", (title, "head"), (f"  {note}" if note else "", "quiet")))
+            out.print(Padding(Group(*content), (0, 0, 0, 2)))
+    out.print()
+    out.print(f"{near(Path(task.document.origin.name))}  {task.content_hash[:12]}", style="quiet")
+    others = [name for name in variant_names(task.document.data) if name != task.name]
+    if others:
+        out.print(f"the same spec defines {', '.join(others)}", style="quiet")
+
+
+# -- expressions --------------------------------------------------------------------------------------------------
+
+
+def _colored(text: str) -> VisibleText:
     """Return an expression with its words, functions and numbers in colour."""
     line = VisibleText(text)
     for found in _TOKENS.finditer(text):
@@ -45,16 +84,16 @@ def colored(text: str) -> VisibleText:
     return line
 
 
-def body(expr: s.Expr) -> RenderableType:
+def _body(expr: s.Expr) -> RenderableType:
     """Return the right-hand side of an equation: a line, or rows for what is decided case by case."""
     match expr:
         case s.Piecewise(branches=branches, otherwise=otherwise):
-            cases = [(value, f"if {written(condition)}") for condition, value in branches]
-            return _rows([[written(value), condition] for value, condition in [*cases, (otherwise, "otherwise")]])
+            cases = [[written(value), f"if {written(condition)}"] for condition, value in branches]
+            return _rows([*cases, [written(otherwise), "otherwise"]], ["", ""])
         case s.Table(by=by, rows=rows):
-            return _rows([*_table_rows(rows, len(by))], [written(column) for column in by])
+            return _rows([*_table_rows(rows, len(by))], [*(written(column) for column in by), ""])
         case _:
-            return colored(written(expr))
+            return _colored(written(expr))
 
 
 def _table_rows(rows: tuple[s.TableRow, ...], depth: int) -> Iterator[list[str]]:
@@ -62,62 +101,49 @@ def _table_rows(rows: tuple[s.TableRow, ...], depth: int) -> Iterator[list[str]]
     for row in rows:
         key = "else" if row.key is None else written(row.key)
         if isinstance(row.body, tuple):
-            for i, deeper in enumerate(_table_rows(row.body, depth - 1)):
-                yield [key if i == 0 else "", *deeper]
+            for deeper in _table_rows(row.body, depth - 1):
+                yield [key, *deeper]
+                key = ""
         else:
             yield [key, *([""] * (depth - 1)), written(row.body)]
 
 
-def _rows(rows: list[list[str]], headers: list[str] | None = None) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=headers is not None, header_style="quiet")
-    for header in [*(headers or []), *([""] * (len(rows[0]) - len(headers or [])))]:
-        table.add_column(header)
+def _rows(rows: Sequence[Sequence[str]], headers: Sequence[str]) -> Table:
+    table = columns(*headers, fold=range(len(headers)))
     for row in rows:
-        table.add_row(*map(colored, row))
+        table.add_row(*map(_colored, row))
     return table
 
 
-# A task as a page for the terminal: what it is, what is in it, how it moves, what is claimed of it.
-
-_MATH = re.compile(r"\$([^$\n]+)\$")
-_KEYS = ("definitions", "noise", "initial", "dynamics")
-
-
-def print_page(task: Task, out: Console) -> None:
-    """Print everything that the spec says about a task."""
-    for part in _page(task, out.width):
-        out.print(part)
+def _lines(lines: Sequence[Line]) -> RenderableType:
+    """Return equations under each other, aligned at the equals sign; a value without a name stands alone."""
+    if not any(name for name, _ in lines):
+        return Group(*(content for _, content in lines))
+    table = columns("", "", "", fold=(1, 2), styles=("cyan",), gap=1)
+    for name, content in lines:
+        table.add_row(name, "=", content)
+    return table
 
 
-def _page(task: Task, width: int) -> Iterable[RenderableType]:
-    spec = task.spec
-    yield _title(task, width)
-    if spec.summary:
-        yield VisibleText(_words(spec.summary), style="italic")
-    if spec.description:
-        yield _indented(Markdown(_words(spec.description)), top=1)
-    yield from _section("Parameters", _parameters(task.parameters))
-    yield from _section("State", _components(task.state))
-    yield from _section("Action", _components(task.action), space_words(task.action_layout))
-    yield from _section("Observation", _observation(task.unmodified), space_words(task.observation_layout))
-    yield from _section("Modifiers", _modifiers(task), "in this order; the equations are those of the task as written")
-    yield from _section("Equations", _equations(task.unmodified))
-    yield from _section("Symmetries", _symmetries(task.unmodified))
-    yield from _section("Claims", _claims(task))
-    yield from _section("Examples", _examples(task))
-    yield from _section("Corrections to the source", _errata(spec.errata))
-    yield from _section("Sources", _sources(spec.sources))
-    yield VisibleText()
-    yield _foot(task)
+def _named(expressions: Mapping[str, Any]) -> list[Line]:
+    return [(name, _body(expr)) for name, expr in expressions.items() if expr is not None]
 
 
-# -- parts --------------------------------------------------------------------------------------------------------
+def _expression(text: str, cases: Iterable[Mapping[str, Any]]) -> VisibleText:
+    """Return an expression with the values of parameters that it is for."""
+    line = _colored(visible(text))
+    listed = "; ".join(", ".join(f"{name}={setting(value)}" for name, value in case.items()) for case in cases)
+    if listed:
+        line.append(f"  for {listed}", "quiet")
+    return line
+
+
+# -- sections -----------------------------------------------------------------------------------------------------
 
 
 def _title(task: Task, width: int) -> RenderableType:
-    title = visible(task.title)
-    left = VisibleText.assemble((task.id, "bold cyan"), "  ", (title, "bold"))
-    right = VisibleText(visible(task.spec.capability or ""), style="quiet")
+    left = VisibleText.assemble((task.id, "bold cyan"), "  ", (visible(task.title), "bold"))
+    right = VisibleText(task.spec.capability or "", style="quiet")
     line = Table.grid(expand=True, padding=(0, 2, 0, 0))
     line.add_column(ratio=1)
     line.add_column(justify="right")
@@ -125,253 +151,151 @@ def _title(task: Task, width: int) -> RenderableType:
     return line
 
 
-def _section(title: str, content: RenderableType | None, note: str = "") -> Iterable[RenderableType]:
-    if content is None:
-        return
-    yield VisibleText.assemble("\n", (title, "head"), (f"  {note}" if note else "", "quiet"))
-    yield _indented(content)
-
-
-def _indented(content: RenderableType, top: int = 0) -> Padding:
-    return Padding(content, (top, 0, 0, 2))
-
-
 def _words(text: Any) -> str:
     """Return a spec's prose, with `$mathematics$` as plain characters."""
-    return _MATH.sub(lambda m: _plain(m[1]), visible(str(text))).strip()
+    return _MATH.sub(lambda found: plain(read_tex(found[1])), visible(str(text))).strip()
 
 
-def _plain(tex: str) -> str:
-    from taskspec.printers import plain
-    from taskspec.printers.tex import read as read_tex
-
-    return plain(read_tex(tex))
-
-
-def _grid(*, last: str = "quiet") -> Table:
-    table = Table.grid(padding=(0, 2, 0, 0))
-    for style in ("cyan", "default", "default", last):
-        table.add_column(style=style, overflow="fold")
-    return table
+def _grid(rows: Iterable[Sequence[RenderableType]], *styles: str, gap: int = 2) -> list[RenderableType]:
+    """Return rows as a table; nothing where there are none."""
+    table = columns(*([""] * len(styles)), fold=range(len(styles)), styles=styles, gap=gap)
+    for row in rows:
+        table.add_row(*row)
+    return [table] if table.rows else []
 
 
-def _parameters(parameters: Sequence[Parameter]) -> RenderableType | None:
-    if not parameters:
-        return None
-    table = _grid()
-    for p in parameters:
-        value = VisibleText(setting(p.value), style="bold green" if p.value != p.default else "green")
-        table.add_row(p.name, value, domain_words(p), "; ".join(_notes(p)))
-    return table
+def _parameters(task: Task) -> list[RenderableType]:
+    rows = []
+    for p in task.parameters:
+        value = VisibleText(setting(p.value), style="green" if p.value == p.default else "bold green")
+        alias = f"also called {p.alias}" if p.alias else ""
+        rows.append((p.name, value, domain_words(p), "; ".join(filter(None, (visible(p.doc or ""), alias)))))
+    return _grid(rows, "cyan", "", "", "quiet")
 
 
-def _notes(p: Parameter) -> Iterator[str]:
-    if p.doc:
-        yield visible(p.doc)
-    if p.alias:
-        yield f"also called {p.alias}"
+def _components(components: Sequence[Component]) -> list[RenderableType]:
+    return _grid([(c.name, domain_words(c), visible(c.doc or "")) for c in components], "cyan", "", "quiet")
 
 
-def _components(components: Sequence[Component]) -> RenderableType:
-    table = Table.grid(padding=(0, 2, 0, 0))
-    for style in ("cyan", "default", "quiet"):
-        table.add_column(style=style, overflow="fold")
-    for c in components:
-        table.add_row(c.name, domain_words(c), visible(c.doc or ""))
-    return table
-
-
-def _observation(task: Task) -> RenderableType:
+def _observation(task: Task) -> list[RenderableType]:
     if task.observation.is_state:
-        return VisibleText("the state", style="quiet")
-    expressions = task.surface.sections.get("observation", {})
-    return _lines(_named(expressions))
+        return [VisibleText("the state", style="quiet")]
+    return [_lines(_named(task.surface.sections.get("observation", {})))]
 
 
-def _modifiers(task: Task) -> RenderableType | None:
+def _modifiers(task: Task) -> list[RenderableType]:
     if not task.modifiers:
-        return None
-    table = Table.grid(padding=(0, 2, 0, 0))
-    for style in ("cyan", "default"):
-        table.add_column(style=style, overflow="fold")
-    for each, said in sentences(task):
-        table.add_row(visible(str(each)), _words(said).replace("`", ""))
-    return table
+        return []
+    return _grid([(visible(str(each)), _words(text).replace("`", "")) for each, text in sentences(task)], "cyan", "")
 
 
-# -- equations ----------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class _Shown:
-    """The left and the right side of a line."""
-
-    name: str
-    content: RenderableType
-
-
-def _equations(task: Task) -> RenderableType:
-    parts: list[RenderableType] = []
-    for title, lines in _blocks(task):
-        table = Table.grid(padding=(0, 1, 0, 0))
-        table.add_column(min_width=12, style="quiet")
-        table.add_column()
-        table.add_row(title, _lines(lines))
-        parts.append(table)
-    return Group(*parts)
-
-
-def _lines(lines: Sequence[_Shown]) -> RenderableType:
-    """Equations under each other, aligned at the equals sign; a value without a name stands alone."""
-    if not any(shown.name for shown in lines):
-        return Group(*(shown.content for shown in lines))
-    table = Table.grid(padding=(0, 1, 0, 0))
-    table.add_column(style="cyan", no_wrap=True)
-    for shown in lines:
-        table.add_row(shown.name, "=", shown.content)
-    return table
-
-
-def _blocks(task: Task) -> Iterable[tuple[str, list[_Shown]]]:
-    """Sections in the order of a paper's appendix, with their lines."""
-    constants = task.spec.constants
+def _equations(task: Task) -> Iterator[RenderableType]:
+    """Yield sections in the order of a paper's appendix, with their lines."""
     sections = task.surface.sections
-    if constants:
-        yield (
-            "constants",
-            [_Shown(visible(name), _constant(value, _drawn(task, name))) for name, value in constants.items()],
-        )
-    for key in _KEYS:
-        if sections.get(key):
-            yield key, _named(sections[key])
+    blocks: dict[str, list[Line]] = {"constants": _constants(task)}
+    for key in ("definitions", "noise", "initial", "dynamics"):
+        blocks[key] = _named(sections.get(key) or {})
     for key in ("reward", "terminal", "absorbing_reward"):
-        if sections.get(key) is not None:
-            yield key.replace("_", " "), [_Shown("", body(sections[key]))]
-    yield "horizon", [_Shown("", _horizon(task))]
+        blocks[key.replace("_", " ")] = _named({"": sections.get(key)})
+    blocks["horizon"] = [("", _horizon(task))]
     if task.discount != 1:
-        yield "discount", [_Shown("", VisibleText(f"{task.discount:g}"))]
-    if sections.get("memory"):
-        yield "memory", _named(sections["memory"])
-    yield "expert", _expert(task)
+        blocks["discount"] = [("", f"{task.discount:g}")]
+    blocks["memory"] = _named(sections.get("memory") or {})
+    blocks["expert"] = _expert(task)
+    for title, lines in blocks.items():
+        if lines:
+            table = columns("", "", fold=(0, 1), styles=("quiet",), gap=1)
+            table.columns[0].min_width = 12
+            table.add_row(title, _lines(lines))
+            yield table
 
 
-def _named(expressions: Mapping[str, Any]) -> list[_Shown]:
-    return [_Shown(name, body(expr)) for name, expr in expressions.items() if expr is not None]
+def _constants(task: Task) -> list[Line]:
+    """Return the constants, with the value in this instance where it is drawn."""
+    found: list[Line] = []
+    for name, value in task.spec.constants.items():
+        if isinstance(value, Mapping) and "grid" in value:
+            found.append((visible(name), _map(value)))
+            continue
+        text = visible(str(value))
+        is_drawn = any(f"{dist}(" in text for dist in (*DISTS, CATEGORICAL.name))
+        if name in task.constants and is_drawn:
+            drawn = task.constants[name]
+            text += f" = {drawn.tolist() if hasattr(drawn, 'tolist') else drawn}"
+        if len(text) > _LONGEST:
+            text = text[:_LONGEST] + " …"
+        found.append((visible(name), _colored(text)))
+    return found
+
+
+def _map(value: Mapping[str, Any]) -> VisibleText:
+    grid = value["grid"]
+    rows = grid.splitlines() if isinstance(grid, str) else grid
+    meanings = value.get("legend", {}).items()
+    legend = "  ".join(f"{lettered(letter)} {meaning}" for letter, meaning in meanings)
+    return VisibleText("\n".join(visible(str(row), keep="") for row in [*rows, legend]))
 
 
 def _horizon(task: Task) -> VisibleText:
     raw = task.spec.horizon
-    steps = "none" if task.horizon is None else f"{task.horizon:,}"
-    return colored(steps if isinstance(raw, int) or task.horizon is None else f"{raw} = {steps}")
+    if task.horizon is None:
+        return _colored("none")
+    return _colored(f"{task.horizon:,}" if isinstance(raw, int) else f"{raw} = {task.horizon:,}")
 
 
-def _expert(task: Task) -> list[_Shown]:
+def _expert(task: Task) -> list[Line]:
     match task.expert:
         case None:
-            return [_Shown("", VisibleText("not given", style="quiet"))]
+            return [("", VisibleText("not given", style="quiet"))]
         case "optimal":
-            return [_Shown("", VisibleText("optimal, by planning on the exact model"))]
+            return [("", "optimal, by planning on the exact model")]
         case Soft(beta=beta):
-            return [_Shown("", VisibleText(f"Boltzmann-rational with β = {beta:g}, by planning on the exact model"))]
+            return [("", f"Boltzmann-rational with β = {beta:g}, by planning on the exact model")]
     found = task.surface.sections["expert"]
-    return _named(found) if isinstance(found, Mapping) else [_Shown(task.action[0].name, body(found))]
+    return _named(found if isinstance(found, Mapping) else {task.action[0].name: found})
 
 
-def _drawn(task: Task, name: str) -> str:
-    """Return what a constant that draws is in this instance, after an equals sign; nothing for any other."""
-    written = str(task.spec.constants[name])
-    if name not in task.constants or not any(f"{dist}(" in written for dist in (*DISTS, CATEGORICAL.name)):
-        return ""
-    value = task.constants[name]
-    return f" = {value.tolist() if hasattr(value, 'tolist') else value}"
-
-
-def _constant(value: Any, drawn: str = "") -> RenderableType:
-    if isinstance(value, Mapping) and "grid" in value:
-        grid = value["grid"]
-        rows = grid.splitlines() if isinstance(grid, str) else grid
-        meanings = value.get("legend", {}).items()
-        legend = "  ".join(f"{lettered(letter)} {visible(str(meaning))}" for letter, meaning in meanings)
-        return VisibleText("\n".join([*(visible(str(row)) for row in rows), legend]))
-    text = visible(str(value)) + drawn
-    return colored(text if len(text) <= 300 else text[:300] + " …")
-
-
-# -- the rest -----------------------------------------------------------------------------------------------------
-
-
-def _symmetries(task: Task) -> RenderableType | None:
+def _symmetries(task: Task) -> list[RenderableType]:
     """Return a line for each: its name and what it is; and one for each of its maps."""
     lines: list[RenderableType] = []
     for each in task.symmetries:
         lines.append(VisibleText.assemble((visible(each.name), "cyan"), f"  {_words(each.doc or '')}"))
         for key, exprs in task.surface.sections["symmetries"][each.name].items():
-            table = Table.grid(padding=(0, 2, 0, 0))
-            for name, expr in exprs.items():
-                table.add_row(VisibleText(f"  {key}", style="quiet"), colored(f"{name} -> {written(expr)}"))
-            lines.append(table)
-    return Group(*lines) if lines else None
+            lines += _grid(
+                [(f"  {key}", _colored(f"{name} -> {written(e)}")) for name, e in exprs.items()], "quiet", ""
+            )
+    return lines
 
 
-def _claims(task: Task) -> RenderableType | None:
-    if not task.claims:
-        return None
-    lines = []
-    for claim in task.claims:
-        cases = "; ".join(", ".join(f"{k}={setting(v)}" for k, v in case.items()) for case in claim.cases)
-        lines.append(VisibleText.assemble(colored(visible(claim.text)), (f"  for {cases}" if cases else "", "quiet")))
-    return Group(*lines)
+def _example(example: Example) -> str:
+    """Return what is given, an arrow, what follows."""
+    given = [f"{name} = {written(expr)}" for (_, name), expr in example.given.items()]
+    if example.t:
+        given.append(f"t = {example.t}")
+    follows = []
+    for each in example.follows:
+        value = written(each.expr)
+        match each.section:
+            case "next":
+                follows.append(f"{each.name}' = {value}")
+            case "observation":
+                follows.append(f"observed {each.name} = {value}")
+            case "expert":
+                follows.append(f"expert {each.name} = {value}")
+            case section:
+                follows.append(f"{section} {value}" if each.name is None else f"{each.name} = {value}")
+    if example.probability is not None:
+        follows.append(f"with probability {written(example.probability)}")
+    return f"{', '.join(given)} → {', '.join(follows)}".removeprefix(" → ")
 
 
-def _examples(task: Task) -> RenderableType | None:
-    """Return a line for each: what is given, an arrow, what follows."""
-    lines = []
-    for example in task.examples:
-        given = [f"{name} = {written(expr)}" for (_, name), expr in example.given.items()]
-        given += [f"t = {example.t}"] if example.t else []
-        follows = [_followed(f) for f in example.follows]
-        follows += [] if example.probability is None else [f"with probability {written(example.probability)}"]
-        cases = "; ".join(", ".join(f"{k}={setting(v)}" for k, v in case.items()) for case in example.cases)
-        text = f"{', '.join(given)} → {', '.join(follows)}".removeprefix(" → ")
-        lines.append(VisibleText.assemble(colored(visible(text)), (f"  for {cases}" if cases else "", "quiet")))
-    return Group(*lines) if lines else None
-
-
-def _followed(found: Followed) -> str:
-    """Return one thing that follows: `s' = goal`, `reward 1`, `observed x = 0`."""
-    if found.name is None:
-        return f"{found.section} {written(found.expr)}"
-    word = {"observation": "observed ", "expert": "expert "}.get(found.section, "")
-    return f"{word}{found.name}{chr(39) * (found.section == 'next')} = {written(found.expr)}"
-
-
-def _errata(errata: Sequence[Erratum]) -> RenderableType | None:
-    if not errata:
-        return None
-    table = Table.grid(padding=(0, 1, 0, 0))
-    for style in ("quiet", "default"):
-        table.add_column(style=style)
-    for i, erratum in enumerate(errata):
+def _errata(task: Task) -> list[RenderableType]:
+    rows: list[tuple[str, str]] = []
+    for erratum in task.spec.errata:
+        if rows:
+            rows.append(("", ""))
         for label in ("source", "here", "because"):
-            if words := getattr(erratum, label):
-                table.add_row(label, _words(words))
-        if i + 1 < len(errata):
-            table.add_row()
-    return table
-
-
-def _sources(sources: Sequence[Source]) -> RenderableType | None:
-    if not sources:
-        return None
-    lines = [VisibleText.assemble((visible(x.key), "cyan"), f"  {visible(x.where or '')}") for x in sources]
-    return Group(*lines)
-
-
-def _foot(task: Task) -> VisibleText:
-    from taskspec.task.merge import variant_names
-
-    others = [name for name in variant_names(task.document.data) if name != task.name]
-    lines = [f"{near(Path(task.document.origin.name))}  {task.content_hash[:12]}"]
-    if others:
-        lines.append(f"the same spec defines {', '.join(others)}")
-    return VisibleText("\n".join(lines), style="quiet")
+            words = getattr(erratum, label)
+            if words:
+                rows.append((label, _words(words)))
+    return _grid(rows, "quiet", "", gap=1)

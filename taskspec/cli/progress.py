@@ -1,6 +1,6 @@
-"""What is told while something takes long.
+"""Progress of commands that take long.
 
-At the foot of a terminal, this is a line or a bar that is gone when it is done; elsewhere, lines that stay.
+On a terminal, a line that changes and is gone when the work is done; elsewhere, lines that stay.
 """
 
 from __future__ import annotations
@@ -22,16 +22,17 @@ if TYPE_CHECKING:
     from taskspec.jobs.engine import Standing
 
 PATIENCE = 1.0
+"""Seconds before the line is shown."""
 EVERY = 0.1
-"""Seconds before the line is shown, and between its changes."""
+"""Seconds between changes of the line."""
 BETWEEN_LINES = 10.0
-"""Seconds between the lines of a run where there is no terminal."""
+"""Seconds between lines about jobs where there is no terminal."""
 SLOW = 10.0
 """Seconds after which a line names a part that takes long, where there is no terminal."""
 LOOK = 0.5
 """Seconds between looks at the clock."""
 WIDTH = 20
-"""Of a bar in the line, in letters."""
+"""The width of a bar in characters."""
 
 
 def is_terminal() -> bool:
@@ -41,113 +42,97 @@ def is_terminal() -> bool:
 
 @contextmanager
 def progress(name: str) -> Iterator[None]:
-    """Within the block, standard error tells what is done now.
-
-    On a terminal this is a line that changes, with a bar and the time left where shares are told; elsewhere a line for each part
-    that takes long.
-    """
-    line = _Line(name) if is_terminal() else _Watch(name)
+    """Within the block, standard error shows what `base.limits.tell` reports, with a bar where it reports shares."""
+    display = ProgressLine(name) if is_terminal() else _SlowParts(name)
     try:
-        with progress_listener(line.show):
+        with progress_listener(display.show):
             yield
     finally:
-        line.clear()
+        display.clear()
 
 
 @contextmanager
-def bar(name: str) -> Iterator[Callable[[Standing], None]]:
-    """A function that shows on standard error how far a run is, within the block: a bar, a rate, and the time left."""
-    if not is_terminal():
-        yield _Lines(name).show
-        return
-    from rich.progress import BarColumn, Progress, TextColumn
+def job_progress(name: str) -> Iterator[Callable[[Standing], None]]:
+    """Yield a function that shows on standard error how far jobs are."""
+    display = ProgressLine(name)
+    due = time.monotonic() + BETWEEN_LINES
 
-    from taskspec.cli.console import console
+    def show(standing: Standing) -> None:
+        nonlocal due
+        words = f"{standing.over}/{standing.total}"
+        if standing.failed:
+            words += f", {standing.failed} failed"
+        if is_terminal():
+            display.show(f"{name} {words}", standing.over / max(standing.total, 1))
+        elif time.monotonic() >= due:
+            if standing.left is not None:
+                words += f", {standing.rate:.3g}/s, {timedelta(seconds=round(standing.left))} left"
+            say(f"{name}: {words}", err=True)
+            due = time.monotonic() + BETWEEN_LINES
 
-    name_column = TextColumn("{task.description}", markup=False)
-    columns = (name_column, BarColumn(), "{task.completed}/{task.total}", "{task.fields[words]}")
-    with Progress(*columns, console=console(err=True), transient=True) as shown:
-        row = shown.add_task(visible(name), total=None, words="")
-        yield lambda s: shown.update(row, total=s.total, completed=s.over, words=_words(s))
+    try:
+        yield show
+    finally:
+        display.clear()
 
 
 @contextmanager
-def counter(name: str, total: int, delay: float = 0.0, quiet: bool = False) -> Iterator[Callable[[], None]]:
-    """Yield a function that advances a bar of `total` parts, shown on a terminal after `delay` seconds."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from taskspec.cli.console import console
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    shown = Progress(*columns, console=console(err=True), transient=True, disable=quiet or not is_terminal())
-    row = shown.add_task(name, total=total)
-    start = time.monotonic()
+def counter(name: str, total: int) -> Iterator[Callable[[], None]]:
+    """Yield a function that counts one of `total` parts as done, shown on terminals."""
+    display = ProgressLine(name)
+    done = 0
 
     def advance() -> None:
-        if not shown.live.is_started and time.monotonic() - start >= delay:
-            shown.start()
-        shown.advance(row)
+        nonlocal done
+        done += 1
+        if is_terminal():
+            display.show(f"{name} {done}/{total}", done / total)
 
     try:
         yield advance
     finally:
-        shown.stop()
+        display.clear()
 
 
-def _words(standing: Standing) -> str:
-    failed = f"{standing.failed} failed" if standing.failed else ""
-    rate = "" if standing.left is None else f"{standing.rate:.3g}/s, {timedelta(seconds=round(standing.left))} left"
-    return ", ".join(filter(None, (failed, rate)))
+class ProgressLine:
+    """A line at the foot of a terminal: a bar, the time left, and what is done now."""
 
-
-class _Lines:
-    """How far a run is, in lines for those who read it later."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self.due = time.monotonic() + BETWEEN_LINES
-
-    def show(self, standing: Standing) -> None:
-        now = time.monotonic()
-        if now < self.due:
-            return
-        counts = f"{standing.over}/{standing.total}"
-        words = ", ".join(filter(None, (counts, _words(standing))))
-        say(f"{self.name}: {words}", err=True)
-        self.due = now + BETWEEN_LINES
-
-
-class _Line:
     def __init__(self, name: str) -> None:
         self.name = name
         self.start = time.monotonic()
         self.due = self.start + PATIENCE
         self.is_shown = False
         self.share: float | None = None
-        self.began = self.start  # with what the share is of
+        self.first = 0.0  # the share that was done when this count began
+        self.began = self.start
 
     def show(self, what: str, share: float | None = None) -> None:
         now = time.monotonic()
-        if share is not None:  # what is told from now on is of this part
-            self.began = now if self.share is None or share < self.share else self.began
+        if share is not None:  # what is reported from now on is of this part
+            if self.share is None or share < self.share:
+                self.began = now
+                self.first = share
             self.name = what
             self.share = share
             what = ""
         if now < self.due:
             return
-        words = visible(f"{self._bar(now)}{': '.join(filter(None, (self.name, what)))} ({now - self.start:.0f} s)")
+        text = ": ".join(filter(None, (self.name, what)))
+        words = visible(f"{self._bar(now)}{text} ({now - self.start:.0f} s)")
         sys.stderr.write("\r\x1b[K" + words[: shutil.get_terminal_size().columns - 1])
         sys.stderr.flush()
         self.due = now + EVERY
         self.is_shown = True
 
     def _bar(self, now: float) -> str:
-        """Return how much is over, and for how long the rest may take."""
         if self.share is None:
             return ""
         done = round(WIDTH * self.share)
-        left = f"{(now - self.began) * (1 - self.share) / self.share:.0f} s left, " if self.share else ""
-        return f"{'━' * done}{'╌' * (WIDTH - done)} {left}"
+        drawn = f"{'━' * done}{'╌' * (WIDTH - done)} "
+        if self.share > self.first:
+            left = (now - self.began) * (1 - self.share) / (self.share - self.first)
+            drawn += f"{left:.0f} s left, "
+        return drawn
 
     def clear(self) -> None:
         if self.is_shown:
@@ -155,15 +140,15 @@ class _Line:
             sys.stderr.flush()
 
 
-class _Watch:
-    """Tells, in a line each, which parts take long. A thread looks at the clock, for a long part may tell nothing for minutes."""
+class _SlowParts:
+    """A line for each part that takes long. A thread looks at the clock, for a long part may report nothing for minutes."""
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.part = ""
         self.step = ""
         self.since = time.monotonic()
-        self.is_told = False
+        self.is_reported = False
         self.over = threading.Event()
         self.thread = threading.Thread(target=self._look, daemon=True)
         self.thread.start()
@@ -175,12 +160,12 @@ class _Watch:
         self.part = what
         self.step = ""
         self.since = time.monotonic()
-        self.is_told = False
+        self.is_reported = False
 
     def _look(self) -> None:
         while not self.over.wait(LOOK):
-            if not self.is_told and time.monotonic() - self.since >= SLOW:
-                self.is_told = True
+            if not self.is_reported and time.monotonic() - self.since >= SLOW:
+                self.is_reported = True
                 words = ": ".join(filter(None, (self.name, self.part, self.step)))
                 sys.stderr.write(visible(f"{words} takes more than {SLOW:g} s") + "\n")
                 sys.stderr.flush()

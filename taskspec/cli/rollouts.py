@@ -1,24 +1,35 @@
-"""Rolling out a policy, and what the episodes amount to."""
+"""Rolling out a policy in an environment, and a summary of the episodes."""
 
 from __future__ import annotations
 
 import math
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taskspec.cli.policies import Act
+from taskspec.base.arrays import Array
+from taskspec.lang.batch import DTYPES
 from taskspec.lang.types import BOOLEAN_LABELS, Kind
-from taskspec.policies.files import ScriptEnd
-from taskspec.task.spaces import unpack
+from taskspec.policies.adapters import ObservationPolicy, policy_of
+from taskspec.policies.files import ScriptedPolicy, ScriptEnd, is_function, is_script
+from taskspec.policies.named import is_name, unknown
+from taskspec.policies.policy import EpisodeBatch, SharedDraws, TaskPolicy, observation_of
+from taskspec.task.observe import recall
+from taskspec.task.spaces import pack, unpack
+from taskspec.task.task import Component, Task
 
 if TYPE_CHECKING:
     from taskspec.envs import Environment
-    from taskspec.task.task import Component
+
+Act = Callable[[Any], Any]
+"""From the observation just made to an action; raises ScriptEnd where there is none."""
+Flat = tuple[Any, ...]
+Watch = Callable[["Environment", str, bool], None]
+"""Looks at the environment in every state: what was done and paid so far, in words, and whether the episode is over."""
 
 ENDINGS = {
     "terminated": "reached a terminal state",
@@ -27,8 +38,84 @@ ENDINGS = {
     "cut": "were cut by --max-steps",
 }
 MOST_ELEMENTS = 16
-"""Elements of an action that are all told."""
-_STUDENT = (12.706, 4.303, 3.182, 2.776)  # 97.5 % quantiles for 1 to 4 degrees of freedom
+"""The largest number of elements of an action that are all shown."""
+
+
+def policy_for(name: str, env: Environment, seed: int) -> Act:
+    """Return a policy that acts in an environment, one episode after the other.
+
+    Raises:
+        SpecError: for a policy that does not exist, or that this task does not have.
+    """
+    if name == "random":
+        env.action_space.seed(seed % 2**32)
+        return lambda observation: env.action_space.sample()
+    task = env.task
+    if is_script(name):
+        policy: TaskPolicy = ScriptedPolicy(Path(name), task, _action_words(task))
+    elif is_function(name) or is_name(name):
+        policy = policy_of(task, name)
+    else:
+        unknown(name, ("a .json or .csv file of actions", "FILE.py:FUNCTION"))
+    draws = SharedDraws(np.random.default_rng(seed), 1)
+    if isinstance(policy, ObservationPolicy):
+        return _by_observation(policy, env, draws)
+    return _by_state(policy, env, draws)
+
+
+_RUNNING = np.ones(1, np.bool_)
+
+
+def _by_observation(policy: ObservationPolicy, env: Environment, draws: SharedDraws) -> Act:
+    def act(observation: Any) -> Any:
+        if isinstance(observation, dict):
+            observations: Any = {name: np.asarray(part)[None] for name, part in observation.items()}
+        else:
+            observations = np.asarray(observation)[None]
+        batch = EpisodeBatch(env.time, {}, observations, draws, _RUNNING)
+        return observation_of(np.asarray(policy.act(batch)), 0)
+
+    return act
+
+
+def _by_state(policy: TaskPolicy, env: Environment, draws: SharedDraws) -> Act:
+    task = env.task
+    memory = task.memory if policy.task.remembers else None
+    remembered: list[Flat] = []
+    last: list[Flat] = []
+
+    def act(observation: Any) -> Any:
+        states: dict[str, Array] = {}
+        for c in task.state:
+            value = env.state[c.name]
+            if c.domain is not None and not c.type.shape:
+                value = c.domain.index(value)
+            states[c.name] = _array(c, tuple(np.asarray(value).ravel().tolist()))
+        if memory is not None:
+            seen = unpack(task.observation_layout, observation)
+            remembered[:] = recall(task, memory, seen, remembered, last, env.time)
+            for c, flat in zip(memory.components, remembered, strict=True):
+                states[c.name] = _array(c, flat)
+        chosen = policy.choose(EpisodeBatch(env.time, states, None, draws, _RUNNING))
+        last[:] = [tuple(np.asarray(chosen[c.name]).reshape(-1).tolist()) for c in task.action]
+        return pack(policy.actions, last)
+
+    return act
+
+
+def _array(c: Component, flat: Flat) -> Array:
+    """Return a flat value of a component as a batch of one, (*shape, 1)."""
+    return np.array(flat, DTYPES[c.type.kind]).reshape(*c.type.shape, 1)
+
+
+def _action_words(task: Task) -> str:
+    from taskspec.task.record import domain_words, space_words
+
+    listed = ", ".join(f"{c.name}: {domain_words(c)}" for c in task.action)
+    return f"{listed} ({space_words(task.action_layout)})"
+
+
+# -- episodes -----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,20 +128,24 @@ class Episode:
     ending: str
 
 
-Watch = Callable[["Environment", str, bool], None]
-"""Looks at the environment in every state: what was done and paid so far, in words, and whether the episode is over."""
+def rollouts(
+    env: Environment, policy: Act, seed: int, count: int, max_steps: int, watch: Watch | None
+) -> Iterator[Episode]:
+    """Yield episodes one after the other, all functions of the seed."""
+    yield _rollout(env, policy, seed, max_steps, watch)
+    for _ in range(count - 1):
+        yield _rollout(env, policy, None, max_steps, watch)
 
 
-def rollout(env: Environment, policy: Act, seed: int | None, max_steps: int, watch: Watch | None) -> Episode:
+def _rollout(env: Environment, policy: Act, seed: int | None, max_steps: int, watch: Watch | None) -> Episode:
     """Return one episode. A seed restarts the stream of draws; without one it goes on."""
     observation, _ = env.reset(seed=seed)
     total = 0.0
     plain = 0.0
     weight = 1.0
-    length = 0
     if watch is not None:
         watch(env, "", False)
-    while length < max_steps:
+    for length in range(max_steps):
         try:
             action = policy(observation)
         except ScriptEnd:
@@ -62,47 +153,38 @@ def rollout(env: Environment, policy: Act, seed: int | None, max_steps: int, wat
         observation, reward, terminated, truncated, _ = env.step(action)
         total = total + weight * reward
         plain = plain + reward
-        length = length + 1
         weight *= env.task.discount
         if watch is not None:
-            note = f"action {shown(env, action)}, reward {reward:.6g}, return {total:.6g}"
+            note = f"action {action_words(env, action)}, reward {reward:.6g}, return {total:.6g}"
             watch(env, note, terminated or truncated)
-        if terminated or truncated:
-            return Episode(total, plain, length, "terminated" if terminated else "truncated")
-    return Episode(total, plain, length, "cut")
+        if terminated:
+            return Episode(total, plain, length + 1, "terminated")
+        if truncated:
+            return Episode(total, plain, length + 1, "truncated")
+    return Episode(total, plain, max_steps, "cut")
 
 
-def shown(env: Environment, action: Any) -> str:
+def action_words(env: Environment, action: Any) -> str:
     """Return an action for people: labels where it has them, and names for the other components of several."""
+    words = []
     components = env.task.action
-    words = [_words(c, flat) for c, flat in zip(components, unpack(env.task.action_layout, action), strict=True)]
-    if len(words) == 1:
-        return words[0]
-    return ", ".join(x if _has_labels(c) else f"{c.name} = {x}" for c, x in zip(components, words, strict=True))
+    for c, flat in zip(components, unpack(env.task.action_layout, action), strict=True):
+        has_labels = c.domain is not None and c.type.kind is not Kind.BOOL
+        name = "" if has_labels or len(components) == 1 else f"{c.name} = "
+        words.append(name + _value_words(c, flat))
+    return ", ".join(words)
 
 
-def _has_labels(c: Component) -> bool:
-    return c.domain is not None and c.type.kind is not Kind.BOOL
-
-
-def _words(c: Component, flat: tuple[Any, ...]) -> str:
-    """Return a component's value: labels, true and false, or numbers; in brackets where it has several elements."""
+def _value_words(c: Component, flat: Flat) -> str:
     if c.type.kind is Kind.BOOL:
         items = [BOOLEAN_LABELS[int(x)] for x in flat]
     elif c.domain is not None:
         items = [c.domain.labels[int(x)] for x in flat]
     else:
         items = [f"{x:.4g}" if isinstance(x, float) else str(x) for x in flat]
-    items = items if len(items) <= MOST_ELEMENTS else [*items[:3], "...", *items[-3:]]
+    if len(items) > MOST_ELEMENTS:
+        items = [*items[:3], "...", *items[-3:]]
     return items[0] if c.type.is_scalar else f"[{', '.join(items)}]"
-
-
-def rollouts(
-    env: Environment, policy: Act, seed: int, count: int, max_steps: int, watch: Watch | None
-) -> Iterator[Episode]:
-    """Yield episodes one after the other, all functions of the seed."""
-    for i in range(count):
-        yield rollout(env, policy, seed if i == 0 else None, max_steps, watch)
 
 
 # -- summary ------------------------------------------------------------------------------------------------------
@@ -110,7 +192,7 @@ def rollouts(
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What episodes amount to. `half` is half the 95 % confidence interval of the mean (None for one episode).
+    """Statistics of episodes. `half` is half the 95 % confidence interval of the mean (None for one episode).
 
     Returns are discounted as the task says; `undiscounted` is the mean of the plain sums of rewards.
     """
@@ -128,30 +210,23 @@ class Summary:
     seconds: float
 
 
-class Stopwatch:
-    """Seconds since it was made."""
-
-    def __init__(self) -> None:
-        self.start = time.perf_counter()
-
-    @property
-    def seconds(self) -> float:
-        return time.perf_counter() - self.start
-
-
 def summarize(episodes: Sequence[Episode], seconds: float) -> Summary:
-    """Mean return with its confidence interval, and how the episodes went; there is at least one episode."""
+    """Return statistics of at least one episode."""
     returns = np.array([e.total for e in episodes])
+    lengths = [e.length for e in episodes]
     n = len(episodes)
-    deviation = float(returns.std(ddof=1)) if n > 1 else 0.0
+    deviation = 0.0
+    half = None
+    if n > 1:
+        deviation = float(returns.std(ddof=1))
+        half = student(n - 1) * deviation / math.sqrt(n)
     return Summary(
-        episodes=n, steps=sum(e.length for e in episodes), mean=float(returns.mean()),
-        half=student(n - 1) * deviation / math.sqrt(n) if n > 1 else None, deviation=deviation,
-        lowest=float(returns.min()), highest=float(returns.max()),
-        undiscounted=float(np.mean([e.plain for e in episodes])),
-        length=float(np.mean([e.length for e in episodes])), endings=dict(Counter(e.ending for e in episodes)),
-        seconds=seconds,
+        n, sum(lengths), float(returns.mean()), half, deviation, float(returns.min()), float(returns.max()),
+        float(np.mean([e.plain for e in episodes])), float(np.mean(lengths)), dict(Counter(e.ending for e in episodes)), seconds,
     )  # fmt: skip
+
+
+_STUDENT = (12.706, 4.303, 3.182, 2.776)  # 97.5 % quantiles for 1 to 4 degrees of freedom
 
 
 def student(freedom: int) -> float:

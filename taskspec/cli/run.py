@@ -1,8 +1,10 @@
-"""`taskspec run`: rolls out a policy and says how it did."""
+"""`taskspec run` and `taskspec play`: episodes of a policy and how it did, and of a person with the keyboard."""
 
 from __future__ import annotations
 
 import dataclasses
+import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,14 +12,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskspec.cli.console import say
-from taskspec.cli.failures import misuse
-from taskspec.cli.options import Json, Modifiers, Parameters, PolicyName, TaskArgument, Variant
+from taskspec.base.display import decimal, estimate
+from taskspec.cli.console import VisibleText, columns, console, line, misuse, say, write_records
+from taskspec.cli.options import (
+    Json,
+    Modifiers,
+    Parameters,
+    PolicyName,
+    TaskArgument,
+    Variant,
+    checked_choice,
+    choices_option,
+    file_option,
+    seed_option,
+)
+from taskspec.cli.progress import counter, progress
 
 if TYPE_CHECKING:
     from taskspec.cli.rollouts import Episode, Summary, Watch
-    from taskspec.envs import Environment
-    from taskspec.envs.film import Film
     from taskspec.task.parameters import RenderMode
     from taskspec.task.task import Task
 
@@ -28,45 +40,38 @@ RENDER_MODES: dict[str, RenderMode] = {"ansi": "ansi", "human": "human", "gif": 
 FILMS = ("gif", "mp4")
 GIF_FRAMES = 500
 """A GIF is kept in memory until it is whole, with 1.5 MB a frame."""
-BAR_AFTER = 0.3
-"""Seconds; what is done sooner needs no progress bar."""
 
-
-Episodes = Annotated[
+EpisodeCount = Annotated[
     int | None,
     typer.Option(
         "--episodes", "-n", min=1, help=f"How many; {EPISODES} by default, 1 with --render.", show_default=False
     ),
 ]
-Seed = Annotated[int, typer.Option("--seed", min=0, max=2**64 - 1, metavar="SEED", help="Seed of the episodes.")]
 Render = Annotated[
     str | None,
-    typer.Option(
-        "--render", metavar="ansi|human|gif|mp4", help="Show every state: as text, in a window, or as a video.",
-        autocompletion=lambda: ("ansi", "human", "gif", "mp4"), show_default=False,
+    choices_option(
+        "--render", allowed=tuple(RENDER_MODES), help="Show every state: as text, in a window, or as a video."
     ),
-]  # fmt: skip
+]
 FilmFile = Annotated[
     Path | None,
-    typer.Option(
-        "--output", "-o", metavar="FILE", help="The video, .gif or .mp4; named after the task by default.", dir_okay=False,
-        show_default=False,
-    ),
-]  # fmt: skip
-MaxSteps = Annotated[int, typer.Option("--max-steps", min=1, help="Stop episodes that do not end by themselves.")]
+    file_option("--output", "-o", help="The video, .gif or .mp4; named after the task by default."),
+]
 
 
 def run(
     task: TaskArgument,
     policy: PolicyName = "random",
-    episodes: Episodes = None,
-    seed: Seed = 0,
+    episodes: EpisodeCount = None,
+    seed: Annotated[int, seed_option("Seed of the episodes.")] = 0,
     variant: Variant = None,
     parameters: Parameters = None,
     modifiers: Modifiers = None,
     render: Render = None,
     output: FilmFile = None,
-    max_steps: MaxSteps = MAX_STEPS,
+    max_steps: Annotated[
+        int, typer.Option("--max-steps", min=1, help="Stop episodes that do not end by themselves.")
+    ] = MAX_STEPS,
     json: Json = False,
 ) -> None:
     """Roll out a policy and print its results.
@@ -74,7 +79,7 @@ def run(
     Mean return with its 95 % confidence interval, lengths of episodes, and how they ended; [green]--json[/] adds every
     return, which [cyan]taskspec score[/] reads. [green]--render[/] shows the episodes; [green]-o video.gif[/] records them.
     """
-    from taskspec.cli.console import write_records
+    from taskspec.cli.rollouts import summarize
     from taskspec.targets import beside, tasks_of
 
     kind = _kind_of(render, output)
@@ -85,8 +90,12 @@ def run(
     records = []
     for each in found:
         path = output or Path(f"{each.name}.{kind}")
-        path = path if len(found) == 1 else beside(path, each)
-        summary, done = _rolled_out(each, policy, seed, count, max_steps, kind, path, quiet=json)
+        if len(found) > 1:
+            path = beside(path, each)
+        start = time.perf_counter()
+        with _watching(kind, path, count) as watch:
+            done = _episodes(each, policy, seed, count, max_steps, kind, watch)
+        summary = summarize(done, time.perf_counter() - start)
         if json:
             records.append(_record(each, policy, seed, summary, done))
         else:
@@ -97,127 +106,94 @@ def run(
         write_records(records)
 
 
-def _rolled_out(
-    task: Task, policy: str, seed: int, count: int, max_steps: int, kind: str | None, path: Path, quiet: bool
-) -> tuple[Summary, list[Episode]]:
-    """Return episodes, shown as was asked for, and how they went."""
-    from taskspec.cli.rollouts import Stopwatch, summarize
-
-    clock = Stopwatch()
-    with _watching(kind, path, count) as watch:
-        done = list(_episodes(task, policy, seed, count, max_steps, kind, watch, quiet))
-    return summarize(done, clock.seconds), done
-
-
-def _episodes(
-    task: Task, policy: str, seed: int, count: int, max_steps: int, kind: str | None, watch: Watch | None, quiet: bool
-) -> Iterator[Episode]:
-    """Yield episodes, shown step by step or behind a progress bar."""
-    from taskspec.cli.policies import policy_for
-    from taskspec.cli.rollouts import rollouts
-    from taskspec.envs import Environment
-
-    env = Environment(task, render_mode=None if kind is None else RENDER_MODES[kind])
-    if kind == "human":
-        _warn_unseen()
-    try:
-        acts = policy_for(policy, env, seed)
-        done = rollouts(env, acts, seed, count, max_steps, watch)
-        yield from done if kind is not None or quiet else _with_bar(done, count)
-    finally:
-        env.close()
-
-
 def _kind_of(render: str | None, output: Path | None) -> str | None:
-    """Return how to show episodes, by `--render` or else by the suffix of the file.
-
-    Raises:
-        UsageError: for an unknown kind, or one that does not go with the file.
-    """
-    suffix = None if output is None else output.suffix[1:].lower()
+    """Return how to show episodes, by `--render` or else by the suffix of the file."""
+    suffix = output.suffix[1:].lower() if output is not None else None
     kind = render or suffix
-    if kind is not None and kind not in RENDER_MODES:
-        raise misuse(f"--render is one of {', '.join(RENDER_MODES)}, not '{kind}'")
+    if kind is not None:
+        checked_choice("--render", kind, tuple(RENDER_MODES))
     if output is not None and (kind not in FILMS or suffix != kind):
         raise misuse(f"--output is a video: its name ends in .gif or .mp4, as --render says, not '{output.name}'")
     return kind
 
 
+def _episodes(
+    task: Task, policy: str, seed: int, count: int, max_steps: int, kind: str | None, watch: Watch | None
+) -> list[Episode]:
+    """Return episodes, shown step by step or behind a progress bar."""
+    from taskspec.base.extras import need
+    from taskspec.cli.rollouts import policy_for, rollouts
+    from taskspec.envs import Environment
+
+    env = Environment(task, render_mode=RENDER_MODES[kind] if kind else None)
+    if kind == "human" and need("matplotlib", "figures").get_backend().lower() == "agg":
+        say("no display was found, so no window is shown; --render gif makes a film", err=True)
+    try:
+        running = rollouts(env, policy_for(policy, env, seed), seed, count, max_steps, watch)
+        if kind:
+            return list(running)
+        done = []
+        with counter("episodes", count) as advance:
+            for episode in running:
+                done.append(episode)
+                advance()
+        return done
+    finally:
+        env.close()
+
+
 @contextmanager
 def _watching(kind: str | None, path: Path, episodes: int) -> Iterator[Watch | None]:
     """Yield the function that shows every state; None where nothing is shown."""
-    from taskspec.cli.progress import progress
-    from taskspec.envs.film import Film
+    from taskspec.envs.window import Film
+
+    def show(env: Any, note: str, last: bool) -> None:
+        remark = f"\n  {note}" if note else ""
+        say(f"{env.render()}{remark}\n")
+
+    def film_of_limited_length(env: Any, note: str, last: bool) -> None:
+        film(env, note, last)
+        if kind == "gif" and film.frames > GIF_FRAMES:
+            raise misuse(f"a GIF holds {GIF_FRAMES} steps at most", "make an MP4, or cut the episode with --max-steps")
 
     match kind:
         case "ansi":
-            yield lambda env, note, last: say((f"{env.render()}\n  {note}" if note else str(env.render())) + "\n")
-        case "mp4":
+            yield show
+        case "gif" | "mp4":
             with progress(str(path)), Film(path, kind, episodes) as film:
-                yield film
-        case "gif":
-            with progress(str(path)), Film(path, kind, episodes) as film:
-                yield lambda env, note, last: _add(film, env, note, last)
+                yield film_of_limited_length
         case _:
             yield None
 
 
-def _add(gif: Film, env: Environment, note: str, last: bool) -> None:
-    gif(env, note, last)
-    if gif.frames > GIF_FRAMES:
-        raise misuse(f"a GIF holds {GIF_FRAMES} steps at most", "make an MP4, or cut the episode with --max-steps")
-
-
-def _warn_unseen() -> None:
-    """Print a note where there is no display, so that no window is shown."""
-    from taskspec.base.extras import need
-
-    if need("matplotlib", "figures").get_backend().lower() == "agg":
-        say("no display was found, so no window is shown; --render gif makes a film", err=True)
-
-
-def _with_bar(done: Iterator[Episode], count: int) -> Iterator[Episode]:
-    """Yield the same episodes, with a progress bar when they take long."""
-    from taskspec.cli.progress import counter
-
-    with counter("episodes", count, BAR_AFTER) as advance:
-        for episode in done:
-            advance()
-            yield episode
-
-
-# -- output -------------------------------------------------------------------------------------------------------
-
-
 def _record(task: Task, policy: str, seed: int, summary: Summary, done: list[Episode]) -> dict[str, Any]:
-    given = [str(m) for m in task.modifiers]
-    about: dict[str, Any] = {
-        "id": task.id,
-        "parameters": task.values,
-        "modifiers": given,
-        "policy": policy,
-        "seed": seed,
-    }
     found = dataclasses.asdict(summary)
     half = found.pop("half")
-    interval = None if half is None else [summary.mean - half, summary.mean + half]
-    returns = [episode.total for episode in done]
-    return {**about, "content_hash": task.content_hash, **found, "confidence_95": interval, "returns": returns}
+    interval = None
+    if half is not None:
+        interval = [summary.mean - half, summary.mean + half]
+    return {
+        "id": task.id,
+        "parameters": task.values,
+        "modifiers": [str(m) for m in task.modifiers],
+        "policy": policy,
+        "seed": seed,
+        "content_hash": task.content_hash,
+        **found,
+        "confidence_95": interval,
+        "returns": [episode.total for episode in done],
+    }
 
 
 def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
-    from rich.table import Table
-
-    from taskspec.base.numbers import decimal
-    from taskspec.cli.console import VisibleText, console, line
+    from taskspec.cli.rollouts import ENDINGS
     from taskspec.task.record import settings
 
     out = console()
     given = f" {settings(task)}".rstrip()
     who = policy if "." in policy else f"{policy} policy"
     out.print(line((task.id, "name"), (given, "value"), (f"  {who}, seed {seed}", "quiet")))
-    table = Table.grid(padding=(0, 2, 0, 0))
-    table.add_column(style="quiet")
+    table = columns("", "", styles=("quiet",), fold=(1,))
     table.add_row("  return", _mean(summary))
     if summary.deviation > 0:
         spread = f"{decimal(summary.lowest)} to {decimal(summary.highest)}, standard deviation {summary.deviation:.3g}"
@@ -226,24 +202,50 @@ def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
         plain = f"discounted by {task.discount:g} a step; {decimal(summary.undiscounted)} without"
         table.add_row("", VisibleText(plain, style="quiet"))
     table.add_row("  length", f"{decimal(summary.length, 2)} steps")
-    table.add_row("  episodes", _endings(summary))
+    endings = Counter(summary.endings).most_common()
+    table.add_row("  episodes", ", ".join(f"{n:,} {ENDINGS[key]}" for key, n in endings))
     out.print(table)
 
 
 def _mean(summary: Summary) -> Any:
-    from taskspec.base.numbers import decimal, estimate
-    from taskspec.cli.console import line
-
     if summary.half is None or summary.deviation == 0:
         every = "  in every episode" if summary.episodes > 1 else ""
         return line((decimal(summary.mean), "title"), (every, "quiet"))
     mean, half = estimate(summary.mean, summary.half)
-    low, high = (estimate(summary.mean + side * summary.half, summary.half)[0] for side in (-1, 1))
+    low = estimate(summary.mean - summary.half, summary.half)[0]
+    high = estimate(summary.mean + summary.half, summary.half)[0]
     return line((mean, "title"), f" ± {half}", (f"   95 % CI: {low} to {high}", "quiet"))
 
 
-def _endings(summary: Summary) -> str:
-    from taskspec.cli.rollouts import ENDINGS
+def play(
+    task: TaskArgument,
+    variant: Variant = None,
+    parameters: Parameters = None,
+    modifiers: Modifiers = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the first episode; random if omitted.")] = None,
+    fps: Annotated[int, typer.Option("--fps", min=1, help="Steps per second while a key is held.")] = 4,
+) -> None:
+    """Play a task with the keyboard, in a window; Escape ends it."""
+    from taskspec.envs import Environment, window
+    from taskspec.envs.options import seed_of
+    from taskspec.targets import task_of
 
-    parts = [f"{n:,} {ENDINGS[key]}" for key, n in sorted(summary.endings.items(), key=lambda item: -item[1])]
-    return ", ".join(parts)
+    found = task_of(task, variant, parameters or [], modifiers or [])
+    env = Environment(found, render_mode="rgb_array")
+    keys = window.legend(found)
+    width = max(len(key) for key, _ in keys)
+    say("\n".join([found.id, *(f"  {key:<{width}}  {name}" for key, name in keys)]))
+    rewards: list[float] = []
+
+    def report(before: Any, after: Any, action: Any, reward: float, ended: bool, cut: bool, info: Any) -> None:
+        rewards.append(float(reward) * found.discount ** len(rewards))
+        if ended or cut:
+            how = "terminated" if ended else "truncated"
+            say(f"return {sum(rewards):g} in {len(rewards)} steps, {how}")
+            rewards.clear()
+
+    try:
+        env.reset(seed=seed_of(seed) if seed is not None else None)
+        window.play(env, report, fps)
+    finally:
+        env.close()

@@ -16,9 +16,8 @@ from typing import Any, Literal, NoReturn
 import numpy as np
 
 from taskspec import draws
-from taskspec.backends.actions import BadActionError
-from taskspec.backends.numpy.engine import NumpyEngine
-from taskspec.backends.vector import Options
+from taskspec.backends.numpy import NumpyEngine
+from taskspec.backends.vector_program import BadActionError, Options
 from taskspec.base import __version__
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from taskspec.abstraction.abstraction import abstraction
-from taskspec.backends.buffers import Values
-from taskspec.backends.numpy.engine import write
+from taskspec.backends.numpy import write
+from taskspec.backends.vector_program import Values
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need

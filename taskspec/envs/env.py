@@ -15,15 +15,13 @@ import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
 from taskspec import draws
-from taskspec.backends.scalar.program import Clock, Failures, Lane, ScalarProgram, compile_scalar
-from taskspec.envs import state as picture
+from taskspec.backends.scalar import Clock, Failures, Lane, ScalarProgram, compile_scalar
 from taskspec.envs import window
-from taskspec.envs import window as keyboard
 from taskspec.envs.options import ENDINGS, ActionError, NotRunningError, one_of, seed_of, with_horizon
 from taskspec.envs.state import flat_state, overridden, plain_state
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
-from taskspec.lang.variates.sample import sampler
+from taskspec.lang.variates import sampler
 from taskspec.registry import load
 from taskspec.task.parameters import Ending, RenderMode
 from taskspec.task.spaces import space
@@ -121,7 +119,7 @@ class Environment(gymnasium.Env[Any, Any]):
         """
         match self.render_mode:
             case "ansi":
-                return picture.text(self.task, self.state, self.time)
+                return window.text(self.task, self.state, self.time)
             case "rgb_array":
                 return self._drawn()
             case "rgb_array_list":
@@ -163,7 +161,7 @@ class Environment(gymnasium.Env[Any, Any]):
         Raises:
             SpecError: E713, where the actions are infinite, or more than there are keys.
         """
-        return keyboard.keys_to_action(self.task)
+        return window.keys_to_action(self.task)
 
     @property
     def spec(self) -> EnvSpec | None:

@@ -15,13 +15,12 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
-from taskspec.backends import table
-from taskspec.backends.actions import BadActionError
-from taskspec.backends.table import BackendName
-from taskspec.backends.vector import LanesNotRunningError, Options
+from taskspec.backends import backend_table
+from taskspec.backends.backend_table import BackendName
+from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Options
 from taskspec.base.extras import need
-from taskspec.envs.lanes import RENDER_MODES, LaneView, asked, rendered, unset
 from taskspec.envs.options import ActionError, NotRunningError, positive, seed_of, uncopied
+from taskspec.envs.state import RENDER_MODES, LaneView, ask_lane, lane_render_mode, refuse_to_set
 from taskspec.envs.window import Frames
 from taskspec.model.model import misused
 from taskspec.policies.experts import Expert
@@ -60,9 +59,9 @@ class Sb3VecEnv(VecEnv):
         self.task: Task = load(task)
         num_envs = positive("num_envs", num_envs)
         num_threads = positive("num_threads", num_threads)
-        self._engine = table.engine(self.task, num_envs, backend, Options("same_step", num_threads))
+        self._engine = backend_table.engine(self.task, num_envs, backend, Options("same_step", num_threads))
         self.metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 4}
-        self.render_mode: str | None = rendered(render_mode)
+        self.render_mode: str | None = lane_render_mode(render_mode)
         self._started = False
         self._drawings: defaultdict[int, Frames] = defaultdict(Frames)
         super().__init__(num_envs, space(self._engine.observation), space(self._engine.action))
@@ -132,7 +131,7 @@ class Sb3VecEnv(VecEnv):
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Refused: the lanes are one task, and have no attributes of their own."""
-        unset(attr_name)
+        refuse_to_set(attr_name)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
         """Return what a method of lanes gives ("render", "get_keys_to_action").
@@ -144,7 +143,7 @@ class Sb3VecEnv(VecEnv):
             LaneView(self.task, self._engine, i, self.render_mode, self._started, self._drawings[i])
             for i in self._get_indices(indices)
         )
-        return [asked(lane, method_name, *args, **kwargs) for lane in made]
+        return [ask_lane(lane, method_name, *args, **kwargs) for lane in made]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         return [False] * len(list(self._get_indices(indices)))

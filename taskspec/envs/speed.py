@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from taskspec.backends.table import BackendName
+from taskspec.backends.backend_table import BackendName
 from taskspec.envs.env import Environment
 from taskspec.task.task import Task
 

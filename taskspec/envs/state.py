@@ -1,37 +1,26 @@
-"""States of an environment for people: read by name, set by name, shown as text, and told in infos."""
+"""States of an environment for people: read and set by name, shown as text, told in infos; and the view of one lane."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NoReturn
 
+import gymnasium
 import numpy as np
 
+from taskspec.backends.vector_program import Engine
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import suggest
-from taskspec.base.display import visible
-from taskspec.envs.options import StateError
+from taskspec.envs import window
+from taskspec.envs.options import LaneError, NotRunningError, StateError, one_of
 from taskspec.lang.types import Domain, Kind
-from taskspec.task.spaces import single
+from taskspec.task.parameters import RenderMode
+from taskspec.task.spaces import single, space
 from taskspec.task.task import Component, Task
 
-
-def text(task: Task, state: dict[str, Any], time: int) -> str:
-    """Return one line a component, and the time."""
-    width = max(len(name) for name in state)
-    return "\n".join([heading(task, time), *(f"  {name:<{width}} = {_shown(value)}" for name, value in state.items())])
-
-
-def heading(task: Task, time: int) -> str:
-    """Return the task and the time."""
-    return f"{task.name}, step {time}" + ("" if task.horizon is None else f" of {task.horizon}")
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, np.ndarray):
-        return np.array2string(value, precision=4, suppress_small=True, threshold=32)
-    return f"{value:.6g}" if isinstance(value, float) else visible(str(value), keep="")
-
+# ---------- state
+# States of an environment for people: read by name, set by name, shown as text, and told in infos.
 
 # -- reading and setting the state --------------------------------------------------------------------------------
 
@@ -125,7 +114,7 @@ def overridden(options: Any) -> Mapping[str, Any] | None:
 # -- the state in infos of many environments ----------------------------------------------------------------------
 
 
-def told(task: Task, state: Sequence[Array]) -> Array:
+def state_rows(task: Task, state: Sequence[Array]) -> Array:
     """Return states of all lanes as one array with the lanes first: (N, *shape) where the state is one component, else (N,
     elements).
 
@@ -151,3 +140,95 @@ def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str,
     before[~stepped] = after[~stepped] = 0
     found = {"old_state": before, "new_state": after}
     return {key: value for name in task.info for key, value in ((name, found[name]), (f"_{name}", stepped))}
+
+
+# ---------- lanes
+# One of many environments, as those who ask a vector environment for its parts want to see it.
+
+RENDER_MODES: tuple[RenderMode, ...] = ("ansi", "rgb_array")
+"""What lanes render: a window would be one too many for each."""
+
+
+@dataclass(frozen=True)
+class LaneView:
+    """A lane: what it is, and how it stands. It is read only; lanes are arrays, and are stepped together."""
+
+    task: Task
+    engine: Engine
+    number: int
+    render_mode: str | None
+    started: bool
+    drawing: window.Frames
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """The present state by component: labels for choices, numbers, arrays for vectors."""
+        if not self.started:
+            raise NotRunningError("E707: there is no state before the first reset()")
+        values = [s[..., self.number] for s in self.engine.buffers.state]
+        return plain_state(self.task, tuple(v.ravel().tolist() if v.ndim else v.item() for v in values))
+
+    @property
+    def time(self) -> int:
+        """Steps taken in the present episode."""
+        return int(self.engine.buffers.time[self.number])
+
+    @property
+    def observation_space(self) -> gymnasium.Space[Any]:
+        return space(self.engine.observation)
+
+    @property
+    def action_space(self) -> gymnasium.Space[Any]:
+        return space(self.engine.action)
+
+    def render(self) -> Any:
+        """Return the present state as text or as pixels, as the render mode says; None without one."""
+        match self.render_mode:
+            case "ansi":
+                return window.text(self.task, self.state, self.time)
+            case "rgb_array":
+                episode = int(self.engine.buffers.episodes[self.number])
+                return self.drawing.draw(self.task, self.state, self.time, episode=episode)
+        return None
+
+    def get_keys_to_action(self) -> dict[tuple[int, ...], Any]:
+        return window.keys_to_action(self.task)
+
+
+KNOWN = ("task", "state", "time", "observation_space", "action_space", "render_mode", "render", "get_keys_to_action")
+
+
+def ask_lane(lane: LaneView, name: str, *args: Any, **options: Any) -> Any:
+    """Return an attribute of a lane, or what a method of it gives.
+
+    Raises:
+        LaneError: lanes have nothing of that name.
+    """
+    if name not in KNOWN:
+        raise LaneError(f"E713: a lane has no {name!r}; it has {', '.join(KNOWN)}")
+    found = getattr(lane, name)
+    return found(*args, **options) if callable(found) else found
+
+
+def refuse_to_set(name: str) -> NoReturn:
+    """Refuse to set an attribute: lanes share one task, and have none of their own.
+
+    Raises:
+        LaneError: always.
+    """
+    raise LaneError(
+        f"E713: {name!r} cannot be set: all lanes are one task; make another environment with other options"
+    )
+
+
+def lane_render_mode(mode: RenderMode | None) -> RenderMode | None:
+    """Return a render mode of lanes.
+
+    Raises:
+        SpecError: E713 for another one; E705 without the packages that pixels need.
+    """
+    if mode is not None:
+        one_of("render_mode", mode, RENDER_MODES)
+    if mode == "rgb_array":
+        window.require()
+    return mode

@@ -1,8 +1,4 @@
-"""Many environments of a task behind Gymnasium's vector interface.
-
-Lane i of `reset(seed=s)` walks the trajectory of the scalar environment with seed s + i, on every backend and for
-every number of lanes. Needs Gymnasium 1.1 or later.
-"""
+"""Many environments of a task behind Gymnasium's vector interface."""
 
 from __future__ import annotations
 
@@ -18,14 +14,12 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector.utils import batch_space
 
 from taskspec import draws
-from taskspec.backends import table
-from taskspec.backends.actions import BadActionError
-from taskspec.backends.table import BackendName
-from taskspec.backends.vector import LanesNotRunningError, Mode, Options
+from taskspec.backends import backend_table
+from taskspec.backends.backend_table import BackendName
+from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Mode, Options
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import install_package
-from taskspec.envs.lanes import RENDER_MODES, LaneView, asked, rendered, unset
 from taskspec.envs.options import (
     ENDINGS,
     ActionError,
@@ -39,13 +33,21 @@ from taskspec.envs.options import (
     uncopied,
     with_horizon,
 )
-from taskspec.envs.state import states, told
+from taskspec.envs.state import RENDER_MODES, LaneView, ask_lane, lane_render_mode, refuse_to_set, state_rows, states
 from taskspec.envs.window import Frames
 from taskspec.modifiers import with_options
 from taskspec.registry import load
 from taskspec.task.parameters import Ending, RenderMode
 from taskspec.task.spaces import space
 from taskspec.task.task import Task, TaskLike
+
+__all__ = ["VectorEnvironment"]
+
+# ---------- vector
+# Many environments of a task behind Gymnasium's vector interface.
+#
+# Lane i of `reset(seed=s)` walks the trajectory of the scalar environment with seed s + i, on every backend and for
+# every number of lanes. Needs Gymnasium 1.1 or later.
 
 if not hasattr(gymnasium.vector, "AutoresetMode"):
     raise SpecError(
@@ -60,8 +62,6 @@ if not hasattr(gymnasium.vector, "AutoresetMode"):
     )
 AutoresetMode = gymnasium.vector.AutoresetMode
 _MODES: dict[str, Mode] = {"NextStep": "next_step", "SameStep": "same_step", "Disabled": "disabled"}
-
-__all__ = ["VectorEnvironment"]
 
 
 class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
@@ -108,16 +108,16 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.task: Task = with_options(load(task), ending, observe_time)
         self.num_envs: int = lanes_of(self.task, num_envs)
-        self.backend: str = table.choose(self.task, backend)
+        self.backend: str = backend_table.choose(self.task, backend)
         self.metadata: dict[str, Any] = {
             "render_modes": list(RENDER_MODES),
             "render_fps": 4,
             "autoreset_mode": self.autoreset_mode,
         }
-        self.render_mode: str | None = rendered(render_mode)
+        self.render_mode: str | None = lane_render_mode(render_mode)
         self._spec: EnvSpec | None = None
         options = Options(_MODES[self.autoreset_mode.value], num_threads)
-        self._engine = table.engine(self.task, num_envs, self.backend, options)
+        self._engine = backend_table.engine(self.task, num_envs, self.backend, options)
         self._set_spaces()
         self._same_step = self.autoreset_mode == AutoresetMode.SAME_STEP
         self._reuse = reuse
@@ -129,6 +129,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.single_action_space: gymnasium.Space[Any] = space(self._engine.action)
         self.observation_space: gymnasium.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
         self.action_space: gymnasium.Space[Any] = batch_space(self.single_action_space, self.num_envs)
+        self._has_infos = bool(self.task.info) and not self._same_step
         b = self._engine.buffers
         self._seen = b.seen.view()
         self._results = (b.reward, b.terminated, b.truncated)
@@ -169,7 +170,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             ActionError: the actions are not in the batched action space.
             NotRunningError: before the first reset; without autoreset, where an episode is over.
         """
-        before = self._before() if self.task.info and not self._same_step else None
+        before = self._before() if self._has_infos else None
         try:
             ended = self._engine.step(actions)
         except BadActionError:
@@ -178,7 +179,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             raise self._not_running() from None
         infos = self._final() if ended and self._same_step else {}
         if before is not None:
-            infos = states(self.task, *before, told(self.task, self._engine.buffers.state))
+            infos = states(self.task, *before, state_rows(self.task, self._engine.buffers.state))
         if self._reuse:
             return (self._seen, *self._results, infos)
         reward, terminated, truncated = self._results
@@ -187,7 +188,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def _before(self) -> tuple[Array, Array]:
         """Return the states that a step leaves, and in which lanes one will be taken, instead of a reset."""
         b = self._engine.buffers
-        return told(self.task, b.state), ~b.ended
+        return state_rows(self.task, b.state), ~b.ended
 
     def render(self) -> tuple[Any, ...] | None:
         """Return the present state of every lane: texts, or pixels (480, 640, 3) of uint8. None without a render mode."""
@@ -199,7 +200,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         Raises:
             LaneError: lanes have nothing of that name.
         """
-        return tuple(asked(self._lane(i), name, *args, **options) for i in range(self.num_envs))
+        return tuple(ask_lane(self._lane(i), name, *args, **options) for i in range(self.num_envs))
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """Return an attribute of every lane; see `call`."""
@@ -211,7 +212,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         Raises:
             LaneError: always.
         """
-        unset(name)
+        refuse_to_set(name)
 
     def _lane(self, number: int) -> LaneView:
         return LaneView(self.task, self._engine, number, self.render_mode, self._seeded, self._drawings[number])
@@ -314,3 +315,125 @@ def _rows(seen: Any, ended: Array) -> Array:
     for lane in np.flatnonzero(ended):
         rows[lane] = {name: part[lane] for name, part in seen.items()} if isinstance(seen, dict) else seen[lane]
     return rows
+
+
+# ---------- instances
+# Several instances of a task behind one vector interface: each lane has the constants of its own `instance_seed`.
+
+
+class InstanceLanes(VectorEnvironment):
+    """Lanes of several instances of one task; `task` is that of the first. Lanes of one instance are stepped together.
+
+    `tasks` are the instances, lane by lane; options are those of `VectorEnvironment`. Lane i of `reset(seed=s)` walks the
+    trajectory of the scalar environment of its own instance with seed s + i.
+
+    Raises:
+        SpecError: E713, where the instances have different spaces.
+    """
+
+    def __init__(self, tasks: Sequence[Task], **options: Any) -> None:
+        self.tasks: tuple[Task, ...] = tuple(tasks)
+        self.num_envs: int = len(tasks)
+        self._spec = None
+        lanes: dict[str, list[int]] = {}
+        for i, task in enumerate(tasks):
+            lanes.setdefault(task.content_hash, []).append(i)
+        self._where = [np.array(found) for found in lanes.values()]
+        self._parts = [VectorEnvironment(tasks[found[0]], len(found), **options) for found in lanes.values()]
+        first = self._parts[0]
+        self.task: Task = first.task
+        for part in self._parts:
+            for name in ("single_observation_space", "single_action_space"):
+                if getattr(part, name) != getattr(first, name):
+                    message = f"the instances have different spaces: {getattr(first, name)} and {getattr(part, name)}"
+                    raise invalid(f"{message}; declare bounds that hold for all")
+        self.metadata: dict[str, Any] = first.metadata
+        self.render_mode: str | None = first.render_mode
+        self.backend: str = first.backend
+        self.single_observation_space: gymnasium.Space[Any] = first.single_observation_space
+        self.single_action_space: gymnasium.Space[Any] = first.single_action_space
+        self.observation_space: gymnasium.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space: gymnasium.Space[Any] = batch_space(self.single_action_space, self.num_envs)
+        self._seeded = False
+
+    @property
+    def instances(self) -> tuple[int, ...]:
+        """The `instance_seed` of every lane."""
+        return tuple(task.values["instance_seed"] for task in self.tasks)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode in every lane, or in those of `options["reset_mask"]`; see `VectorEnvironment.reset`."""
+        seeds = self._seeds(seed)
+        mask = None if options is None else options.get("reset_mask")
+        if mask is not None and (not isinstance(mask, np.ndarray) or mask.shape != (self.num_envs,)):
+            raise invalid(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
+        found = []
+        for lanes, part in zip(self._where, self._parts, strict=True):
+            inner = options if mask is None else {**(options or {}), "reset_mask": mask[lanes]}
+            found.append(part.reset(seed=None if seeds is None else [seeds[i] for i in lanes], options=inner)[0])
+        self._seeded = True
+        return self._joined(found), {}
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None] | None:
+        """Return a seed for each lane; lanes of different instances have different streams from the first reset on."""
+        if seed is None and self._seeded:
+            return None
+        if seed is None:
+            seed = int(np.random.default_rng().integers(2**63))
+        if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes):
+            if len(seed) != self.num_envs:
+                raise invalid(f"{len(seed)} seeds for {self.num_envs} lanes")
+            return list(seed)
+        return [int(s) for s in draws.lane_seeds(seed_of(seed), self.num_envs)]
+
+    def step(self, actions: Any) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
+        """Take a step in every lane; see `VectorEnvironment.step`."""
+        given = np.asarray(actions)
+        if given.shape[:1] != (self.num_envs,):
+            raise invalid(f"{actions!r} are not {self.num_envs} actions")
+        found = [part.step(given[lanes]) for lanes, part in zip(self._where, self._parts, strict=True)]
+        rewards, terminated, truncated = (self._joined([result[k] for result in found]) for k in (1, 2, 3))
+        return self._joined([result[0] for result in found]), rewards, terminated, truncated, self._infos(found)
+
+    def _infos(self, found: list[Any]) -> dict[str, Any]:
+        """Last observations of the episodes that ended in this step, as `VectorEnvironment` has them."""
+        if not any(infos for *_, infos in found):
+            return {}
+        last = np.full(self.num_envs, None, dtype=object)
+        ended = np.zeros(self.num_envs, np.bool_)
+        for lanes, (*_, infos) in zip(self._where, found, strict=True):
+            for k, lane in enumerate(lanes.tolist()) if infos else ():
+                last[lane], ended[lane] = infos["final_obs"][k], infos["_final_obs"][k]
+        return {"final_obs": last, "_final_obs": ended, "final_info": {}, "_final_info": ended.copy()}
+
+    def _joined(self, parts: list[Any]) -> Any:
+        """Return values of all lanes, in order, from those of the instances."""
+        if isinstance(parts[0], dict):
+            return {name: self._joined([part[name] for part in parts]) for name in parts[0]}
+        whole = np.empty((self.num_envs, *parts[0].shape[1:]), parts[0].dtype)
+        for lanes, part in zip(self._where, parts, strict=True):
+            whole[lanes] = part
+        return whole
+
+    @property
+    def source(self) -> str:
+        """The generated code that steps the environments, instance after instance."""
+        return "\n".join(part.source for part in self._parts)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the arrays that hold state, counters and results."""
+        return sum(part.nbytes for part in self._parts)
+
+    @property
+    def time(self) -> Array:
+        """Steps taken in the present episode of every lane: int64 (num_envs,)."""
+        return np.asarray(self._joined([part.time for part in self._parts]))
+
+    def _lane(self, number: int) -> LaneView:
+        for lanes, part in zip(self._where, self._parts, strict=True):
+            for k in np.flatnonzero(lanes == number).tolist():
+                return part._lane(k)
+        raise IndexError(number)

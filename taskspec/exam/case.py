@@ -41,7 +41,7 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
     """
     names = _EXPERT if "reward" in learns_from else (*_EXPERT, *_REWARD)
     document = _document(task.document, names)
-    builder = task.builder
+    builder = task.new_builder()
     reward = task.reward
     absorbing_reward = task.absorbing_reward
     if "reward" not in learns_from and sign == 0:

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.extras import machine
 from taskspec.base.limits import written
-from taskspec.base.machine import machine
 from taskspec.exam import baselines
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.findings import diagnose

@@ -14,12 +14,11 @@ import numpy as np
 
 from taskspec.base.diagnostics import Collector, Span
 from taskspec.lang import syntax as s
-from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import plain
 from taskspec.lang.parse import parse_into
-from taskspec.lang.scope import Binding, Lazy, Scope, Value
+from taskspec.lang.scope import Binding, Lazy, Poisoned, Scope, Value
 from taskspec.lang.types import Domain, Kind, Type
 from taskspec.task.parts import Parameter
 

@@ -15,6 +15,7 @@ from taskspec.figures.marks import HIGHLIGHTS, SIGNS, marked, sign, signed
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.scene import Box, Color, Item, Label, Line, Scene, fitted, shifted, text_width
 from taskspec.figures.states import State, at_state, at_states, expert_path, reads_of
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Read
 from taskspec.lang.types import Kind
 from taskspec.printers import tree as m
@@ -96,7 +97,7 @@ def _sums(row: Array, colors: list[Color], step: float, y: float) -> Iterator[La
 
 def _vector(task: Task) -> Node | None:
     """Return the vector that the figure names, else the first component of the state that is one."""
-    b = task.builder
+    b = Builder()
     nodes: list[Node] = [b.read(*c.read, c.type, c.least, c.most) for c in task.state]
     if task.figure is not None and task.figure.values is not None:
         nodes = [task.figure.values]

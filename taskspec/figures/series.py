@@ -16,6 +16,7 @@ from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted
 from taskspec.figures.states import STEPS, State, at_state, expert_path
 from taskspec.lang import interval
 from taskspec.lang import syntax as s
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Node, Read
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import mathematics
@@ -147,7 +148,7 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
         names = of_task(task)
         for c in [c for c in task.state if not c.type.shape and c.domain is None][:MOST]:
             values = [float(state[c.name]) for state in path]
-            step = turn(task, task.builder.read(*c.read, c.type, c.least, c.most))
+            step = turn(task, Builder().read(*c.read, c.type, c.least, c.most))
             found.append(_Number(names.symbol(c.name), values, (float(min(c.low)), float(max(c.high))), step))
         return found
     rows = np.array([at_state(task, node, state).reshape(-1) for state in path])

@@ -17,7 +17,7 @@ from taskspec.lang.evaluate import Flat, evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.ir import draws as draws_of
 from taskspec.lang.types import Kind
-from taskspec.lang.variates.sample import sampler
+from taskspec.lang.variates import sampler
 from taskspec.model.space import Space
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task

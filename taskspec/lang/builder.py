@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 from taskspec.base.limits import Limits, count, how_to_raise, limits
 from taskspec.lang import interval
 from taskspec.lang.evaluate import Flat, apply_flat
-from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact, plain, rewrite
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact, plain, rewrite, walk
 from taskspec.lang.operators import OPERATORS, STRUCTURES, Elements, Operator, entry_of
 from taskspec.lang.types import BOOL, INF, INT, INT_MAX, REAL, Interval, Kind, Range, Refused, Shape, Type, join
 
@@ -71,8 +71,25 @@ def _moves(node: Apply) -> bool:
     return entry_of(node.op).elements is Elements.MOVED
 
 
+def _const_key(items: tuple[Any, ...], type: Type) -> tuple[Any, ...]:
+    return (Const, type, tuple(map(repr, items)) if type.kind is Kind.REAL else items)
+
+
+def _key(node: Node) -> tuple[Any, ...]:
+    """Return what nodes are interned by."""
+    match node:
+        case Const(type=type):
+            return _const_key(node.flat, type)
+        case Read(role, name, type, low, high):
+            return (Read, role, name, type, low, high)
+        case Draw(base=base, args=args, site=site):
+            return (Draw, base, site, *map(id, args))
+        case Apply(op, args, type, static):
+            return (op, static, type, *map(id, args))
+
+
 class Builder:
-    """Interning factory of nodes; one for each task."""
+    """Interning factory of nodes: one for each build of a task, and one for each change of it (`Task.new_builder`)."""
 
     def __init__(self) -> None:
         self._nodes: dict[Any, Node] = {}
@@ -81,9 +98,22 @@ class Builder:
         self._folded: dict[Any, Const] = {}  # by operator, static values and ids of constants, which `_nodes` keeps
         self._ints: dict[int, Const] = {}
         self._most = limits().operations
-        self.expressions: int = 0  # that sections came to, each as often as it is written out: what the build cost
         self._sites = 0
         self._written: list[dict[int, Draw]] = []
+
+    @classmethod
+    def of(cls, roots: Iterable[Node]) -> Builder:
+        """Return a builder that knows the nodes below some roots: what equals one of them is that one, and new draws come later.
+
+        The limit on operations of a build does not hold for what is made from a task.
+        """
+        made = cls()
+        made._most = sys.maxsize
+        for node in walk(roots):
+            made._nodes.setdefault(_key(node), node)
+            if isinstance(node, Draw):
+                made._sites = max(made._sites, node.site)
+        return made
 
     # -- leaves ---------------------------------------------------------------------------------------------------
 
@@ -95,8 +125,7 @@ class Builder:
         items = tuple(map(int, flat)) if type.kind is Kind.INT else tuple(exact(v, type.kind) for v in flat)
         if type.kind is Kind.INT and items and max(max(items), -min(items)).bit_length() > Limits.bits:
             raise Refused(f"this integer has more than {Limits.bits} bits", "E314")
-        key = (Const, type, tuple(map(repr, items)) if type.kind is Kind.REAL else items)
-        return self._intern(key, lambda: Const(items[0] if type.is_scalar else items, type))
+        return self._intern(_const_key(items, type), lambda: Const(items[0] if type.is_scalar else items, type))
 
     def scalar(self, value: Any) -> Const:
         """Return a Python number as a constant of its own kind."""
@@ -295,12 +324,6 @@ class Builder:
 
     def _of(self, flat: Sequence[Any], type: Type) -> Const:
         return self.const(flat[0] if type.is_scalar else flat, type)
-
-    def settle(self, expressions: int) -> None:
-        """End the build of a task of so many expressions: its limit on operations does not hold for what is made from it."""
-        self.expressions = expressions
-        self._folded.clear()
-        self._most = sys.maxsize
 
     def _intern(self, key: Any, make: Callable[[], N]) -> N:
         if key not in self._nodes:

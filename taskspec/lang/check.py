@@ -11,13 +11,16 @@ from typing import assert_never
 
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, nearest, suggest
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.lang import alternatives, basechecker, calls, comparisons, sets, subscripts, tables
+from taskspec.lang import alternatives, calls, sets
+from taskspec.lang import alternatives as tables
+from taskspec.lang import calls as subscripts
+from taskspec.lang import scope as basechecker
+from taskspec.lang import sets as comparisons
 from taskspec.lang import syntax as s
-from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node
 from taskspec.lang.operators import FUNCTIONS
-from taskspec.lang.scope import FunctionDef, Lazy, Scope, Unavailable, Value
+from taskspec.lang.scope import BaseChecker, FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.types import Domain, Kind, Refused
 
 CONSTANTS = {"pi": math.pi, "inf": math.inf}

@@ -1,25 +1,29 @@
-"""Interval reasoning over core nodes: bounds that hold for every element of a value, for all reads and draws.
-
-There are two kinds. `bounds` follow the arithmetic of float64, each operation rounded as the run time rounds it: they serve
-proofs, spaces and widths. `certain` bounds rest on integer arithmetic alone, so that they hold in any precision of reals, on
-every backend, and even if a real has left its declared range: only these may drop an index clamp or a zero guard.
-
-Sound, not tight: an operator without a rule gives (-inf, inf). Nan is outside every interval's promise: bounds speak of the
-numbers only, and `Range.finite` says whether there is nothing else.
-"""
+"""Interval reasoning over core nodes, and their normal forms."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from fractions import Fraction
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
-from taskspec.lang.operators import Operator, Structure, entry_of
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, draws, plain, walk
+from taskspec.lang.operators import Elements, Operator, Structure, entry_of
 from taskspec.lang.types import EVERYTHING, HUGE, INF, INT_MAX, INT_WIDEST, Args, Interval, Kind, Range
 from taskspec.lang.variates import VARIATES
+
+# ---------- interval
+# Interval reasoning over core nodes: bounds that hold for every element of a value, for all reads and draws.
+#
+# There are two kinds. `bounds` follow the arithmetic of float64, each operation rounded as the run time rounds it: they serve
+# proofs, spaces and widths. `certain` bounds rest on integer arithmetic alone, so that they hold in any precision of reals, on
+# every backend, and even if a real has left its declared range: only these may drop an index clamp or a zero guard.
+#
+# Sound, not tight: an operator without a rule gives (-inf, inf). Nan is outside every interval's promise: bounds speak of the
+# numbers only, and `Range.finite` says whether there is nothing else.
 
 
 def bounds(root: Node, known: dict[int, Range]) -> Interval:
@@ -147,3 +151,72 @@ def _looked_at(node: Const) -> Range:
     numbers = [v for v in flat if v == v]
     edge = (min(numbers), max(numbers)) if numbers else EVERYTHING
     return Range(*_tidy(edge, node.type.kind), all(map(math.isfinite, flat)))
+
+
+# ---------- normal
+# Normal forms of nodes: equal numbers for expressions that compute the same in the same way, whoever built them.
+
+
+class NormalForms:
+    """Numbers for nodes, the same number for the same form; two builders may have made them.
+
+    Operands that may change places are put in order, `x >= n` where x is at most n counts as `x == n`, and draws are
+    identified by their rank in the order of drawing.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[Any, ...], int] = {}
+
+    def all(self, roots: Iterable[Node], order: Sequence[Draw] | None = None) -> list[int]:
+        """Return the forms of some nodes; `order` ranks the draws that may occur in them."""
+        roots = list(roots)
+        rank = {d.site: i for i, d in enumerate(draws(roots) if order is None else order)}
+        numbers: dict[int, int] = {}
+        edges: dict[int, Range] = {}
+        for node in walk(roots):
+            key = _key(node, numbers, rank, edges)
+            numbers[id(node)] = self._known.setdefault(key, len(self._known))
+        return [numbers[id(node)] for node in roots]
+
+
+def _key(node: Node, numbers: dict[int, int], rank: dict[int, int], edges: dict[int, Range]) -> tuple[Any, ...]:
+    match node:
+        case Const():
+            return ("const", node.type, tuple(map(_number, node.flat)))
+        case Read(role=role, name=name, low=low, high=high):
+            return ("read", role, name, node.type, low, high)
+        case Draw(base=base, args=args, site=site):
+            return ("draw", base, node.type, rank[site], tuple(numbers[id(a)] for a in args))
+        case Apply(op=op, args=args, static=static):
+            if op == "le" and _only_equal(args, edges):
+                op = "eq"
+            return ("apply", op, node.type, static, _operands(op, args, numbers))
+
+
+def _operands(op: str, args: tuple[Node, ...], numbers: dict[int, int]) -> tuple[int, ...]:
+    """Return the numbers of operands, in ascending order where their order does not matter."""
+    operands = tuple(numbers[id(a)] for a in args)
+    entry = entry_of(op)
+    if not entry.commutative or (entry.elements is Elements.CHOSEN and _may_be_zeros(args)):
+        return operands
+    first = min(entry.indices, default=0)
+    return (*operands[:first], *sorted(operands[first:]))
+
+
+def _number(value: Any) -> str:
+    """Return a constant; a fraction and a float of the same value are one, 0 and -0 are two."""
+    if isinstance(value, Fraction) and abs(value) < 2**1000 and value == float(value):
+        value = float(value)
+    return repr(value)
+
+
+def _may_be_zeros(args: tuple[Node, ...]) -> bool:
+    """Return whether two reals may both be zero: then the first of 0 and -0 is taken, and their order matters."""
+    return all(a.type.kind is Kind.REAL and not (isinstance(a, Const) and all(a.flat)) for a in args)
+
+
+def _only_equal(args: tuple[Node, ...], edges: dict[int, Range]) -> bool:
+    """Return whether `a <= b` between ints can hold by equality alone, because a is never below b."""
+    if any(a.type.kind is Kind.REAL for a in args):
+        return False
+    return bounds(args[0], edges)[0] >= bounds(args[1], edges)[1]

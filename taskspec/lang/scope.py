@@ -1,15 +1,26 @@
-"""Meanings of names where an expression stands: values, functions, labels, and why some names cannot be used there."""
+"""Meanings of names where an expression stands, and what the checks of all expressions share."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import field
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import field, replace
+from fractions import Fraction
+from typing import Any, NoReturn, TypeVar
 
+from taskspec.base.diagnostics import Collector
+from taskspec.base.limits import how_to_raise, limits
 from taskspec.base.records import dataclass
 from taskspec.lang import syntax as s
-from taskspec.lang.ir import Node
-from taskspec.lang.types import Domain
+from taskspec.lang.builder import Builder
+from taskspec.lang.dists import is_distribution
+from taskspec.lang.ir import Const, Node
+from taskspec.lang.types import INT, Domain, Kind, Refused, Shape, Type
+
+# ---------- scope
+# Meanings of names where an expression stands: values, functions, labels, and why some names cannot be used there.
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,3 +132,295 @@ class Scope:
     def labelled(self, label: str) -> list[Domain]:
         """Return the distinct domains that have this label."""
         return list(dict.fromkeys(d for d in self.domains if label in d.labels))
+
+
+# ---------- basechecker
+# What the checks of all expressions share: parts of an expression, labels as ints, and binding times.
+
+T = TypeVar("T")
+
+
+class Poisoned(Exception):
+    """A part is broken and has been reported; what depends on it is given up."""
+
+
+_OF_VALUES = ("E307", "E314", "E315", "E407", "E408")
+"""Mistakes that may hang on the values of parameters: shapes, sizes, ranges."""
+_WITHOUT_VALUE = ("E307", "E315", "E401", "E402", "E407", "E408")
+"""Those of expressions that have no value for some parameters."""
+_ALL_OR_ANY = "comparing vectors compares element by element; write `all(...)` or `any(...)`"
+
+
+@dataclass(frozen=True, slots=True)
+class ClampedIndex:
+    """An index that may lie outside a vector of `length` elements: `node` is what `index` is moved to."""
+
+    node: Node
+    index: Node
+    length: int
+    place: s.Place
+
+
+class BaseChecker(ABC):
+    """What a check asks of the parts of an expression; `lang.check` says what each kind of expression is."""
+
+    def __init__(self, builder: Builder, collector: Collector) -> None:
+        self.builder = builder
+        self.collector = collector
+        self.moved: dict[int, ClampedIndex] = {}  # by id of the node
+        self.found: dict[tuple[int, int], tuple[s.Expr, Value]] = {}
+        """What each part of an expression came to in the scope of a section, by their ids; in comprehensions and calls it has
+        no meaning of its own."""
+        self.parameters: dict[str, Any] = {}
+        """The values of the parameters, for messages."""
+        self._lenient = False
+        self._expanded = 0
+        self._times = 1  # how often the present expression is written out by comprehensions around it
+
+    @abstractmethod
+    def value(self, expr: s.Expr, scope: Scope, want: Domain | None = None) -> Value:
+        """Return the value of an expression; `want` is the domain whose labels it may name.
+
+        Raises:
+            Poisoned: when it is broken; every mistake in it has been reported.
+            SpecError: (E314) when there have been too many expressions by now.
+        """
+
+    def check(self, expr: s.Expr, scope: Scope, want: Domain | None = None) -> Value | None:
+        """Return the value of an expression, or None when it is broken (and reported)."""
+        try:
+            return self.value(expr, scope, want)
+        except Poisoned:
+            return None
+
+    def numeric(self, expr: s.Expr, scope: Scope) -> Node:
+        """Return an expression that must be a number, a condition or a vector; a choice gives what its label stands for."""
+        return self.number_of(self.value(expr, scope))
+
+    def number_of(self, value: Value) -> Node:
+        """Return a value in arithmetic: a label is the value that it stands for, or else its position."""
+        domain = value.domain
+        if domain is None or domain.values is None or domain.value_type is None:
+            return value.node
+        rows = Type(domain.value_type.kind, (len(domain.labels), *domain.value_type.shape))
+        flat = [v for row in domain.values for v in (row if isinstance(row, tuple) else (row,))]
+        return self.builder.structure("index", [self.builder.const(flat, rows), value.node])
+
+    def numerics(self, exprs: Iterable[s.Expr], scope: Scope) -> list[Node]:
+        """Return all of them, reporting the mistakes of each before giving up."""
+        return self.each([(lambda e=e: self.numeric(e, scope)) for e in exprs])  # type: ignore[misc]
+
+    def each(self, jobs: Sequence[Callable[[], T]]) -> list[T]:
+        """Return results of all the jobs; every one runs, then a broken one gives up."""
+        results = []
+        broken = False
+        for job in jobs:
+            try:
+                results.append(job())
+            except Poisoned:
+                broken = True
+        if broken:
+            raise Poisoned
+        return results
+
+    def stack(self, nodes: list[Node], expr: s.Expr) -> Node:
+        """Return a vector of elements, which must be of one shape."""
+        shapes = {n.type.shape for n in nodes}
+        if len(shapes) > 1:
+            self.fail("E307", expr, "the elements of this vector have different shapes",
+                      "`concat(x, y)` lays vectors end to end")  # fmt: skip
+        return self.builder.structure("vector", nodes)
+
+    def condition(self, expr: s.Expr, scope: Scope, of_many: Callable[[Shape], str | None] | None = None) -> Node:
+        """Return an expression that must be a single condition; `of_many` may say what to do about several of some shape."""
+        node = self.numeric(expr, scope)
+        if node.type.kind is not Kind.BOOL:
+            hint = "compare it with something, e.g. `x != 0`" if node.type.is_scalar else None
+            self.fail("E306", expr, f"a condition is needed here, not {_article(node.type)}", hint)
+        if not node.type.is_scalar:
+            hint = self.of_many(expr, scope) or (of_many and of_many(node.type.shape)) or _ALL_OR_ANY
+            self.fail("E307", expr, f"one condition is needed here, not {node.type.size} at once", hint)
+        return node
+
+    def of_many(self, expr: s.Expr, scope: Scope) -> str | None:
+        """Return what was meant by several conditions where one is needed, as far as their form tells."""
+        return None
+
+    def constant(self, expr: s.Expr, scope: Scope, what: str, instead: str | None = None) -> Const:
+        """Return an expression that must be known once parameters are; `instead` is what to write where it is not."""
+        node = self.numeric(expr, scope)
+        if not isinstance(node, Const):
+            self.fail(
+                "E312",
+                expr,
+                f"{what} must be a constant: it may use parameters and constants, not the state",
+                instead,
+            )
+        return node
+
+    def integer(self, expr: s.Expr, scope: Scope, what: str, instead: str | None = None) -> int:
+        node = self.constant(expr, scope, what, instead)
+        if not node.type.is_scalar or node.type.kind is Kind.REAL:
+            self.fail("E306", expr, f"{what} must be an int, not {_article(node.type)}")
+        return int(node.value)
+
+    @contextmanager
+    def lenient(self, on: bool = True) -> Iterator[None]:
+        """What has no value for these parameters is given up inside without a report; what a name stands for is not meant."""
+        before = self._lenient
+        self._lenient = on
+        try:
+            yield
+        finally:
+            self._lenient = before
+
+    def fail(self, code: str, expr: s.Expr | s.Slice, message: str, hint: str | None = None) -> NoReturn:
+        if self._lenient and code in _WITHOUT_VALUE:
+            raise Poisoned
+        self.collector.add(code, expr.place, message, hint, self.values_of(expr) if code in _OF_VALUES else ())
+        raise Poisoned
+
+    def values_of(self, *exprs: s.Expr | s.Slice | None) -> list[str]:
+        """Return the values of the parameters that expressions name, as a note: at others they may be right."""
+        names = (x for expr in exprs if expr is not None for x in s.names(expr))
+        named = dict.fromkeys(x.id for x in names if isinstance(x, s.Name) and x.id in self.parameters)
+        return [f"with {', '.join(f'{name} = {self.parameters[name]}' for name in named)}"] if named else []
+
+    def expand(self, expr: s.Expr, count: int = 1) -> None:
+        """Count what is written out on the author's behalf: calls of definitions, elements of comprehensions."""
+        self._expanded += count
+        most = limits().expansions
+        wanted = max(count * self._times, self._expanded)
+        if wanted > most:
+            message = f"definitions and comprehensions write out more than {most:,} expressions"
+            self.fail("E314", expr, message, how_to_raise("expansions", wanted))
+
+    @contextmanager
+    def repeated(self, count: int) -> Iterator[None]:
+        """What is checked inside is written out so many times."""
+        self._times *= count
+        try:
+            yield
+        finally:
+            self._times //= count
+
+    def poison(self) -> NoReturn:
+        """Give up on a part whose mistakes are reported."""
+        raise Poisoned
+
+
+def _article(type: Type) -> str:
+    text = str(type)
+    return f"an {text}" if text[0] in "aeiou" else f"a {text}"
+
+
+# Labels and ints: which label an int is, where a choice is given a value.
+
+
+def numbered(checker: BaseChecker, value: Value, expr: s.Expr, domain: Domain) -> Node:
+    """Return a value as positions of labels: a label of the choice, or an int, which is the label of that position or value.
+
+    What is no label's is -1, or beyond the last position.
+
+    Raises:
+        Refused: (E306) when it is neither, or when values of labels are no different ints.
+    """
+    if value.domain == domain:
+        return value.node
+    if value.domain is not None and value.domain.values is None:
+        message = f"one of the labels {listed(domain)} is needed here, not a choice between other labels"
+        pairs = ", ".join(f"{a}: {b}" for a, b in zip(value.domain.labels, domain.labels, strict=False))
+        raise Refused(message, hint=f"a table says which goes with which: `{{by: ..., rows: {{{pairs}}}}}`")
+    node = checker.number_of(value)
+    if node.type.kind is Kind.REAL:
+        message = f"one of the labels {listed(domain)} is needed here, not a real"
+        raise Refused(message, hint="`floor(x)` and `round(x)` give ints")
+    return _by_value(checker, checker.builder.cast(node, Kind.INT), domain)
+
+
+def _by_value(checker: BaseChecker, node: Node, domain: Domain) -> Node:
+    if domain.values is None or domain.value_type is None:
+        return node
+    b = checker.builder
+    values = domain.values
+    if domain.value_type != INT or len(set(values)) < len(values):
+        message = f"the labels {listed(domain)} do not stand for different ints, so a number does not identify a label"
+        raise Refused(message, hint=_table(domain))
+    if all(v == values[0] + i for i, v in enumerate(values)):  # type: ignore[operator]
+        return b.apply("sub", node, b.scalar(values[0]))
+    result: Node = b.scalar(-1)
+    for position, number in enumerate(values):
+        result = b.apply("where", b.apply("eq", node, b.scalar(number)), b.scalar(position), result)
+    return result
+
+
+def _table(domain: Domain) -> str:
+    rows = ", ".join(f"{i}: {label}" for i, label in enumerate(domain.labels[:3]))
+    more = ", ..." * (len(domain.labels) > 3)
+    return f"a table gives each number its label: `{{by: i, rows: {{{rows}{more}}}}}`"
+
+
+def listed(domain: Domain) -> str:
+    """Return the labels of a choice in words, the first few of many."""
+    return ", ".join(domain.labels[:6]) + ", ..." * (len(domain.labels) > 6)
+
+
+def check_comparable(one: Domain | None, other: Domain | None) -> None:
+    """Refuse (E306) to compare labels of two choices by where they stand in them."""
+    if one is not None and other is not None and (one.values is None or other.values is None):
+        message = f"labels of one choice ({listed(one)}) are not labels of another ({listed(other)})"
+        shared = [label for label in one.labels if label in other.labels]
+        hint = "where their positions are meant, say so with arithmetic: `x + 0 == y + 0`"
+        if shared:  # positions would be something else
+            hint = f"where labels of one name are meant, say which: `x == {shared[0]} and y == {shared[0]} or ...`"
+        raise Refused(message, hint=hint)
+
+
+# Binding times: what is known before the task runs, and what is not, even if it is constant: state, action, time, draws.
+#
+# It decides which indices count from the end (`lang.subscripts`), and where fractions end: what is known late is computed in
+# floats, even where its value is known when the task is built.
+
+
+def operands(checker: BaseChecker, exprs: Sequence[s.Expr], scope: Scope) -> list[Node]:
+    """Return the operands of an operation; among those that are known late, fractions are floats."""
+    nodes = checker.numerics(exprs, scope)
+    if not all(isinstance(n, Const) for n in nodes) or not any(map(_has_fractions, nodes)):
+        return nodes
+    if not any(varies(e, scope) for e in exprs):
+        return nodes
+    return [checker.builder.held(n) for n in nodes]
+
+
+def _has_fractions(node: Node) -> bool:
+    return isinstance(node, Const) and node.type.kind is Kind.REAL and any(type(v) is Fraction for v in node.flat)
+
+
+def named(value: Value, expr: s.Expr, scope: Scope) -> Value:
+    """Return the value of an expression as that of a name, for which a definition or an argument lets it stand."""
+    return replace(value, late=True) if isinstance(value.node, Const) and varies(expr, scope) else value
+
+
+def varies(expr: s.Expr, scope: Scope) -> bool:
+    """Return whether an expression names something that is bound at run time."""
+    if isinstance(expr, s.Name):  # most arguments are names
+        return _known_late(expr, scope.lookup(expr.written))
+    names = list(s.names(expr))
+    measured = {
+        id(n) for call in names if isinstance(call, s.Call) and call.function == "len" for n in s.names(call.args)
+    }
+    own = set(s.targets(expr))
+    relevant = (n for n in names if id(n) not in measured and not (isinstance(n, s.Name) and n.id in own))
+    return any(_known_late(n, scope.lookup(n.written if isinstance(n, s.Name) else n.function)) for n in relevant)
+
+
+def _known_late(at: s.Name | s.Call, binding: Binding | None) -> bool:
+    match binding:
+        case Value(node=node, late=late):
+            return late or not isinstance(node, Const)
+        case Lazy(resolve=resolve) if isinstance(at, s.Name):
+            return _known_late(at, resolve(at))
+        case FunctionDef(arguments=arguments, body=body, scope=scope):
+            return varies(body, scope.child({a: Unavailable("", "") for a in arguments}))
+        case _:
+            return isinstance(at, s.Call) and is_distribution(at.function)

@@ -7,8 +7,7 @@ from collections.abc import Iterable
 
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.lang.ir import Const, Draw, Node, walk
-from taskspec.lang.variates import VARIATES
-from taskspec.lang.variates.sample import words_of
+from taskspec.lang.variates import VARIATES, words_of
 from taskspec.model.model import refuse
 
 RATE = 3e8

@@ -14,7 +14,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, children, draws, rewrite, walk
 from taskspec.lang.operators import OPERATORS, entry_of
 from taskspec.lang.types import INT, Kind, Type
-from taskspec.lang.variates.counts import poisson_terms
+from taskspec.lang.variates.quantities import poisson_terms
 
 # Counts that nothing tells apart from some count on: where `min`, a comparison, or several of them, are all that they meet.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NoReturn
 
@@ -87,6 +87,11 @@ class Step:
     rounding: RoundingTerms = RoundingTerms()
     escaping: Array | None = None
 
+    @property
+    def matrices(self) -> list[Sparse]:
+        """`P`, and `P_end` where there is one."""
+        return [self.P] if self.P_end is None else [self.P, self.P_end]
+
     def same(self, other: Step) -> bool:
         """Return whether two times are alike, so that one can stand for both."""
         if (self.P_end is None) != (other.P_end is None) or not np.array_equal(self.R, other.R):
@@ -143,6 +148,12 @@ class Model:
         """Non-zeros of all matrices."""
         distinct = {id(step): step for step in self.steps}.values()
         return sum(s.P.nnz + (0 if s.P_end is None else s.P_end.nnz) for s in distinct)
+
+    def with_reward(self, R: Array, lowest: float, highest: float) -> Model:
+        """Return a model whose time does not matter with another expected reward (A*S,), and bounds of that of all outcomes."""
+        step = self.step(0)
+        rounding = RoundingTerms(step.rounding.terms, lowest, highest)
+        return replace(self, steps=(replace(step, R=R, rounding=rounding),))
 
     # -- names both ways --------------------------------------------------------------------------
 

@@ -22,8 +22,7 @@ from taskspec.lang.ir import Apply, Const, Draw, Node, Role, children, draws, re
 from taskspec.lang.operators import entry_of
 from taskspec.lang.types import Range
 from taskspec.lang.variates import VARIATES
-from taskspec.lang.variates.entry import ProbabilityArithmetic
-from taskspec.lang.variates.outcomes import FAINTEST, both, once
+from taskspec.lang.variates.entry import FAINTEST, ProbabilityArithmetic, both, once
 from taskspec.model.lump import lumped
 from taskspec.model.model import refuse
 from taskspec.model.space import MAX_CODES, Reads, Space, distinct
@@ -285,9 +284,10 @@ class Steps:
         self.states = Space(task.state, Role.STATE)
         self.actions = Space(task.action, Role.ACTION)
         decisive = draws((*task.next, task.terminal))
-        self.reward = task.reward if as_paid else expected(task.reward, task.builder, decisive)
-        self.roots = lumped((*task.raw_next, self.reward, task.terminal), task.builder)
-        self.first = lumped(task.raw_initial, task.builder)
+        b = task.new_builder()
+        self.reward = task.reward if as_paid else expected(task.reward, b, decisive)
+        self.roots = lumped((*task.raw_next, self.reward, task.terminal), b)
+        self.first = lumped(task.raw_initial, b)
 
     @cached_property
     def draws(self) -> tuple[Draw, ...]:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from taskspec import draws
+from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import BOOL, Kind
@@ -18,6 +19,7 @@ from taskspec.modifiers.core import (
     acting,
     apart,
     combinations,
+    drawing,
     fresh,
     inside,
     joint,
@@ -25,29 +27,27 @@ from taskspec.modifiers.core import (
     names_in,
     present,
     shows_the_state,
-    step_draws,
     with_state,
 )
 from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, as_well
 from taskspec.task.task import Component, Task
 
 
-def _sticky(task: Task, given: Arguments) -> Task:
-    b = task.builder
+def _sticky(b: Builder, task: Task, given: Arguments) -> Task:
     name, *names_kept = fresh(["acted", *(f"last_{c.name}" for c in task.action)], names_in(task))
     begun = b.read(Role.STATE, name, BOOL, 0, 1)
     kept = [_previous(c, last) for c, last in zip(task.action, names_kept, strict=True)]
-    with step_draws(task) as with_draws:
+    with b.written(apart=True) as drawn:
         repeated = DISTS["Bernoulli"].build(b, {"p": b.scalar(given["probability"])}, ())
     again = b.apply("and", begun, repeated)
     executed = {
-        c.name: b.apply("where", again, present(task, old), present(task, c, Role.ACTION))
+        c.name: b.apply("where", again, present(b, old), present(b, c, Role.ACTION))
         for c, old in zip(task.action, kept, strict=True)
     }
-    added = [AddedState(old, inside(task, c), executed[c.name]) for c, old in zip(task.action, kept, strict=True)]
+    added = [AddedState(old, inside(b, c), executed[c.name]) for c, old in zip(task.action, kept, strict=True)]
     flag = Component(name, BOOL, (0,), (1,), doc="whether an action was taken before")
     begins = AddedState(flag, b.scalar(False), b.scalar(True))
-    return with_draws(with_state(acting(task, executed), [*added, begins]))
+    return drawing(with_state(acting(b, task, executed), [*added, begins]), drawn)
 
 
 def _previous(c: Component, name: str) -> Component:
@@ -55,21 +55,19 @@ def _previous(c: Component, name: str) -> Component:
     return replace(c, name=name, symbol=None, doc=f"`{c.name}` as it was executed last")
 
 
-def _random(task: Task, given: Arguments) -> Task:
-    b = task.builder
+def _random(b: Builder, task: Task, given: Arguments) -> Task:
     for c in task.action:
         if not all(map(math.isfinite, (*c.low, *c.high))):
             raise Inapplicable(f"actions must be bounded, and '{c.name}' has none")
-    with step_draws(task) as with_draws:
+    with b.written(apart=True) as drawn:
         slipped = DISTS["Bernoulli"].build(b, {"p": b.scalar(given["probability"])}, ())
-        drawn = {c.name: _any(task, c) for c in task.action}
-    executed = {c.name: b.apply("where", slipped, drawn[c.name], present(task, c, Role.ACTION)) for c in task.action}
-    return with_draws(acting(task, executed))
+        values = {c.name: _any(b, c) for c in task.action}
+    executed = {c.name: b.apply("where", slipped, values[c.name], present(b, c, Role.ACTION)) for c in task.action}
+    return drawing(acting(b, task, executed), drawn)
 
 
-def _any(task: Task, c: Component) -> Node:
+def _any(b: Builder, c: Component) -> Node:
     """Return a uniformly random value of a component."""
-    b = task.builder
     if c.type.kind is Kind.BOOL:
         return DISTS["Bernoulli"].build(b, {"p": b.scalar(0.5)}, c.type.shape)
     flat = [[v if c.type.kind is Kind.REAL else int(v) for v in ends] for ends in (c.low, c.high)]
@@ -78,26 +76,25 @@ def _any(task: Task, c: Component) -> Node:
     return DISTS[name].build(b, {"low": low, "high": high}, c.type.shape)
 
 
-def _permuted(task: Task, given: Arguments) -> Task:
+def _permuted(b: Builder, task: Task, given: Arguments) -> Task:
     """Return the table has a row of actions for every state, or one row for all."""
-    b = task.builder
     count = combinations(task.action, "the actions")
     states = combinations(task.state, "the states", max(1, MOST // count)) if given["per_state"] else 1
     table = permutations(given["seed"], states, count)
-    row = joint(b, task.state, [present(task, c) for c in task.state]) if states > 1 else b.scalar(0)
+    row = joint(b, task.state, [present(b, c) for c in task.state]) if states > 1 else b.scalar(0)
     start = b.apply("mul", row, b.scalar(count))
 
     def through(codes: np.ndarray[tuple[int, ...], np.dtype[np.int64]], actions: list[Node]) -> list[Node]:
         at = b.apply("add", start, joint(b, task.action, actions))
         return apart(b, task.action, codes.reshape(-1).tolist(), at)
 
-    meant = through(table, [present(task, c, Role.ACTION) for c in task.action])
+    meant = through(table, [present(b, c, Role.ACTION) for c in task.action])
     expert = task.expert
     if isinstance(expert, tuple):
         expert = tuple(through(np.argsort(table, axis=1), list(expert)))
     by_name: Mapping[str, Node] = {c.name: n for c, n in zip(task.action, meant, strict=True)}
     plain = tuple(replace(c, domain=None) for c in task.action)  # a label would say what an action no longer does
-    return meaning(replace(task, action=plain, expert=expert), by_name)
+    return meaning(b, replace(task, action=plain, expert=expert), by_name)
 
 
 def permutations(seed: int, rows: int, count: int) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:

@@ -198,7 +198,7 @@ def _modified(task: Task, given: Modifier) -> Task:
     values = arguments(entry, given)
     _check_time_limit(task, given, entry)
     try:
-        changed = entry.change(task, values)
+        changed = entry.change(task.new_builder(), task, values)
     except Inapplicable as found:
         raise _inapplicable(task, given, found.reason, found.hint) from None
     except Refused as refused:  # a limit of vectors or of ints

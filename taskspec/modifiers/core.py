@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -68,16 +67,16 @@ def with_state(task: Task, added: Sequence[AddedState]) -> Task:
     )
 
 
-def present(task: Task, c: Component, role: Role = Role.STATE) -> Node:
+def present(b: Builder, c: Component, role: Role = Role.STATE) -> Node:
     """Return the present value of a component."""
-    return task.builder.read(role, c.name, c.type, c.least, c.most)
+    return b.read(role, c.name, c.type, c.least, c.most)
 
 
-def inside(task: Task, c: Component) -> Node:
+def inside(b: Builder, c: Component) -> Node:
     """Return a fixed value of a component: the one nearest to 0."""
-    flat = [min(max(0, a), b) for a, b in zip(c.low, c.high, strict=True)]
+    flat = [min(max(0, low), high) for low, high in zip(c.low, c.high, strict=True)]
     numbers = flat if c.type.kind is Kind.REAL else [int(v) for v in flat]
-    return task.builder.const(numbers if c.type.shape else numbers[0], c.type)
+    return b.const(numbers if c.type.shape else numbers[0], c.type)
 
 
 def noisy(b: Builder, node: Node, std: float) -> Node:
@@ -89,7 +88,7 @@ def noisy(b: Builder, node: Node, std: float) -> Node:
 # -- steps --------------------------------------------------------------------------------------------------------
 
 
-def acting(task: Task, executed: Mapping[str, Node]) -> Task:
+def acting(b: Builder, task: Task, executed: Mapping[str, Node]) -> Task:
     """Return the task in which other actions are executed than those that are chosen, by name."""
 
     def leaf(node: Node) -> Node | None:
@@ -97,39 +96,36 @@ def acting(task: Task, executed: Mapping[str, Node]) -> Task:
 
     count = len(task.state)
     roots = (*task.next, *task.raw_next, task.reward, task.terminal)
-    found = rewrite(roots, leaf, task.builder.remake)
+    found = rewrite(roots, leaf, b.remake)
     return replace(task, next=found[:count], raw_next=found[count : 2 * count], reward=found[-2], terminal=found[-1])
 
 
-def meaning(task: Task, meant: Mapping[str, Node]) -> Task:
+def meaning(b: Builder, task: Task, meant: Mapping[str, Node]) -> Task:
     """Return the task in which each action stands for another one, by name; its expert remembers those that are meant."""
-    return remembering(acting(task, meant), {(Role.ACTION, name): node for name, node in meant.items()})
+    return remembering(b, acting(b, task, meant), {(Role.ACTION, name): node for name, node in meant.items()})
 
 
-@contextmanager
-def step_draws(task: Task) -> Iterator[Callable[[Task], Task]]:
-    """What is drawn inside is drawn in steps; gives what adds these draws to a task."""
-    with task.builder.written(apart=True) as found:
-        yield lambda changed: replace(changed, step_draws=(*changed.step_draws, *found.values()))
+def drawing(task: Task, drawn: Mapping[int, Draw]) -> Task:
+    """Return the task with more draws in its steps."""
+    return replace(task, step_draws=(*task.step_draws, *drawn.values()))
 
 
-def last(task: Task) -> Node:
+def last(b: Builder, task: Task) -> Node:
     """Return whether a step is the last of an episode."""
-    b = task.builder
     if task.horizon is None:
         return task.terminal
     time = b.read(Role.TIME, "t", INT, 0, task.horizon - 1)
     return b.apply("or", task.terminal, b.apply("eq", time, b.scalar(task.horizon - 1)))
 
 
-def after_step(task: Task, node: Node) -> Node:
+def after_step(b: Builder, task: Task, node: Node) -> Node:
     """Return a function of the state as one of the state that a step leads to."""
     following = {c.name: n for c, n in zip(task.state, task.next, strict=True)}
 
     def leaf(part: Node) -> Node | None:
         return following[part.name] if isinstance(part, Read) and part.role is Role.STATE else None
 
-    return rewrite([node], leaf, task.builder.remake_late)[0]
+    return rewrite([node], leaf, b.remake_late)[0]
 
 
 def reads_time(task: Task) -> bool:
@@ -139,15 +135,16 @@ def reads_time(task: Task) -> bool:
     return (Role.TIME, "t") in reads(roots)
 
 
-def paying(task: Task, reward: Node) -> Task:
+def paying(b: Builder, task: Task, reward: Node) -> Task:
     """Return the task with another reward."""
-    return replace(task, reward=task.builder.cast(reward, Kind.REAL))
+    return replace(task, reward=b.cast(reward, Kind.REAL))
 
 
 # -- observations -------------------------------------------------------------------------------------------------
 
 
 def observing(
+    b: Builder,
     task: Task,
     components: Sequence[Component],
     nodes: Sequence[Node],
@@ -172,7 +169,7 @@ def observing(
     )
     if task.memory is not None and lost & reads((*task.memory.initial, *task.memory.next)):
         return forgetting(changed)
-    return remembering(changed, {(Role.NEXT, name): node for name, node in meant.items()})
+    return remembering(b, changed, {(Role.NEXT, name): node for name, node in meant.items()})
 
 
 def real_space(task: Task) -> SpaceKind:
@@ -189,7 +186,7 @@ def shows_the_state(task: Task) -> bool:
 # -- what an expert remembers -------------------------------------------------------------------------------------
 
 
-def remembering(task: Task, meant: Mapping[tuple[Role, str], Node]) -> Task:
+def remembering(b: Builder, task: Task, meant: Mapping[tuple[Role, str], Node]) -> Task:
     """Return the task whose expert remembers what is meant by an action or an observation; without the expert where this
     is unknown.
 
@@ -203,7 +200,7 @@ def remembering(task: Task, meant: Mapping[tuple[Role, str], Node]) -> Task:
         return meant.get((node.role, node.name)) if isinstance(node, Read) else None
 
     def read(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-        return rewrite(nodes, leaf, task.builder.remake_late)
+        return rewrite(nodes, leaf, b.remake_late)
 
     changed = replace(
         memory,

@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import Any, Literal, TypeAlias, get_args
 
 from taskspec.base.records import dataclass
+from taskspec.lang.builder import Builder
 from taskspec.task.task import Task
 
 Arguments: TypeAlias = Mapping[str, Any]
@@ -138,7 +139,8 @@ def never(task: Task, given: Arguments) -> bool:
 class ModifierEntry:
     """A modifier.
 
-    `change` gives the changed task from a task and all arguments, or raises `Inapplicable`; what it leaves as it is need not be
+    `change` gives the changed task from a builder that knows its nodes, the task and all arguments, or raises
+    `Inapplicable`; what it leaves as it is need not be
     touched. `says` is a sentence about the task before, with the numbers, in Markdown with mathematics. `keeps` holds where
     `when` says so (in words: `condition`). Where `observed` says so (in words: `observed_condition`), returns are also kept
     for those who see observations alone: every policy of what was seen and done so far has one that earns the same, and the
@@ -148,7 +150,7 @@ class ModifierEntry:
     name: str
     arguments: tuple[ModifierArgument, ...]
     doc: str
-    change: Callable[[Task, Arguments], Task]
+    change: Callable[[Builder, Task, Arguments], Task]
     says: Callable[[Task, Arguments], str]
     keeps: Kept = "nothing"
     when: Callable[[Task, Arguments], bool] = always

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 from taskspec.base.limits import Limits
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Read, Role, walk
 from taskspec.lang.types import BOOL
 from taskspec.modifiers.core import AddedState, fresh, names_in, paying, present, reads_time, with_state
@@ -15,37 +16,35 @@ from taskspec.task.reach import reach, saturated
 from taskspec.task.task import Component, Task
 
 
-def _absorbing(task: Task, given: Arguments) -> Task:
+def _absorbing(b: Builder, task: Task, given: Arguments) -> Task:
     """Terminal states are kept until the horizon, and pay the absorbing reward."""
     if task.ending == "absorb":
         return task
-    b = task.builder
     (name,) = fresh(["absorbed"], names_in(task))
     over = b.read(Role.STATE, name, BOOL, 0, 1)
 
     def held(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-        reads = (present(task, c) for c in task.state)
+        reads = (present(b, c) for c in task.state)
         return tuple(b.apply("where", over, read, node) for read, node in zip(reads, nodes, strict=True))
 
     flag = Component(name, BOOL, (0,), (1,), doc="whether the episode has ended")
     changed = replace(task, next=held(task.next), raw_next=held(task.raw_next), terminal=b.scalar(False))
-    changed = paying(changed, b.apply("where", over, task.absorbing_reward, task.reward))
+    changed = paying(b, changed, b.apply("where", over, task.absorbing_reward, task.reward))
     ended = with_state(changed, [AddedState(flag, b.scalar(False), b.apply("or", over, task.terminal))])
     return replace(ended, observation=task.observation)  # an absorbed state is observed as what it is
 
 
-def _horizon(task: Task, given: Arguments) -> Task:
+def _horizon(b: Builder, task: Task, given: Arguments) -> Task:
     steps = given["steps"]
     longer = task.horizon is not None and steps > task.horizon
     if reads_time(task) and (longer or task.modifiers or task.horizon is None):
         hint = "give the horizon before other modifiers" if task.modifiers else "a parameter of the task may decide it"
         raise Inapplicable("it depends on the time, and so on its horizon", hint)
-    return _longer(task, steps) if longer else replace(task, horizon=steps)
+    return _longer(b, task, steps) if longer else replace(task, horizon=steps)
 
 
-def _longer(task: Task, steps: int) -> Task:
+def _longer(b: Builder, task: Task, steps: int) -> Task:
     """Ints without ends may get further than before, and what is observed of them too."""
-    b = task.builder
     following = tuple(saturated(b, task.state, task.initial, task.next, steps))
     reached = reach(task.state, task.initial, following, steps)
     seen = Observed(b, task.state, reached)
@@ -85,7 +84,7 @@ TABLE = (
     ModifierEntry(
         "discount", (ModifierArgument("factor", "real", "the discount", low=0, high=1, sample=lambda task: 0.9),),
         "Later rewards are worth less in returns.",
-        lambda task, given: replace(task, discount=float(given["factor"])),
+        lambda b, task, given: replace(task, discount=float(given["factor"])),
         lambda task, given: rf"the discount is $\gamma = {given['factor']:g}$, in place of ${task.discount:g}$",
         abstraction=as_well,
     ),

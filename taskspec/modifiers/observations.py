@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from taskspec.base.diagnostics import suggest
+from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Role
 from taskspec.lang.types import INT, Kind, Type
@@ -18,8 +19,7 @@ from taskspec.modifiers.entry import STD, Arguments, Inapplicable, ModifierArgum
 from taskspec.task.task import FINITE_SPACES, Component, Observation, Task
 
 
-def _relabelled(task: Task, given: Arguments) -> Task:
-    b = task.builder
+def _relabelled(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
     count = combinations(seen.components, "what is observed")
     labels = permutations(given["seed"], 1, count)[0]
@@ -29,11 +29,10 @@ def _relabelled(task: Task, given: Arguments) -> Task:
     shown = b.read(Role.NEXT, name, INT, 0, count - 1)
     behind = apart(b, seen.components, np.argsort(labels).tolist(), shown)
     meant = {each.name: node for each, node in zip(seen.components, behind, strict=True)}
-    return observing(task, [c], [label], "discrete", {}, meant)
+    return observing(b, task, [c], [label], "discrete", {}, meant)
 
 
-def _distractors(task: Task, given: Arguments) -> Task:
-    b = task.builder
+def _distractors(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
     shape = (given["count"],)
     arguments = {"normal": {"mean": 0, "std": 1}, "uniform": {"low": -1, "high": 1}}[given["kind"]]
@@ -46,11 +45,10 @@ def _distractors(task: Task, given: Arguments) -> Task:
         name, Type(Kind.REAL, shape), (low,) * shape[0], (high,) * shape[0],
         doc="numbers that mean nothing",
     )  # fmt: skip
-    return observing(task, [*seen.components, c], [*seen.nodes, b.cast(node, Kind.REAL)], real_space(task), drawn)
+    return observing(b, task, [*seen.components, c], [*seen.nodes, b.cast(node, Kind.REAL)], real_space(task), drawn)
 
 
-def _noise(task: Task, given: Arguments) -> Task:
-    b = task.builder
+def _noise(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
     with b.written(apart=True) as drawn:
         nodes = [noisy(b, node, given["std"]) for node in seen.nodes]
@@ -59,11 +57,10 @@ def _noise(task: Task, given: Arguments) -> Task:
                 high=(math.inf,) * c.type.size)
         for c in seen.components
     ]  # fmt: skip
-    return observing(task, components, nodes, real_space(task), drawn)
+    return observing(b, task, components, nodes, real_space(task), drawn)
 
 
-def _dropout(task: Task, given: Arguments) -> Task:
-    b = task.builder
+def _dropout(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
     with b.written(apart=True) as drawn:
         p = b.scalar(given["probability"])
@@ -75,10 +72,10 @@ def _dropout(task: Task, given: Arguments) -> Task:
     components = [
         replace(c, low=tuple(min(v, 0) for v in c.low), high=tuple(max(v, 0) for v in c.high)) for c in seen.components
     ]
-    return observing(task, components, nodes, seen.space, drawn)
+    return observing(b, task, components, nodes, seen.space, drawn)
 
 
-def _hidden(task: Task, given: Arguments) -> Task:
+def _hidden(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
     name = given["name"]
     names = [c.name for c in seen.components]
@@ -89,17 +86,17 @@ def _hidden(task: Task, given: Arguments) -> Task:
     if len(names) == 1:
         raise Inapplicable(f"'{name}' is the only observed component")
     kept = [(c, n) for c, n in zip(seen.components, seen.nodes, strict=True) if c.name != name]
-    return observing(task, [c for c, _ in kept], [n for _, n in kept], seen.space, {})
+    return observing(b, task, [c for c, _ in kept], [n for _, n in kept], seen.space, {})
 
 
-def _timed(task: Task, given: Arguments) -> Task:
+def _timed(b: Builder, task: Task, given: Arguments) -> Task:
     if task.observe_time:
         return task
     seen = task.observation
     if task.horizon is None and seen.space in FINITE_SPACES:
         raise Inapplicable(f"without a horizon the time does not fit into a `{seen.space}` observation")
     high = float(task.horizon) if task.horizon is not None else math.inf
-    time = task.builder.read(Role.TIME, "t", INT, 0, high)
+    time = b.read(Role.TIME, "t", INT, 0, high)
     (name,) = fresh(["t"], names_in(task))
     clock = Component(name, INT, (0,), (high,), doc="steps taken")
     space = "multi_discrete" if seen.space == "discrete" else seen.space

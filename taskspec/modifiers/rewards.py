@@ -20,13 +20,13 @@ from taskspec.lang.types import INT, REAL, Kind, Refused, Type
 from taskspec.modifiers.core import (
     AddedState,
     after_step,
+    drawing,
     fresh,
     last,
     looked_up,
     names_in,
     noisy,
     paying,
-    step_draws,
     with_state,
 )
 from taskspec.modifiers.entry import STD, Arguments, ModifierArgument, ModifierEntry, always, as_well
@@ -37,7 +37,7 @@ SCOPE = "absorbing"
 """The section whose expressions see states, and no actions."""
 
 
-def potential(task: Task, written: str) -> Node:
+def potential(b: Builder, task: Task, written: str) -> Node:
     """Return what an expression of the task language says of a state.
 
     Raises:
@@ -47,7 +47,7 @@ def potential(task: Task, written: str) -> Node:
     origin = Origin("potential", written)
     expr = parse(s.SourceText(written, lambda start, end: Span(origin, 1, start + 1, 1, end + 1)))
     try:
-        node = Checker(task.builder, collector).numeric(expr, _scope(task))
+        node = Checker(b, collector).numeric(expr, _scope(task))
     except Refused as refused:
         raise SpecError([Diagnostic(refused.code, expr.place.span, refused.message, refused.hint)]) from None
     finally:
@@ -60,7 +60,7 @@ def potential(task: Task, written: str) -> Node:
         raise SpecError(
             [Diagnostic("E302", expr.place.span, "a potential depends on the state alone, not on the time")]
         )
-    return task.builder.cast(node, Kind.REAL)
+    return b.cast(node, Kind.REAL)
 
 
 def _scope(task: Task) -> Scope:
@@ -91,10 +91,9 @@ class FewRewards:
     number: Node
 
 
-def few_rewards(task: Task) -> FewRewards | None:
+def few_rewards(b: Builder, task: Task) -> FewRewards | None:
     """Return the rewards where they are known to be few, else None."""
-    b = task.builder
-    found = floats(task.builder, task.reward)
+    found = floats(b, task.reward)
     if found is None:
         return None
     values = sorted({0.0, *found})
@@ -116,9 +115,8 @@ def _between(low: float, high: float) -> float:
 # -- after some steps ---------------------------------------------------------------------------------------------
 
 
-def _delayed(task: Task, given: Arguments) -> Task:
-    b = task.builder
-    few = few_rewards(task)
+def _delayed(b: Builder, task: Task, given: Arguments) -> Task:
+    few = few_rewards(b, task)
     steps = given["steps"]
     (name,) = fresh(["outstanding"], names_in(task))
     if few is None:
@@ -137,8 +135,8 @@ def _delayed(task: Task, given: Arguments) -> Task:
         nothing = b.const([few.values.index(0.0)] * steps, c.type)
     added = AddedState(c, nothing, _moved_up(b, queue, entry))
     everything = b.apply("add", b.apply("sum", amounts), task.reward)
-    paid = b.apply("where", last(task), everything, b.structure("element", [amounts], (0,)))
-    return with_state(paying(task, paid), [added])
+    paid = b.apply("where", last(b, task), everything, b.structure("element", [amounts], (0,)))
+    return with_state(paying(b, task, paid), [added])
 
 
 _QUEUE = "rewards not paid yet, the oldest first"
@@ -154,11 +152,10 @@ def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
 # -- at the end ---------------------------------------------------------------------------------------------------
 
 
-def _at_end(task: Task, given: Arguments) -> Task:
-    b = task.builder
-    few = few_rewards(task)
+def _at_end(b: Builder, task: Task, given: Arguments) -> Task:
+    few = few_rewards(b, task)
     (name,) = fresh(["earned"], names_in(task))
-    counted = None if few is None else _in_units(task, few, name)
+    counted = None if few is None else _in_units(b, task, few, name)
     if counted is None:
         c = Component(name, REAL, (-math.inf,), (math.inf,), doc="the sum of the rewards so far")
         total = b.apply("add", b.read(Role.STATE, name, REAL), task.reward)
@@ -166,12 +163,11 @@ def _at_end(task: Task, given: Arguments) -> Task:
         paid = total
     else:
         added, paid = counted
-    return with_state(paying(task, b.apply("where", last(task), paid, b.scalar(0.0))), [added])
+    return with_state(paying(b, task, b.apply("where", last(b, task), paid, b.scalar(0.0))), [added])
 
 
-def _in_units(task: Task, few: FewRewards, name: str) -> tuple[AddedState, Node] | None:
+def _in_units(b: Builder, task: Task, few: FewRewards, name: str) -> tuple[AddedState, Node] | None:
     """Return the sum as a multiple of what all rewards are multiples of; None where that may be too many."""
-    b = task.builder
     exact = [Fraction(repr(v)) for v in few.values]
     unit = reduce(_common, exact) or Fraction(1)
     if task.horizon is None:
@@ -220,25 +216,23 @@ def _times(steps: int) -> str:
 # Modifiers of rewards: scaled, shifted, noisy, shaped.
 
 
-def _changed(task: Task, op: str, given: float) -> Task:
+def _changed(b: Builder, task: Task, op: str, given: float) -> Task:
     """Return an operation on the reward and on what absorbing states pay."""
-    b = task.builder
     reward, absorbing = (b.apply(op, b.scalar(float(given)), n) for n in (task.reward, task.absorbing_reward))
-    return paying(replace(task, absorbing_reward=absorbing), reward)
+    return paying(b, replace(task, absorbing_reward=absorbing), reward)
 
 
-def _noise(task: Task, given: Arguments) -> Task:
-    with step_draws(task) as with_draws:
-        reward = noisy(task.builder, task.reward, given["std"])
-    return with_draws(paying(task, reward))
+def _noise(b: Builder, task: Task, given: Arguments) -> Task:
+    with b.written(apart=True) as drawn:
+        reward = noisy(b, task.reward, given["std"])
+    return drawing(paying(b, task, reward), drawn)
 
 
-def _shaped(task: Task, given: Arguments) -> Task:
-    b = task.builder
-    here = potential(task, given["of"])
-    there = b.apply("where", last(task), b.scalar(0.0), after_step(task, here))
+def _shaped(b: Builder, task: Task, given: Arguments) -> Task:
+    here = potential(b, task, given["of"])
+    there = b.apply("where", last(b, task), b.scalar(0.0), after_step(b, task, here))
     gained = b.apply("sub", b.apply("mul", b.scalar(float(task.discount)), there), here)
-    return paying(task, b.apply("add", task.reward, gained))
+    return paying(b, task, b.apply("add", task.reward, gained))
 
 
 def _some_state(task: Task) -> str:
@@ -261,7 +255,7 @@ TABLE = (
     ModifierEntry(
         "reward_scale", (ModifierArgument("factor", "real", "what rewards are multiplied by", sample=lambda task: 2),),
         "Rewards are multiplied by a number.",
-        lambda task, given: _changed(task, "mul", given["factor"]),
+        lambda b, task, given: _changed(b, task, "mul", given["factor"]),
         lambda task, given: f"every reward is multiplied by ${given['factor']:g}$",
         keeps="best policies", when=lambda task, given: given["factor"] > 0, condition="the factor is above 0",
         abstraction=as_well,
@@ -269,7 +263,7 @@ TABLE = (
     ModifierEntry(
         "reward_shift", (ModifierArgument("by", "real", "what is added", sample=lambda task: -0.5),),
         "A number is added to the reward of every step.",
-        lambda task, given: _changed(task, "add", given["by"]),
+        lambda b, task, given: _changed(b, task, "add", given["by"]),
         lambda task, given: f"${given['by']:g}$ is added to the reward of every step",
         keeps="best policies", when=lambda task, given: lasts(task), condition="all episodes are equally long",
         abstraction=as_well,

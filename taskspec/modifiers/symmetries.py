@@ -111,11 +111,11 @@ def floats(b: Builder, root: Node) -> list[float] | None:
 # The modifier of symmetries: a twin of a task, which is seen and steered in another way that its spec declares.
 
 
-def _twin(task: Task, given: Arguments) -> Task:
+def _twin(b: Builder, task: Task, given: Arguments) -> Task:
     symmetry = _declared(task, given["name"])
     if symmetry.observation:
-        task = _seen(task, symmetry)
-    return _steered(task, symmetry) if symmetry.action else task
+        task = _seen(b, task, symmetry)
+    return _steered(b, task, symmetry) if symmetry.action else task
 
 
 def _declared(task: Task, name: str) -> Symmetry:
@@ -130,7 +130,7 @@ def _declared(task: Task, name: str) -> Symmetry:
 # -- what is seen -------------------------------------------------------------------------------------------------
 
 
-def _seen(task: Task, symmetry: Symmetry) -> Task:
+def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
     """Return the task of which something else is seen; what other modifiers add to the observation stays."""
     now = {c.name: (c, node) for c, node in zip(task.observation.components, task.observation.nodes, strict=True)}
     for c in symmetry.seen:
@@ -148,12 +148,12 @@ def _seen(task: Task, symmetry: Symmetry) -> Task:
     def leaf(node: Node) -> Node | None:
         return shown[node.name] if isinstance(node, Read) and node.role is Role.NEXT else None
 
-    nodes = rewrite(symmetry.observation, leaf, task.builder.remake_late)
+    nodes = rewrite(symmetry.observation, leaf, b.remake_late)
     taken = (names_in(task) - set(now)) | {c.name for c in components}
     other_names = fresh(list(now), taken)
     others = [(replace(c, name=name), node) for name, (c, node) in zip(other_names, now.values(), strict=True)]
     return observing(
-        task, [*components, *(c for c, _ in others)], [*nodes, *(n for _, n in others)], task.observation.space, {}
+        b, task, [*components, *(c for c, _ in others)], [*nodes, *(n for _, n in others)], task.observation.space, {}
     )
 
 
@@ -185,7 +185,7 @@ def _check_space(task: Task, components: Sequence[Component]) -> None:
 # -- what is done -------------------------------------------------------------------------------------------------
 
 
-def _steered(task: Task, symmetry: Symmetry) -> Task:
+def _steered(b: Builder, task: Task, symmetry: Symmetry) -> Task:
     """Return the task in which an action does what that one did which it stands for."""
     found = parts(Role.ACTION, task.action, symmetry.action, is_tied=True)
     executed: dict[str, Node] = {}
@@ -199,13 +199,13 @@ def _steered(task: Task, symmetry: Symmetry) -> Task:
             )
         if part.clash() is not None or outside(part) is not None:
             raise Inapplicable("it is not one-to-one in the actions", "`taskspec check` shows where")
-        executed |= zip((c.name for c in part.inputs), _undone(task, part), strict=True)
+        executed |= zip((c.name for c in part.inputs), _undone(b, part), strict=True)
     expert = task.expert
     if isinstance(expert, tuple):
-        expert = _put(task.builder, symmetry.action, dict(zip((c.name for c in task.action), expert, strict=True)))
-    every = {c.name: executed.get(c.name) or present(task, c, Role.ACTION) for c in task.action}
+        expert = _put(b, symmetry.action, dict(zip((c.name for c in task.action), expert, strict=True)))
+    every = {c.name: executed.get(c.name) or present(b, c, Role.ACTION) for c in task.action}
     plain = tuple(replace(c, domain=None) if c.name in executed else c for c in task.action)
-    return meaning(replace(task, action=plain, expert=expert), every)
+    return meaning(b, replace(task, action=plain, expert=expert), every)
 
 
 def _put(b: Builder, nodes: Sequence[Node], actions: dict[str, Node]) -> tuple[Node, ...]:
@@ -217,10 +217,9 @@ def _put(b: Builder, nodes: Sequence[Node], actions: dict[str, Node]) -> tuple[N
     return rewrite(nodes, leaf, b.remake_late)
 
 
-def _undone(task: Task, part: MapPart) -> list[Node]:
+def _undone(b: Builder, part: MapPart) -> list[Node]:
     """Return the action that a part of an action stands for, by component."""
-    b = task.builder
-    given = [present(task, c, Role.ACTION) for c in part.inputs]
+    given = [present(b, c, Role.ACTION) for c in part.inputs]
     if part.moves is not None:
         return _moved_back(b, part.inputs, given, part.moves)
     combinations(part.inputs, "the actions of a symmetry", MOST)

@@ -1,14 +1,14 @@
-"""What notices that a spec was changed, for all mutants of a spec in several processes."""
+"""What notices that a spec was changed: the compiler, the checks, its examples, its claims, or nothing at all."""
 
 from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,8 +22,6 @@ from taskspec.source import Document, read_file
 from taskspec.task.build import build
 from taskspec.task.merge import merge, variant_names
 from taskspec.task.task import Task
-
-# What notices that a spec was changed: the compiler, the checks, its examples, its claims, or nothing at all.
 
 Class = Literal["error", "example", "claim", "warning", "equivalent", "range", "order", "silent", "slow"]
 CLASSES: Mapping[Class, str] = {
@@ -39,6 +37,8 @@ CLASSES: Mapping[Class, str] = {
 }
 SECONDS = 60
 """After which a change is `slow`, where the system has timers."""
+PART = 8
+"""Mutants that a process is handed at once."""
 
 
 def has_timers() -> bool:
@@ -89,33 +89,31 @@ def _judged(original: Original, mutant: Mutant) -> Judgement:
         pairs = list(_changed(original, document))
     except SpecError as error:
         return Judgement.by("error", error.diagnostics[0])
-    if _decides_values_alone(mutant):
-        wrong = next((d for _, task in pairs for d in _ranges(task)), None)
-        return Judgement("range") if wrong is None else Judgement.by("error", wrong)
-    if wrong := next((d for _, task in pairs for _, d in wrong_examples(task)), None):
-        return Judgement.by("example", wrong)  # which costs least
-    pairs = [pair for pair in pairs if not everywhere(same_task, *pair)]
+    if mutant.section == "parameters" and mutant.path[-1] in ("low", "high"):  # it decides the range of values alone
+        for _, task in pairs:
+            for diagnostic in check_ranges(task).diagnostics:
+                return Judgement.by("error", diagnostic)
+        return Judgement("range")
+    for _, task in pairs:
+        for _, diagnostic in wrong_examples(task):
+            return Judgement.by("example", diagnostic)  # which costs least
+    pairs = [pair for pair in pairs if not _are_same_everywhere(*pair)]
     if not pairs:
         return Judgement("equivalent")
-    for look in (_check, _ranges):
-        if found := sorted(((_class(d), d) for _, task in pairs for d in look(task)), key=lambda x: _ORDER.index(x[0])):
-            return Judgement.by(*found[0])
+    found: list[Diagnostic] = []
+    for _, task in pairs:
+        found += check(task, ranges=False).diagnostics
+    if not found:
+        for _, task in pairs:
+            found += check_ranges(task).diagnostics
+    by_class = {_class_of(diagnostic): diagnostic for diagnostic in reversed(found)}
+    for kind in ("error", "claim", "warning"):
+        if kind in by_class:
+            return Judgement.by(kind, by_class[kind])
     return Judgement("order" if mutant.renumbers else "silent")
 
 
-def _check(task: Task) -> tuple[Diagnostic, ...]:
-    return check(task, ranges=False).diagnostics
-
-
-def _ranges(task: Task) -> tuple[Diagnostic, ...]:
-    return check_ranges(task).diagnostics if task.parameters else ()
-
-
-_ORDER: tuple[Class, ...] = ("error", "claim", "warning")
-
-
-def _class(diagnostic: Diagnostic) -> Class:
-    """Return what a diagnostic counts as."""
+def _class_of(diagnostic: Diagnostic) -> Class:
     if diagnostic.severity == "warning":
         return "warning"
     return "claim" if diagnostic.code.startswith("E6") else "error"
@@ -128,21 +126,16 @@ def _changed(original: Original, document: Document) -> Iterator[tuple[Task, Tas
             yield before, build(document, variant)
 
 
-def _decides_values_alone(mutant: Mutant) -> bool:
-    """Return whether only the range of a parameter was changed."""
-    return mutant.section == "parameters" and mutant.path[-1] in ("low", "high")
-
-
-def everywhere(same: Callable[[Task, Task], bool], one: Task, other: Task) -> bool:
+def _are_same_everywhere(one: Task, other: Task) -> bool:
     """Return whether two tasks are the same for their parameters as they are, and for all others that are tried."""
-    if not same(one, other):
+    if not same_task(one, other):
         return False
     for values in cases(one):
         try:
             pair = [build(task.document, task.variant, values, task.suite) for task in (one, other)]
         except SpecError:
             return False
-        if not same(*pair):
+        if not same_task(*pair):
             return False
     return True
 
@@ -166,12 +159,6 @@ def _within(seconds: int) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-# All mutants of a spec, judged in several processes.
-
-PART = 8
-"""Mutants that a process is handed at once."""
-
-
 def judgements(
     path: Path, jobs: int = 1, tick: Callable[[], None] = lambda: None
 ) -> Iterator[tuple[Mutant, Judgement]]:
@@ -185,21 +172,16 @@ def judgements(
         SpecError: when the spec itself cannot be built.
     """
     made = _prepared(path)[1]
-    with _mapping(jobs) as mapped:
-        for mutant, judgement in zip(made, mapped([path] * len(made), range(len(made))), strict=True):
+    with ExitStack() as stack:
+        mapped: Any = map
+        if jobs > 1:
+            context = multiprocessing.get_context("spawn")  # what is forked from threads may wait for ever
+            pool = stack.enter_context(ProcessPoolExecutor(jobs, context))
+            mapped = partial(pool.map, chunksize=PART)
+        numbers = range(len(made))
+        for mutant, judgement in zip(made, mapped(_judge_number, [path] * len(made), numbers), strict=True):
             tick()
             yield mutant, judgement
-
-
-@contextmanager
-def _mapping(jobs: int) -> Iterator[Callable[[list[Path], range], Iterable[Judgement]]]:
-    """A way to judge many mutants, here or in other processes."""
-    if jobs == 1:
-        yield lambda paths, numbers: map(_judge_number, paths, numbers)
-        return
-    context = multiprocessing.get_context("spawn")  # what is forked from threads may wait for ever
-    with ProcessPoolExecutor(jobs, context) as pool:
-        yield lambda paths, numbers: pool.map(_judge_number, paths, numbers, chunksize=PART)
 
 
 def _judge_number(path: Path, number: int) -> Judgement:

@@ -6,15 +6,16 @@ is held against.
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
 from taskspec.base.diagnostics import Span
-from taskspec.mutation.expressions import Change, Replacements, changes, off_by_one
+from taskspec.mutation.text_changes import Replacements, changes, off_by_one
 from taskspec.source import Document, Path, read_text
 from taskspec.task.merge import FIELDED
 
@@ -59,11 +60,6 @@ class Mutant:
 
 def mutants(document: Document) -> Iterator[Mutant]:
     """Yield every change of a spec, in the order of the file's sections; what it extends stays as it is."""
-    for each in _mutants(document):
-        yield replace(each, others=document.others)
-
-
-def _mutants(document: Document) -> Iterator[Mutant]:
     walk = _Walk(document)
     yield from walk.spec(document.data, ())
     for key, variant in (document.data.get("variants") or {}).items():
@@ -81,25 +77,30 @@ class _Walk:
         self.alike = _alike(document.data)
         self.states = frozenset(name for data in _specs(document.data) for name in data.get("state") or {})
 
-    # -- making mutants -------------------------------------------------------------------------------------------
+    def mutant(self, path: Path, place: Span, before: str, after: str, data: Any) -> Mutant:
+        return Mutant(path, place, before, after, data, self.document.others)
 
-    def changed(self, path: Path, value: Any, before: str, after: str, place: Span | None = None) -> Mutant:
-        span = self.document.span(path) if place is None else place
-        return Mutant(path, span, before, after, _replaced(self.document.data, path, value))
+    def changed(self, path: Path, value: Any, before: str, after: str) -> Mutant:
+        data = _replaced(self.document.data, path, value)
+        return self.mutant(path, self.document.span(path), before, after, data)
 
     def without(self, path: Path) -> Mutant:
-        place = self.document.key_span(path)
-        return Mutant(path, place, f"{path[-1]}", "(left out)", _replaced(self.document.data, path, MISSING))
+        data = _replaced(self.document.data, path, MISSING)
+        return self.mutant(path, self.document.key_span(path), str(path[-1]), "(left out)", data)
 
     def exchanged(self, path: Path, one: Any, other: Any) -> Iterator[Mutant]:
         """Yield the values under two keys of a mapping, or two items of a list, exchanged."""
-        here = _at(self.document.data, path)
-        if here[one] != here[other]:
-            data = _replaced(_replaced(self.document.data, (*path, one), here[other]), (*path, other), here[one])
-            words = " and ".join(_named(here, key) for key in (one, other))
-            yield Mutant((*path, one), self.document.key_span((*path, one)), words, EXCHANGED, data)
-
-    # -- sections -------------------------------------------------------------------------------------------------
+        here: Any = self.document.data
+        for step in path:
+            here = here[step]
+        if here[one] == here[other]:
+            return
+        data = _replaced(_replaced(self.document.data, (*path, one), here[other]), (*path, other), here[one])
+        names = [one, other]
+        if isinstance(here, list):  # an item is named by itself where it is short
+            names = [here[i] if isinstance(here[i], str | int | float) else f"item {i}" for i in names]
+        words = " and ".join(map(str, names))
+        yield self.mutant((*path, one), self.document.key_span((*path, one)), words, EXCHANGED, data)
 
     def spec(self, data: Mapping[str, Any], path: Path) -> Iterator[Mutant]:
         """Yield all sections of a spec, of a variant, or of an abstraction."""
@@ -113,8 +114,10 @@ class _Walk:
                 yield from self._entries(value, here)
             elif section in SINGLE or section in EXPRESSIONS:
                 yield from self.expression(value, here)
-            elif section in ("abstraction", "map"):
-                yield from self.spec(value, here) if section == "abstraction" else self._entries(value, here)
+            elif section == "abstraction":
+                yield from self.spec(value, here)
+            elif section == "map":
+                yield from self._entries(value, here)
             if section in OPTIONAL and len(path) != 2:
                 yield self.without(here)
 
@@ -161,8 +164,6 @@ class _Walk:
         for one, other in pairwise(keys):
             yield from self.exchanged(path, one, other)
 
-    # -- expressions ----------------------------------------------------------------------------------------------
-
     def expression(self, value: Any, path: Path) -> Iterator[Mutant]:
         """Changes of an expression in any of its forms."""
         match value:
@@ -171,7 +172,14 @@ class _Walk:
             case int() | float():
                 yield from self._number(value, path)
             case str():
-                yield from self._text(value, path)
+                in_step = any(step in PRIMES for step in path)
+                names = Replacements(self.alike, self.states if in_step else frozenset())
+                for change in changes(value, names):
+                    end = max(change.end, min(change.start + 1, len(value)))
+                    place = self.document.span(path, change.start, end)
+                    data = _replaced(self.document.data, path, change.apply(value))
+                    before = value[change.start : change.end]
+                    yield self.mutant(path, place, before, change.new or "(left out)", data)
             case list():
                 yield from self._items(value, path)
             case dict() if "rows" in value:
@@ -187,37 +195,27 @@ class _Walk:
 
     def _number(self, value: int | float, path: Path) -> Iterator[Mutant]:
         text = self.document.text(path)
-        for new in off_by_one(text.lstrip("+-")) if math.isfinite(value) and text.lstrip("+-")[0].isdigit() else ():
-            sign = "-" if text.startswith("-") else ""
-            number = type(value)(float(sign + new))
-            yield self.changed(path, number, text, sign + new)
+        digits = text.lstrip("+-")
+        sign = "-" * text.startswith("-")
+        if math.isfinite(value) and digits[0].isdigit():
+            for new in off_by_one(digits):
+                yield self.changed(path, type(value)(float(sign + new)), text, sign + new)
         if value:
             yield self.changed(path, -value, text, f"{-value:g}")
-
-    def _text(self, text: str, path: Path) -> Iterator[Mutant]:
-        in_step = any(step in PRIMES for step in path)
-        names = Replacements(self.alike, self.states if in_step else frozenset())
-        for change in changes(text, names):
-            yield self._edited(text, change, path)
-
-    def _edited(self, text: str, change: Change, path: Path) -> Mutant:
-        end = max(change.end, min(change.start + 1, len(text)))
-        place = self.document.span(path, change.start, end)
-        before = text[change.start : change.end]
-        return self.changed(path, change.apply(text), before, change.new or "(left out)", place)
 
     def _items(self, items: list[Any], path: Path) -> Iterator[Mutant]:
         """Of a vector, of the columns of a table, or of cases; cases are left out and change places too."""
         is_cases = any(isinstance(item, dict) and item.keys() & {"then", "else"} for item in items)
         for i, item in enumerate(items):
-            keys = [k for k in item if k in ("if", "then", "else")] if isinstance(item, dict) and is_cases else [None]
-            for key in keys:
-                inner = item if key is None else item[key]
-                yield from self.expression(inner, (*path, i) if key is None else (*path, i, key))
-            if is_cases and "else" not in item:
+            if not is_cases or not isinstance(item, dict):
+                yield from self.expression(item, (*path, i))
+                continue
+            for key in item:
+                if key in ("if", "then", "else"):
+                    yield from self.expression(item[key], (*path, i, key))
+            if "else" not in item:
                 yield self.without((*path, i))
-        last = len(items) - 1 if is_cases else len(items)
-        for i in range(last - 1):
+        for i in range(len(items) - 1 - is_cases):
             yield from self.exchanged(path, i, i + 1)
 
     def _keyed(self, rows: Mapping[str, Any], path: Path) -> Iterator[Mutant]:
@@ -228,23 +226,16 @@ class _Walk:
             else:
                 yield from self.expression(cell, (*path, key))
             yield self.without((*path, key))
-            if key != "else":
-                yield from self._renamed(rows, key, path)
-        keys = list(rows)
-        for one, other in pairwise(keys):
+            if key == "else":
+                continue
+            for change in changes(key, Replacements(self.alike, frozenset())):
+                other = change.apply(key)
+                if other not in rows:
+                    renamed = {other if k == key else k: v for k, v in rows.items()}
+                    data = _replaced(self.document.data, path, renamed)
+                    yield self.mutant((*path, key), self.document.key_span((*path, key)), key, other, data)
+        for one, other in pairwise(rows):
             yield from self.exchanged(path, one, other)
-
-    def _renamed(self, rows: Mapping[str, Any], key: str, path: Path) -> Iterator[Mutant]:
-        """Yield a row under another key."""
-        others = [c.apply(key) for c in changes(key, Replacements(self.alike, frozenset()))]
-        for other in dict.fromkeys(others):
-            if other not in rows:
-                renamed = {other if k == key else k: v for k, v in rows.items()}
-                place = self.document.key_span((*path, key))
-                yield Mutant((*path, key), place, key, other, _replaced(self.document.data, path, renamed))
-
-
-# -- names --------------------------------------------------------------------------------------------------------
 
 
 def _specs(data: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -260,10 +251,13 @@ def _alike(data: Mapping[str, Any]) -> dict[str, list[str]]:
     for spec in _specs(data):
         for section in FIELDED:
             for name, entry in (spec.get(section) or {}).items():
-                if isinstance(entry, dict) and "type" in entry:
-                    groups.setdefault(_type(entry), {})[name] = None
-                if isinstance(entry, dict) and entry.get("values"):
-                    groups.setdefault(f"labels {name}", {}).update(dict.fromkeys(map(str, entry["values"])))
+                if not isinstance(entry, dict):
+                    continue
+                labels = list(map(str, entry.get("values") or ()))
+                groups.setdefault(f"labels {name}", {}).update(dict.fromkeys(labels))
+                if "type" in entry:
+                    kind = f"{entry['type']} {entry.get('shape') or []} {labels}"
+                    groups.setdefault(kind, {})[name] = None
     alike: dict[str, list[str]] = {}
     for group in groups.values():
         for name in group:
@@ -272,36 +266,18 @@ def _alike(data: Mapping[str, Any]) -> dict[str, list[str]]:
     return alike
 
 
-def _type(entry: Mapping[str, Any]) -> str:
-    return f"{entry['type']} {json.dumps(entry.get('shape') or [], default=str)} {list(entry.get('values') or ())}"
-
-
-def _named(parent: Any, key: str | int) -> str:
-    """Return a key, or an item of a list: the item itself where it is short."""
-    item = parent[key]
-    return str(key) if isinstance(key, str) else str(item) if isinstance(item, str | int | float) else f"item {key}"
-
-
-# -- data ---------------------------------------------------------------------------------------------------------
-
-
-def _at(data: Any, path: Path) -> Any:
-    for step in path:
-        data = data[step]
-    return data
-
-
 def _replaced(data: Any, path: Path, value: Any) -> Any:
     """Return the same data with another value at a path, or without it."""
-    if not path:
-        return value
-    step = path[0]
-    rest = path[1:]
-    inner = MISSING if value is MISSING and not rest else _replaced(data[step], rest, value)
-    if isinstance(data, list):
-        changed = [inner if i == step else item for i, item in enumerate(data)]
-        return [item for item in changed if item is not MISSING]
-    return {k: inner if k == step else v for k, v in data.items() if not (k == step and inner is MISSING)}
+    changed = copy.copy(data)
+    inner = changed
+    for step in path[:-1]:
+        inner[step] = copy.copy(inner[step])
+        inner = inner[step]
+    if value is MISSING:
+        del inner[path[-1]]
+    else:
+        inner[path[-1]] = value
+    return changed
 
 
 def written(data: Any) -> str:
@@ -312,6 +288,6 @@ def written(data: Any) -> str:
         case list():
             return "[" + ", ".join(map(written, data)) + "]"
         case float() if not math.isfinite(data):
-            return ".nan" if data != data else ".inf" if data > 0 else "-.inf"
+            return f"{data:+}".replace("+", "").replace("inf", ".inf").replace("nan", ".nan")
         case _:
             return json.dumps(data)

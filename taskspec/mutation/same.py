@@ -5,81 +5,63 @@ Nothing is sampled and nothing rounded. Where neither is a proof, the answer is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from taskspec.abstraction.abstraction import abstraction
-from taskspec.base.arrays import Array
+from taskspec.abstraction.homomorphism import MOST, MOST_ENTRIES, Uncompared, difference
 from taskspec.base.diagnostics import SpecError
 from taskspec.lang.batch import evaluate
-from taskspec.lang.ir import Draw, Node, draws, reads
-from taskspec.lang.normal import NormalForms
+from taskspec.lang.interval import NormalForms
+from taskspec.lang.ir import Read, Role, draws, reads
 from taskspec.lang.variates import VARIATES
-from taskspec.model.reach import visits
-from taskspec.model.space import Reads
-from taskspec.model.transitions import TIME, Steps, count, joint_outcomes, merge_outcomes
-from taskspec.solve.enclosure import Inexact, Reader
-from taskspec.solve.rational import Chances
+from taskspec.model.extract import extract
+from taskspec.model.model import Model
+from taskspec.model.transitions import TIME
 from taskspec.task.task import Component, Task
-
-MOST = 5_000_000
-"""Outcomes of steps that are compared, at the most."""
-CHUNK = 20_000
 
 
 def same_task(one: Task, other: Task) -> bool:
     """Return whether two tasks are the same for everyone: spaces, episodes, observations and expert."""
-    one = one.remembering()
-    other = other.remembering()
-    return same_core(one, other) or same_episodes(one, other)
+    return _are_same(one.remembering(), other.remembering(), ranges=True)
 
 
-def shell(task: Task, ranges: bool = True) -> tuple[Any, ...]:
+def _are_same(one: Task, other: Task, ranges: bool) -> bool:
+    """Return whether two tasks are the same; without `ranges`, those of states may differ where no episode goes."""
+    if _shell(one, ranges) != _shell(other, ranges) or not _have_same_stand_ins(one, other):
+        return False
+    forms = NormalForms()
+    if _shell(one, True) == _shell(other, True) and _forms(one, forms) == _forms(other, forms):
+        return True
+    return one.is_finite and other.is_finite and _have_same_episodes(one, other, forms)
+
+
+def _shell(task: Task, ranges: bool) -> tuple[Any, ...]:
     """Return what a task is around its expressions, with or without the ranges of its state."""
-    about = (task.horizon, task.discount, task.modifiers, task.observation.space, task.observation.is_state)
-    known = [(p.name, p.kind, p.default, p.low, p.high, p.values) for p in task.parameters]
+    expert = None if isinstance(task.expert, tuple) else (task.expert,)
+    about = (task.horizon, task.discount, task.modifiers, task.observation.space, task.observation.is_state, expert)
+    parameters = [(p.name, p.kind, p.default, p.low, p.high, p.values) for p in task.parameters]
     state = [_declared(c, ranges) for c in task.state]
     seen = [_declared(c, ranges) for c in task.observation.components]
-    return (*about, known, state, [_declared(c, True) for c in task.action], seen)
+    return (*about, parameters, state, [_declared(c, True) for c in task.action], seen)
 
 
 def _declared(c: Component, ranges: bool) -> tuple[Any, ...]:
     labels = c.domain and (c.domain.labels, c.domain.values, c.domain.value_type)
-    return (c.name, c.type, labels, *((c.low, c.high) if ranges else ()))
+    bounds = (c.low, c.high) if ranges else ()
+    return (c.name, c.type, labels, *bounds)
 
 
-# -- the core -----------------------------------------------------------------------------------------------------
-
-
-def _forms(task: Task, forms: NormalForms) -> tuple[int, ...]:
+def _forms(task: Task, forms: NormalForms) -> list[int]:
     """Return the forms of all that a task computes."""
-    groups = (task.initial, task.first_observation), ((*task.next, task.reward, task.terminal), task.next_observation)
-    found = [number for group in groups for number in forms.all([node for nodes in group for node in nodes])]
-    return (*found, *forms.all([*task.observation.nodes, task.absorbing_reward, *_expert_nodes(task)]))
+    found = forms.all([*task.initial, *task.first_observation])
+    found += forms.all([*task.next, task.reward, task.terminal, *task.next_observation])
+    expert = task.expert if isinstance(task.expert, tuple) else ()
+    return found + forms.all([*task.observation.nodes, task.absorbing_reward, *expert])
 
 
-def _expert_nodes(task: Task) -> tuple[Node, ...]:
-    return task.expert if isinstance(task.expert, tuple) else ()
-
-
-def same_core(one: Task, other: Task) -> bool:
-    """Return whether two tasks compute the same, up to the order of operands that may change places."""
-    forms = NormalForms()
-    if shell(one) != shell(other) or _forms(one, forms) != _forms(other, forms) or not _same_experts(one, other):
-        return False
-    return _same_stand_ins(one, other, forms)
-
-
-def _same_experts(one: Task, other: Task) -> bool:
-    """Return whether two experts are of a kind, and the same where they are no expressions."""
-    a = one.expert
-    b = other.expert
-    return isinstance(a, tuple) == isinstance(b, tuple) and (isinstance(a, tuple) or a == b)
-
-
-def _same_stand_ins(one: Task, other: Task, forms: NormalForms) -> bool:
+def _have_same_stand_ins(one: Task, other: Task) -> bool:
     try:
         a = abstraction(one)
         b = abstraction(other)
@@ -87,135 +69,55 @@ def _same_stand_ins(one: Task, other: Task, forms: NormalForms) -> bool:
         return False
     if a is None or b is None:
         return a is b
-    maps = [forms.all(each.nodes) for each in (a, b)]
-    return maps[0] == maps[1] and (
-        same_core(a.stand_in, b.stand_in) or same_episodes(a.stand_in, b.stand_in, ranges=False)
-    )
+    forms = NormalForms()
+    return forms.all(a.nodes) == forms.all(b.nodes) and _are_same(a.stand_in, b.stand_in, ranges=False)
 
 
-# -- episodes -----------------------------------------------------------------------------------------------------
-
-
-def same_episodes(one: Task, other: Task, ranges: bool = True) -> bool:
+def _have_same_episodes(one: Task, other: Task, forms: NormalForms) -> bool:
     """Return whether two finite tasks cannot be told apart in any episode, whatever is done in it.
 
-    In every state that episodes reach, the start, the outcomes of every action (next state, reward and end
-    together, with their probabilities as rationals), the observations and the expert's actions are compared, all to the
-    last bit. Without `ranges`, those of the state may differ where no episode goes.
+    In every state that episodes reach, the outcomes of every action (next state, reward and end together, with their
+    probabilities as rationals), the observations and the expert's actions are compared, all to the last bit.
     """
-    if shell(one, ranges) != shell(other, ranges) or not (one.is_finite and other.is_finite):
+    for task in (one, other):
+        steps = (*task.next, task.reward, task.terminal)
+        seen = {d.site for d in draws(task.observation.nodes)}
+        for draw in draws((*task.initial, *steps)):
+            outcomes = VARIATES[draw.base].outcomes
+            if outcomes is None or outcomes.tail:
+                return False
+        if seen & {d.site for d in draws(steps)}:
+            return False
+    if forms.all([one.absorbing_reward]) != forms.all([other.absorbing_reward]):
         return False
-    forms = NormalForms()
-    if not (_same_stand_ins(one, other, forms) and _same_experts(one, other)):
-        return False
+    states = [Read(Role.STATE, c.name, c.type, c.least, c.most) for c in one.state]
     try:
-        return _same_finite(Steps(one), Steps(other), forms)
-    except (SpecError, Inexact):
+        model = extract(one, True, MOST_ENTRIES)
+        wrong = difference(
+            model, states, extract(other, True, MOST_ENTRIES), isinstance(one.expert, tuple), as_paid=True
+        )
+        return wrong is None and _have_same_observations(model, other, forms)
+    except (SpecError, Uncompared):
         return False
 
 
-def _same_finite(one: Steps, other: Steps, forms: NormalForms) -> bool:
-    if not all(map(_is_enumerable, (one, other))) or not _same(_starts(one), _starts(other)):
-        return False
-    found = visits(one)
-    last = one.task.horizon or 0
-    timed = one.uses_time or other.uses_time
-    if timed and len(found.acting) * one.actions.size * one.branching * last > MOST:
-        return False
-    for t in range(last if timed else 1):
-        if not all(_same(_rows(one, given), _rows(other, given)) for given in _points(one, found.acting, t)):
-            return False
-    return _same_seen(one, other, found.entered, forms) and _same_chosen(one, other, found.acting, forms)
-
-
-def _step_nodes(task: Task) -> tuple[Node, ...]:
-    return (*task.next, task.reward, task.terminal)
-
-
-def _is_enumerable(steps: Steps) -> bool:
-    task = steps.task
-    cost = steps.states.size * steps.actions.size * max(1.0, steps.branching)
-    found = draws((*_step_nodes(task), *task.initial))
-    return max(cost, count(draws(task.initial), {})) <= MOST and all(map(_is_complete, found))
-
-
-def _is_complete(draw: Draw) -> bool:
-    """Return whether all outcomes of a draw are gone through."""
-    outcomes = VARIATES[draw.base].outcomes
-    return outcomes is not None and not outcomes.tail
-
-
-def _points(steps: Steps, states: Array, t: int) -> Iterator[Reads]:
-    """Yield what is read in some states with every action, a part at a time."""
-    per_part = max(1, int(CHUNK // (steps.actions.size * max(1.0, steps.branching))))
-    for low in range(0, len(states), per_part):
-        some = states[low : low + per_part]
-        here = np.tile(some, steps.actions.size)
-        there = np.repeat(np.arange(steps.actions.size), len(some))
-        yield {**steps.states.decode(here), **steps.actions.decode(there), TIME: np.full(len(here), t)}
-
-
-def _starts(steps: Steps) -> list[Array]:
-    """First states, each once, with their probabilities."""
-    return _outcomes(steps.task.initial, {}, 1)
-
-
-def _rows(steps: Steps, given: Reads) -> list[Array]:
-    """Return every outcome of a step at some points once (point, next state, reward, end), with its probability."""
-    return _outcomes(_step_nodes(steps.task), given, len(given[TIME]))
-
-
-def _outcomes(roots: Sequence[Node], given: Reads, lanes: int) -> list[Array]:
-    """Return columns of outcomes, the last one their probabilities, in a fixed order."""
-    parts = []
-    for values, point, weight in joint_outcomes(roots, given, lanes, Chances(Reader())):
-        rows = [row for v in values for row in v.reshape(-1, v.shape[-1])]
-        parts.append([point, *rows, weight])
-    *keys, weight = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    distinct, total = merge_outcomes(keys, weight)
-    return [*distinct, total]
-
-
-def _same(one: Sequence[Array], other: Sequence[Array]) -> bool:
-    return len(one) == len(other) and all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
-
-
-def _same_seen(one: Steps, other: Steps, states: Array, forms: NormalForms) -> bool:
-    """Return whether every state looks the same at every time; what is drawn must be drawn alike, and apart from the step."""
-    for task in (one.task, other.task):
-        if {d.site for d in draws(_step_nodes(task))} & {d.site for d in draws(task.observation.nodes)}:
-            return False
-    nodes = one.task.observation.nodes, other.task.observation.nodes
-    return _same_values(one, other, nodes, states, forms, last=1)
-
-
-def _same_chosen(one: Steps, other: Steps, states: Array, forms: NormalForms) -> bool:
-    """Return whether the experts do the same in every state, and what is paid after the end is the same."""
-    paid = [tuple(forms.all([s.task.absorbing_reward])) for s in (one, other)]
-    nodes = _expert_nodes(one.task), _expert_nodes(other.task)
-    return paid[0] == paid[1] and _same_values(one, other, nodes, states, forms, last=0)
-
-
-def _same_values(
-    one: Steps, other: Steps, nodes: tuple[Sequence[Node], Sequence[Node]], states: Array, forms: NormalForms, last: int
-) -> bool:
-    """Return whether some nodes have the same values in given states at all times; those that draw must have the same
-    form.
-    """
-    pairs = list(zip(*nodes, strict=True))
+def _have_same_observations(model: Model, other: Task, forms: NormalForms) -> bool:
+    """Return whether every state looks the same at every time; observations that draw must have the same form."""
+    pairs = list(zip(model.task.observation.nodes, other.observation.nodes, strict=True))
     drawn = [pair for pair in pairs if draws(pair)]
-    if drawn:
-        a, b = zip(*drawn, strict=True)
-        if forms.all(a) != forms.all(b):
-            return False
-    found = [node for pair in pairs if not draws(pair) for node in pair]
-    horizon = one.task.horizon
-    timed = TIME in reads(found)
-    if timed and (horizon is None or len(states) * horizon > MOST):
+    if forms.all([a for a, _ in drawn]) != forms.all([b for _, b in drawn]):
         return False
-    for t in range((horizon or 0) + last) if timed else (0,):
-        given = dict(one.states.decode(states)) | {TIME: np.array([t])}
-        values = [np.broadcast_to(v, (*v.shape[:-1], len(states))) for v in evaluate(found, given)]
-        if not all(map(np.array_equal, values[::2], values[1::2])):
+    own = [a for a, b in pairs if not draws((a, b))]
+    others = [b for a, b in pairs if not draws((a, b))]
+    times = 1
+    if TIME in reads([*own, *others]):
+        times = (model.horizon or MOST) + 1
+    if times * model.n_states > MOST and times > 1:
+        return False
+    for t in range(times):
+        given = {
+            key: value[..., model.entered] if value.shape[-1] > 1 else value for key, value in model.reads(t).items()
+        }
+        if not all(np.all(a == b) for a, b in zip(evaluate(own, given), evaluate(others, given), strict=True)):
             return False
     return True

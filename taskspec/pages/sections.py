@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from taskspec.abstraction.symmetries import verify_symmetry
+from taskspec.abstraction.symmetry_proofs import verify_symmetry
 from taskspec.lang import syntax as s
 from taskspec.modifiers import sentences
 from taskspec.pages import claims, lines

@@ -19,7 +19,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Role, draws, reads
 from taskspec.lang.types import Kind
-from taskspec.lang.variates.sample import WordLayout, batch_sampler
+from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.model import Model, misused
 from taskspec.policies.files import function_of, is_function
 from taskspec.policies.named import named, unknown
@@ -34,7 +34,8 @@ from taskspec.policies.policy import (
     states_of,
 )  # fmt: skip
 from taskspec.rollout.rollout import State, reads_of
-from taskspec.solve.plans import Plan, stationary, timed
+from taskspec.solve.backward import Plan
+from taskspec.solve.plans import stationary, timed
 from taskspec.task import spaces
 from taskspec.task.task import Task
 

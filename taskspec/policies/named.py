@@ -16,13 +16,14 @@ from taskspec.base.diagnostics import suggest
 from taskspec.base.extras import is_installed
 from taskspec.lang.ir import Role
 from taskspec.lang.types import Kind
-from taskspec.lang.variates.sample import WordLayout
+from taskspec.lang.variates import WordLayout
 from taskspec.model.model import Model, misused, refuse
 from taskspec.policies.policy import Actions, EpisodeBatch, Tabulated, TaskPolicy, drawn
 from taskspec.rollout.rollout import State, expert_actions
 from taskspec.scores.returns import Given, Results, Return
 from taskspec.solve import solve
-from taskspec.solve.plans import Plan, rule_of, tables, uniform_plan
+from taskspec.solve.backward import Plan, rule_of
+from taskspec.solve.plans import tables, uniform_plan
 from taskspec.task.task import Component, Soft, Task
 
 NAMES = {

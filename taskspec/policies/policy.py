@@ -16,7 +16,7 @@ from taskspec.lang.ir import Role
 from taskspec.model.model import Model
 from taskspec.rollout.rollout import State
 from taskspec.scores.returns import Return
-from taskspec.solve.plans import Plan
+from taskspec.solve.backward import Plan
 from taskspec.task.spaces import SpaceLayout, pack_many
 from taskspec.task.task import Task
 

@@ -25,7 +25,8 @@ from taskspec.policies.policy import Asking, EpisodeBatch, SharedDraws, TaskPoli
 from taskspec.rollout.rollout import Rollout, State
 from taskspec.scores.returns import Results, Return
 from taskspec.solve import solve
-from taskspec.solve.plans import Plan, stationary, timed
+from taskspec.solve.backward import Plan
+from taskspec.solve.plans import stationary, timed
 from taskspec.task.task import Task
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.limits import tell
+from taskspec.lang.interval import bounds
 from taskspec.lang.ir import Const
 from taskspec.model.cost import Budget, Cost
 from taskspec.model.model import refuse
@@ -88,7 +89,7 @@ def _refuse_endless(task: Task, steps: int) -> NoReturn:
 
 def return_range(task: Task) -> tuple[float, float]:
     """Return bounds of the return of an episode, from bounds of the reward."""
-    low, high = (float(v) for v in task.builder.bounds(task.reward))
+    low, high = (float(v) for v in bounds(task.reward, {}))
     weight = _total_weight(task)
     if not (isinstance(task.terminal, Const) and not task.terminal.value):
         low = min(low, 0.0)

@@ -17,6 +17,7 @@ import numpy as np
 
 from taskspec.base.diagnostics import Collector, SpecError, suggest
 from taskspec.lang import syntax as s
+from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Const
 from taskspec.lang.parse import parse_into
@@ -45,7 +46,7 @@ from taskspec.solve.enclosure import (
     digits,
     negative,
 )
-from taskspec.solve.solver import Solver
+from taskspec.solve.solve import Solver
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +181,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         task = self.results.task
         collector = Collector()
         try:
-            value = Checker(task.builder, collector).check(expr, task.surface.scopes["claims"])
+            value = Checker(Builder(), collector).check(expr, task.surface.scopes["claims"])
         except Refused as refused:
             raise InvalidClaim(refused.message, expr) from None
         if value is None:

@@ -10,6 +10,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector
 from taskspec.lang import syntax as s
 from taskspec.lang.batch import evaluate
+from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node, Role, draws, reads
 from taskspec.lang.types import BOOL, Refused
@@ -21,7 +22,7 @@ from taskspec.rules.vocabulary import InvalidClaim
 from taskspec.scores.returns import Results
 from taskspec.solve.backward import Rule
 from taskspec.solve.bounded import UNKNOWN
-from taskspec.solve.solver import Solver
+from taskspec.solve.solve import Solver
 from taskspec.task.task import Task
 
 Timed = Callable[[int], Array]
@@ -36,7 +37,7 @@ def node_of(expr: s.Expr, task: Task) -> Node:
         InvalidClaim: with the checker's own message.
     """
     collector = Collector()
-    checker = Checker(task.builder, collector)
+    checker = Checker(Builder(), collector)
     try:
         value = checker.check(expr, task.surface.scopes["claims"])
     except Refused as refused:

@@ -16,11 +16,10 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.lang import syntax as s
-from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.check import Checker
+from taskspec.lang.interval import NormalForms
 from taskspec.lang.ir import Const, Node, Read, Role, draws, reads, rewrite
-from taskspec.lang.normal import NormalForms
-from taskspec.lang.scope import Scope
+from taskspec.lang.scope import Poisoned, Scope
 from taskspec.lang.types import BOOL, INF, REAL, Refused
 from taskspec.lang.variates.entry import ProbabilityArithmetic
 from taskspec.model.space import domain, plain, words
@@ -28,7 +27,7 @@ from taskspec.model.transitions import FLOATS, count, is_finite, joint_outcomes,
 from taskspec.registry import load
 from taskspec.rules.claims import wrong_setting
 from taskspec.solve.enclosure import Inexact, Reader
-from taskspec.solve.rational import Chances
+from taskspec.solve.rational import ExactProbabilities
 from taskspec.task.annotations import SCOPE
 from taskspec.task.build import build
 from taskspec.task.context import assign
@@ -95,7 +94,7 @@ def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
     if not all(map(is_finite, found)) or count(found, {}) > min(MOST_OUTCOMES, MOST_NUMBERS / max(1, size)):
         return None
     try:
-        return _enumerated(nodes, Chances(Reader(as_written=True)))
+        return _enumerated(nodes, ExactProbabilities(Reader(as_written=True)))
     except Inexact:
         return _enumerated(nodes, FLOATS)
 
@@ -226,7 +225,8 @@ class _Trial:
 
     def __post_init__(self) -> None:
         self.collector = Collector()
-        self.checker = Checker(self.task.builder, self.collector)
+        self.builder = self.task.new_builder()
+        self.checker = Checker(self.builder, self.collector)
         self.scope = self.task.surface.scopes[SCOPE]
         self.fixed = Scope({}, parent=self.scope)
         self.fixed.draws = "what an example begins with is fixed"
@@ -266,7 +266,7 @@ class _Trial:
         found: dict[tuple[Role, str], Node | None] = {
             key: self._value(components[key], expr) for key, expr in self.example.given.items()
         }
-        found[Role.TIME, "t"] = self.task.builder.scalar(self.example.t)
+        found[Role.TIME, "t"] = self.builder.scalar(self.example.t)
         return found
 
     def _value(self, c: Component, expr: Any) -> Node | None:
@@ -293,7 +293,7 @@ class _Trial:
 
         if any(self.given[key] is None for key in reads([node])):
             return None
-        return rewrite([node], leaf, self.task.builder.remake)[0]
+        return rewrite([node], leaf, self.builder.remake)[0]
 
     # -- what follows -----------------------------------------------------------------------------
 
@@ -312,7 +312,7 @@ class _Trial:
     def _in_task(self, follows: Followed) -> tuple[Component, Node, str] | None:
         """Return the component of an entry, its node, and words for it."""
         task = self.task
-        b = self.task.builder
+        b = self.builder
         name = follows.name
         match follows.section:
             case "initial":

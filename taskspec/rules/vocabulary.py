@@ -9,10 +9,9 @@ from fractions import Fraction
 
 from taskspec.lang import syntax as s
 from taskspec.scores.returns import Results
-from taskspec.solve.backward import Rule
+from taskspec.solve.backward import Boltzmann, Greedy, Rule, Uniform
 from taskspec.solve.enclosure import Enclosure
-from taskspec.solve.maxent import MaxEnt
-from taskspec.solve.plans import Boltzmann, Greedy, Uniform
+from taskspec.solve.plans import MaxEnt
 
 
 class InvalidClaim(Exception):

@@ -16,8 +16,9 @@ from taskspec.scores.lookahead import effective_horizon, least_lookahead
 from taskspec.scores.partial_observability import hidden_bits
 from taskspec.scores.random_success import best_chance, mean_length, reward_chance, solution_length
 from taskspec.scores.returns import Results
+from taskspec.solve.backward import Boltzmann
 from taskspec.solve.enclosure import NoNumber
-from taskspec.solve.plans import Boltzmann, optimal_plan, uniform_plan
+from taskspec.solve.plans import optimal_plan, uniform_plan
 from taskspec.task.task import TaskLike
 
 __all__ = ["MEASURES", "Difficulty", "Measure", "difficulty"]

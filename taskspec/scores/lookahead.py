@@ -44,7 +44,7 @@ class _Lookahead:
         if 4 * 16 * (self.horizon + 1) * model.n_states > limits().megabytes * 1e6:
             refuse("the values at every time do not fit into memory")
         self.spent = 0.0
-        uniform = self.numbers.uniform()
+        uniform = self.numbers.uniform
         self.random = self._values(lambda q: self.numbers.follow(uniform, q))
         self.best = self._values(self.numbers.top)
         self.worst = self._values(self.numbers.bottom)

@@ -17,11 +17,10 @@ from taskspec.model.model import Model, refuse
 from taskspec.model.transitions import TIME, branches, count
 from taskspec.scores.random_success import mean_length, undiscounted
 from taskspec.scores.returns import Results
-from taskspec.solve.beliefs import BeliefSearch
 from taskspec.solve.enclosure import Enclosure
 from taskspec.solve.infinite_horizon import chain_values
-from taskspec.solve.memoryless import ReactiveSearch, hides, observation_classes
 from taskspec.solve.plans import uniform_plan
+from taskspec.solve.pomdp import BeliefSearch, ReactiveSearch, hides, observation_classes
 from taskspec.solve.rational import Rational
 from taskspec.solve.solve import occupancy
 from taskspec.task.task import Task

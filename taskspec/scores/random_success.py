@@ -11,10 +11,9 @@ from taskspec.base.arrays import Array
 from taskspec.base.limits import count, how_to_raise, limits
 from taskspec.model.model import Model, Step, refuse, scipy_sparse
 from taskspec.model.transitions import Steps
-from taskspec.solve.backward import action_values, all_values, backward, first_values
-from taskspec.solve.infinite_horizon import InfiniteHorizon, chain_values, leading_to
-from taskspec.solve.maxent import outcome_table
-from taskspec.solve.plans import Plan, optimal_plan
+from taskspec.solve.backward import Plan, action_values, all_values, backward, first_values
+from taskspec.solve.infinite_horizon import chain_values, fixed_point, leading_to
+from taskspec.solve.plans import optimal_plan, outcome_table
 from taskspec.solve.solve import best, policy_return
 
 # -- lengths: expected returns of the same model with a reward of 1 for each step -------------------------------------
@@ -75,12 +74,12 @@ def _endless_solution(model: Model, best: Array) -> float:
     """Return the solution length without a horizon: the shortest path if only optimal actions are allowed."""
     step = model.step(0)
     busy = leading_to(step.P, np.asarray(_pays(model, 0).any(axis=0)))
-    action = np.where(best, np.arange(model.n_actions)[:, None], best.argmax(axis=0))
-    rows = (action * model.n_states + np.arange(model.n_states)).reshape(-1)
-    ending = None if step.P_end is None else step.P_end[rows]
-    reward = np.where(np.tile(busy, model.n_actions), -1.0, 0.0)
-    kept = replace(_with_reward(step, reward), P=step.P[rows], P_end=ending, escaping=None)
-    return -InfiniteHorizon(undiscounted(model, (kept,))).best().value
+
+    def image(length: Array) -> Array:
+        q = action_values(step.P, np.ones(best.shape), 1.0, length)
+        return np.where(busy, np.where(best, q, np.inf).min(axis=0), 0.0)
+
+    return float(model.start @ fixed_point(image, np.zeros(model.n_states), step.P.nnz))
 
 
 # -- outcomes of one step ---------------------------------------------------------------------------------------------

@@ -22,10 +22,10 @@ from taskspec.rollout.rollout import Choose, at_random, by_expert, is_bounded
 from taskspec.rollout.simulate import EPISODES, return_range, simulate
 from taskspec.rollout.statistics import CONFIDENCE, mean_interval
 from taskspec.scores.saved import OfNumber
-from taskspec.solve.backward import Rule
+from taskspec.solve.backward import Greedy, Plan, Rule, Uniform, rule_of
 from taskspec.solve.enclosure import Enclosure, NoNumber, rounded
-from taskspec.solve.plans import Greedy, Plan, Uniform, rule_of, tables
-from taskspec.solve.solver import Solvers, why_endless
+from taskspec.solve.plans import tables
+from taskspec.solve.solve import Solvers, why_endless
 from taskspec.task.task import Soft, Task, TaskLike
 
 Given: TypeAlias = Literal["optimal"] | Soft | None

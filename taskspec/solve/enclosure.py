@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 
-# How floats are read as rationals: at their exact value, or as the short number that was probably written.
-#
-# `0.1` in a spec is a float a little above one tenth. What the program pays is the float, what the author means is the
-# tenth; a claim is decided only where both readings agree.
+# Floats are read at their exact value, or as the short number that was probably written. `0.1` in a spec is a float a little
+# above one tenth. What the program pays is the float, what the author means is the tenth; a claim is decided only where both
+# readings agree.
 
 PLAIN = 2**20
 """Floats with a denominator up to this are read as they are."""
@@ -57,9 +57,9 @@ class Reader:
 def written(value: float) -> Fraction:
     """Return the short fraction or decimal that a finite float stands for; its exact value where there is none."""
     exact = Fraction(value)
-    if exact.denominator <= PLAIN and abs(exact) < 2**53:
-        return exact
     size = abs(exact)
+    if exact.denominator <= PLAIN and size < 2**53:
+        return exact
     if size < 2**53:
         simple = simplest(size * (1 - _ULPS), size * (1 + _ULPS))
         if simple.denominator <= SHORT:
@@ -80,15 +80,12 @@ def simplest(low: Fraction, high: Fraction) -> Fraction:
     return whole + 1 / simplest(1 / (high - whole), 1 / (low - whole))
 
 
-# Numbers known to lie between two rationals, with arithmetic and comparisons that never lose the truth.
-#
-# An end may be infinite, which says that nothing is known on that side. Comparisons answer True or False where the ends
-# decide, and None where they do not.
+# -- enclosures -------------------------------------------------------------------------------------------------------
 
 End = Fraction | float
-"""A rational, or an infinity."""
+"""A rational, or an infinity, which says that nothing is known on that side."""
 EQUAL = Fraction(1, 10**9)
-"""By how much of their size two numbers may differ and still count as equal."""
+"""The relative difference up to which two numbers count as equal."""
 MOST_BITS = 1_000_000
 """The length of numbers that powers may have."""
 SMALLEST = 2.0**-1022
@@ -130,42 +127,41 @@ class Enclosure:
     @property
     def value(self) -> float:
         """The float nearest to the middle."""
-        if is_infinite(self.low) or is_infinite(self.high):
-            return float(self.low if self.low == self.high else math.nan)
-        return rounded((self.low + self.high) / 2)
+        if isinstance(self.low, Fraction) and isinstance(self.high, Fraction):
+            return rounded((self.low + self.high) / 2)
+        return float(self.low) if self.is_exact else math.nan
 
     @property
     def error(self) -> float:
         """How far `value` may be from the number, rounded up; 0 where `value` is the number itself."""
-        if is_infinite(self.low) or is_infinite(self.high):
-            return 0.0 if self.low == self.high else math.inf
         value = self.value
-        if math.isinf(value):
+        if value in (self.low, self.high) and self.is_exact:
+            return 0.0
+        if not math.isfinite(value):
             return math.inf
         most = max(Fraction(value) - self.low, self.high - Fraction(value))
-        return math.nextafter(rounded(most), math.inf) if most else 0.0
+        return math.nextafter(rounded(most), math.inf)
 
     @property
     def ends(self) -> tuple[float, float]:
         """Floats that the number lies between, rounded outwards."""
         low = rounded(self.low)
+        if low > self.low:
+            low = math.nextafter(low, -math.inf)
         high = rounded(self.high)
-        return math.nextafter(low, -math.inf) if low > self.low else low, math.nextafter(
-            high, math.inf
-        ) if high < self.high else high
+        if high < self.high:
+            high = math.nextafter(high, math.inf)
+        return low, high
 
     def hull(self, other: Enclosure) -> Enclosure:
         return Enclosure(min(self.low, other.low), max(self.high, other.high))
 
     def __str__(self) -> str:
-        if self.is_exact or self.error <= 1e-10 * abs(self.value):
-            return digits(self.low if self.is_exact else self.value)
+        if self.is_exact:
+            return digits(self.low)
+        if self.error <= 1e-10 * abs(self.value):
+            return digits(self.value)
         return f"between {digits(self.low)} and {digits(self.high)}"
-
-
-def is_infinite(end: End) -> bool:
-    """Return whether nothing is known on a side; a rational may well be beyond the largest float."""
-    return isinstance(end, float)
 
 
 def rounded(value: End) -> float:
@@ -183,7 +179,36 @@ def digits(value: End, count: int = 10) -> str:
     return f"{rounded(value):.{count}g}"
 
 
-# -- arithmetic -----------------------------------------------------------------------------------------------------
+# -- arithmetic -------------------------------------------------------------------------------------------------------
+
+_MONOTONE: dict[str, Callable[[Fraction, Fraction], Fraction | int]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "//": operator.floordiv,
+}
+"""Operators that are monotone in each argument, so that the extremes over an enclosure are at its ends."""
+
+
+def arithmetic(op: str, a: Enclosure, b: Enclosure) -> Enclosure:
+    """Return the result of an operation on two numbers.
+
+    Raises:
+        NoNumber: division by zero, a root of a negative number, or a power of more than `MOST_BITS` bits.
+    """
+    if op == "**":
+        return _power(a, b)
+    low, high, other_low, other_high = _finite(a.low, a.high, b.low, b.high)
+    if op in ("/", "//", "%") and other_low <= 0 <= other_high:
+        raise NoNumber("this divides by zero" if b.is_exact else "this may divide by zero")
+    if op == "%":
+        whole = arithmetic("//", a, b)
+        if whole.is_exact:
+            return arithmetic("-", a, arithmetic("*", b, whole))
+        return Enclosure(min(Fraction(0), other_low), max(Fraction(0), other_high))
+    corners = [Fraction(_MONOTONE[op](x, y)) for x in (low, high) for y in (other_low, other_high)]
+    return Enclosure(min(corners), max(corners))
 
 
 def _finite(*ends: End) -> list[Fraction]:
@@ -193,91 +218,39 @@ def _finite(*ends: End) -> list[Fraction]:
     return found
 
 
-def _corners(function: Callable[[Fraction, Fraction], Fraction], a: Enclosure, b: Enclosure) -> Enclosure:
-    """Return the hull over all corners, which is tight for functions monotone in each argument."""
-    low, high, other_low, other_high = _finite(a.low, a.high, b.low, b.high)
-    found = [function(x, y) for x in {low, high} for y in {other_low, other_high}]
-    return Enclosure(min(found), max(found))
-
-
-def _dividing(a: Enclosure, b: Enclosure) -> None:
-    if b.low <= 0 <= b.high:
-        raise NoNumber("this divides by zero" if b.is_exact else "this may divide by zero")
-
-
-def _quotient(a: Enclosure, b: Enclosure) -> Enclosure:
-    _dividing(a, b)
-    return _corners(lambda x, y: x / y, a, b)
-
-
-def _floored(a: Enclosure, b: Enclosure) -> Enclosure:
-    _dividing(a, b)
-    return _corners(lambda x, y: Fraction(x // y), a, b)
-
-
-def _remainder(a: Enclosure, b: Enclosure) -> Enclosure:
-    whole = _floored(a, b)
-    if whole.is_exact:
-        return arithmetic("-", a, arithmetic("*", b, whole))
-    low, high = _finite(b.low, b.high)
-    return Enclosure(min(Fraction(0), low), max(Fraction(0), high))
-
-
 def _power(a: Enclosure, b: Enclosure) -> Enclosure:
-    exponent, _ = _finite(b.low, b.high)
-    low, high = _finite(a.low, a.high)
+    low, high, exponent, _ = _finite(a.low, a.high, b.low, b.high)
     if not b.is_exact:
         raise NoNumber("an exponent must be known exactly")
     if exponent.denominator != 1:
         return _root(low, high, exponent)
     n = exponent.numerator
     if n < 0:
-        return _quotient(Enclosure.exactly(1), _power(a, Enclosure.exactly(-n)))
+        return arithmetic("/", Enclosure.exactly(1), _power(a, Enclosure.exactly(-n)))
     size = max((abs(x.numerator) | x.denominator).bit_length() for x in (low, high))
     if size * n > MOST_BITS and size > 1:
         raise NoNumber("this power is too large to write out")
     ends = sorted((low**n, high**n))
-    return Enclosure(Fraction(0) if n and n % 2 == 0 and low <= 0 <= high else ends[0], ends[1])
+    if n and n % 2 == 0 and low <= 0 <= high:
+        ends[0] = Fraction(0)
+    return Enclosure(*ends)
 
 
 def _root(low: Fraction, high: Fraction, exponent: Fraction) -> Enclosure:
     """Return a power that is no rational, by C's `pow`, which errs by less than 4 units in the last place."""
     if low < 0 or (low == 0 and exponent < 0):
         raise NoNumber("this power is not a number")
-    found = sorted(_float_power(x, exponent) for x in (low, high))
+    found = []
+    for base in (low, high):
+        try:
+            power = math.pow(rounded(base), float(exponent))
+        except (OverflowError, ValueError):  # a base that is rounded to 0
+            power = math.inf
+        if base and not (SMALLEST <= rounded(base) < math.inf and SMALLEST <= power < math.inf):
+            raise NoNumber("this power is too large to write out, or too small")
+        found.append(Fraction(power))
     margin = Fraction(1, 2**50) * (1 + abs(exponent))
-    return Enclosure(Fraction(found[0]) * (1 - margin), Fraction(found[1]) * (1 + margin))
-
-
-def _float_power(base: Fraction, exponent: Fraction) -> float:
-    """Return a power of a number that is not negative; NoNumber where floats do not hold both in full."""
-    try:
-        found = math.pow(rounded(base), float(exponent))
-    except (OverflowError, ValueError):  # a base that is rounded to 0
-        found = math.inf
-    if base and not (SMALLEST <= rounded(base) < math.inf and SMALLEST <= found < math.inf):
-        raise NoNumber("this power is too large to write out, or too small")
-    return found
-
-
-_OPERATORS: dict[str, Callable[[Enclosure, Enclosure], Enclosure]] = {
-    "+": lambda a, b: _corners(lambda x, y: x + y, a, b),
-    "-": lambda a, b: _corners(lambda x, y: x - y, a, b),
-    "*": lambda a, b: _corners(lambda x, y: x * y, a, b),
-    "/": _quotient,
-    "//": _floored,
-    "%": _remainder,
-    "**": _power,
-}
-
-
-def arithmetic(op: str, a: Enclosure, b: Enclosure) -> Enclosure:
-    """Return the result of an operation on two numbers.
-
-    Raises:
-        NoNumber: division by zero, a root of a negative number, or a power of more than `MOST_BITS` bits.
-    """
-    return _OPERATORS[op](a, b)
+    return Enclosure(min(found) * (1 - margin), max(found) * (1 + margin))
 
 
 def negative(a: Enclosure) -> Enclosure:
@@ -287,10 +260,12 @@ def negative(a: Enclosure) -> Enclosure:
 def absolute(a: Enclosure) -> Enclosure:
     if a.low >= 0:
         return a
-    return negative(a) if a.high <= 0 else Enclosure(Fraction(0), max(-a.low, a.high))
+    if a.high <= 0:
+        return negative(a)
+    return Enclosure(Fraction(0), max(-a.low, a.high))
 
 
-# -- comparisons ----------------------------------------------------------------------------------------------------
+# -- comparisons ------------------------------------------------------------------------------------------------------
 
 
 def compare(op: str, a: Enclosure, b: Enclosure, tolerance: Fraction | None = None) -> bool | None:
@@ -303,41 +278,34 @@ def compare(op: str, a: Enclosure, b: Enclosure, tolerance: Fraction | None = No
         case "==":
             return _equal(a, b, tolerance)
         case "!=":
-            return _not(_equal(a, b, tolerance))
+            is_equal = _equal(a, b, tolerance)
+            return None if is_equal is None else not is_equal
         case "<":
-            return _less(a, b)
-        case ">":
-            return _less(b, a)
+            return _decided(a.high < b.low, a.low >= b.high)
         case "<=":
-            return _at_most(a, b, tolerance or Fraction(0))
+            slack = tolerance or Fraction(0)
+            return _decided(a.high <= b.low + slack, a.low > b.high + slack)
+        case ">":
+            return compare("<", b, a)
         case _:
-            return _at_most(b, a, tolerance or Fraction(0))
+            return compare("<=", b, a, tolerance)
 
 
-def _not(truth: bool | None) -> bool | None:
-    return None if truth is None else not truth
-
-
-def _less(a: Enclosure, b: Enclosure) -> bool | None:
-    return True if a.high < b.low else False if a.low >= b.high else None
-
-
-def _at_most(a: Enclosure, b: Enclosure, slack: Fraction) -> bool | None:
-    if a.is_exact and b.is_exact and a.low == b.low:
+def _decided(is_true: bool, is_false: bool) -> bool | None:
+    if is_true:
         return True
-    if is_infinite(b.low) or is_infinite(b.high):
-        return True if a.high <= b.low else False if a.low > b.high else None
-    return True if a.high <= b.low + slack else False if a.low > b.high + slack else None
+    return False if is_false else None
 
 
 def _equal(a: Enclosure, b: Enclosure, tolerance: Fraction | None) -> bool | None:
-    ends = (a.low, a.high, b.low, b.high)
-    if any(isinstance(e, float) for e in ends):
+    if any(isinstance(end, float) for end in (a.low, a.high, b.low, b.high)):
         if a.is_exact and b.is_exact:
             return a.low == b.low
-        return False if a.high < b.low or b.high < a.low else None
+        return _decided(False, a.high < b.low or b.high < a.low)
     farthest = max(a.high - b.low, b.high - a.low)
     nearest = max(a.low - b.high, b.low - a.high, Fraction(0))
-    least = EQUAL * max(absolute(a).low, absolute(b).low) if tolerance is None else tolerance
-    most = EQUAL * max(absolute(a).high, absolute(b).high) if tolerance is None else tolerance
-    return True if farthest <= least else False if nearest > most else None
+    if tolerance is not None:
+        return _decided(farthest <= tolerance, nearest > tolerance)
+    a = absolute(a)
+    b = absolute(b)
+    return _decided(farthest <= EQUAL * max(a.low, b.low), nearest > EQUAL * max(a.high, b.high))

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from taskspec.base.arrays import Array
-from taskspec.model.model import Model, Step
+from taskspec.model.model import Step
 from taskspec.solve.bounded import Bound, Bounded
 
 Slots = tuple[Array, Array, tuple[int, ...], tuple[int, ...]]
@@ -32,52 +32,41 @@ def extreme_values(numbers: Bounded, largest: bool) -> Bound:
     bound = numbers.zero()
     spare = np.empty(model.n_states)
     before: Step | None = None
+    blocks = np.empty((0, 2), np.int64)
     changed = active = np.ones(0, np.bool_)
-    smallest = np.empty(0)
-    least = math.inf
+    smallest = math.inf
     for t in range(numbers.horizon - 1, -1, -1):
         step = model.step(t)
-        if step is not before:
-            rows, slots, blocks = _prepared(model, step)
-            changed = active = np.ones(len(blocks), np.bool_)
-        else:
+        if step is before:
             active = _active(blocks, changed)
-        if not len(smallest):
-            smallest = np.full(len(blocks), np.inf)
+        else:
+            P = step.P
+            rows = P.indptr, P.indices, P.data
+            slots = _slots(P, model.n_actions)
+            blocks = _successors(P.indptr, P.indices, model.n_states, model.n_actions)
+            changed = active = np.ones(len(blocks), np.bool_)
         value = bound.value
-        changed = _swept(rows, slots, step.R, active, changed, value, spare, smallest, (model.discount, sign))
-        bound = numbers.with_reward(step, spare, bound, smallest=least)
-        least = float(smallest.min())
+        changed, least = _swept(rows, slots, step.R, active, changed, value, spare, (model.discount, sign))
+        bound = numbers.with_errors(step, spare, bound, smallest)
+        smallest = min(smallest, least)
         spare = value
         before = step
     return bound
 
 
-def _prepared(model: Model, step: Step) -> tuple[tuple[Array, ...], Slots | None, Array]:
-    """Return the successors of every state and action, as rows, or as slots, and the blocks that each block leads to."""
-    P = step.P
-    rows = P.indptr, P.indices, P.data
-    blocks = _successors(P.indptr, P.indices, model.n_states, model.n_actions)
-    weights = _shared(P, model.n_actions)
-    if weights is None:
-        return rows, None, blocks
-    actions, outcomes = weights.shape
-    columns = P.indices.reshape(actions, model.n_states, outcomes)
-    return rows, (columns, weights, (0,) * actions, (0,) * outcomes), blocks
-
-
-def _shared(P: Any, actions: int) -> Array | None:
-    """Return the probabilities (A, K) that all rows of an action have in the same order; None where they have not."""
-    size = P.shape[0]
+def _slots(P: Any, actions: int) -> Slots | None:
+    """Return the outcomes of actions whose rows have all the same probabilities in the same order; else None."""
+    size, states = P.shape
     outcomes = P.nnz // size
     if not outcomes or outcomes * size != P.nnz or outcomes * actions > MOST_OUTCOMES:
         return None
     if not np.array_equal(P.indptr, outcomes * np.arange(size + 1)):
         return None
-    table = P.data.reshape(actions, -1, outcomes)
-    if not all(bool((rows == rows[0]).all()) for rows in table):
+    table = P.data.reshape(actions, states, outcomes)
+    if not all((rows == rows[0]).all() for rows in table):
         return None
-    return np.ascontiguousarray(table[:, 0])
+    columns = P.indices.reshape(actions, states, outcomes)
+    return columns, np.ascontiguousarray(table[:, 0]), (0,) * actions, (0,) * outcomes
 
 
 @njit(cache=True)
@@ -113,18 +102,18 @@ def _active(blocks: Array, changed: Array) -> Array:
 @njit(cache=True, fastmath={"contract"})
 def _swept(
     rows: tuple[Array, ...], slots: Slots | None, reward: Array, active: Array, changed: Array,
-    value: Array, out: Array, smallest: Array, constants: tuple[float, ...],
-) -> Array:  # fmt: skip
-    """Write the values one step before into `out`, and return which blocks differ from `value`.
+    value: Array, out: Array, constants: tuple[float, ...],
+) -> tuple[Array, float]:  # fmt: skip
+    """Write the values one step before into `out`; return which blocks differ from `value`, and the smallest new size but 0.
 
     Numba compiles one of the two ways to read outcomes; with `slots` loops are of known length, and twice as fast. In `changed`
-    blocks `value` differs from what `out` holds. `smallest` (blocks,) gets the smallest size of a value in a block that is
-    not 0.
+    blocks `value` differs from what `out` holds.
     """
     indptr, columns, weights = rows
     discount, sign = constants
     states = len(out)
     after = np.zeros(len(active), np.bool_)
+    smallest = np.inf
     for b in range(len(active)):
         first = b * BLOCK
         last = min(states, (b + 1) * BLOCK)
@@ -132,7 +121,6 @@ def _swept(
             if changed[b]:
                 out[first:last] = value[first:last]
             continue
-        smallest[b] = np.inf
         for s in range(first, last):
             best = -np.inf
             for a in range(len(reward) // states if slots is None else len(slots[2])):
@@ -147,6 +135,6 @@ def _swept(
                 best = max(best, sign * (reward[row] + discount * ahead))
             out[s] = sign * best
             if best != 0:
-                smallest[b] = min(smallest[b], abs(best))
+                smallest = min(smallest, abs(best))
             after[b] |= out[s] != value[s]
-    return after
+    return after, smallest

@@ -1,153 +1,23 @@
-"""Ways to choose actions on a model, each worked out from the last time to the first in any arithmetic.
-
-A rule gives the policy at a time from the action values of that time, so that one table is held at a time; `tables` gives
-those of any time, in floats, and keeps values at a few times only.
-"""
+"""Rules as tables of probabilities at any time, and maximum entropy over trajectories."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
-from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.lang.ir import Node, draws, reads
 from taskspec.model.model import Model, refuse
-from taskspec.model.transitions import TIME, count
-from taskspec.solve.backward import Rule, backward
-from taskspec.solve.bounded import Bound, Bounded, Policy
-from taskspec.solve.maxent import MaxEnt
-from taskspec.task.task import Soft
+from taskspec.model.transitions import OutcomeTable, Steps
+from taskspec.solve.backward import Boltzmann, FixedRule, Greedy, Plan, PlannedRule, Rule, backward, rule_of
+from taskspec.solve.bounded import SMALLEST, UNIT, Bound, Bounded, Policy
+from taskspec.solve.infinite_horizon import InfiniteHorizon
 
-Plan = Callable[[int], Array]
-"""The probability of each action in each state, (A, S), at a time."""
 MEMORY = 2**29
 """Bytes that the values kept for the tables of a plan may take."""
-
-
-class Uniform(Rule):
-    """Uniformly random actions."""
-
-    is_timed = False
-
-    def policy(self, numbers: Any, t: int, q: Any) -> Any:
-        return numbers.uniform()
-
-    def stationary(self, numbers: Any) -> Any:
-        return numbers.uniform()
-
-
-@dataclass(frozen=True)
-class Expressed(Rule):
-    """Actions given by expressions, which may draw (finitely many outcomes) and read the time."""
-
-    nodes: tuple[Node, ...]
-
-    @cached_property
-    def is_drawn(self) -> bool:  # type: ignore[override]
-        return bool(draws(self.nodes))
-
-    @cached_property
-    def is_timed(self) -> bool:  # type: ignore[override]
-        return TIME in reads(self.nodes)
-
-    def policy(self, numbers: Any, t: int, q: Any) -> Any:
-        return numbers.tabulated(self.nodes, t)
-
-    def stationary(self, numbers: Any) -> Any:
-        if self.is_timed:
-            refuse("the expert depends on the time, and there is no horizon")
-        return numbers.tabulated(self.nodes, 0)
-
-
-@dataclass(frozen=True)
-class Given(Rule):
-    """Tables of probabilities (A, S) from outside."""
-
-    tables: Plan
-    is_rational: ClassVar[bool] = False
-
-    def policy(self, numbers: Any, t: int, q: Any) -> Any:
-        return Policy(self.tables(t))
-
-    def stationary(self, numbers: Any) -> Any:
-        return Policy(self.tables(0))
-
-
-@dataclass(frozen=True)
-class Greedy(Rule):
-    """The best actions, all of them alike where several are best, for the reward plus a constant.
-
-    A reward that was learnt from behaviour of a fixed length is only known up to a constant per
-    step. That is harmless there, and not where episodes may end early: with the value of terminal
-    states fixed at 0, a positive constant says to linger and a negative one to leave. `shift` is
-    that constant; 0 is the task's own reward.
-    """
-
-    shift: Fraction = Fraction(0)
-    is_planned: ClassVar[bool] = True
-
-    @property
-    def is_best(self) -> bool:
-        return not self.shift
-
-    def backup(self, numbers: Any) -> Callable[[int, Any], Any]:
-        return lambda t, value: numbers.backup(t, value, self.shift)
-
-    def value(self, numbers: Any, q: Any) -> Any:
-        return numbers.top(q)
-
-    def policy(self, numbers: Any, t: int, q: Any) -> Any:
-        return numbers.greedy(q)
-
-    def stationary(self, numbers: Any) -> Any:
-        return numbers.greedy(numbers.q_values(self.shift))
-
-
-@dataclass(frozen=True)
-class Boltzmann(Rule):
-    """The causal maximum-entropy policy: exp(beta Q) of the soft values, normalised."""
-
-    beta: float
-    is_rational: ClassVar[bool] = False
-    is_planned: ClassVar[bool] = True
-
-    def value(self, numbers: Bounded, q: Bound) -> Bound:
-        return numbers.soft(q, self.beta)
-
-    def policy(self, numbers: Bounded, t: int, q: Bound) -> Policy:
-        return numbers.boltzmann(q, self.beta)
-
-    def stationary(self, numbers: Any) -> Policy:
-        found: Policy = numbers.boltzmann(numbers.soft_q_values(self.beta), self.beta)
-        return found
-
-
-def rule_of(model: Model, given: Literal["optimal"] | Soft | None = None) -> Rule | None:
-    """Return the expert that the task's spec gives, or the one given here; None where there is none, or it draws too many
-    outcomes.
-
-    An expert that remembers is a function of the state in `Task.remembering` alone.
-    """
-    match given or model.task.expert:
-        case tuple() if model.task.memory is not None:
-            return None
-        case "optimal":
-            return Greedy()
-        case Soft(beta=beta):
-            return Boltzmann(beta)
-        case tuple() as nodes:
-            return Expressed(nodes) if count(draws(nodes), {}) <= 10_000 else None
-        case _:
-            return None
-
-
-# -- tables -----------------------------------------------------------------------------------------------------------
 
 
 class Tables:
@@ -157,26 +27,27 @@ class Tables:
     asked for: asked in order, every time is worked out twice.
     """
 
-    def __init__(self, model: Model, rule: Rule) -> None:
+    def __init__(self, model: Model, rule: PlannedRule) -> None:
         self.rule = rule
         self.numbers = Bounded(model)
+        self.horizon = self.numbers.horizon
         self.backup = rule.backup(self.numbers)
-        self.every = max(1, math.isqrt(model.horizon or 1))
-        size = (self.every + (model.horizon or 1) // self.every) * model.n_states * 16
+        self.every = max(1, math.isqrt(self.horizon))
+        size = (self.every + self.horizon // self.every) * model.n_states * 16
         if size > MEMORY:
             refuse(f"a plan for every time would take {size / 2**30:.1f} GB", "choose smaller parameters")
         self._kept: dict[int, Any] = {}
         self._near: dict[int, Any] = {}
 
     def __call__(self, t: int) -> Array:
-        after = min(t, self.numbers.horizon - 1) + 1
+        after = min(t, self.horizon - 1) + 1
         if not self._kept:
-            self._kept = self._walk(self.numbers.horizon, 0, self.numbers.zero(), self.every)
+            self._kept = self._walk(self.horizon, 0, self.numbers.zero(), self.every)
         if after not in self._near:
-            stop = min(-(-after // self.every) * self.every, self.numbers.horizon)
+            stop = min(-(-after // self.every) * self.every, self.horizon)
             self._near = self._walk(stop, max(0, stop - self.every), self._kept[stop], 1)
         q = self.backup(after - 1, self._near[after])
-        policy: Policy = self.rule.policy(self.numbers, after - 1, q)
+        policy: Policy = self.rule.policy(self.numbers, q)
         return policy.table
 
     def _walk(self, high: int, low: int, end: Any, every: int) -> dict[int, Any]:
@@ -191,15 +62,14 @@ class Tables:
 def tables(model: Model, rule: Rule) -> Plan:
     """Return a rule's probabilities of actions at any time."""
     if model.horizon is None:
-        from taskspec.solve.infinite_horizon import InfiniteHorizon
-
         return stationary(rule.stationary(InfiniteHorizon(model)).table)
-    if rule.is_planned:
+    if isinstance(rule, PlannedRule):
         return Tables(model, rule)
+    assert isinstance(rule, FixedRule)
     numbers = Bounded(model)
     if not rule.is_timed:
-        return stationary(rule.policy(numbers, 0, None).table)
-    return lambda t: np.asarray(rule.policy(numbers, t, None).table)
+        return stationary(rule.policy(numbers, 0).table)
+    return lambda t: np.asarray(rule.policy(numbers, t).table)
 
 
 def stationary(table: Array) -> Plan:
@@ -231,3 +101,106 @@ def expert_plan(model: Model) -> Plan | None:
     """Return the expert that the task's spec gives, or None."""
     rule = rule_of(model)
     return None if rule is None else tables(model, rule)
+
+
+# -- non-causal maximum entropy ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class MaxEnt(PlannedRule):
+    """The policy of trajectories in proportion to their likelihood times the exponential of their return.
+
+        p(tau)  is proportional to  P(tau) exp(beta R(tau)),
+
+    where tau = (s0, a0, s1, ...) runs until the horizon or a terminal state, P(tau) is the product of the start's and the
+    transitions' probabilities, and R(tau) is its discounted return: the model of Ziebart et al. (2008) for stochastic
+    dynamics. Outcomes are weighed by what they pay, as if the agent could choose them. With Z_T = 1 and Z = 1 at terminal
+    states,
+
+        Z_t(s, a) = E[exp(beta gamma^t r) Z_{t+1}(s')],   Z_t(s) = sum over a of Z_t(s, a),
+
+    and the policy that acts as such trajectories do, given the state they are in, is Z_t(s, a)/Z_t(s). Q is log Z (A, S), and
+    V is log Z (S,).
+    """
+
+    beta: float = 1.0
+    is_rational: ClassVar[bool] = False
+
+    def backup(self, numbers: Bounded) -> Callable[[int, Bound], Bound]:
+        """Return the function that gives log Z (A, S) at t from log Z (S,) at t + 1.
+
+        Raises:
+            SpecError: (E712) where such trajectories have no distribution that could be worked out.
+        """
+        model = numbers.model
+        if model.horizon is None:
+            refuse("trajectories without a horizon have no maximum-entropy distribution", "give the task a horizon")
+        if Steps(model.task).reward is not model.task.reward:
+            refuse("maximum entropy depends on the whole distribution of a reward, and this one is continuous")
+        known: dict[int, _LogOutcomes] = {}
+
+        def back(t: int, log_z: Bound) -> Bound:
+            key = id(model.step(t))
+            if key not in known:
+                known.clear()
+                known[key] = _LogOutcomes(numbers, t, self.beta)
+            return known[key].log_q(log_z, t)
+
+        return back
+
+    def value(self, numbers: Bounded, q: Bound) -> Bound:
+        return numbers.soft(q, 1.0)
+
+    def policy(self, numbers: Bounded, q: Bound) -> Policy:
+        return numbers.boltzmann(q, 1.0)
+
+    def stationary(self, numbers: Any) -> Any:
+        return self.backup(numbers)  # refuses
+
+
+class _LogOutcomes:
+    """Every outcome of one time in order of its row: column, log probability, beta times the reward, whether it ends."""
+
+    def __init__(self, numbers: Bounded, t: int, beta: float) -> None:
+        model = numbers.model
+        found = outcome_table(model, t)
+        order = np.argsort(found.row, kind="stable")
+        weights = found.weight[order]
+        row = found.row[order]
+        self.numbers = numbers
+        self.columns = found.column[order]
+        self.ends = found.ends[order]
+        self.paid = beta * np.where(model.acting[row % model.n_states], found.reward[order], 0.0)
+        self.logs = np.log(weights)
+        slack = numbers.slack
+        off = slack.relative + 2 * slack.absolute / weights + 8 * UNIT * (np.abs(self.logs) + 1)
+        self.error = float(np.max(off, initial=0.0))
+        if slack.missing > 0 or weights.min(initial=1.0) < SMALLEST:  # outcomes that are left out may pay anything
+            self.error = np.inf
+        self.counts = np.bincount(row, minlength=model.n_actions * model.n_states)
+
+    def log_q(self, log_z: Bound, t: int) -> Bound:
+        """log Z(s, a), (A, S), from log Z (S,) at the next time; 0 for rows without outcomes, where nobody acts."""
+        discount = self.numbers.model.discount
+        paid = discount**t * self.paid
+        powers = 0 if discount == 1 else t
+        rounded = 8 * UNIT * float(np.max(np.abs(paid), initial=0.0)) * (1 + powers)
+        terms = self.logs + paid + np.where(self.ends, 0.0, log_z.value[self.columns])
+        some = self.counts > 0
+        counts = self.counts[some]
+        starts = np.cumsum(counts) - counts
+        top = np.maximum.reduceat(terms, starts)
+        total = np.add.reduceat(np.exp(terms - np.repeat(top, counts)), starts)
+        found = np.zeros(len(self.counts))
+        found[some] = top + np.log(total)
+        size = 1 + float(np.max(np.abs(found), initial=0.0))
+        rounding = (16 * int(counts.max(initial=0)) + 32) * UNIT * size
+        error = self.error + rounded + float(log_z.error.max(initial=0.0)) + rounding
+        return Bound(found.reshape(self.numbers.shape), 0.0, error)
+
+
+def outcome_table(model: Model, t: int = 0) -> OutcomeTable:
+    """Return every outcome at a time that may happen and stays in the model."""
+    found = Steps(model.task).table(model.codes, t)
+    kept = (found.weight > 0) & found.inside
+    return OutcomeTable(*(column[kept] for column in found))

@@ -1,30 +1,56 @@
-"""The checks of a task as data: conditions on its start, observations, expert and steps, and the points of each."""
+"""The checks of a task as data, and their evaluation: conditions on its start, observations, expert and steps, at all points."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import SpecError
 from taskspec.lang import syntax as s
+from taskspec.lang.batch import evaluate
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
 from taskspec.lang.interval import ranges
 from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
 from taskspec.lang.types import INF, Interval, Kind, Range
+from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.cost import Cost
 from taskspec.model.lump import lumped
-from taskspec.model.points import Grid, Samples, anew, are_related, columns, drawn
-from taskspec.model.space import Reads, Space
-from taskspec.model.transitions import count
+from taskspec.model.points import Batch, Grid, Method, Samples, anew, are_related, columns, drawn
+from taskspec.model.reach import Visits, successors, visits
+from taskspec.model.space import Reads, Space, distinct, holds, union, without
+from taskspec.model.transitions import Branch, Steps, branches, count, is_finite
 from taskspec.rollout.rollout import entered, visited
 from taskspec.soundness.places import SectionScope, Written, distributions
 from taskspec.task.reach import over, reached
 from taskspec.task.task import Component, Task
+
+MANY_TIMES = 1000
+"""Times that are checked in a task without a horizon."""
+MOST_OUTCOMES = 5000
+"""Outcomes at one point up to which they are enumerated."""
+FEW_OUTCOMES = 64
+"""The same where points are samples."""
+BATCH = 65_536
+"""Points that are evaluated at once."""
+MOST_WORDS = 2_000_000
+"""Random words that are drawn at once."""
+STARTS = 1024
+"""First states that are sampled where they are not enumerated."""
+SEARCH = 20_000_000
+"""Outcomes up to which all states that episodes visit are searched."""
+SEARCH_STARTS = 200_000
+"""Outcomes of the start up to which they are."""
+NEVER = 3
+"""The rank of counterexamples that do not count."""
+LEAST = 1e-300
+"""The least number that counts as above 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,69 +80,70 @@ class Check:
         """Return where (M,) values (*shape, M) are not allowed."""
         shape = self.node.type.shape
         axes = tuple(range(len(shape)))
-        low = np.array(self.low if shape else self.low[0]).reshape(*shape, 1)
-        high = np.array(self.high if shape else self.high[0]).reshape(*shape, 1)
+        low = np.array(self.low).reshape(*shape, 1)
+        high = np.array(self.high).reshape(*shape, 1)
         if self.node.type.kind is not Kind.REAL:
             return np.asarray(((value < low) | (value > high)).any(axis=axes))
         slack = (1e-6 if self.code == "E401" else 1e-9) * (1 + np.abs(np.where(np.isfinite(value), value, 0)))
         inside = (value >= low - slack) & (value <= high + slack) & np.isfinite(value)
         return np.asarray((~inside).any(axis=axes))
 
-    def is_proved(self, builder: Builder, reached: dict[str, Interval] | None = None) -> bool:
-        """Return whether interval arithmetic proves it, everywhere or for values that components reach."""
-        if reached is None:
-            found = Range(*builder.bounds(self.node), builder.finite(self.node))
-        else:
-            found = ranges(self.node, over([self.node], reached))
+    def is_proved(self, known: dict[int, Range]) -> bool:
+        """Return whether interval arithmetic proves it, from what is known of nodes by id, which it adds to."""
+        found = ranges(self.node, known)
         return found.finite and found.low >= max(self.low, default=-INF) and found.high <= min(self.high, default=INF)
-
-
-Points = Grid | Samples
-MANY_TIMES = 1000
-"""Times that are checked in a task without a horizon."""
-MOST_OUTCOMES = 5000
-"""Outcomes at one point up to which they are enumerated."""
 
 
 @dataclass(frozen=True)
 class CheckPhase:
-    """Checks that share their points and their draws."""
+    """Checks that share their points and their draws; `exact` if all points are among them."""
 
     task: Task
     name: str
     checks: tuple[Check, ...]
-    points: Points
+    points: Grid | Samples
     exact: bool
-
-    @cached_property
-    def roots(self) -> tuple[Node, ...]:
-        return tuple(n for c in self.checks for n in (*c.guards, c.node))
-
-    @cached_property
-    def draws(self) -> tuple[Draw, ...]:
-        return draws(self.roots)
 
 
 def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
     """Yield the phases of a task, with the checks that bounds do not prove."""
-    episodes = _Episodes(task)
-    yield _phase(episodes, "start", _start_checks(task), limit)
-    yield _phase(episodes, "observation", _observation_checks(task), limit)
-    yield _phase(episodes, "expert", _expert_checks(task) if task.memory is None else [], limit)
-    yield _phase(episodes, "step", _step_checks(task), limit)
+    phase = PhaseBuilder(task, limit).phase
+    yield phase(
+        "start", _values("E404", "initial", task.state, task.raw_initial) + _drawn(task, "initial", task.initial)
+    )
+    seen = task.observation
+    observation = []
+    if not seen.is_state:
+        observation = _values("E405", "observation", seen.components, seen.nodes)
+        observation += _drawn(task, "observation", seen.nodes)
+    yield phase("observation", observation)
+    yield phase("expert", [] if task.memory else _expert_checks(task))
+    steps = _values("E403", "dynamics", task.state, task.raw_next, "'")
+    steps.append(Check("E406", task.reward, (-INF,), (INF,), "reward", what="the reward"))
+    for section in ("noise", "dynamics", "reward", "terminal"):
+        steps += _drawn(task, section, (*task.next, task.reward, task.terminal))
+    yield phase("step", steps)
     if task.memory is not None:
         whole = task.remembering()
-        remembering = _Episodes(whole)
-        yield _phase(remembering, "start", _memory_checks(task, "E404", "", whole.raw_initial), limit)
-        yield _phase(remembering, "expert", _expert_checks(whole), limit)
-        yield _phase(remembering, "step", _memory_checks(task, "E403", "'", whole.raw_next), limit)
+        remembered = task.memory.components
+        phase = PhaseBuilder(whole, limit).phase
+        yield phase("start", _values("E404", "memory", remembered, whole.raw_initial[-len(remembered) :]))
+        yield phase("expert", _expert_checks(whole))
+        yield phase("step", _values("E403", "memory", remembered, whole.raw_next[-len(remembered) :], "'"))
+
+
+# -- points ---------------------------------------------------------------------------------------
 
 
 @dataclass
-class _Episodes:
-    """Bounds on the states of episodes, and states of samples of them; shared by phases."""
+class PhaseBuilder:
+    """Makes the phases of a task; bounds on the states of episodes, and samples of them, are shared by all.
+
+    `limit` is the number of points and outcomes up to which all are checked.
+    """
 
     task: Task
+    limit: int
 
     @cached_property
     def reached(self) -> dict[str, Interval]:
@@ -130,113 +157,81 @@ class _Episodes:
     def entered(self) -> Reads:
         return visited(self.task, ends=True)
 
+    def phase(self, name: str, checks: Sequence[Check]) -> CheckPhase:
+        """Return the checks that bounds do not prove: at all points of a finite task, otherwise at samples."""
+        task = self.task
+        known: dict[int, Range] = {}
+        left = tuple(c for c in checks if not c.is_proved(known))
+        roots = [n for c in left for n in (*c.guards, c.node)]
+        nodes = lumped(roots, Builder.of(roots))
+        rest = iter(nodes)
+        merged = tuple(replace(c, guards=tuple(next(rest) for _ in c.guards), node=next(rest)) for c in left)
+        outcomes = count(draws(nodes), {})
+        read = reads(nodes)
+        if name == "start":
+            if outcomes <= self.limit and not read:
+                return CheckPhase(task, name, merged, Samples({}, {}), True)
+            return CheckPhase(task, name, left, Samples({}, {}), False)
+        if task.is_finite and outcomes <= MOST_OUTCOMES:
+            actions = Space(task.action, Role.ACTION) if name == "step" else None
+            times = self._times(name) if (Role.TIME, "t") in read else None
+            grid = Grid(Space(task.state, Role.STATE), actions, times)
+            if grid.size * outcomes <= min(self.limit, Cost(nodes).affordable()):
+                return CheckPhase(task, name, merged, grid, True)
+        left = tuple(c for c in left if not c.is_proved(over([c.node], self.reached)))
+        if not left:
+            return CheckPhase(task, name, (), Samples({}, {}), True)
+        return CheckPhase(task, name, left, self._samples(name == "observation"), False)
 
-def _phase(episodes: _Episodes, name: str, checks: Sequence[Check], limit: int) -> CheckPhase:
-    task = episodes.task
-    left = tuple(c for c in checks if not c.is_proved(task.builder))
-    listed = _lumped(left, task)
-    roots = [n for c in listed for n in (*c.guards, c.node)]
-    outcomes = count(draws(roots), {})
-    read = reads(roots)
-    if name == "start":
-        exact = outcomes <= limit and not read
-        return CheckPhase(task, name, listed if exact else left, Samples({}, {}), exact)
-    times = _times(task, name) if (Role.TIME, "t") in read else None
-    if task.is_finite and outcomes <= MOST_OUTCOMES:
-        actions = Space(task.action, Role.ACTION) if name == "step" else None
-        grid = Grid(Space(task.state, Role.STATE), actions, times)
-        if grid.size * outcomes <= min(limit, Cost(roots).affordable()):
-            return CheckPhase(task, name, listed, grid, True)
-    return _sampled(episodes, name, left)
+    def _times(self, name: str) -> range:
+        last = MANY_TIMES if self.task.horizon is None else self.task.horizon
+        return range(last + (name == "observation"))
 
+    def _samples(self, ends: bool) -> Samples:
+        """Return points that episodes visit, and others; with the states in which they end for observations."""
+        task = self.task
+        rng = np.random.default_rng(1)
+        actions = [(Role.ACTION, c) for c in task.action]
+        known = self.entered if ends else self.acting
+        points = columns([known, anew(known, actions, rng)])
+        if are_related(task.state):
+            return Samples(points, {})
+        everywhere = [(Role.STATE, self._limited(c)) for c in task.state] + actions
+        starts = entered(task, drawn(everywhere, self._times("step"), rng), False, rng)
+        others = anew(starts, actions, rng)
+        if ends and others:
+            others = entered(task, others, True, rng)
+        return Samples(points, others)
 
-def _lumped(checks: Sequence[Check], task: Task) -> tuple[Check, ...]:
-    """Return the same checks over draws with merged outcomes, for enumeration."""
-    nodes = iter(lumped([n for c in checks for n in (*c.guards, c.node)], task.builder))
-    return tuple(replace(c, guards=tuple(next(nodes) for _ in c.guards), node=next(nodes)) for c in checks)
-
-
-def _sampled(episodes: _Episodes, name: str, checks: tuple[Check, ...]) -> CheckPhase:
-    """Return checks that bounds on episodes do not prove, at points that episodes visit and at others."""
-    task = episodes.task
-    left = tuple(c for c in checks if not c.is_proved(task.builder, episodes.reached))
-    if not left:
-        return CheckPhase(task, name, (), Samples({}, {}), True)
-    rng = np.random.default_rng(1)
-    ends = name == "observation"
-    actions = [(Role.ACTION, c) for c in task.action]
-    known = episodes.entered if ends else episodes.acting
-    points = columns([known, anew(known, actions, rng)])
-    others: Reads = {}
-    if not are_related(task.state):
-        everywhere = [(Role.STATE, c) for c in _within(task.state, episodes.reached)] + actions
-        others = anew(entered(task, drawn(everywhere, _times(task, "step"), rng), False, rng), actions, rng)
-        others = entered(task, others, True, rng) if ends and others else others
-    return CheckPhase(task, name, left, Samples(points, others), False)
-
-
-def _within(state: Sequence[Component], reached: Mapping[str, Interval]) -> Iterator[Component]:
-    """Yield the components of a state, limited to the values that episodes reach."""
-    for c in state:
-        low, high = reached[c.name]
+    def _limited(self, c: Component) -> Component:
+        """Return a component of the state, limited to the values that episodes reach."""
+        low, high = self.reached[c.name]
         near = replace(c, low=tuple(max(v, low) for v in c.low), high=tuple(min(v, high) for v in c.high))
-        yield near if all(a <= b for a, b in zip(near.low, near.high, strict=True)) else c  # it begins outside
-
-
-def _times(task: Task, name: str) -> range:
-    last = MANY_TIMES if task.horizon is None else task.horizon
-    return range(last + (name == "observation"))
+        if all(a <= b for a, b in zip(near.low, near.high, strict=True)):
+            return near
+        return c  # it begins outside
 
 
 # -- checks ---------------------------------------------------------------------------------------
 
 
-def _start_checks(task: Task) -> list[Check]:
-    values = [
-        Check("E404", node, c.low, c.high, "initial", c.name, c)
-        for c, node in zip(task.state, task.raw_initial, strict=True)
-    ]
-    return values + _drawn(task, "initial", task.initial)
-
-
-def _observation_checks(task: Task) -> list[Check]:
-    if task.observation.is_state:
-        return []
-    pairs = zip(task.observation.components, task.observation.nodes, strict=True)
-    checks = [Check("E405", n, c.low, c.high, "observation", c.name, c) for c, n in pairs]
-    return checks + _drawn(task, "observation", task.observation.nodes)
+def _values(
+    code: str, section: str, components: Sequence[Component], nodes: Sequence[Node], prime: str = ""
+) -> list[Check]:
+    """Return checks that values are those of their components."""
+    pairs = zip(components, nodes, strict=True)
+    return [Check(code, node, c.low, c.high, section, c.name + prime, c) for c, node in pairs]
 
 
 def _expert_checks(task: Task) -> list[Check]:
     if not isinstance(task.expert, tuple):
         return []
-    experts = zip(task.action, task.expert, strict=True)
-    checks = [Check("E409", n, c.low, c.high, "expert", c.name, c) for c, n in experts]
-    return checks + _drawn(task, "expert", task.expert)
-
-
-def _memory_checks(task: Task, code: str, prime: str, raw: Sequence[Node]) -> list[Check]:
-    """Return checks of the first or the next values of a memory, the last components of the state."""
-    assert task.memory is not None
-    components = task.memory.components
-    pairs = zip(components, raw[-len(components) :], strict=True)
-    return [Check(code, n, c.low, c.high, "memory", c.name + prime, c) for c, n in pairs]
-
-
-def _step_checks(task: Task) -> list[Check]:
-    pairs = zip(task.state, task.raw_next, strict=True)
-    checks = [Check("E403", n, c.low, c.high, "dynamics", c.name + "'", c) for c, n in pairs]
-    checks.append(Check("E406", task.reward, (-math.inf,), (math.inf,), "reward", what="the reward"))
-    for section in ("noise", "dynamics", "reward", "terminal"):
-        checks += _drawn(task, section, (*task.next, task.reward, task.terminal))
-    return checks
+    return _values("E409", "expert", task.action, task.expert) + _drawn(task, "expert", task.expert)
 
 
 def entries(task: Task, section: str) -> list[tuple[str | None, s.Expr]]:
     """Return the expressions of a section with their names."""
     found = task.surface.sections.get(section)
-    if found is None:
-        return []
     pairs = list(found.items()) if isinstance(found, dict) else [(None, found)]
     return [(name, expr) for name, expr in pairs if expr is not None]
 
@@ -245,77 +240,228 @@ def _drawn(task: Task, section: str, roots: Sequence[Node]) -> list[Check]:
     """Return checks of the parameters of distributions in a section."""
     if not draws(roots):
         return []
+    found = []
     where = SectionScope(task, section)
-    return [
-        check
-        for name, expr in entries(task, section)
-        for written in distributions(expr, where)
-        for check in _parameters(written, where, name)
-    ]
+    for name, expr in entries(task, section):
+        for written in distributions(expr, where):
+            found += _Parameters(where, name, written).checks()
+    return found
 
 
-_LEAST = 1e-300
-"""The least number that counts as above 0."""
+@dataclass(frozen=True)
+class _Parameters:
+    """A distribution in an entry of a section, whose parameters are checked."""
+
+    where: SectionScope
+    entry: str | None
+    written: Written
+
+    def checks(self) -> Iterator[Check]:
+        match self.written.expr:
+            case s.Weights(pairs=pairs) | s.Call(function="Categorical", args=(s.Weights(pairs=pairs),)):
+                yield from self._probabilities([p for _, p in pairs])
+            case s.Call(function="Categorical", args=(p,)):
+                yield from self._probabilities([p])
+            case s.Call() as call if call.function in DISTS:
+                yield from self._of_call(call)
+
+    def _probabilities(self, exprs: list[s.Expr]) -> Iterator[Check]:
+        """Yield checks that probabilities are between 0 and 1, and sum to 1."""
+        nodes = [self.where.number(e) for e in exprs]
+        if any(n is None or draws([n]) for n in nodes) or all(isinstance(n, Const) for n in nodes):
+            return
+        b = self.where.builder
+        found = [b.cast(n, Kind.REAL) for n in nodes if n is not None]
+        terms = found[0] if found[0].type.shape else b.structure("vector", found)
+        for expr, node in zip(exprs, found, strict=True):
+            yield self._check("E402", node, 0.0, 1.0, "a probability", expr)
+        yield self._check("E401", b.apply("sum", terms), 1.0, 1.0, "the sum of the probabilities", self.written.expr)
+
+    def _of_call(self, call: s.Call) -> Iterator[Check]:
+        arguments = {a.name: a for a in DISTS[call.function].arguments}
+        given = dict(zip(arguments, call.args, strict=False)) | dict(call.keywords)
+        nodes = {}
+        for name, expr in given.items():
+            if name in arguments and not isinstance(expr, s.SetOf | s.Comprehension):
+                node = self.where.number(expr)
+                if node is not None and not draws([node]):
+                    nodes[name] = node
+        for name, node in nodes.items():
+            if not isinstance(node, Const):
+                argument = arguments[name]
+                code = "E402" if argument.is_probability else "E408"
+                low = argument.low + argument.open * LEAST
+                yield self._check(code, node, low, argument.high, f"'{name}' of {call.function}", given[name])
+        if {"low", "high"} <= nodes.keys():
+            width = self.where.builder.apply("sub", nodes["high"], nodes["low"])
+            if not isinstance(width, Const):
+                yield self._check("E408", width, 0.0, math.inf, f"'high' - 'low' of {call.function}", call)
+
+    def _check(self, code: str, node: Node, low: float, high: float, what: str, place: s.Expr) -> Check:
+        ends = ((low,) * node.type.size, (high,) * node.type.size)
+        return Check(code, node, *ends, self.where.name, self.entry, None, place, self.written.guards, what)
 
 
-def _parameters(written: Written, where: SectionScope, entry: str | None) -> Iterator[Check]:
-    match written.expr:
-        case s.Weights(pairs=pairs):
-            yield from _probabilities([p for _, p in pairs], written, where, entry)
-        case s.Call(function="Categorical", args=(s.Weights(pairs=pairs),)):
-            yield from _probabilities([p for _, p in pairs], written, where, entry)
-        case s.Call(function="Categorical", args=(p,)):
-            yield from _probabilities([p], written, where, entry)
-        case s.Call() as call if call.function in DISTS:
-            yield from _of_call(call, written, where, entry)
+# -- evaluation -----------------------------------------------------------------------------------
 
 
-def _probabilities(exprs: list[s.Expr], written: Written, where: SectionScope, entry: str | None) -> Iterator[Check]:
-    """Yield checks that probabilities are between 0 and 1, and sum to 1."""
-    nodes = [where.number(e) for e in exprs]
-    if any(n is None or draws([n]) for n in nodes) or all(isinstance(n, Const) for n in nodes):
-        return
-    b = where.task.builder
-    found = [b.cast(n, Kind.REAL) for n in nodes if n is not None]
-    total = b.apply("sum", found[0] if found[0].type.shape else b.structure("vector", found))
-    for expr, node in zip(exprs, found, strict=True):
-        ends = (0.0,) * node.type.size, (1.0,) * node.type.size
-        yield _check("E402", node, *ends, written, where, entry, "a probability", expr)
-    what = "the sum of the probabilities"
-    yield _check("E401", total, (1.0,), (1.0,), written, where, entry, what, written.expr)
+@dataclass(frozen=True)
+class Violation:
+    """A check that fails: the values that are read at the counterexample (batch axis of one), and the wrong value.
+
+    `acting` is whether an episode acts in that state; None: unknown.
+    """
+
+    check: Check
+    reads: Reads
+    value: Array
+    acting: bool | None
 
 
-def _of_call(call: s.Call, written: Written, where: SectionScope, entry: str | None) -> Iterator[Check]:
-    arguments = {a.name: a for a in DISTS[call.function].arguments}
-    given = dict(zip(arguments, call.args, strict=False)) | dict(call.keywords)
-    for name, expr in given.items():
-        node = where.number(expr) if name in arguments and not isinstance(expr, s.SetOf | s.Comprehension) else None
-        if node is None or isinstance(node, Const) or draws([node]):
-            continue
-        argument = arguments[name]
-        ends = (argument.low + argument.open * _LEAST,) * node.type.size, (argument.high,) * node.type.size
-        code = "E402" if argument.is_probability else "E408"
-        yield _check(code, node, *ends, written, where, entry, f"'{name}' of {call.function}", expr)
-    if {"low", "high"} <= given.keys():
-        yield from _ordered(given["low"], given["high"], call, written, where, entry)
+class Examination:
+    """The checks of one phase, evaluated at its points."""
+
+    def __init__(self, phase: CheckPhase) -> None:
+        self.phase = phase
+        self.task = phase.task
+        self.roots = tuple(n for c in phase.checks for n in (*c.guards, c.node))
+        self.draws = draws(self.roots)
+        self.layout = WordLayout.of(self.roots)
+        self.rng = np.random.default_rng(1)
+
+    @cached_property
+    def enumerated(self) -> tuple[Draw, ...]:
+        """Draws that are enumerated: finite ones with few outcomes, whose arguments are not sampled."""
+        chosen: list[Draw] = []
+        most = FEW_OUTCOMES
+        outcomes = count(self.draws, {})
+        if self.phase.exact and outcomes < INF:
+            most = max(most, int(outcomes))
+        for draw in self.draws:
+            known = {d.site for d in chosen}
+            if (
+                is_finite(draw)
+                and all(d.site in known for d in draws(draw.args))
+                and count([*chosen, draw], {}) <= most
+            ):
+                chosen.append(draw)
+        return tuple(chosen)
+
+    @property
+    def method(self) -> Method:
+        if not self.phase.checks:
+            return Method(True, 0)
+        exact = self.phase.exact and len(self.enumerated) == len(self.draws)
+        if self.phase.name == "start":
+            return Method(exact, int(max(1, count(self.draws, {}))) if exact else STARTS)
+        points = self.phase.points
+        return Method(exact, points.size, points.states.size if isinstance(points, Grid) else None)
+
+    def batches(self) -> Iterator[Batch]:
+        cost = Cost(self.roots)
+        if self.phase.name == "start":
+            lanes = 1 if len(self.enumerated) == len(self.draws) else STARTS
+            yield Batch({}, cost.batch(lanes), None, True)
+            return
+        outcomes = max(1.0, count(self.enumerated, {}))
+        most = min(BATCH, BATCH * 4 // outcomes, MOST_WORDS // max(1, self.layout.count))
+        yield from self.phase.points.batches(cost.batch(max(256, most)))
+
+    def flagged(self, batch: Batch) -> Iterator[tuple[Check, Branch, Array, Array]]:
+        """Yield checks that fail in a batch: the branch, where (M,) it fails, and the values."""
+        words = self.rng.integers(0, 2**32, (self.layout.count, batch.lanes), dtype=np.uint32)
+        for branch in branches(self.enumerated, batch.reads, batch.lanes):
+            here = words if branch.origin is None else words[:, branch.origin]
+            values = iter(evaluate(self.roots, branch.place(batch.reads), self._sample(branch, here)))
+            for check in self.phase.checks:
+                guards = [next(values) for _ in check.guards]
+                value = next(values)
+                wrong = check.wrong(value)
+                if wrong.any():
+                    flags = np.logical_and.reduce(np.broadcast_arrays(wrong, *guards))
+                    if flags.any():
+                        yield check, branch, flags, value
+
+    def _sample(self, branch: Branch, words: Array) -> Any:
+        sampler = batch_sampler(self.layout, words)
+
+        def sample(draw: Draw, args: list[Array]) -> Array:
+            known = branch.drawn.get(draw.site)
+            return sampler(draw, args) if known is None else known
+
+        return sample
+
+    def violations(self) -> Iterator[Violation]:
+        """Yield the best counterexample to each check that fails: in a state in which episodes act, if there is one."""
+        best: dict[Check, tuple[tuple[int, int], Violation]] = {}
+        for batch in self.batches() if self.phase.checks else ():
+            for check, branch, flags, value in self.flagged(batch):
+                points = np.arange(batch.lanes) if branch.origin is None else branch.origin
+                outcomes = np.flatnonzero(np.broadcast_to(flags, points.shape))
+                points = points[outcomes]
+                first = 0
+                acting = batch.acting
+                key = (0, 0)
+                if batch.states is not None:
+                    states = batch.states[points]
+                    rank = self._rank(check, states)
+                    first = int(np.lexsort((states, rank))[0])
+                    key = (int(rank[first]), int(states[first]))
+                    acting = {0: True, 1: False}.get(key[0])
+                if key[0] < NEVER and (check not in best or key < best[check][0]):
+                    reads = {k: _at(v, int(points[first])) for k, v in batch.reads.items()}
+                    best[check] = (key, Violation(check, reads, _at(value, int(outcomes[first])), acting))
+        for _, violation in best.values():
+            yield violation
+
+    def _rank(self, check: Check, states: Array) -> Array:
+        """Return for states (N,) 0 if episodes act there, 1 if they do not, 2 if it is unknown, `NEVER` if they do not count."""
+        if self.visits is None:
+            return np.where(holds(states, self._seen), 0, 2)
+        if self.phase.name == "observation":
+            return np.where(holds(states, self.visits.entered), 0, 1)
+        acting = holds(states, self.visits.acting)
+        if acting.any():
+            return np.where(acting, 0, 1)
+        if check.section == "expert":  # it does not act there
+            return np.full(len(states), NEVER)
+        return np.where(holds(states, self._finished), NEVER, 1)
+
+    @cached_property
+    def visits(self) -> Visits | None:
+        """The states of all episodes; None if the search would take too long, or not end."""
+        steps = Steps(self.task)
+        times = 1
+        if steps.uses_time:
+            if self.task.horizon is None:
+                return None
+            times = max(1, self.task.horizon)
+        cost = float(steps.states.size) * steps.actions.size * steps.branching * times
+        if cost > SEARCH or count(draws(steps.first), {}) > SEARCH_STARTS:
+            return None
+        try:
+            return visits(steps)
+        except SpecError:
+            return None
+
+    @cached_property
+    def _seen(self) -> Array:
+        """States of a few episodes, for tasks in which the search for all of them costs too much."""
+        found = visited(self.task, self.phase.name == "observation")
+        space = Space(self.task.state, Role.STATE)
+        return distinct(space.encode([found[c.read] for c in self.task.state], found[Role.TIME, "t"].shape[-1])[0])
+
+    @cached_property
+    def _finished(self) -> Array:
+        """States that only a step which ends the episode can enter: no action is taken there."""
+        if isinstance(self.task.terminal, Const) or not isinstance(self.phase.points, Grid):
+            return np.zeros(0, np.int64)
+        steps = Steps(self.task)
+        every = np.arange(steps.states.size)
+        found = [successors(steps, every, t) for t in self.phase.points.times or (0,)]
+        entered = [steps.starts()[0], *(going for going, _ in found)]
+        return without(union([ended for _, ended in found]), union(entered))
 
 
-def _ordered(
-    low: s.Expr, high: s.Expr, call: s.Call, written: Written, where: SectionScope, entry: str | None
-) -> Iterator[Check]:
-    bottom = where.number(low)
-    top = where.number(high)
-    if bottom is None or top is None or draws([bottom, top]):
-        return
-    width = where.task.builder.apply("sub", top, bottom)
-    if not isinstance(width, Const):
-        ends = (0.0,) * width.type.size, (math.inf,) * width.type.size
-        what = f"'high' - 'low' of {call.function}"
-        yield _check("E408", width, *ends, written, where, entry, what, call)
-
-
-def _check(
-    code: str, node: Node, low: tuple[float, ...], high: tuple[float, ...],
-    written: Written, where: SectionScope, entry: str | None, what: str, place: s.Expr,
-) -> Check:  # fmt: skip
-    return Check(code, node, low, high, where.name, entry, None, place, written.guards, what)
+def _at(values: Array, lane: int) -> Array:
+    return values if values.shape[-1] == 1 else values[..., lane : lane + 1]

@@ -7,18 +7,18 @@ on their surroundings are checked here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-
-import numpy as np
+from functools import cached_property
 
 from taskspec.base.diagnostics import Collector
 from taskspec.lang import syntax as s
 from taskspec.lang.batch import evaluate
+from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
 from taskspec.lang.dists import is_distribution
-from taskspec.lang.ir import Const, Node, draws
-from taskspec.lang.scope import Scope, Value
+from taskspec.lang.ir import Node, draws
+from taskspec.lang.scope import Value
 from taskspec.lang.types import Domain, Kind, Refused
 from taskspec.model.space import Reads
 from taskspec.task.task import Task
@@ -31,21 +31,18 @@ class SectionScope:
     task: Task
     name: str
 
-    @property
-    def scope(self) -> Scope | None:
-        return self.task.surface.scopes.get(self.name)
+    @cached_property
+    def builder(self) -> Builder:
+        return self.task.new_builder()
 
     def value(self, expr: s.Expr, want: Domain | None = None) -> Value | None:
         """Return the meaning of a part, or None if it has none of its own."""
         known = self.task.surface.meaning(self.name, expr)
         if known is not None:
             return known
-        scope = self.scope
-        if scope is None:
-            return None
-        checker = Checker(self.task.builder, Collector())
+        scope = self.task.surface.scopes.get(self.name)
         try:
-            return checker.check(expr, scope, want)
+            return scope and Checker(self.builder, Collector()).check(expr, scope, want)
         except Refused:
             return None
 
@@ -54,7 +51,7 @@ class SectionScope:
         value = self.value(expr)
         if value is None or value.domain is None:
             return None if value is None else value.node
-        return Checker(self.task.builder, Collector()).number_of(value)
+        return Checker(self.builder, Collector()).number_of(value)
 
     def row(self, by: s.Expr, key: s.Expr) -> Node | None:
         """Return the condition that the value of a column is that of a row."""
@@ -64,71 +61,47 @@ class SectionScope:
         label = self.value(key, column.domain)
         if label is None or (column.node.type != label.node.type and column.node.type.kind is Kind.REAL):
             return None
-        b = self.task.builder
+        b = self.builder
         try:
             return b.apply("eq", column.node, label.node)
         except Refused:
             return None
 
     def negated(self, condition: Node | None) -> Node | None:
-        return None if condition is None else self.task.builder.apply("not", condition)
-
-
-def holds(condition: Node | None, reads: Reads) -> bool | None:
-    """Return whether a condition holds at the first of some points; None if it is unknown or drawn."""
-    if condition is None or draws([condition]):
-        return None
-    if isinstance(condition, Const):
-        return bool(condition.value)
-    (value,) = evaluate([condition], reads)
-    return bool(np.asarray(value).reshape(-1)[0])
+        return None if condition is None else self.builder.apply("not", condition)
 
 
 def narrow(expr: s.Expr, section: SectionScope, reads: Reads) -> s.Expr:
     """Return the branch or row of an expression that gives its value at a point."""
-    while True:
-        smaller = _taken(expr, section, reads)
-        if smaller is None:
-            return expr
-        expr = smaller
-
-
-def _taken(expr: s.Expr, section: SectionScope, reads: Reads) -> s.Expr | None:
-    for part, conditions in alternatives(expr, section):
-        found = [holds(condition, reads) for condition in conditions]
-        if all(found):
-            return part
-        if None in found and False not in found:
-            return None
-    return None
+    for part, conditions in _alternatives(expr, section):
+        known = [c for c in conditions if c is not None and not draws([c])]
+        if all(value.reshape(-1)[0] for value in evaluate(known, reads)):
+            return narrow(part, section, reads) if len(known) == len(conditions) else expr
+    return expr
 
 
 Alternative = tuple[s.Expr, tuple[Node | None, ...]]
 """A part of an expression, and the conditions under which it gives the value; None for one without a meaning of its own."""
 
 
-def alternatives(expr: s.Expr, section: SectionScope) -> Iterator[Alternative]:
+def _alternatives(expr: s.Expr, section: SectionScope) -> Iterator[Alternative]:
     """Yield the branches of an expression, or the cells of a table; nothing for other expressions."""
+    pieces: Sequence[tuple[s.Expr, s.Expr]] = ()
     match expr:
-        case s.IfElse(condition=condition, then=then, otherwise=otherwise):
-            yield from _branches([(condition, then)], otherwise, section)
-        case s.Piecewise(branches=pieces, otherwise=otherwise):
-            yield from _branches(pieces, otherwise, section)
         case s.Table(by=by, rows=rows):
             yield from _cells(by, rows, section)
-        case _:
             return
-
-
-def _branches(
-    pieces: Sequence[tuple[s.Expr, s.Expr]], otherwise: s.Expr, section: SectionScope
-) -> Iterator[Alternative]:
+        case s.IfElse(condition=condition, then=then):
+            pieces = [(condition, then)]
+        case s.Piecewise(branches=branches):
+            pieces = branches
     before: tuple[Node | None, ...] = ()
     for condition, then in pieces:
         node = section.number(condition)
         yield then, (*before, node)
         before = (*before, section.negated(node))
-    yield otherwise, before
+    if isinstance(expr, s.IfElse | s.Piecewise):
+        yield expr.otherwise, before
 
 
 def _cells(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], section: SectionScope) -> Iterator[Alternative]:
@@ -144,9 +117,6 @@ def _cells(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], section: Sectio
             yield part, (*conditions, *inner)
 
 
-# -- draws as they are written --------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Written:
     """A distribution as written, with the conditions under which it is drawn from."""
@@ -159,7 +129,7 @@ def distributions(expr: s.Expr, section: SectionScope, guards: tuple[Node, ...] 
     """Yield the distributions in an expression whose parameters have a meaning of their own."""
     match expr:
         case s.IfElse() | s.Piecewise() | s.Table():
-            for part, conditions in alternatives(expr, section):
+            for part, conditions in _alternatives(expr, section):
                 known = (condition for condition in conditions if condition is not None)
                 yield from distributions(part, section, (*guards, *known))
         case s.Comprehension():
@@ -175,26 +145,22 @@ def distributions(expr: s.Expr, section: SectionScope, guards: tuple[Node, ...] 
                 if not (is_distribution(name) and isinstance(part, s.Weights)):
                     yield from distributions(part, section, guards)
         case _:
-            for part in parts(expr):
+            for part in _parts(expr):
                 yield from distributions(part, section, guards)
 
 
-def parts(expr: s.Expr) -> Iterator[s.Expr]:
-    """Yield the expressions directly inside one that always evaluates all its parts."""
+def _parts(expr: s.Expr) -> Iterable[s.Expr]:
+    """Return the expressions directly inside one that always evaluates all its parts."""
     match expr:
         case s.Unary(operand=operand):
-            yield operand
+            return (operand,)
         case s.Binary(left=left, right=right):
-            yield from (left, right)
-        case s.Logical(operands=operands):
-            yield from operands
+            return (left, right)
+        case s.Logical(operands=parts) | s.Vector(items=parts):
+            return parts
         case s.Compare(first=first, rest=rest):
-            yield first
-            yield from (side for _, side in rest if not isinstance(side, s.SetOf | s.Comprehension))
+            return (first, *(side for _, side in rest if not isinstance(side, s.SetOf | s.Comprehension)))
         case s.Subscript(value=value, indices=indices):
-            yield value
-            yield from (i for i in indices if not isinstance(i, s.Slice))
-        case s.Vector(items=items):
-            yield from items
+            return (value, *(i for i in indices if not isinstance(i, s.Slice)))
         case _:
-            return
+            return ()

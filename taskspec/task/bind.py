@@ -6,9 +6,8 @@ from typing import Any
 
 from taskspec.base.diagnostics import suggest
 from taskspec.base.limits import Limits
-from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.ir import Const, reads
-from taskspec.lang.scope import Lazy, Scope
+from taskspec.lang.scope import Lazy, Poisoned, Scope
 from taskspec.lang.types import BOOL
 from taskspec.source import Path
 from taskspec.task import declare

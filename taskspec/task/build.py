@@ -240,13 +240,12 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
         memory=() if memory is None else memory.lines,
     )  # fmt: skip
     collector.raise_if_errors()
-    builder.settle(context.checker.checked)
     return Task(
         name=context.merged.name, suite=suite, version=context.data.get("version", 0), variant=context.merged.variant,
         parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,
         horizon=context.horizon, discount=discount, initial=tuple(initial), next=tuple(following), reward=reward,
         raw_initial=raw_initial, raw_next=raw_next, terminal=terminal, absorbing_reward=absorbing, expert=expert,
-        claims=claims, examples=examples, figure=drawn, builder=builder,
+        claims=claims, examples=examples, figure=drawn,
         reset_draws=tuple((initial_draws | observation_draws).values()),
         step_draws=tuple((dynamics_draws | observation_draws).values()), merged=context.merged, document=context.merged.document,
         content_hash=content_hash(context), surface=context.surface(), fixed=bind.fixed_constants(context), memory=memory,

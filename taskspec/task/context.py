@@ -8,11 +8,10 @@ from typing import Any
 
 from taskspec.base.diagnostics import Collector
 from taskspec.lang import syntax as s
-from taskspec.lang.basechecker import Poisoned, numbered
 from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node, Role
-from taskspec.lang.scope import Binding, Lazy, Scope, Value
+from taskspec.lang.scope import Binding, Lazy, Poisoned, Scope, Value, numbered
 from taskspec.lang.types import Domain, Kind, Refused, Shape, shape
 from taskspec.source import Path
 from taskspec.task.forms import Forms, is_word
@@ -126,7 +125,9 @@ class Context:
         checker = self.checker
         sections = {id(scope): name for name, scope in self.named_scopes.items()}
         meanings = {(sections[at], part): found for (part, at), found in checker.found.items() if at in sections}
-        return Surface(self.exprs, self.named_scopes, tuple(checker.moved.values()), meanings, self.shapes)
+        return Surface(
+            self.exprs, self.named_scopes, tuple(checker.moved.values()), meanings, self.shapes, checker.checked
+        )
 
     def expr(self, path: Path) -> s.Expr:
         """Return the expression at a path.

@@ -10,13 +10,12 @@ from typing import Any
 from taskspec import draws
 from taskspec.base.diagnostics import Placed, suggest
 from taskspec.base.limits import count, how_to_raise, limits
-from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.calls import static_shape
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Const, Node, Role, plain, reads
-from taskspec.lang.scope import Scope, Value
+from taskspec.lang.scope import Poisoned, Scope, Value
 from taskspec.lang.types import INT, INT_WIDEST, Domain, Kind, Refused, Type
-from taskspec.lang.variates.sample import WordLayout, sampler
+from taskspec.lang.variates import WordLayout, sampler
 from taskspec.source import Path
 from taskspec.task.context import Context
 from taskspec.task.parameters import Varying, article, brief, convert

@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 
+from taskspec.lang import interval
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, draws, reads, walk
 from taskspec.lang.operators import OPERATORS, STRUCTURES
 from taskspec.lang.types import BOOL, INT_MAX, REAL, Kind, Type
@@ -93,11 +94,7 @@ def memories(task: Task) -> tuple[tuple[Node, ...], ...]:
 
 def drawn(task: Task) -> tuple[Node, ...]:
     """Return what the figure shows."""
-    if task.figure is None:
-        return ()
-    single = (task.figure.curve, task.figure.values)
-    places = (task.figure.at, *task.figure.objects.values())
-    return (*(n for at in places for n in at), *(n for n in single if n is not None), *task.figure.highlight.values())
+    return () if task.figure is None else task.figure.nodes
 
 
 def components(task: Task) -> tuple[Component, ...]:
@@ -170,7 +167,7 @@ def _mapped(symmetry: Symmetry) -> bool:
 
 
 def _certain(task: Task, node: Node, low: float, high: float) -> bool:
-    least, most = task.builder.certain(node)
+    least, most = interval.certain(node, {})
     return low <= least and most <= high
 
 

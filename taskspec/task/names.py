@@ -11,11 +11,10 @@ from dataclasses import replace
 
 from taskspec.base.diagnostics import Collector, Span
 from taskspec.lang import syntax as s
-from taskspec.lang.basechecker import Poisoned, named
 from taskspec.lang.calls import NO_DRAWS, is_function
 from taskspec.lang.check import CONSTANTS
 from taskspec.lang.ir import Draw, Node, Role, reads
-from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
+from taskspec.lang.scope import Binding, FunctionDef, Lazy, Poisoned, Scope, Unavailable, Value, named
 from taskspec.lang.types import Kind, Type
 from taskspec.source import Path
 from taskspec.task.context import Context, poison

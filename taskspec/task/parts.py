@@ -8,9 +8,8 @@ from typing import Any, Literal
 
 from taskspec.base.records import dataclass
 from taskspec.lang import syntax as s
-from taskspec.lang.basechecker import ClampedIndex
 from taskspec.lang.ir import Node, Role
-from taskspec.lang.scope import Scope, Value
+from taskspec.lang.scope import ClampedIndex, Scope, Value
 from taskspec.lang.types import Domain, Kind, Shape, Type
 
 __all__ = ["Component", "Parameter"]
@@ -89,6 +88,11 @@ class ExpertMemory:
     raw_next: tuple[Node, ...]
 
     @property
+    def nodes(self) -> tuple[Node, ...]:
+        """All values, as they are and as written."""
+        return (*self.initial, *self.next, *self.raw_initial, *self.raw_next)
+
+    @property
     def lines(self) -> tuple[Node, ...]:
         """All values as written, a first and a next one in turn."""
         return tuple(n for pair in zip(self.raw_initial, self.raw_next, strict=True) for n in pair)
@@ -100,7 +104,7 @@ class Symmetry:
 
     `components` and `observation` are what is seen then, over NEXT, what the task shows by the names of `seen`; `action` has, in
     the order of the task's action, what does then what an action, read as ACTION, did. None of them draws. Where one of the two
-    is empty, that stays as it is. Whether they are one-to-one is not known yet: `exact.abstraction.symmetries` finds out.
+    is empty, that stays as it is. Whether they are one-to-one is not known yet: `exact.abstraction.symmetry_proofs` finds out.
     """
 
     name: str
@@ -223,6 +227,13 @@ class Figure:
     map: tuple[str, ...] = ()
     objects: Mapping[str, tuple[Node, ...]] = field(default_factory=dict)
 
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        """All that it shows."""
+        single = [node for node in (self.curve, self.values) if node is not None]
+        places = [node for at in self.objects.values() for node in at]
+        return (*self.at, *places, *single, *self.highlight.values())
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -233,6 +244,7 @@ class Surface:
     moved: tuple[ClampedIndex, ...] = ()  # indices that may lie outside their vectors
     meanings: Mapping[tuple[str, int], tuple[s.Expr, Value]] = field(default_factory=dict, repr=False)
     shapes: Mapping[str, Shape] = field(default_factory=dict, repr=False)  # of definitions and of noise
+    expressions: int = 0  # that sections came to, each as often as it is written out: what the build cost
 
     def meaning(self, section: str, part: s.Expr) -> Value | None:
         """Return what a part of a section came to when the task was built; None for one in a comprehension or a definition."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from taskspec.base.numbers import decimal, setting
+from taskspec.base.display import decimal, setting
 from taskspec.lang.types import Domain, Kind
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Parameter, Soft, Task

@@ -8,10 +8,9 @@ from typing import Any, Literal
 from taskspec.base.diagnostics import suggest
 from taskspec.base.limits import count, how_to_raise, limits
 from taskspec.lang import syntax as s
-from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.parse import parse_into
-from taskspec.lang.scope import Lazy, Scope, Value
+from taskspec.lang.scope import Lazy, Poisoned, Scope, Value
 from taskspec.lang.types import Kind, Type
 from taskspec.source import Path
 from taskspec.task import declare, parameters

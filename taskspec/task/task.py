@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field, replace
 from functools import cached_property
 from os import PathLike
@@ -14,7 +14,7 @@ from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, rewrite
 from taskspec.lang.types import Kind
-from taskspec.lang.variates.sample import WordLayout
+from taskspec.lang.variates import WordLayout
 from taskspec.source import Document
 from taskspec.task.merge import Merged
 from taskspec.task.parameters import Ending
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 class Task:
     """One task with its parameters bound.
 
-    Nodes are those of `builder`. `initial` and `next` follow the order of `state`; `next`, `reward` and `terminal`
+    `initial` and `next` follow the order of `state`; `next`, `reward` and `terminal`
     read STATE, ACTION and TIME; observation nodes read STATE (the state that is observed) and TIME; `initial` reads
     nothing: each component's node contains those it depends on. `reset_draws` and `step_draws` are the draws that the sections
     of a reset and of a step write, whether or not they are left in these nodes.
@@ -76,7 +76,6 @@ class Task:
     claims: tuple[Claim, ...]
     examples: tuple[Example, ...]
     absorbing_reward: Node
-    builder: Builder
     reset_draws: tuple[Draw, ...]
     step_draws: tuple[Draw, ...]
     merged: Merged
@@ -268,7 +267,7 @@ class Task:
         def leaf(node: Node) -> Node | None:
             return seen[node.name] if isinstance(node, Read) and node.role is Role.NEXT else None
 
-        return rewrite(nodes, leaf, self.builder.remake_late)
+        return rewrite(nodes, leaf, self.new_builder().remake_late)
 
     @cached_property
     def reset_words(self) -> WordLayout:
@@ -290,13 +289,41 @@ class Task:
         """All that a reset works out: first states, observation."""
         return (*self.initial, *self.first_observation)
 
-    @cached_property
+    @property
+    def nodes(self) -> Iterator[Node]:
+        """All expressions that the task is made of, and the draws that its sections write."""
+        yield from (*self.initial, *self.next, *self.raw_initial, *self.raw_next)
+        yield from (self.reward, self.terminal, self.absorbing_reward, *self.observation.nodes)
+        yield from self.expert if isinstance(self.expert, tuple) else ()
+        yield from () if self.memory is None else self.memory.nodes
+        yield from () if self.figure is None else self.figure.nodes
+        for symmetry in self.symmetries:
+            yield from symmetry.nodes
+        yield from (node for node, _ in self.required)
+        yield from (*self.reset_draws, *self.step_draws)
+
+    def new_builder(self, more: Iterable[Node] = ()) -> Builder:
+        """Return a builder for nodes made from those of this task: what equals one of them, or of `more`, is that one."""
+        return Builder.of((*self.nodes, *self.next_observation, *self.first_observation, *more))
+
+    @property
     def next_observation(self) -> tuple[Node, ...]:
         """The observation after a step, over the STATE and TIME before it: what a step computes."""
-        b = self.builder
+        return self._observations[0]
+
+    @property
+    def first_observation(self) -> tuple[Node, ...]:
+        """The observation at reset, over nothing: what a reset computes."""
+        return self._observations[1]
+
+    @cached_property
+    def _observations(self) -> tuple[tuple[Node, ...], tuple[Node, ...]]:
+        b = Builder.of(self.nodes)
         following = {c.name: node for c, node in zip(self.state, self.next, strict=True)}
 
-        def leaf(node: Node) -> Node | None:
+        starting = {c.name: node for c, node in zip(self.state, self.initial, strict=True)}
+
+        def later(node: Node) -> Node | None:
             match node:
                 case Read(role=Role.STATE, name=name):
                     return following[name]
@@ -305,15 +332,7 @@ class Task:
                 case _:
                     return None
 
-        return rewrite(self.observation.nodes, leaf, b.remake_late)
-
-    @cached_property
-    def first_observation(self) -> tuple[Node, ...]:
-        """The observation at reset, over nothing: what a reset computes."""
-        b = self.builder
-        starting = {c.name: node for c, node in zip(self.state, self.initial, strict=True)}
-
-        def leaf(node: Node) -> Node | None:
+        def first(node: Node) -> Node | None:
             match node:
                 case Read(role=Role.STATE, name=name):
                     return starting[name]
@@ -322,7 +341,8 @@ class Task:
                 case _:
                     return None
 
-        return rewrite(self.observation.nodes, leaf, b.remake_late)
+        seen = self.observation.nodes
+        return rewrite(seen, later, b.remake_late), rewrite(seen, first, b.remake_late)
 
 
 TaskLike: TypeAlias = Task | str | PathLike[str]

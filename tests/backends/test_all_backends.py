@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskspec.backends.emit.array import ArrayForm, Scratch, arrays
-from taskspec.backends.emit.lane import LaneValue
+from taskspec.backends.array_form import ArrayForm, Scratch, arrays
+from taskspec.backends.lane_form import LaneValue
 from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
-from taskspec.backends.numpy.engine import _NAMESPACE as NUMPY
+from taskspec.backends.numpy import _NAMESPACE as NUMPY
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.operators import FUNCTIONS, TABLE, Operator
-from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.operators.vectors import STRUCTURES
 from taskspec.lang.types import Kind, Type
 from tests.shared.values import BACKENDS, SLOWLY, constant, kind_of, type_of
 
@@ -61,7 +61,7 @@ def on_jax(b: Builder, root: Node, reads: Values) -> np.ndarray:
 
 def on_numba(b: Builder, root: Node, reads: Values) -> np.ndarray:
     numba = pytest.importorskip("numba")
-    from taskspec.backends.numba import draws, runtime
+    from taskspec.backends.numba import kernel_draws, runtime
 
     names, loads, arguments = {}, [], []
     for (role, name), value in reads.items():
@@ -77,7 +77,7 @@ def on_numba(b: Builder, root: Node, reads: Values) -> np.ndarray:
     space = {
         **vars(math),
         **vars(runtime),
-        **vars(draws),
+        **vars(kernel_draws),
         **vars(runtime),
         **lane.constants,
         "nan": math.nan,

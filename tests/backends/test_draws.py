@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskspec.envs.conformance import Agreement
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import CATEGORICAL, DISTS, Dist
 from taskspec.lang.types import Kind, Type
 from taskspec.source import read
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.conformance import Agreement
 from tests.shared.values import BACKENDS, SLOWLY, constant, type_of
 
 HEAD = """

@@ -18,9 +18,9 @@ from typing import Any
 import pytest
 
 import taskspec
-from taskspec.backends.numba.step import generate
-from taskspec.backends.numpy.engine import compile_numpy
-from taskspec.backends.scalar.program import compile_scalar
+from taskspec.backends.numba.loops import generate
+from taskspec.backends.numpy import compile_numpy
+from taskspec.backends.scalar import compile_scalar
 from taskspec.base.diagnostics import SpecError
 from taskspec.source import read_text
 from taskspec.task.build import build

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.source import read
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.conformance import Agreement, ReferenceEnv
 from tests.shared.sparse import sparse
 
 HEAD = """

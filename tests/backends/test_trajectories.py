@@ -16,12 +16,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import taskspec
-from taskspec.backends.interpreter import Interpreter
 from taskspec.base.diagnostics import SpecError
 from taskspec.making import register_shipped
 from taskspec.registry import entries, task_ids
 from taskspec.task.spaces import pack, unpack
 from taskspec.task.task import FINITE_SPACES, Task
+from tests.shared.interpreter import Interpreter
 from tests.shared.sparse import sparse
 
 SPECS = Path(__file__).parents[1] / "specs"

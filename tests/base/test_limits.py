@@ -68,7 +68,7 @@ def instances(entry: str) -> Any:
 
 def compiled() -> Any:
     """Lanes of a task that was never compiled before, on Numba."""
-    engine = pytest.importorskip("taskspec.backends.numba.engine")
+    engine = pytest.importorskip("taskspec.backends.numba")
     loading, vector = (import_module(f"taskspec.{name}") for name in ("backends.numba.loading", "envs.vector"))
     engine.compile_numba.cache_clear()
     loading.load.cache_clear()

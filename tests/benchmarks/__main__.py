@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from taskspec.backends.table import BACKENDS, PROGRAMS
+from taskspec.backends.backend_table import BACKENDS, PROGRAMS
 from taskspec.base.limits import Limits
 from taskspec.cli.app import Commands
-from taskspec.cli.failures import misuse
+from taskspec.cli.console import misuse
 from taskspec.cli.options import CHARTS, Json, Parameters, checked_choice, complete_targets, flowed
 
 VECTOR = ("auto", *BACKENDS)

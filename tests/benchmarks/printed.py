@@ -8,7 +8,7 @@ from itertools import groupby
 from types import TracebackType
 from typing import Any
 
-from taskspec.base.machine import machine
+from taskspec.base.extras import machine
 from taskspec.cli.console import VisibleText, columns, console
 from tests.benchmarks.race import Rate
 from tests.benchmarks.starts import MemoryUse, Start

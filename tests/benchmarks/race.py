@@ -91,7 +91,7 @@ def ours(
     num_threads: int = 1,
     target: float | None = None,
 ) -> Contestant:
-    """One of `taskspec.backends.table.PROGRAMS`; a task goes by its `label` unless another name is given."""
+    """One of `taskspec.backends.backend_table.PROGRAMS`; a task goes by its `label` unless another name is given."""
 
     def make() -> Drive:
         match program:

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from taskspec.backends.jax.functional import Functional
+from taskspec.backends.jax.functions import Functional
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taskspec.base.diagnostics import spec_error, suggest
-from taskspec.base.extras import need
-from taskspec.base.machine import machine
+from taskspec.base.extras import machine, need
 from taskspec.cli.console import VisibleText, columns, console, write_json
 from taskspec.envs.speed import race
 from tests.benchmarks.printed import Progress, footer, percent
@@ -70,7 +69,9 @@ def _raced(task: Pair, lanes: int | None, backend: str, rounds: int, seconds: fl
 
 def _print(results: Sequence[Result], lanes: int | None) -> None:
     target = ["target"] if lanes is None else []
-    table = columns("", "task", "taskspec", "±", "seals", "±", "ratio", "spread", *target, right=range(2, 9))
+    table = columns(
+        "", "task", "taskspec", "±", "seals", "±", "ratio", "spread", *target, right=range(2, 8 + len(target))
+    )
     for r in results:
         mark = (
             VisibleText("")

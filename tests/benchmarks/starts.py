@@ -14,7 +14,7 @@ import tracemalloc
 from dataclasses import asdict, dataclass
 from typing import Any, cast
 
-from taskspec.backends.table import BackendName
+from taskspec.backends.backend_table import BackendName
 from taskspec.base.diagnostics import TaskspecError
 from taskspec.task.task import Task
 from tests.benchmarks.race import label

@@ -18,8 +18,8 @@ from rich.console import Console
 from rich.theme import Theme
 from typer.testing import CliRunner
 
-from taskspec.backends import table as select
-from taskspec.backends.table import PROGRAMS
+from taskspec.backends import backend_table as select
+from taskspec.backends.backend_table import PROGRAMS
 from taskspec.base.extras import is_installed
 from taskspec.cli.console import STYLES
 from tests.benchmarks import chart, printed, tables

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.backends.table import PROGRAMS
+from taskspec.backends.backend_table import PROGRAMS
 from taskspec.base.diagnostics import TaskspecError
 from taskspec.envs.speed import race, scalar
 from taskspec.envs.vector import VectorEnvironment

@@ -11,13 +11,11 @@ from typing import Any
 
 import typer
 
-from taskspec.backends import table as select
-from taskspec.backends.table import BACKENDS, PROGRAMS, QUICKEST
+from taskspec.backends import backend_table as select
+from taskspec.backends.backend_table import BACKENDS, PROGRAMS, QUICKEST
 from taskspec.base.diagnostics import SpecError, TaskspecError, spec_error
-from taskspec.base.extras import is_installed, need
-from taskspec.base.machine import machine
-from taskspec.cli.console import console, say, write_json
-from taskspec.cli.failures import misuse, show
+from taskspec.base.extras import is_installed, machine, need
+from taskspec.cli.console import console, misuse, print_diagnostics, say, write_json
 from taskspec.cli.options import CHARTS, checked_choice
 from taskspec.envs.speed import Drive, race
 from taskspec.registry import load
@@ -236,7 +234,7 @@ def _show(wanted: Wanted, found: Found) -> None:
 
 def _report(errors: Sequence[TaskspecError]) -> None:
     """What went wrong, once for each; the command fails."""
-    show(dict.fromkeys(d for error in errors if isinstance(error, SpecError) for d in error.diagnostics))
+    print_diagnostics(dict.fromkeys(d for error in errors if isinstance(error, SpecError) for d in error.diagnostics))
     for error in errors:
         if not isinstance(error, SpecError):
             say(f"error: {error}", err=True)

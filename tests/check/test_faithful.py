@@ -263,11 +263,12 @@ class Written:
 
     def __init__(self) -> None:
         self.task = task(ANY)
+        self.builder = self.task.new_builder()
 
     def node(self, text: str) -> Node:
         parsed = parse_into(SourceText(text, lambda start, end: None), Collector())
         assert parsed is not None
-        value = Checker(self.task.builder, Collector()).check(parsed, self.task.surface.scopes["reward"])
+        value = Checker(self.builder, Collector()).check(parsed, self.task.surface.scopes["reward"])
         assert value is not None
         return value.node
 
@@ -283,7 +284,7 @@ SAME = [
 @pytest.mark.parametrize(("one", "other"), SAME)
 def test_normal_forms_of_whole_numbers(one: str, other: str) -> None:
     written = Written()
-    normal = LinearForms(written.task.builder)
+    normal = LinearForms(written.builder)
     first, second = normal.form([written.node(one), written.node(other)])
     assert first is second
     rng = np.random.default_rng(0)

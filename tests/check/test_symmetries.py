@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.abstraction.symmetries import verify_symmetry
-from taskspec.envs.conformance import Agreement, ReferenceEnv
+from taskspec.abstraction.symmetry_proofs import verify_symmetry
 from taskspec.exact import Results, score
 from taskspec.registry import task_ids
 from taskspec.task.invariants import broken
 from taskspec.task.task import Task
 from tests.backends.test_trajectories import walk_together
+from tests.shared.conformance import Agreement, ReferenceEnv
 from tests.shared.sparse import sparse
 
 Array = np.ndarray[Any, Any]

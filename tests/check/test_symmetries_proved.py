@@ -12,7 +12,7 @@ import pytest
 
 import taskspec
 from taskspec import source
-from taskspec.abstraction.symmetries import SymmetryCheck, verify_symmetry
+from taskspec.abstraction.symmetry_proofs import SymmetryCheck, verify_symmetry
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Results, check
 from taskspec.pages.page import page

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from taskspec.base.codes import CLASSES, CODES
+from taskspec.base.diagnostics import CLASSES, CODES
 from taskspec.registry import shipped, task_ids
 from tests.shared.commands import Done, spec
 from tests.shared.sparse import sparse
@@ -227,7 +227,7 @@ def test_show_tells_values_equations_errata_claims_and_sources() -> None:
 
 def test_show_source_is_the_code_that_runs() -> None:
     from taskspec import load
-    from taskspec.backends.scalar.program import compile_scalar
+    from taskspec.backends.scalar import compile_scalar
 
     assert Done("show", "Sort", "--source").out.rstrip() == compile_scalar(load("derail/Sort")).source.rstrip()
     assert Done("show", "Sort", "--source", "--json").data["language"] == "python"

@@ -65,9 +65,9 @@ def test_commands_that_take_long_tell_what_they_do(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     heard: list[tuple[str, float | None]] = []
-    show = progress._Line.show
+    show = progress.ProgressLine.show
     monkeypatch.setattr(
-        progress._Line, "show", lambda self, *words: (heard.append((*words, None)[:2]), show(self, *words))
+        progress.ProgressLine, "show", lambda self, *words: (heard.append((*words, None)[:2]), show(self, *words))
     )
     monkeypatch.setattr(progress, "is_terminal", lambda: True)
     assert CliRunner().invoke(app, command.split()).exit_code == 0

@@ -19,12 +19,12 @@ from hypothesis import strategies as st
 
 import taskspec
 from taskspec import draws
-from taskspec.backends.interpreter import Interpreter
-from taskspec.envs.conformance import Agreement
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.seeding_page import CODE, RESET, STEP, words
+from tests.shared.conformance import Agreement
+from tests.shared.interpreter import Interpreter
 
 U = "UniformInt(0, 1048575)"
 SEED = 2**40 + 7
@@ -45,9 +45,10 @@ def test_words(seed: int, n: int, count: int) -> None:
 @settings(max_examples=300)
 @given(st.lists(word, min_size=9, max_size=9), st.floats(2**-10, 100, width=32))
 def test_reals(w: list[int], alpha: float) -> None:
-    assert draws.exponential(w[0]) == CODE["exponential"](w[0])
-    assert draws.normal(w[:2], 2) == CODE["normals"](w[0], w[1])
-    assert draws.dirichlet(w + w[::-1], (alpha, 1.0)) == tuple(CODE["dirichlet"](w + w[::-1], (alpha, 1.0)))
+    array = np.array(w + w[::-1], np.uint32)
+    assert draws.exponentials(array)[0] == CODE["exponential"](w[0])
+    assert tuple(draws.normals(array[:2], 2).tolist()) == CODE["normals"](w[0], w[1])
+    assert draws.dirichlets(array, (alpha, 1.0)).tolist() == list(CODE["dirichlet"](w + w[::-1], (alpha, 1.0)))
 
 
 # ------------------------------------------------------------------------------ which word a draw is given

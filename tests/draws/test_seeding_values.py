@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.backends.interpreter import Interpreter
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.seeding_page import CODE, CONSTANT, STEP, words
+from tests.shared.interpreter import Interpreter
 
 SEED = 2**40 + 7
 F = np.float32

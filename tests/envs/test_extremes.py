@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.backends.interpreter import Interpreter
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import soundness
 from taskspec.task.task import Task
+from tests.shared.interpreter import Interpreter
 from tests.shared.walks import written
 
 # -- observations outside their space ---------------------------------------------------------------------------------

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.backends.actions import BadActionError
-from taskspec.backends.table import engine
-from taskspec.backends.vector import Options
+from taskspec.backends.backend_table import engine
+from taskspec.backends.vector_program import BadActionError, Options
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.options import ActionError, StateError
 from tests.shared.walks import written

@@ -12,13 +12,13 @@ from gymnasium.vector import AutoresetMode
 
 import taskspec
 from taskspec import SpecError
-from taskspec.backends import table
-from taskspec.backends.table import BACKENDS, BackendName
+from taskspec.backends import backend_table
+from taskspec.backends.backend_table import BACKENDS, BackendName
 from taskspec.envs import ActionError, NotRunningError
-from taskspec.envs.conformance import Agreement, check_environment
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.source.scan import scan
 from taskspec.task.task import Task
+from tests.shared.conformance import Agreement, check_environment
 from tests.shared.sparse import sparse
 
 SPECS = Path(__file__).parents[1] / "specs"
@@ -55,7 +55,7 @@ def test_numpy_walks_the_scalar_trajectories(task: tuple[str, str | None], lanes
 
 @pytest.mark.parametrize("task", TASKS[::4], ids=name_of)
 def test_numpy_walks_them_in_several_blocks(task: tuple[str, str | None], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("taskspec.backends.numpy.engine.BLOCK", 9)
+    monkeypatch.setattr("taskspec.backends.numpy.BLOCK", 9)
     for mode in MODES:
         Agreement(load(task), "numpy", 20, mode).run(15)
 
@@ -238,12 +238,12 @@ def test_masks_are_checked() -> None:
 
 def test_a_missing_backend_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     task = taskspec.load("derail/Sort-v0")
-    monkeypatch.setattr(table, "is_installed", lambda name: False)
-    assert table.choose(task, "auto") == "numpy"
+    monkeypatch.setattr(backend_table, "is_installed", lambda name: False)
+    assert backend_table.choose(task, "auto") == "numpy"
     with pytest.raises(SpecError, match=r"\[numba\]"):
-        table.choose(task, "numba")
+        backend_table.choose(task, "numba")
     with pytest.raises(SpecError, match="there is no backend"):
-        table.choose(task, "numby")
+        backend_table.choose(task, "numby")
 
 
 def test_the_type_of_names_of_backends_is_that_of_the_table() -> None:

@@ -19,7 +19,7 @@ from matplotlib.image import imread
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.cli.console import console
-from taskspec.cli.exam_tables import show
+from taskspec.cli.report import print_exam
 from taskspec.exam import findings, report
 from taskspec.exam.report import pictures
 from taskspec.exam.report import rows as told
@@ -100,7 +100,7 @@ def test_the_terminal_shows_all_of_it(
     results: dict[str, Any], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    show(results, console(wide=True))
+    print_exam(results, console(wide=True))
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert "early termination ✗ fails" in lines and "continuous control ✓ masters" in lines
     assert "RiskyPath 1.00 0.20 1.00 1.00" in lines

@@ -20,7 +20,7 @@ import typer
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.extras import is_installed
-from taskspec.cli.failures import reported
+from taskspec.cli.console import reported
 from taskspec.jobs.code import code_hash
 from taskspec.jobs.engine import Interrupted, Standing, run
 from taskspec.jobs.store import Job, JobResult, Store

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.exact import extract
 from taskspec.lang.ir import draws
@@ -25,6 +24,7 @@ from taskspec.solve import solve
 from taskspec.source import read
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.conformance import Agreement, ReferenceEnv
 
 HEAD = """
 taskspec: 1

@@ -10,13 +10,13 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.exact import check, scores
 from taskspec.pages.facts import gather
 from taskspec.pages.write import write
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.conformance import Agreement, ReferenceEnv
 
 DISTRACTED = """
 taskspec: 1

@@ -10,10 +10,10 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.exact import scores
 from taskspec.source import read_text
 from taskspec.task.build import build
+from tests.shared.conformance import Agreement, ReferenceEnv
 
 BRACKETS = """
 taskspec: 1

@@ -13,7 +13,7 @@ from scipy import stats
 from taskspec import source
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.lang.hints import FOREIGN
+from taskspec.lang.parse import FOREIGN
 from taskspec.task.build import build
 
 X, Y = (3, -1, 2), (0.5, 4.0, 2.0)

@@ -14,13 +14,13 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.envs.conformance import Agreement
 from taskspec.envs.options import StateError
 from taskspec.model.extract import extract
 from taskspec.soundness.soundness import soundness
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.conformance import Agreement
 
 SPEC = """
 taskspec: 1

@@ -14,7 +14,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.operators import OPERATORS
-from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.operators.vectors import STRUCTURES
 from taskspec.lang.types import Kind
 from tests.shared.values import kind_of, type_of
 

@@ -11,10 +11,10 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.conformance import Agreement, ReferenceEnv
 
 SPEC = """
 taskspec: 1

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.envs.conformance import ReferenceEnv
 from taskspec.envs.vector import VectorEnvironment
+from tests.shared.conformance import ReferenceEnv
 from tests.verification.operands.forms import FORMS, LAST_DIGIT, ORIGINS, PLAIN, SHAPES, expressions
 from tests.verification.operands.specs import HORIZON, Held, task_of, typed
 

@@ -17,17 +17,17 @@ import numpy as np
 import pytest
 
 from taskspec import draws
-from taskspec.backends.emit.lane import LaneEmitter, LaneValue
-from taskspec.backends.scalar import program
+from taskspec.backends import scalar
+from taskspec.backends.lane_form import LaneEmitter, LaneValue
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Apply, Const, Node, Read, Role, rewrite, walk
 from taskspec.lang.operators import FUNCTIONS, OPERATORS
-from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.operators.vectors import STRUCTURES
 from taskspec.lang.types import Kind, Type
-from taskspec.lang.variates.sample import WordLayout, batch_sampler, sampler, words_of
+from taskspec.lang.variates import WordLayout, batch_sampler, sampler, words_of
 from tests.shared.sparse import sparse
 
 Flat = tuple[Any, ...]
@@ -96,7 +96,7 @@ def by_lane(b: Builder, node: Node, arguments: Sequence[Argument], words: Sequen
     source = "\n".join(
         [f"def form({', '.join(parameters)}):", *(f"    {x}" for x in lane.lines), f"    return {result}"]
     )
-    namespace = {**program.scalar_namespace(), **lane.constants}
+    namespace = {**scalar.scalar_namespace(), **lane.constants}
     exec(source, namespace)
     values = [a.flat[0] if a.type.is_scalar else a.flat for a in arguments]
     return namespace["form"](*values, *words)  # type: ignore[no-any-return]

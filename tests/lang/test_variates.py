@@ -12,16 +12,15 @@ import pytest
 
 import taskspec
 from taskspec import draws, source
-from taskspec.backends.table import BACKENDS
-from taskspec.envs.conformance import Agreement
+from taskspec.backends.backend_table import BACKENDS
 from taskspec.exact import extract
 from taskspec.lang.dists import DISTS, Argument, Dist
 from taskspec.lang.types import REAL, Kind
 from taskspec.lang.variates import VARIATES
-from taskspec.lang.variates.entry import Enumeration, Variate, rows
-from taskspec.lang.variates.outcomes import each, power, product
+from taskspec.lang.variates.entry import Enumeration, Variate, each, power, product, rows
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.conformance import Agreement
 
 LOGISTIC = Variate(
     name="logistic", kind=Kind.REAL, bounds=lambda draw, args: (-23, 23), cut=True, mean=lambda b, draw: b.scalar(0.0),

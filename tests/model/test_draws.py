@@ -12,7 +12,7 @@ from taskspec.lang import batch
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.lang.ir import draws as draws_below
-from taskspec.lang.variates.sample import WordLayout, batch_sampler, sampler
+from taskspec.lang.variates import WordLayout, batch_sampler, sampler
 from taskspec.model import transitions
 from taskspec.model.transitions import branches, count, is_finite
 from taskspec.task.build import build

@@ -17,7 +17,6 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.exact import extract, soundness
 from taskspec.model.extract import MANY
 from taskspec.model.transitions import Steps
@@ -25,6 +24,7 @@ from taskspec.solve import solve
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.conformance import Agreement, ReferenceEnv
 
 SPEC = """
 taskspec: 1

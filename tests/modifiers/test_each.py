@@ -10,7 +10,6 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.exact import Results, extract
 from taskspec.modifiers import MODIFIERS, sentences
 from taskspec.source import read_text
@@ -18,6 +17,7 @@ from taskspec.task.build import build
 from taskspec.task.invariants import broken
 from taskspec.task.task import Task
 from tests.backends.test_trajectories import walk_together
+from tests.shared.conformance import Agreement, ReferenceEnv
 
 WALK = """
 taskspec: 1

@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.backends.table import BACKENDS
+from taskspec.backends.backend_table import BACKENDS
 from taskspec.base.diagnostics import SpecError
-from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.exact import Results, score, soundness
 from taskspec.modifiers import MODIFIERS, keeps_observers, sentences
 from taskspec.modifiers.entry import never
@@ -30,6 +29,7 @@ from taskspec.task.invariants import broken
 from taskspec.task.task import Task
 from tests.backends.test_trajectories import walk_together
 from tests.policies.test_memory import TURNS, tiger
+from tests.shared.conformance import Agreement, ReferenceEnv
 from tests.shared.sparse import sparse
 
 SMALL: dict[str, dict[str, Any]] = {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taskspec.base.diagnostics import SpecError
-from taskspec.draws import finite
+from taskspec.draws import variates
 from taskspec.exact import extract
 from taskspec.model.cost import Cost
 from taskspec.registry import load
@@ -86,7 +86,7 @@ def test_rows_of_a_table_of_probabilities_become_words_once(monkeypatch: pytest.
             f"initial: {{s: 0}}\ndynamics: {rows}\nreward: s\n"
         )
     )
-    found, made = [], finite.thresholds
-    monkeypatch.setattr(finite, "thresholds", lambda row: found.append(row) or made(row))
+    found, made = [], variates.thresholds
+    monkeypatch.setattr(variates, "thresholds", lambda row: found.append(row) or made(row))
     simulate(task, at_random(task), episodes=500, seed=1)
     assert 1 <= len(found) <= 3

@@ -158,6 +158,7 @@ initial:
 dynamics:
   s': s + (a == go)
 horizon: none
+discount: 9/10
 reward: "s' == 3"
 terminal: s' == 3
 """

@@ -6,7 +6,6 @@ import tracemalloc
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import pytest
 
 from taskspec import source
@@ -15,8 +14,6 @@ from taskspec.model.cost import BYTES, Cost
 from taskspec.rules.claims import verdicts
 from taskspec.scores.returns import Results, Return
 from taskspec.solve import plans
-from taskspec.solve.bounded import PIECE, Bound, Bounded, Policy
-from taskspec.solve.solver import Finite
 from taskspec.task.build import build
 from taskspec.task.task import Task
 
@@ -86,46 +83,6 @@ def test_a_plan_too_large_to_keep_is_refused(monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(SpecError, match=r"E712.*a plan for every time would take"):
         plans.optimal_plan(results.model)
     assert results.expert == Return(1.0)
-
-
-WIDE = """
-taskspec: 1
-name: Wide
-state:
-  s: {type: int, low: 0, high: 99999}
-action:
-  a: {type: int, low: 0, high: 15}
-horizon: 3
-discount: 99/100
-initial: {s: "UniformInt(0, 99999)"}
-dynamics: {s': (s + a + 1) % 100000}
-reward: s' % 7 / 3
-expert:
-  a: s % 16
-"""
-
-
-def test_policies_are_followed_without_a_table_of_action_values() -> None:
-    """One of 16 actions in 100,000 states would take 13 MB, and so would that of its errors; the policy does."""
-    model = Results(task(WIDE)).model
-    assert model is not None and model.n_states * model.n_actions > PIECE
-    rule, solver = plans.rule_of(model), Finite(Bounded(model))
-    assert rule is not None
-    assert peak(lambda: solver.value(rule)) < 20 * model.n_states * model.n_actions / 2**20
-
-
-@pytest.mark.parametrize("discount", ["99/100", "1"])
-def test_policies_are_followed_alike_in_many_states_at_once_and_in_all_of_them(discount: str) -> None:
-    model = Results(task(WIDE.replace("99/100", discount))).model
-    assert model is not None
-    numbers, rng = Bounded(model), np.random.default_rng(0)
-    value = Bound(rng.normal(size=model.n_states), 0.0, 1e-9)
-    table = rng.dirichlet(np.ones(model.n_actions), model.n_states).T
-    some = rng.random(table.shape) < 0.01
-    for policy in (numbers.uniform(), Policy(table), Policy(table, 1e-12), Policy(table, open=some)):
-        found, all_at_once = numbers.followed(policy, 0, value), numbers.follow(policy, numbers.backup(0, value))
-        np.testing.assert_array_equal(found.value, all_at_once.value)
-        np.testing.assert_array_equal(found.error, all_at_once.error)
 
 
 @pytest.mark.parametrize("megabytes", [10, 1000])

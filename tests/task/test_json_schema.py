@@ -22,7 +22,7 @@ from jsonschema import Draft202012Validator
 
 from taskspec import source
 from taskspec.base.diagnostics import SpecError
-from taskspec.cli.new import SCAFFOLD
+from taskspec.cli.scaffold import SCAFFOLD
 from taskspec.task.schema.check import check_shape
 from taskspec.task.schema.experiments import experiment_schema
 from taskspec.task.schema.export import json_schema

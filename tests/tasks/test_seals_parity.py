@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.backends.scalar.program import compile_scalar
+from taskspec.backends.scalar import compile_scalar
 from taskspec.task.task import Task
 from tests.shared.seals import State, fits, homogeneous, original, put
 

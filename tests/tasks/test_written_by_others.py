@@ -14,7 +14,7 @@ import pytest
 import taskspec
 from taskspec import draws
 from taskspec.exact import scores, verdicts
-from taskspec.lang.variates.sample import WordLayout
+from taskspec.lang.variates import WordLayout
 from taskspec.registry import entries
 
 SPECS = Path(__file__).parents[1] / "specs"

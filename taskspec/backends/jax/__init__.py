@@ -6,8 +6,8 @@ from taskspec.base.extras import need
 
 need("jax", "jax")
 
-from taskspec.backends.jax.engine import JaxEngine as JaxEngine  # noqa: E402
-from taskspec.backends.jax.functional import Functional as Functional  # noqa: E402
+from taskspec.backends.jax.functions import Functional as Functional  # noqa: E402
+from taskspec.backends.jax.program import JaxEngine as JaxEngine  # noqa: E402
 from taskspec.backends.jax.program import JaxProgram as JaxProgram  # noqa: E402
 from taskspec.backends.jax.program import State as State  # noqa: E402
 from taskspec.backends.jax.program import StepResult as StepResult  # noqa: E402

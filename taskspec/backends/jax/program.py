@@ -1,4 +1,4 @@
-"""The JAX program: a task as pure functions of arrays, lanes last, and Gymnasium's layout of its values."""
+"""The JAX program: a task as pure functions of arrays, lanes last, and the engine of a vector environment made of them."""
 
 from __future__ import annotations
 
@@ -7,26 +7,30 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from taskspec import draws
-from taskspec.backends.emit.array import ArrayForm, arrays
-from taskspec.backends.emit.source import run, tuple_of
+from taskspec.backends.array_form import ArrayForm, arrays
 from taskspec.backends.jax import library
-from taskspec.backends.lowering.hoist import compared, word_names
-from taskspec.backends.lowering.tabulate import folded
-from taskspec.base.arrays import AnyArray
+from taskspec.backends.lowering import compared, folded, word_names
+from taskspec.backends.source_text import run, tuple_of
+from taskspec.backends.vector_program import Buffers, Episodes, LanesNotRunningError, Mode, Options, action_reader
+from taskspec.base.arrays import AnyArray, Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.lang.interval import rounded, single_step
+from taskspec.lang.builder import Builder
+from taskspec.lang.interval import bounds, rounded, single_step
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, reads, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.types import INF, INT_MAX, Kind, Range
-from taskspec.lang.variates import VARIATES
-from taskspec.lang.variates.sample import WordLayout, words_of
+from taskspec.lang.variates import VARIATES, WordLayout, words_of
 from taskspec.task.reach import over, reach, widest
 from taskspec.task.spaces import Segment, SpaceLayout
 from taskspec.task.task import Component, Task
+
+# ---------- program
+# The JAX program: a task as pure functions of arrays, lanes last, and Gymnasium's layout of its values.
 
 DTYPES: dict[Kind, Any] = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL: jnp.float32}
 
@@ -220,9 +224,9 @@ def compile_required(task: Task) -> Callable[..., tuple[AnyArray, ...]]:
 def _check_ints(task: Task, roots: Sequence[Node]) -> None:
     reached = reach(task.state, task.initial, task.next, task.horizon)
     for c, start in zip(task.state, task.initial, strict=True):
-        (low, high), (first, last) = reached[c.name], task.builder.bounds(start)
+        (low, high), (first, last) = reached[c.name], bounds(start, {})
         reached[c.name] = (min(first, -LONG) if low == -INF else low, max(last, LONG) if high == INF else high)
-    counts = {id(n): Range(0, LONG) for n in walk(roots) if _is_endless(task, n)}
+    counts = {id(n): Range(0, LONG) for n in walk(roots) if _is_endless(n)}
     inside = {id(n): rounded(r) if n.type.kind is Kind.REAL else r for n, r in _read(roots, over(roots, reached))}
     most = widest(roots, INT_MAX, inside | counts, single_step)
     if most:
@@ -235,9 +239,9 @@ def _read(roots: Sequence[Node], known: Mapping[int, Range]) -> Iterator[tuple[N
     return ((node, known[id(node)]) for node in walk(roots) if id(node) in known)
 
 
-def _is_endless(task: Task, node: Node) -> bool:
+def _is_endless(node: Node) -> bool:
     """Return whether a node is the draw of a count without a bound."""
-    return isinstance(node, Draw) and node.type.kind is Kind.INT and task.builder.bounds(node)[1] == INF
+    return isinstance(node, Draw) and node.type.kind is Kind.INT and bounds(node, {})[1] == INF
 
 
 _NAMESPACE: dict[str, Any] = {
@@ -261,7 +265,8 @@ def _emit(
     task: Task, roots: Sequence[Node], words: WordLayout, constants: dict[str, Any]
 ) -> tuple[list[str], list[str]]:
     """Return statements for the roots of a phase, and the source of each root."""
-    lowered = folded(task.builder, compared(task.builder, roots, library.BIAS))
+    b = Builder.of(roots)
+    lowered = folded(b, compared(b, roots, library.BIAS))
     names = {(Role.TIME, "t"): "t"}
     for components, prefix, role in ((task.state, "s", Role.STATE), (task.action, "a", Role.ACTION)):
         names |= {(role, c.name): s for c, s in zip(components, _names(prefix, components), strict=True)}
@@ -306,3 +311,126 @@ def _names(prefix: str, components: Sequence[Component]) -> list[str]:
 
 def _indent(lines: Sequence[str]) -> list[str]:
     return [f"    {line}" for line in lines]
+
+
+# ---------- engine
+# Many environments of a task, stepped by one jitted function (see `taskspec.backends.vector_program.Engine`).
+
+
+class JaxEngine:
+    """Lanes of a task; their state lives where JAX computes, results are copied to NumPy arrays."""
+
+    def __init__(self, task: Task, lanes: int, options: Options) -> None:
+        program = compile_jax(task)
+        self.observation = program.observation
+        self.action = program.action
+        self.source = program.source
+        self.buffers = Buffers.of(task, program.observation, lanes)
+        self._read = action_reader(task, program.action, lanes)
+        self._episodes = Episodes(self.buffers, options.mode)
+        self._lanes = lanes
+        self._reset, self._step = jitted(task, options.mode)
+        self._state = self._empty(task, lanes)
+
+    @staticmethod
+    def _empty(task: Task, lanes: int) -> State:
+        dtypes = {np.dtype(np.bool_): jnp.bool_, np.dtype(np.int64): jnp.int32, np.dtype(np.float64): jnp.float32}
+        held = Buffers.of(task, compile_jax(task).observation, lanes).state
+        values = tuple(jnp.zeros(v.shape, dtypes[v.dtype]) for v in held)
+        zero = jnp.zeros(lanes, jnp.uint32)
+        return State(values, zero.astype(jnp.int32), zero, zero, jnp.zeros((2, lanes), jnp.uint32))
+
+    def seed(self, seeds: Array, lanes: Array | None = None) -> None:
+        self._episodes.seed(seeds, lanes)
+        b = self.buffers
+        key = np.stack([b.seeds >> np.uint64(32), b.seeds & np.uint64(0xFFFFFFFF)]).astype(np.uint32)
+        self._state = self._state._replace(key=jnp.array(key), steps=jnp.array(b.steps), episodes=jnp.array(b.episodes))
+
+    def reset(self, lanes: Array | None = None) -> None:
+        b = self.buffers
+        chosen = np.full(self._lanes, lanes is None)
+        if lanes is not None:
+            chosen[lanes] = True
+        self._state, seen = self._reset(self._state, jnp.array(chosen))
+        for part, new in zip(b.seen.parts, _parts(self.observation, seen), strict=True):
+            np.copyto(part, np.asarray(new).reshape(part.shape), where=chosen, casting="unsafe")
+        self._episodes.reset(chosen)
+        self._keep()
+
+    def step(self, actions: Any) -> int:
+        parts = self._read(actions)
+        if not self._episodes.ready:
+            raise LanesNotRunningError
+        b = self.buffers
+        narrow = tuple(jnp.array(p.astype(_NARROW[p.dtype.kind])) for p in parts)
+        self._state, out = self._step(self._state, narrow, jnp.array(b.ended))
+        seen, final, reward, terminated, truncated = out
+        shown = (*_parts(self.observation, seen), *_parts(self.observation, final))
+        for part, new in zip((*b.seen.parts, *b.final.parts), shown, strict=True):
+            np.copyto(part, np.asarray(new).reshape(part.shape), casting="unsafe")
+        b.reward[:], b.terminated[:], b.truncated[:] = reward, terminated, truncated
+        np.logical_or(b.terminated, b.truncated, b.ended)
+        self._keep()
+        return self._episodes.step(int(np.count_nonzero(b.ended)))
+
+    def _keep(self) -> None:
+        """State and counters where callers look for them."""
+        b = self.buffers
+        state = self._state
+        for held, value in zip(b.state, state.values, strict=True):
+            held[...] = value
+        b.time[:], b.steps[:], b.episodes[:] = state.time, state.steps, state.episodes
+
+    def place(self, values: tuple[Array, ...], lanes: Array) -> None:
+        self._episodes.place(values, lanes)
+        old = self._state.values
+        made = tuple(jnp.array(h.astype(o.dtype)) for h, o in zip(self.buffers.state, old, strict=True))
+        self._state = self._state._replace(values=made)
+
+
+_NARROW = {"b": np.bool_, "i": np.int32, "f": np.float32}
+
+
+def _parts(layout: SpaceLayout, seen: Any) -> list[Any]:
+    """Return the parts of a dict in the order of the layout: JAX gives dicts back in that of their keys."""
+    return [seen[part.name] for part in layout.parts] if layout.is_dict else [seen]
+
+
+@lru_cache(maxsize=64)
+def jitted(task: Task, mode: Mode) -> tuple[Any, Any]:
+    """Return the jitted reset and step of an autoreset mode."""
+    program = compile_jax(task)
+    return jax.jit(_resetting(program)), jax.jit(_stepping(program, mode))
+
+
+def _chosen(flags: Any, a: State, b: State) -> State:
+    """Lanes of `a` where flagged, of `b` elsewhere."""
+    return jax.tree.map(lambda x, y: jnp.where(flags, x, y), a, b)  # type: ignore[no-any-return]
+
+
+def _resetting(program: JaxProgram) -> Any:
+    def reset(state: State, chosen: Any) -> tuple[State, Any]:
+        fresh, seen = program.begin(state)
+        return _chosen(chosen, fresh, state), observed(program.observation, seen)
+
+    return reset
+
+
+def _stepping(program: JaxProgram, mode: Mode) -> Any:
+    layout = program.observation
+
+    def step(state: State, action: Any, late: Any) -> tuple[State, Any]:
+        after, result = program.step(state, action)
+        seen = observed(layout, result.observation)
+        flags = (result.reward, result.terminated, result.truncated)
+        if mode == "same_step":
+            following, fresh = program.again(after, result)
+            return following, (observed(layout, fresh), seen, *flags)
+        if mode == "disabled":
+            return after, (seen, seen, *flags)
+        fresh_state, fresh = program.begin(state)
+        shown = jax.tree.map(lambda x, y: jnp.where(late, x, y), observed(layout, fresh), seen)
+        reward, terminated, truncated = (jnp.where(late, jnp.zeros_like(f), f) for f in flags)
+        return _chosen(late, fresh_state, after), (shown, seen, reward, terminated, truncated)
+
+    return step

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.emit.lane import LaneEmitter, LaneValue
-from taskspec.backends.emit.source import literal
+from taskspec.backends.lane_form import LaneEmitter, LaneValue
+from taskspec.backends.source_text import literal
 from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, plain, walk
 from taskspec.lang.operators import Operator
-from taskspec.lang.operators.structure import strided
+from taskspec.lang.operators.vectors import strided
 from taskspec.lang.types import INT_MAX, Kind
 from taskspec.lang.variates import VARIATES
 from taskspec.task.task import Task
@@ -161,7 +161,7 @@ class KernelLane(LaneEmitter):
 
     def _chain(self, cells: Sequence[str], at: str) -> str:
         """Return the cell at a place, as selects; the commonest constant needs none."""
-        common = max(set(cells), key=lambda c: (cells.count(c), c == cells[-1]))
+        common = max(dict.fromkeys(cells), key=lambda c: (cells.count(c), c == cells[-1]))
         picked = common
         for k, cell in enumerate(cells):
             if cell != common:

@@ -73,7 +73,7 @@ def _check_compile_time(source: str) -> None:
 def _cache_key(source: str) -> str:
     """Return a hash of everything that machine code depends on."""
     runtime = "\0".join(
-        (Path(__file__).parent / name).read_text(encoding="utf-8") for name in ("runtime.py", "draws.py")
+        (Path(__file__).parent / name).read_text(encoding="utf-8") for name in ("runtime.py", "kernel_draws.py")
     )
     machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
     versions = (version("numba"), version("llvmlite"), str(object.__basicsize__))

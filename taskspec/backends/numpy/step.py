@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.emit.array import ArrayForm, Scratch, Sink
-from taskspec.backends.emit.source import tuple_of
-from taskspec.backends.lowering.hoist import Hoisted
+from taskspec.backends.array_form import ArrayForm, Scratch, Sink
+from taskspec.backends.lowering import Hoisted
+from taskspec.backends.source_text import tuple_of
 from taskspec.base.arrays import Array
 from taskspec.lang.batch import UNSORTED, Runtime, network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.types import Kind
-from taskspec.lang.variates.sample import many
+from taskspec.lang.variates import many
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 
@@ -43,17 +43,18 @@ class NumpyRuntime(Runtime):
     def sort(self, x: Array) -> Array:
         if not 1 < x.shape[0] <= UNSORTED:
             return super().sort(x)  # type: ignore[no-any-return]
-        rows = list(self.without_sign(x))
-        least = np.minimum if x.dtype.kind in "iub" else np.fmin
+        rows = list(x)
+        exact = x.dtype.kind in "iub"
+        least = np.minimum if exact else np.fmin
         for i, j in network(len(rows)):
             rows[i], rows[j] = least(rows[i], rows[j]), np.maximum(rows[i], rows[j])
         ordered = np.empty_like(x)
         for place, row in zip(ordered, rows, strict=True):
-            np.copyto(place, row)
+            if exact:
+                np.copyto(place, row)
+            else:
+                np.add(row, 0.0, place)  # -0.0 becomes 0.0
         return ordered
-
-    def without_sign(self, x: Array) -> Array:
-        return x if x.dtype.kind in "iub" else x + 0.0
 
     def count(self, x: Array) -> Array:
         if len(x) > 127:

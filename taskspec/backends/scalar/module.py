@@ -6,11 +6,9 @@ import re
 from collections.abc import Container, Iterable, Sequence
 from typing import Any
 
-from taskspec.backends.emit.lane import LaneEmitter, LaneValue
-from taskspec.backends.emit.source import without_unused
-from taskspec.backends.lowering.hoist import Invariants, frozen_components
-from taskspec.backends.lowering.phase import Phase
-from taskspec.backends.scalar.emit import (
+from taskspec.backends.lane_form import LaneEmitter, LaneValue
+from taskspec.backends.lowering import Invariants, frozen_components
+from taskspec.backends.scalar.interface import (
     flat_state,
     has_rows,
     info,
@@ -21,7 +19,10 @@ from taskspec.backends.scalar.emit import (
     read_action,
     told_state,
 )
+from taskspec.backends.scalar.phase import Phase
+from taskspec.backends.source_text import without_unused
 from taskspec.base.records import dataclass
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Type
 from taskspec.task.spaces import SpaceLayout
@@ -114,7 +115,7 @@ def _lane(
         names[Role.VARIABLE, name] = _held(name, node.type)
     for node, name in zip(phase.hoisted, phase.hoisted_names, strict=True) if phase else ():
         names[Role.VARIABLE, name] = _held(name, node.type)
-    return LaneEmitter(names, phase.words if phase else {}, task.builder.certain, constants=constants)
+    return LaneEmitter(names, phase.words if phase else {}, Builder().certain, constants=constants)
 
 
 def _unpack(phase: Phase, call: str) -> list[str]:
@@ -142,8 +143,11 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
     body += [f"{', '.join(targets)} = {', '.join(stored)}"]
     if parts.invariants.observation:  # what is handed out may be written into, so it is always a copy
         body += [f"kept = {observation}"]
-        observation = "kept.copy()"
-    body += told_state(task, parts.observation, states, observation)
+        observation = phase.row_names[1] if phase.row_count > 1 else "kept.copy()"
+    if phase.row_count > 2:
+        body += [f"told = {phase.row_names[2]}"]
+    else:
+        body += told_state(task, parts.observation, states, observation)
     body += ["past += t", "t = 0", "episodes += 1", "alive = True", f"return {observation}, {{}}"]
     targets = [*states, *_kept(parts), "t", "past", "episodes", "alive"]
     return ["def reset():", *_indent([f"nonlocal {', '.join(targets)}", *body])]

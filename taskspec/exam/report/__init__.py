@@ -1,4 +1,4 @@
-"""Reports of exams, in files: pages, pictures and tables. The one for the terminal is `taskspec.cli.exam_tables`."""
+"""Reports of exams, in files: pages, pictures and tables. The one for the terminal is `taskspec.cli.report`."""
 
 from __future__ import annotations
 

@@ -2,8 +2,7 @@
 
 An entry has its type rule, an obvious Python reference (what the operator *means*, used by the interpreter and for folding),
 its bounds, how it is written and printed, its form in generated scalar, array and kernel code, and sample inputs on which all
-forms are tested against the reference. Entries stand in files by what they are about; `structure` has the operators that only
-move elements. A new operator is one entry in one of these files.
+forms are tested against the reference. A new operator is one entry in one of the files of this folder.
 
 Every operator is total. The awkward points are decided here once, for every backend:
 reals follow IEEE 754 (1/0 is inf, 0/0 and sqrt(-1) are nan); an int divided by 0 with `//` or `%` gives 0;
@@ -15,25 +14,22 @@ reals become ints by saturating at +-(2**31 - 1), nan becomes 0. An index is mov
 
 from __future__ import annotations
 
-from taskspec.lang.operators import arithmetic, composed, elementary, logic, reductions, structure
-from taskspec.lang.operators import arithmetic as rounding
+from taskspec.lang.operators import elementwise, vectors
 from taskspec.lang.operators.entry import Elements as Elements
 from taskspec.lang.operators.entry import Function as Function
 from taskspec.lang.operators.entry import Infix as Infix
 from taskspec.lang.operators.entry import Operator as Operator
-from taskspec.lang.operators.structure import STRUCTURES as STRUCTURES
-from taskspec.lang.operators.structure import Structure as Structure
+from taskspec.lang.operators.vectors import STRUCTURES as STRUCTURES
+from taskspec.lang.operators.vectors import Structure as Structure
 
-TABLE: tuple[Operator, ...] = (
-    *arithmetic.TABLE, *elementary.TABLE, *rounding.ROUNDING, *logic.TABLE, *reductions.TABLE, *structure.TABLE,
-)  # fmt: skip
+TABLE: tuple[Operator, ...] = (*elementwise.TABLE, *vectors.TABLE)
 OPERATORS: dict[str, Operator] = {o.name: o for o in TABLE}
 """Operators whose result type follows from the types of their arguments alone, by name."""
 FUNCTIONS: dict[str, Function] = {
-    f.name: f for f in (*(o.function for o in TABLE if o.function is not None), *composed.FUNCTIONS)
+    f.name: f for f in (*(o.function for o in TABLE if o.function is not None), *vectors.FUNCTIONS)
 }
 """The functions that authors write: each names one operator or composes several."""
-INFIX: dict[str, Infix] = {i.symbol: i for i in (*(o.infix for o in TABLE if o.infix is not None), *composed.INFIX)}
+INFIX: dict[str, Infix] = {i.symbol: i for i in (*(o.infix for o in TABLE if o.infix is not None), *vectors.INFIX)}
 """What authors write between or before operands."""
 
 

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 
 from taskspec.base.records import dataclass
 from taskspec.lang.ir import Apply, Const, Node
-from taskspec.lang.operators.signatures import Promote, TypeRule, to_result
-from taskspec.lang.types import EVERYTHING, Args, Interval, Kind, Shape, Type
+from taskspec.lang.operators.rules import Promote, TypeRule, everything, stays_finite, to_result
+from taskspec.lang.types import Args, Interval, Kind, Shape, Type
 
 
 class NodeMaker(Protocol):
@@ -189,14 +189,6 @@ class Kernel:
     real: str | None = None
     whole: str | None = None
     names: tuple[str, ...] = ()
-
-
-def everything(args: Args, node: Apply) -> Interval:
-    return EVERYTHING
-
-
-def stays_finite(args: Args, found: Interval) -> bool:
-    return all(a.finite for a in args)
 
 
 def never(below: Sequence[bool]) -> bool:

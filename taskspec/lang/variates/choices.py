@@ -1,7 +1,9 @@
-"""Base variates that choose with given probabilities: a condition, and an index."""
+"""Base variates that choose: a condition, an index with given or equal probabilities, an order."""
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
@@ -14,22 +16,70 @@ from taskspec.base.arrays import AnyArray
 from taskspec.lang.ir import Apply, Const, Draw, Node, plain
 from taskspec.lang.operators.entry import NodeMaker
 from taskspec.lang.types import Kind, Type
-from taskspec.lang.variates import outcomes
+from taskspec.lang.variates import entry
 from taskspec.lang.variates.entry import (
+    Bounds,
     Draws,
     Enumeration,
     Flat,
     KernelWriter,
     LaneWriter,
+    Outcomes,
     ProbabilityArithmetic,
     Variate,
     Words,
-    rows,
     stretched,
 )
 
 COMPARED = 16
 """Constant categorical draws of up to this many outcomes become a sum of comparisons."""
+
+
+# -- conditions ---------------------------------------------------------------------------------------------------
+
+
+def bernoulli_threshold(p: Fraction | float) -> int:
+    """Return the threshold below which the words of a condition lie; p is limited to [0, 1], NaN to 0."""
+    return round(Fraction(min(p, 1)) * draws.NEVER) if p > 0 else 0
+
+
+def _condition(draw: Draw, args: list[Flat], words: Words) -> Flat:
+    ps = stretched(args[0], draw.type.size)
+    if isinstance(draw.args[0], Const):
+        return tuple(w < bernoulli_threshold(p) for w, p in zip(words, ps, strict=False))
+    return tuple(draws.bernoulli(w, float(p)) for w, p in zip(words, ps, strict=False))
+
+
+def _conditions(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
+    p = draw.args[0]
+    if not isinstance(p, Const):
+        return x.bernoullis(words, entry.rows(x, draw, args[0]))
+    limits = np.array([bernoulli_threshold(v) for v in stretched(p.flat, draw.type.size)], np.uint64)
+    return words.astype(np.uint64) < limits[:, None]
+
+
+def _below(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) -> list[Node] | None:
+    p = draw.args[0]
+    if not isinstance(p, Const):
+        return None
+    found: list[Node] = []
+    for word, q in zip(words, stretched(p.flat, draw.type.size), strict=True):
+        limit = bernoulli_threshold(q)
+        if limit >= draws.NEVER:
+            found.append(b.scalar(True))
+        else:
+            found.append(b.apply("lt", word, b.scalar(limit - bias)))
+    return found
+
+
+def _condition_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> Outcomes:
+    p = entry.within(numbers.argument(draw, args[0]))
+    q = numbers.otherwise(draw, p)
+    pairs = zip(entry.each(q, draw.type.size), entry.each(p, draw.type.size), strict=True)
+    return entry.product(draw, [np.stack(pair) for pair in pairs], np.bool_)
+
+
+# -- an index with given probabilities ----------------------------------------------------------------------------
 
 
 def row_table(p: Node) -> tuple[Const, Node] | None:
@@ -47,49 +97,6 @@ def _table_rows(table: Const) -> list[tuple[Any, ...]]:
     return [table.flat[i : i + k] for i in range(0, len(table.flat), k)]
 
 
-# -- conditions ---------------------------------------------------------------------------------------------------
-
-
-def bernoulli_threshold(p: Fraction | float) -> int:
-    """Return a condition of constant probability (limited to [0, 1], NaN to 0) holds for the words below this."""
-    return round(Fraction(min(p, 1)) * draws.NEVER) if p > 0 else 0
-
-
-def _condition(draw: Draw, args: list[Flat], words: Words) -> Flat:
-    ps = stretched(args[0], draw.type.size)
-    if isinstance(draw.args[0], Const):
-        return tuple(w < bernoulli_threshold(p) for w, p in zip(words, ps, strict=False))
-    return tuple(draws.bernoulli(w, float(p)) for w, p in zip(words, ps, strict=False))
-
-
-def _conditions(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
-    p = draw.args[0]
-    if not isinstance(p, Const):
-        return x.bernoullis(words, rows(x, draw, args[0]))
-    limits = np.array([bernoulli_threshold(v) for v in stretched(p.flat, draw.type.size)], np.uint64)
-    return words.astype(np.uint64) < limits[:, None]
-
-
-def _below(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) -> list[Node] | None:
-    p = draw.args[0]
-    if not isinstance(p, Const):
-        return None
-    limits = [bernoulli_threshold(q) for q in stretched(p.flat, draw.type.size)]
-    return [
-        b.scalar(True) if limit >= draws.NEVER else b.apply("lt", word, b.scalar(limit - bias))
-        for word, limit in zip(words, limits, strict=True)
-    ]
-
-
-def _condition_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> tuple[AnyArray, AnyArray]:
-    p = outcomes.within(numbers.argument(draw, args[0]))
-    pairs = zip(*(outcomes.each(x, draw.type.size) for x in (numbers.otherwise(draw, p), p)), strict=True)
-    return outcomes.product(draw, [np.stack(pair) for pair in pairs], np.bool_)
-
-
-# -- indices ------------------------------------------------------------------------------------------------------
-
-
 def _outcome(draw: Draw, args: list[Flat], words: Words) -> Flat:
     mine = words[: draw.type.size]
     p = draw.args[0]
@@ -97,7 +104,8 @@ def _outcome(draw: Draw, args: list[Flat], words: Words) -> Flat:
         # the row as it stands in the table: exact, without rounding on the way
         table = draws.thresholds(p.flat if isinstance(p, Const) else args[0])
         return tuple(draws.categorical(w, table) for w in mine)
-    return tuple(draws.weighted_categorical(w, [float(x) for x in args[0]]) for w in mine)
+    weights = [float(x) for x in args[0]]
+    return tuple(draws.weighted_categorical(w, weights) for w in mine)
 
 
 def _outcomes(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
@@ -105,12 +113,12 @@ def _outcomes(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -
     if isinstance(p, Const):
         return x.categoricals(words, _limits(p))
     looked_up = row_table(p)
-    if looked_up is not None:
-        present, which = np.unique(args[0], axis=1, return_inverse=True)
-        found = [_row_limits(looked_up[0], tuple(row)) for row in present.T.tolist()]
-        table, last = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        return draws.row_categoricals(words, np.broadcast_to(which.reshape(-1), words.shape[1:]), table, last)
-    return x.weighted_categoricals(words, args[0].reshape(-1, 1, args[0].shape[-1]))
+    if looked_up is None:
+        return x.weighted_categoricals(words, args[0].reshape(-1, 1, args[0].shape[-1]))
+    present, which = np.unique(args[0], axis=1, return_inverse=True)
+    found = [_row_limits(looked_up[0], tuple(row)) for row in present.T.tolist()]
+    table, last = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return draws.row_categoricals(words, np.broadcast_to(which.reshape(-1), words.shape[1:]), table, last)
 
 
 @lru_cache(maxsize=256)
@@ -127,7 +135,6 @@ def _row_limits(table: Const, row: tuple[float, ...]) -> tuple[AnyArray, AnyArra
 
 @lru_cache(maxsize=16)
 def _exact_rows(table: Const) -> dict[tuple[float, ...], tuple[Any, ...]]:
-    """Return the rows of a table of probabilities in the exact numbers they were written with, by their floats."""
     return {tuple(float(plain(v)) for v in row): row for row in reversed(_table_rows(table))}
 
 
@@ -154,10 +161,11 @@ def _row_outcomes(b: NodeMaker, table: Const, row: Node, words: Sequence[Node], 
     found = _table_rows(table)
     if not bias:  # ints with room for the threshold that no word reaches
         exact = [draws.thresholds(r) for r in found]
-        return [_reached(b, [_column(b, [t[i] for t in exact], row) for i in range(k - 1)], w) for w in words]
+        columns = [_column(b, [t[i] for t in exact], row) for i in range(k - 1)]
+        return [_reached(b, columns, w) for w in words]
     limits, last = draws.threshold_table(found)
     columns = [_column(b, [int(v) - bias for v in limits[:, i]], row) for i in range(k - 1)]
-    most = _column(b, [int(v) for v in last], row)
+    most = _column(b, last.tolist(), row)
     return [b.apply("min2", _reached(b, columns, w), most) for w in words]
 
 
@@ -188,25 +196,85 @@ def _in_kernel(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
     return [f"i32(weighted({w}, {weights}))" for w in words]
 
 
+# -- one of a range -----------------------------------------------------------------------------------------------
+
+
+def _index(draw: Draw, args: list[Flat], words: Words) -> Flat:
+    counts = stretched(args[0], draw.type.size)
+    return tuple(draws.index(w, int(n)) for w, n in zip(words, counts, strict=False))
+
+
+def _index_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> Outcomes:
+    found = []
+    for counts in entry.each(args[0], draw.type.size):
+        k = np.arange(int(counts.max()))[:, None]
+        found.append(numbers.ratio(k < counts, counts))
+    return entry.product(draw, found, np.int64)
+
+
+# -- orders -------------------------------------------------------------------------------------------------------
+
+
+def _permutation(draw: Draw, args: list[Flat], words: Words) -> Flat:
+    n = draw.type.shape[-1]
+    return tuple(i for k in range(0, draw.type.size, n) for i in draws.permutation(words[k : k + n]))
+
+
+def _permutations(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
+    grouped = x.xp.moveaxis(words.reshape(-1, draw.type.shape[-1], words.shape[-1]), 1, 0)
+    return x.xp.moveaxis(x.permutations(grouped), 0, 1)
+
+
+def _permutation_count(draw: Draw, bounds: Bounds) -> float:
+    n = draw.type.shape[-1]
+    return entry.power(math.factorial(min(n, 170)), draw.type.size // n)
+
+
+def _permutation_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> Outcomes:
+    *outer, n = draw.type.shape
+    one = np.array(list(itertools.permutations(range(n))), dtype=np.int64)
+    every = list(itertools.product(range(len(one)), repeat=math.prod(outer)))
+    values = one[np.array(every, dtype=np.int64)].reshape(len(every), *draw.type.shape)
+    return values, numbers.ratio(np.ones((len(values), 1), np.int64), np.full((len(values), 1), len(values)))
+
+
+def _permutation_kernel(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
+    n = draw.type.shape[-1]
+    return [a for first in range(0, len(words), n) for a in k.order(words[first : first + n], False)]
+
+
 TABLE = (
     Variate(  # true with a given probability: a word below a threshold
         name="bernoulli", kind=Kind.BOOL, bounds=lambda draw, args: (0, 1),
-        outcomes=Enumeration(lambda draw, bounds: outcomes.power(2, draw.type.size), _condition_outcomes),
+        outcomes=Enumeration(lambda draw, bounds: entry.power(2, draw.type.size), _condition_outcomes),
         one=_condition, many=_conditions, compared=_below,
-        lane=lambda lane, draw, words: [
-            f"bernoulli({w}, {p})" for w, p in zip(words, lane.argument(draw), strict=True)
-        ],
+        lane=lambda lane, draw, words: [f"bernoulli({w}, {p})" for w, p in zip(words, lane.argument(draw), strict=True)],
         kernel=lambda k, draw, words: [f"bernoulli({w}, {p})" for w, p in zip(words, k.argument(draw), strict=True)],
     ),
     Variate(  # an index drawn with given probabilities: how many thresholds are at most the word
         name="categorical", kind=Kind.INT, bounds=lambda draw, args: (0, draw.args[0].type.shape[-1] - 1),
         outcomes=Enumeration(
-            lambda draw, bounds: outcomes.power(draw.args[0].type.shape[-1], draw.type.size),
-            lambda draw, args, numbers: outcomes.product(
-                draw, [outcomes.clean(numbers.argument(draw, args[0]))] * draw.type.size, np.int64
+            lambda draw, bounds: entry.power(draw.args[0].type.shape[-1], draw.type.size),
+            lambda draw, args, numbers: entry.product(
+                draw, [entry.clean(numbers.argument(draw, args[0]))] * draw.type.size, np.int64
             ),
             steps=lambda draw: draw.type.size * (draw.args[0].type.shape[-1] + 4), by_row=True,
         ),
         one=_outcome, many=_outcomes, compared=_reached_limits, lane=_in_lane, kernel=_in_kernel,
+    ),
+    Variate(  # uniform on range(n)
+        name="index", kind=Kind.INT, bounds=lambda draw, args: (0, max(0, args[0].high - 1)),
+        outcomes=Enumeration(
+            lambda draw, bounds: entry.power(max(1.0, bounds(draw.args[0])[1]), draw.type.size), _index_outcomes,
+            weighted=False,
+        ),
+        one=_index, many=lambda x, draw, args, words: x.indices(words, entry.rows(x, draw, args[0])),
+        lane=lambda lane, draw, words: [f"({w} * {n} >> 32)" for w, n in zip(words, lane.argument(draw), strict=True)],
+        kernel=lambda k, draw, words: [f"i32(index({w}, {n}))" for w, n in zip(words, k.argument(draw), strict=True)],
+    ),
+    Variate(  # uniform: the stable order of n words
+        name="permutation", kind=Kind.INT, bounds=lambda draw, args: (0, max(0, draw.type.shape[-1] - 1)), sorts=True,
+        outcomes=Enumeration(_permutation_count, _permutation_outcomes, weighted=False),
+        one=_permutation, many=_permutations, kernel=_permutation_kernel,
     ),
 )  # fmt: skip

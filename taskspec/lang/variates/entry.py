@@ -1,13 +1,16 @@
-"""What an entry of the table of base variates says, and what it is given to say it with."""
+"""An entry of the table of base variates, and outcomes with their probabilities, as entries list them."""
 
 from __future__ import annotations
 
+import itertools
+import math
+import operator
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 
-from taskspec.base.arrays import AnyArray
+from taskspec.base.arrays import AnyArray, Array
 from taskspec.base.records import dataclass
 from taskspec.lang.ir import Draw, Node
 from taskspec.lang.operators.entry import NodeMaker
@@ -17,83 +20,18 @@ Flat = tuple[Any, ...]
 Words = Sequence[int]
 Bounds = Callable[[Node], Interval]
 Comparison = Callable[[NodeMaker, Draw, Sequence[Node], int], list[Node] | None]
+Draws = Any
+"""Variates over arrays of words, and `xp`: `taskspec.draws` for NumPy, `taskspec.backends.jax.library` for JAX.
 
+Words are uint32 and lie along the first axis, the lanes along the last one. Functions have the names that `taskspec.draws` gives.
+"""
+LaneWriter = Any
+"""What writes a draw into the scalar program: `taskspec.backends.lane_form`."""
+KernelWriter = Any
+"""What writes a draw into a kernel, without branches: `taskspec.backends.numba.kernel`.
 
-class Draws(Protocol):
-    """Variates over arrays of words: `taskspec.draws` for NumPy, `taskspec.backends.jax.library` for JAX.
-
-    Words are uint32 and lie along the first axis, the lanes along the last one. Each function is that of `taskspec.draws`.
-    """
-
-    xp: Any
-
-    def uniforms(self, words: AnyArray, /) -> AnyArray: ...
-
-    def exponentials(self, words: AnyArray, /) -> AnyArray: ...
-
-    def normals(self, words: AnyArray, n: int, /) -> AnyArray: ...
-
-    def dirichlets(self, words: AnyArray, alphas: AnyArray, /) -> AnyArray: ...
-
-    def gammas(self, words: AnyArray, alphas: AnyArray, /) -> AnyArray: ...
-
-    def bernoullis(self, words: AnyArray, p: AnyArray, /) -> AnyArray: ...
-
-    def indices(self, words: AnyArray, n: AnyArray, /) -> AnyArray: ...
-
-    def categoricals(self, words: AnyArray, thresholds: Any, /) -> AnyArray: ...
-
-    def weighted_categoricals(self, words: AnyArray, weights: AnyArray, /) -> AnyArray: ...
-
-    def poissons(self, words: AnyArray, rate: AnyArray, bound: float, /) -> AnyArray: ...
-
-    def permutations(self, words: AnyArray, /) -> AnyArray: ...
-
-
-class LaneWriter(Protocol):
-    """What writes a draw into the scalar program (`taskspec.backends.emit.lane`)."""
-
-    def atoms(self, node: Node) -> list[str]:
-        """Return one expression for each element."""
-
-    def packed(self, node: Node) -> str:
-        """Return the name of a flat sequence of the elements."""
-
-    def scalar_of(self, node: Node) -> str:
-        """Return the name of a number that is no direct argument."""
-
-    def constant(self, value: Any) -> str:
-        """Return the name of a value that is kept outside of the function."""
-
-    def argument(self, draw: Draw) -> list[str]:
-        """Return the first argument of a draw, an expression for each of its elements."""
-
-
-class KernelWriter(Protocol):
-    """What writes a draw into a compiled kernel (`taskspec.backends.numba.kernel`), without branches.
-
-    Statements may use the functions of `taskspec.backends.numba.runtime` and `taskspec.backends.numba.draws`.
-    """
-
-    lines: list[str]
-
-    def name(self) -> str:
-        """Return a name that is not taken."""
-
-    def assign(self, text: str) -> str:
-        """Return a name for an expression."""
-
-    def atoms(self, node: Node) -> list[str]:
-        """Return the name of each element."""
-
-    def argument(self, draw: Draw) -> list[str]:
-        """Return the first argument of a draw, a name for each of its elements."""
-
-    def array(self, array: np.ndarray[Any, Any]) -> str:
-        """Return the name of a constant array."""
-
-    def order(self, atoms: Sequence[str], real: bool) -> list[str]:
-        """Return the places that sort some numbers."""
+Statements may use the functions of `taskspec.backends.numba.runtime` and `taskspec.backends.numba.kernel_draws`.
+"""
 
 
 class ProbabilityArithmetic(Protocol):
@@ -112,6 +50,10 @@ class ProbabilityArithmetic(Protocol):
         """Return the product of two probabilities other than 0."""
 
 
+Outcomes = tuple[AnyArray, AnyArray]
+"""Values (K, *shape) and their probabilities (K, N or 1)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Enumeration:
     """The outcomes of a variate that exact analysis goes through.
@@ -124,17 +66,12 @@ class Enumeration:
     """
 
     count: Callable[[Draw, Bounds], float]
-    table: Callable[[Draw, list[AnyArray], ProbabilityArithmetic], tuple[AnyArray, AnyArray]]
+    table: Callable[[Draw, list[AnyArray], ProbabilityArithmetic], Outcomes]
     steps: Callable[[Draw], int] = lambda draw: 6 * draw.type.size
     chances: Callable[[Draw], int] = lambda draw: draw.type.size
     tail: bool = False
     weighted: bool = True
     by_row: bool = False
-
-
-def one_each(draw: Draw) -> int:
-    """Return a word for every element."""
-    return draw.type.size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,12 +80,12 @@ class Variate:
 
     `words` is how many random words a draw takes. `many` is its value over arrays, (size, N) of any width, from a library,
     its arguments (*shape, N or 1) and its words (count, N); `one` the same of a single draw on Python numbers, where that is
-    not a batch of one. All backends give the same to the bit. `many` is None for what stands in exact models only, and is
-    never drawn.
+    simpler than a batch of one. All backends give the same to the bit. `many` is None for what stands in exact models only, and
+    is never drawn.
 
     What depends on draws alone is worked out in blocks by `many`. Where a distribution depends on the state, the scalar
     program has the form `lane`, or else calls `one`. Kernels have the expressions `kernel`, one for each element; or a `loop` of
-    `taskspec.backends.numba.draws` makes float32 numbers of the words, each of its own, before the step. `compared` gives
+    `taskspec.backends.numba.kernel_draws` makes float32 numbers of the words, each of its own, before the step. `compared` gives
     the elements as comparisons of words (ints, less a bias) with known thresholds, where it can.
 
     `mean` is what a draw is replaced by where a reward is linear in it; variates with `outcomes` are gone through.
@@ -160,7 +97,7 @@ class Variate:
     kind: Kind
     many: Callable[[Draws, Draw, Sequence[AnyArray], AnyArray], AnyArray] | None
     one: Callable[[Draw, list[Flat], Words], Flat] | None = None
-    words: Callable[[Draw], int] = one_each
+    words: Callable[[Draw], int] = lambda draw: draw.type.size
     bounds: Callable[[Draw, Args], Interval] = lambda draw, args: EVERYTHING
     outcomes: Enumeration | None = None
     mean: Callable[[NodeMaker, Draw], Node] | None = None
@@ -173,9 +110,12 @@ class Variate:
     cut: bool = False
 
 
+# -- arguments and words of each element --------------------------------------------------------------------------
+
+
 def stretched(flat: Flat, size: int) -> Flat:
     """Return an argument with one number for each element of a draw."""
-    return flat * size if len(flat) == 1 and size != 1 else flat
+    return flat * size if len(flat) == 1 else flat
 
 
 def rows(x: Draws, draw: Draw, arg: AnyArray) -> AnyArray:
@@ -188,3 +128,70 @@ def groups(draw: Draw, words: Sequence[str]) -> list[str]:
     """Return the words of each element, as the source of a tuple."""
     step = len(words) // draw.type.size
     return [f"({', '.join(words[k : k + step])},)" for k in range(0, len(words), step)]
+
+
+# -- outcomes -----------------------------------------------------------------------------------------------------
+
+FAINTEST = 5e-324
+"""What possible outcomes weigh at least, so that a product of small probabilities does not make them impossible."""
+
+
+def product(draw: Draw, rows: Sequence[Array], dtype: Any) -> Outcomes:
+    """Independent elements: element e takes value k with probability rows[e][k]."""
+    shape = draw.type.shape
+    if shape == ():
+        return np.arange(len(rows[0]), dtype=dtype), rows[0]
+    digits = np.array(list(itertools.product(*(range(len(r)) for r in rows))), dtype=np.int64)
+    p = rows[0][digits[:, 0]]
+    for e in range(1, len(rows)):
+        p = both(p, rows[e][digits[:, e]])
+    return digits.reshape(-1, *shape).astype(dtype), p
+
+
+def both(a: Array, b: Array) -> Array:
+    """Products of probabilities: more than 0 where both of them are."""
+    found = once(operator.mul, a, b)
+    lost = once(operator.eq, found, np.zeros_like(found))
+    if not lost.any():
+        return found
+    return np.where(lost & (a > 0) & (b > 0), FAINTEST, found)
+
+
+def once(op: Callable[[Any, Any], Any], a: Array, b: Array) -> Array:
+    """Return an operation on two arrays of one shape; of objects, such as fractions, each pair is looked at once."""
+    if a.dtype != object or a.shape != b.shape:
+        return np.asarray(op(a, b))
+    names = [np.unique(np.fromiter(map(id, x.flat), np.int64, x.size), return_inverse=True)[1] for x in (a, b)]
+    _, at, back = np.unique(names[0] * (b.size + 1) + names[1], return_index=True, return_inverse=True)
+    return np.asarray(op(a.reshape(-1)[at], b.reshape(-1)[at]))[back].reshape(a.shape)
+
+
+def each(arg: Array, size: int) -> list[Array]:
+    """Return an argument with one row for each element."""
+    flat = list(arg.reshape(-1, arg.shape[-1]))
+    return flat * size if len(flat) == 1 else flat
+
+
+def within(p: Array) -> Array:
+    """Return probabilities of conditions as the sampler reads them: within 0 and 1, and 0 for nan."""
+    return np.minimum(np.maximum(np.where(p == p, p, 0), 0), 1)
+
+
+def clean(p: Array) -> Array:
+    """Return rows of probabilities (K, N) as the sampler reads them: no negative ones, relative to the total.
+
+    Where the total is 0, or infinite, it is the last one.
+    """
+    p = np.where(p > 0, p, 0)
+    with np.errstate(over="ignore"):
+        total = p.sum(axis=0)
+    if (total != 1).any():
+        is_none = (total == 0) | (total == math.inf)  # of fractions as well
+        p = np.where(is_none, 0, p) / np.where(is_none, 1, total)
+        p[-1] = np.where(is_none, 1, p[-1])
+    return p
+
+
+def power(base: float, exponent: int) -> float:
+    """`base ** exponent`; 1e300 stands for all that is beyond it, as it is finite for all that."""
+    return 1e300 if exponent * math.log(max(1.0, base)) > 690 else float(base) ** exponent

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.emit.array import ArrayForm, Scratch, arrays
-from taskspec.backends.emit.lane import LaneEmitter, LaneValue
+from taskspec.backends import scalar as scalars
+from taskspec.backends.array_form import ArrayForm, Scratch, arrays
+from taskspec.backends.lane_form import LaneEmitter, LaneValue
 from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
-from taskspec.backends.numpy.engine import _NAMESPACE as NUMPY
-from taskspec.backends.scalar import program as scalars
+from taskspec.backends.numpy import _NAMESPACE as NUMPY
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
 from taskspec.lang.evaluate import evaluate
@@ -109,7 +109,7 @@ def by_numba(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], point
     """The generated code of compiled kernels, compiled."""
     import numba
 
-    from taskspec.backends.numba import draws, runtime
+    from taskspec.backends.numba import kernel_draws, runtime
 
     names, loads, rows = {}, [], {}
     for key, column in _columns(types, points).items():
@@ -126,7 +126,7 @@ def by_numba(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], point
     space = {
         **vars(math),
         **vars(runtime),
-        **vars(draws),
+        **vars(kernel_draws),
         **vars(runtime),
         **lane.constants,
         "nan": math.nan,

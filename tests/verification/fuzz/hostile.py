@@ -21,10 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.interpreter import Interpreter
 from taskspec.backends.numba.kernel import suits
 from taskspec.base.diagnostics import SpecError
-from taskspec.envs.conformance import Agreement
 from taskspec.lang.types import Kind
 from taskspec.model.extract import extract
 from taskspec.soundness.soundness import examine
@@ -32,6 +30,8 @@ from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.invariants import broken
 from taskspec.task.task import Task
+from tests.shared.conformance import Agreement
+from tests.shared.interpreter import Interpreter
 from tests.verification.fuzz.kernels import Kernel
 
 STEPS = 12

@@ -19,7 +19,7 @@ from taskspec import draws
 from taskspec.backends.numba import loading, loops
 from taskspec.backends.numba.loops import Program
 from taskspec.lang.types import INT_MAX, Kind
-from taskspec.lang.variates.sample import words_of
+from taskspec.lang.variates import words_of
 from taskspec.task.task import Task
 
 Array = Any
@@ -78,7 +78,7 @@ def _library() -> dict[str, Any]:
         "u32": _cast(np.uint32), "u64": _cast(np.uint64), "as_f32": _bits(np.float32), "as_i32": _bits(np.int32),
         "f32s": None, "u32s": None,
     }  # fmt: skip
-    text = (FOLDER / "draws.py").read_text()
+    text = (FOLDER / "kernel_draws.py").read_text()
     lines = [x for x in text.splitlines() if not x.startswith("from taskspec.backends.numba.runtime")]
     exec("\n".join(lines), space)
     space["math"] = math
@@ -181,8 +181,8 @@ class _Row:
 def _compiled(source: str, constants: Mapping[str, Array]) -> Callable[..., Any]:
     import numba
 
-    from taskspec.backends.numba import draws, runtime
+    from taskspec.backends.numba import kernel_draws, runtime
 
-    space = {**vars(math), **vars(runtime), **vars(draws), **vars(runtime), **constants}
+    space = {**vars(math), **vars(runtime), **vars(kernel_draws), **vars(runtime), **constants}
     exec(source, space)
     return numba.njit(error_model="numpy", boundscheck=True)(space["advance"])  # type: ignore[no-any-return]

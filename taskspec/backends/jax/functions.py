@@ -1,0 +1,462 @@
+"""A task as pure functions of one environment, for `jit`, `vmap` and `scan`, with parameters that may vary; and for gymnax."""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any, Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.custom_batching import custom_vmap
+
+from taskspec.backends.jax.program import JaxProgram, State, StepResult, acted, compile_jax, compile_required, observed
+from taskspec.base.arrays import AnyArray
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.extras import need
+from taskspec.lang.types import INT_MAX
+from taskspec.registry import load
+from taskspec.task.build import build_varying
+from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
+from taskspec.task.task import Component, Parameter, Task, TaskLike
+
+# ---------- gymnax
+# A task in the shape of an environment of gymnax 1.0, for its wrappers and for learners written for it.
+
+
+class Functions(Protocol):
+    """What is adapted: `taskspec.backends.jax.functions.Functional`."""
+
+    task: Task
+    program: JaxProgram
+    default_params: Any
+
+    @property
+    def name(self) -> str: ...
+    def reset(self, key: AnyArray, params: Any) -> tuple[Any, State]: ...
+    def step(
+        self, state: State, action: AnyArray, params: Any
+    ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]: ...
+    def step_env(
+        self, state: State, action: AnyArray, params: Any
+    ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]: ...
+
+
+class Gymnax:
+    """`reset(key, params)` and `step(key, state, action, params)`; the key of `reset` is the seed, others are ignored.
+
+    Finite observations and actions count from 0, since spaces of gymnax do. With `flat_actions`, one number says which of all
+    combinations of several finite components is meant, the last component fastest.
+
+    Raises:
+        SpecError: E713, for flat actions that are not finite.
+    """
+
+    def __init__(self, functional: Functions, flat_actions: bool = False) -> None:
+        task = functional.task
+        program = functional.program
+        self._functional = functional
+        self._seen = program.observation
+        self._acted = program.action
+        if flat_actions and self._acted.form not in ("discrete", "multi_discrete"):
+            raise SpecError(
+                [Diagnostic("E713", None, f"the actions of {task.id} are not finite, and cannot be one number")]
+            )
+        self._flat = flat_actions and self._acted.form == "multi_discrete"
+        self.name = functional.name
+        self.default_params: Any = functional.default_params
+
+    def reset(self, key: AnyArray, params: Any = None) -> tuple[Any, State]:
+        seen, state = self._functional.reset(key, params)
+        return _from_zero(self._seen, seen), state
+
+    reset_env = reset
+
+    def step(self, key: AnyArray, state: State, action: AnyArray, params: Any = None) -> Any:
+        """Observation, state, reward, terminated, truncated, info; with autoreset.
+
+        info holds "terminated", "truncated", and "final_observation", that of the step itself.
+        """
+        seen, following, reward, _, info = self._functional.step(state, self._action(action), params)
+        info["final_observation"] = _from_zero(self._seen, info["final_observation"])
+        return _from_zero(self._seen, seen), following, reward, info["terminated"], info["truncated"], info
+
+    def step_env(self, key: AnyArray, state: State, action: AnyArray, params: Any = None) -> Any:
+        """Observation, state, reward, terminated, info; without autoreset and horizon."""
+        seen, following, reward, _, info = self._functional.step_env(state, self._action(action), params)
+        return _from_zero(self._seen, seen), following, reward, info["terminated"], info
+
+    def is_truncated(self, state: State, params: Any = None) -> AnyArray:
+        """Return whether the horizon is reached."""
+        return state.time >= self.default_params.max_steps_in_episode
+
+    def _action(self, action: AnyArray) -> AnyArray:
+        if self._flat:
+            return jnp.stack(jnp.unravel_index(action, self._acted.counts), -1)
+        return action + self._acted.starts[0] if self._acted.form == "discrete" else action
+
+    @property
+    def num_actions(self) -> int:
+        """How many actions there are; the size of an action that is an array."""
+        if self._flat:
+            return math.prod(self._acted.counts)
+        return self._acted.counts[0] if self._acted.form == "discrete" else self._acted.size
+
+    def action_space(self, params: Any = None) -> Any:
+        """Return a space of gymnax; several finite components are a box of integers.
+
+        Raises:
+            SpecError: E705 where gymnax is not installed.
+        """
+        return _spaces().Discrete(self.num_actions) if self._flat else _space(self._acted)
+
+    def observation_space(self, params: Any = None) -> Any:
+        """Return a space of gymnax.
+
+        Raises:
+            SpecError: E705 where gymnax is not installed.
+        """
+        return _space(self._seen)
+
+
+def _from_zero(layout: SpaceLayout, seen: Any) -> Any:
+    """Return an observation whose finite scalars count from 0."""
+    match layout.form:
+        case "discrete":
+            return seen - layout.starts[0]
+        case "dict":
+            starts = {c.name: int(c.low[0]) for c in layout.components if _is_discrete(c)}
+            return {name: value - starts.get(name, 0) for name, value in seen.items()}
+        case _:
+            return seen
+
+
+def _is_discrete(c: Component) -> bool:
+    return c.is_finite and c.type.is_scalar
+
+
+# -- spaces -------------------------------------------------------------------------------------------------------
+
+
+def _space(layout: SpaceLayout) -> Any:
+    spaces = _spaces()
+    match layout.form:
+        case "discrete":
+            return spaces.Discrete(layout.counts[0])
+        case "multi_discrete":
+            high = jnp.array(layout.counts, jnp.int32) - 1
+            return spaces.Box(jnp.zeros_like(high), high, layout.shape, jnp.int32)
+        case "one_hot":
+            return spaces.Box(0.0, 1.0, layout.shape)
+        case "dict":
+            return spaces.Dict({c.name: _component(spaces, c) for c in layout.components})
+        case "box":
+            return _box(spaces, layout.low, layout.high, layout.shape)
+
+
+def _component(spaces: Any, c: Component) -> Any:
+    if _is_discrete(c):
+        return spaces.Discrete(c.counts[0])
+    low, high = (tuple(single(v) for v in bound) for bound in (c.low, c.high))
+    return _box(spaces, low, high, c.type.shape)
+
+
+def _box(spaces: Any, low: tuple[float, ...], high: tuple[float, ...], shape: tuple[int, ...]) -> Any:
+    """Without bounds where there are none: gymnax's own environments have the largest float32 there."""
+    lows, highs = (np.clip(np.reshape(b, shape), -FLOAT_MAX, FLOAT_MAX).astype(np.float32) for b in (low, high))
+    return spaces.Box(jnp.array(lows), jnp.array(highs), shape)
+
+
+def _spaces() -> Any:
+    return need("gymnax.environments.spaces", what="a space of gymnax")
+
+
+# ---------- params
+# Parameters of a task that are given where it runs, so that they may differ between lanes.
+
+_DTYPES = {"int": jnp.int32, "real": jnp.float32}
+
+
+@dataclass(frozen=True)
+class OpenParameters:
+    """What a task leaves open, and the conditions that the spec has for it, each with what to say where it does not hold."""
+
+    varying: tuple[Parameter, ...]
+    bound: tuple[str, ...] = ()
+    key: str = ""
+    messages: tuple[str, ...] = ()
+    conditions: Callable[..., tuple[AnyArray, ...]] = field(default=lambda *given: (), compare=False, repr=False)
+
+    @classmethod
+    def of(cls, task: Task, varying: tuple[Parameter, ...]) -> OpenParameters:
+        """Return those of a task that is built with them open."""
+        messages = tuple(message for _, message in task.required)
+        bound = tuple(p.name for p in task.parameters if p.name not in {open_one.name for open_one in varying})
+        if not messages:
+            return cls(varying, bound)
+        return cls(varying, bound, repr(task.required), messages, compile_required(task))
+
+    def default(self, task: Task) -> Any:
+        """Return a named tuple of the horizon, `max_steps_in_episode`, and of the values: a pytree for `vmap` and `jit`.
+
+        Its `replace(slip=0.3)` is the same with other values of these parameters. Values that are known are checked: SpecError
+        E703 for one that the spec does not allow, E704 for some that it does not allow together, E713 for another horizon, or
+        for a parameter that is not open, E702 for a name that is none. Within `vmap` they are known, within `jit` they are not.
+        """
+        return _params(self)(INT_MAX if task.horizon is None else task.horizon, *(p.value for p in self.varying))
+
+    def values(self, params: Any) -> tuple[AnyArray, ...]:
+        """Return the parameters as arrays (N,) or (1,), lanes last; those that the task was loaded with where none are
+        given.
+        """
+        given: Mapping[str, Any] = {p.name: p.value for p in self.varying} if params is None else params._asdict()
+        return tuple(jnp.atleast_1d(jnp.asarray(given[p.name], _DTYPES[p.kind])) for p in self.varying)
+
+    def paid(self, reward: AnyArray, given: Sequence[AnyArray]) -> AnyArray:
+        """Return the reward (N,), nan where the spec does not allow the parameters: all that can be done once a program is
+        compiled.
+        """
+        for allowed in (*self._ranges(given), *self.conditions(*given)):
+            reward = jnp.where(allowed, reward, jnp.nan)
+        return reward
+
+    def _ranges(self, given: Sequence[AnyArray]) -> Iterator[AnyArray]:
+        for p, value in zip(self.varying, given, strict=True):
+            if p.low is not None:
+                yield value >= jnp.asarray(p.low, value.dtype)
+            if p.high is not None:
+                yield value <= jnp.asarray(p.high, value.dtype)
+
+    def check(self, params: Any) -> None:
+        """Refuse (E704) values that the spec does not allow together, as far as they are known."""
+        for message, holds in zip(self.messages, self.conditions(*self.values(params)), strict=True):
+            known = _known(holds)
+            if known is not None and not known.all():
+                raise SpecError([Diagnostic("E704", None, f"{message} ({self._told(params, known)})")])
+
+    def _told(self, params: Any, holds: AnyArray) -> str:
+        """Return the first values of which something does not hold, where there is one for each of its own; else all of
+        them.
+        """
+        found = []
+        for p in self.varying:
+            value = _known(getattr(params, p.name))
+            if value is not None:
+                here = value.reshape(-1)[np.argmin(holds)] if value.size == holds.size else value
+                found.append(f"{p.name}={here}")
+        return ", ".join(found)
+
+
+@lru_cache(maxsize=256)
+def _params(opened: OpenParameters) -> Any:
+    """Return the class: the same for the same parameters, as JAX compares the classes of pytrees."""
+    known = {p.name: p for p in opened.varying}
+    base = namedtuple("Params", ("max_steps_in_episode", *known))  # type: ignore[misc]
+
+    class Params(base):
+        """What a caller may want to know, and the parameters that may differ between lanes."""
+
+        __slots__ = ()
+
+        def replace(self, **changes: Any) -> Any:
+            for name, value in changes.items():
+                if name in known:
+                    _check(known[name], value)
+                elif name not in self._fields or changes[name] != getattr(self, name):
+                    raise SpecError([_refused(name, opened)])
+            replaced = self._replace(**changes)
+            opened.check(replaced)
+            return replaced
+
+    return Params
+
+
+def _refused(name: str, opened: OpenParameters) -> Diagnostic:
+    """Return why something cannot be replaced."""
+    if name == "max_steps_in_episode":
+        return Diagnostic(
+            "E713", None, "max_steps_in_episode is the horizon of the task", "for another horizon, load another task"
+        )
+    if name not in opened.bound:
+        known = [*(p.name for p in opened.varying), *opened.bound]
+        hint = suggest(name, known) or (f"it has {', '.join(known)}" if known else None)
+        return Diagnostic("E702", None, f"the task has no parameter '{name}'", hint)
+    hint = (
+        f"`Functional(load(task, {name}=...))` is another task; `Functional(task, varying=['{name}'])` leaves it open"
+    )
+    return Diagnostic("E713", None, f"{name} is bound when the task is loaded", hint)
+
+
+def _known(value: Any) -> AnyArray | None:
+    """Return a value as an array, with all lanes of what is mapped over by `vmap`; None where it is not known before a
+    program runs.
+    """
+    if not isinstance(value, jax.core.Tracer):
+        return np.asarray(value)
+    seen: list[Any] = []
+
+    @custom_vmap
+    def look(one: AnyArray) -> AnyArray:
+        return one
+
+    @look.def_vmap
+    def lanes(size: int, mapped: list[bool], every: AnyArray) -> tuple[AnyArray, bool]:
+        seen.append(every)
+        return (look(every) if isinstance(every, jax.core.Tracer) else every), mapped[0]  # of `vmap` within `vmap`
+
+    look(value)
+    return None if not seen or isinstance(seen[-1], jax.core.Tracer) else np.asarray(seen[-1])
+
+
+def _check(parameter: Parameter, value: Any) -> None:
+    """Refuse (E703) values that the spec does not allow, as far as they are known."""
+    known = _known(value)
+    if known is None:
+        return
+    given = known.astype(np.float64)
+    low = parameter.low
+    high = parameter.high
+    problem = ""
+    if np.isnan(given).any() or (low is not None and (given < low).any()):
+        problem = f"must be at least {low}" if low is not None else "must be a number"
+    elif high is not None and (given > high).any():
+        problem = f"must be at most {high}"
+    elif parameter.kind == "int" and (given != np.rint(given)).any():
+        problem = "must be an int"
+    if problem:
+        raise SpecError([Diagnostic("E703", None, f"parameter {parameter.name} {problem}, not {known}")])
+
+
+# ---------- functional
+# A task as pure functions of one environment, in the shape that gymnax users know.
+#
+# Use them under `jit`, `vmap` and `scan`. The key that `reset` gets is the seed: `reset(jax.random.key(s))` walks the
+# trajectory of the scalar environment with seed s. No other keys are needed, since draws follow from the seed and the
+# counters that the state carries.
+
+
+class Functional:
+    """`reset(key) -> (observation, state)`, and `step(state, action)` with autoreset or `step_env` without it.
+
+    Arrays of one environment have no axis for lanes. For many environments, `lanes_reset` and `lanes_step` take and
+    give arrays with the lanes last, which XLA compiles to better code than `vmap` over the first axis.
+
+    `varying` names numeric parameters of the task that are given where it runs, as `params`: `default_params` with other
+    values. They may be traced and differ between lanes, unless they decide shapes, counts, bounds or the horizon. Computed where
+    the task runs, they are float32, and probabilities are as those that depend on the state.
+
+    Raises:
+        SpecError: E702 and E713 for parameters that cannot vary.
+    """
+
+    def __init__(self, task: TaskLike, varying: Sequence[str] = ()) -> None:
+        self.task: Task = load(task)
+        names = tuple(sorted(set(varying)))
+        built = build_varying(self.task, names) if names else self.task
+        self.program: JaxProgram = compile_jax(built)
+        opened = tuple(p for name in names for p in self.task.parameters if p.name == name)
+        self._open = OpenParameters.of(built, opened)
+        self.default_params: Any = self._open.default(self.task)
+
+    @property
+    def name(self) -> str:
+        return self.task.id
+
+    # -- one environment ------------------------------------------------------------------------------------------
+
+    def reset(self, key: AnyArray, params: Any = None) -> tuple[Any, State]:
+        """Return the first observation and state of a key: `jax.random.key(seed)`, or its uint32 words (2,)."""
+        observation, state = self.lanes_reset(key_words(key)[:, None], params)
+        return _single(observation), _single(state)
+
+    def step(
+        self, state: State, action: AnyArray, params: Any = None
+    ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
+        """Observation, state, reward, done and info of a step; an episode that ends begins anew (autoreset).
+
+        info holds "terminated", "truncated", and "final_observation", that of the step itself.
+        """
+        observation, state, result = self.lanes_step(_lane(state), jnp.asarray(action)[..., None], params)
+        info = {
+            "terminated": result.terminated[0],
+            "truncated": result.truncated[0],
+            "final_observation": _single(observed(self.program.observation, result.observation)),
+        }
+        done = info["terminated"] | info["truncated"]
+        return _single(observation), _single(state), result.reward[0], done, info
+
+    def step_env(
+        self, state: State, action: AnyArray, params: Any = None
+    ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
+        """Return a step without autoreset; info holds "terminated" and "truncated"."""
+        program = self.program
+        action = acted(program.action, jnp.asarray(action)[..., None])
+        after, result = self._stepped(_lane(state), action, self._open.values(params))
+        seen = _single(observed(program.observation, result.observation))
+        ends = {"terminated": result.terminated[0], "truncated": result.truncated[0]}
+        return seen, _single(after), result.reward[0], ends["terminated"] | ends["truncated"], ends
+
+    def gymnax(self, *, one_hot: bool = False, flat_actions: bool = False) -> Gymnax:
+        """Return the same functions under gymnax's signatures, with its spaces.
+
+        Args:
+            one_hot: finite observations as vectors of 0 and 1, float32.
+            flat_actions: several finite action components as one number, the last component fastest.
+
+        Raises:
+            SpecError: E713, for observations or actions that are not finite.
+        """
+        names = [p.name for p in self._open.varying]
+        functions = Functional(_one_hot(self.task), names) if one_hot else self
+        return Gymnax(functions, flat_actions)
+
+    # -- many environments, lanes last ----------------------------------------------------------------------------
+
+    def lanes_reset(self, key: AnyArray, params: Any = None) -> tuple[Any, State]:
+        """First observations (*shape, N) and states of keys: uint32 (2, N), high and low words of the seeds.
+
+        Parameters are numbers, or arrays (N,).
+        """
+        state, seen = self.program.reset(key, self._open.values(params))
+        return observed(self.program.observation, seen), state
+
+    def lanes_step(self, state: State, action: AnyArray, params: Any = None) -> tuple[Any, State, StepResult]:
+        """Return a step of every lane with autoreset; actions are (*shape, N). The result holds the observations before
+        it.
+        """
+        given = self._open.values(params)
+        after, result = self._stepped(state, acted(self.program.action, action), given)
+        following, seen = self.program.again(after, result, given)
+        return observed(self.program.observation, seen), following, result
+
+    def _stepped(self, state: State, action: Any, given: tuple[AnyArray, ...]) -> tuple[State, StepResult]:
+        after, result = self.program.step(state, action, given)
+        return after, result._replace(reward=self._open.paid(result.reward, given))
+
+
+def _one_hot(task: Task) -> Task:
+    """Return the same task with one-hot observations."""
+    if not all(c.is_finite for c in task.observation.components):
+        raise SpecError(
+            [Diagnostic("E713", None, f"the observations of {task.id} are not finite, and cannot be one-hot")]
+        )
+    return replace(task, observation=replace(task.observation, space="one_hot"))
+
+
+def key_words(key: AnyArray) -> AnyArray:
+    """Return the two uint32 words of a key, high word first; of longer keys than Threefry's, the first two."""
+    if jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
+        key = jax.random.key_data(key)
+    return jnp.asarray(key, jnp.uint32)[:2]
+
+
+def _lane(tree: Any) -> Any:
+    return jax.tree.map(lambda x: x[..., None], tree)
+
+
+def _single(tree: Any) -> Any:
+    return jax.tree.map(lambda x: x[..., 0], tree)

@@ -1,0 +1,389 @@
+"""Rewrite expressions before code is generated: values out of the steps, draws as comparisons, and tables of small functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import field
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.records import dataclass
+from taskspec.draws import NEVER
+from taskspec.lang import batch
+from taskspec.lang.builder import Builder
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, reads, rewrite, walk
+from taskspec.lang.operators import OPERATORS
+from taskspec.lang.types import INT, Kind, Type
+from taskspec.lang.variates import VARIATES, WordLayout, words_of
+from taskspec.lang.variates.choices import row_table
+from taskspec.task.task import Task
+
+# ---------- hoist
+# Values moved out of the steps of a program: those of an episode, and those that depend on draws alone.
+
+
+def everywhere(roots: Sequence[Node], own: Callable[[Node], bool]) -> dict[int, bool]:
+    """For every node, by id, whether `own` is true of it and of all nodes below it."""
+    found: dict[int, bool] = {}
+    for node in walk(roots):
+        found[id(node)] = own(node) and all(found[id(c)] for c in children(node))
+    return found
+
+
+def maximal(roots: Sequence[Node], inside: dict[int, bool], wanted: Callable[[Node], bool]) -> list[Node]:
+    """Return the wanted nodes inside (by id) that are roots or arguments of nodes outside, in the order of the roots."""
+    outside = [node for node in walk(roots) if not inside[id(node)]]
+    referred = [*roots, *(c for node in outside for c in children(node))]
+    return list({id(n): n for n in referred if inside[id(n)] and wanted(n)}.values())
+
+
+# -- values that stay the same for a whole episode: functions of components that no step changes ------------------
+
+
+@dataclass(frozen=True)
+class Invariants:
+    """The invariants of a task's steps.
+
+    `nodes` read the state; `at_reset` are the same over the first state; `names` are the variables that hold them.
+    `observation` says that the whole observation is one.
+    """
+
+    nodes: tuple[Node, ...]
+    at_reset: tuple[Node, ...]
+    names: tuple[str, ...]
+    observation: bool
+
+    @classmethod
+    def of(cls, b: Builder, task: Task, rows: bool) -> Invariants:
+        """`rows`: whether observations are float32 arrays, which can be kept and copied."""
+        roots = (*task.next, task.reward, task.terminal)
+        fixed = _fixed((*roots, *task.next_observation), frozen_components(task))
+        # What is seen at the reset may be something else: `x'` may be the same in every step, and not be `x`.
+        observed = (
+            rows
+            and all(fixed[id(n)] for n in task.next_observation)
+            and _at_reset(b, task, task.next_observation) == task.first_observation
+        )
+        seen = () if observed else task.next_observation
+        nodes = tuple(_maximal_fixed((*roots, *seen), fixed))
+        return cls(nodes, _at_reset(b, task, nodes), tuple(f"k{i}" for i in range(len(nodes))), observed)
+
+    def replaced(self, b: Builder, roots: Sequence[Node]) -> tuple[Node, ...]:
+        """Return roots that read the variables instead of computing the invariants."""
+        names = {id(n): name for n, name in zip(self.nodes, self.names, strict=True)}
+
+        def leaf(node: Node) -> Node | None:
+            name = names.get(id(node))
+            return None if name is None else b.read(Role.VARIABLE, name, node.type)
+
+        return rewrite(roots, leaf, b.remake)
+
+
+def _at_reset(b: Builder, task: Task, nodes: Sequence[Node]) -> tuple[Node, ...]:
+    """Return nodes as functions of the first state."""
+    first = {c.name: n for c, n in zip(task.state, task.initial, strict=True)}
+
+    def leaf(node: Node) -> Node | None:
+        return first[node.name] if isinstance(node, Read) and node.role is Role.STATE else None
+
+    return rewrite(nodes, leaf, b.remake_late)
+
+
+WIDE = 32
+"""Vectors above this are handled as arrays: thousands of Python numbers waiting for their turn would miss the cache."""
+
+
+def cold_components(task: Task, roots: Sequence[Node]) -> frozenset[str]:
+    """Return wide components that no step changes and no root reads: they are not kept, since a reset can be replayed."""
+    read = reads(roots)
+    frozen = frozen_components(task)
+    return frozenset(c.name for c in task.state if c.name in frozen and c.type.size > WIDE and c.read not in read)
+
+
+def changing(task: Task, roots: Sequence[Node]) -> list[Node]:
+    """Return roots of a step without those of frozen components."""
+    n = len(task.state)
+    frozen = frozen_components(task)
+    moving = [r for r, c in zip(roots[:n], task.state, strict=True) if c.name not in frozen]
+    return [*moving, *roots[n:]]
+
+
+def frozen_components(task: Task) -> frozenset[str]:
+    """Return names of the state components that no step changes."""
+    pairs = zip(task.state, task.next, strict=True)
+    return frozenset(c.name for c, n in pairs if isinstance(n, Read) and n.role is Role.STATE and n.name == c.name)
+
+
+def _fixed(roots: Sequence[Node], frozen: frozenset[str]) -> dict[int, bool]:
+    """For every node, by id, whether it draws nothing and reads frozen components only."""
+
+    def own(node: Node) -> bool:
+        if isinstance(node, Read):
+            return node.role is Role.STATE and node.name in frozen
+        return not isinstance(node, Draw)
+
+    return everywhere(roots, own)
+
+
+def _maximal_fixed(roots: Sequence[Node], fixed: dict[int, bool]) -> list[Node]:
+    """Return the largest fixed operations that the rest refers to; a bare read or constant is not worth a variable.
+
+    Rows of a table that a draw looks up stay as they are: their probabilities are exact only while they are known as such.
+    """
+    rows = {id(d.args[0]) for d in walk(roots) if isinstance(d, Draw) and d.args and row_table(d.args[0])}
+    outside = dict.fromkeys(rows, False)
+    return maximal(roots, fixed | outside, lambda node: isinstance(node, Apply))
+
+
+# -- values that depend on draws alone ----------------------------------------------------------------------------
+#
+# Nodes are rewritten into nodes, so that every backend gains: a draw becomes a read of a variable with certain bounds.
+
+
+@dataclass(frozen=True)
+class Hoisted:
+    """Roots of a phase whose draws are reads of variables.
+
+    `values` are nodes that need draws and nothing else, read as the variables `names`. `words` gives, for every draw
+    that is left (it depends on the state), the variable that holds each of its words; `layout` numbers the words.
+    """
+
+    roots: tuple[Node, ...]
+    values: tuple[Node, ...]
+    names: tuple[str, ...]
+    words: dict[int, tuple[str, ...]]
+    layout: WordLayout
+
+    @property
+    def word_numbers(self) -> dict[str, int]:
+        """The number within the phase of every word that is read by name."""
+        first = self.layout.first
+        return {name: first[site] + k for site, names in self.words.items() for k, name in enumerate(names)}
+
+
+def hoist(b: Builder, roots: Sequence[Node], layout: WordLayout, bias: int = 0) -> Hoisted:
+    """Replace values that depend on draws alone by reads of variables, and other draws by comparisons if possible."""
+    free = everywhere(roots, lambda node: not isinstance(node, Read))
+    values = maximal_draws(roots, free)
+    names = {id(n): f"h{i}" for i, n in enumerate(values)}
+
+    def leaf(node: Node) -> Node | None:
+        if id(node) not in names:
+            return None
+        low, high = b.certain(node)
+        return b.read(Role.VARIABLE, names[id(node)], node.type, low, high)
+
+    rest = rewrite(roots, leaf, b.remake)
+    left = {d.site: word_names(d) for d in walk(rest) if isinstance(d, Draw)}
+    lowered = compared(b, rest, bias)
+    return Hoisted(lowered, tuple(values), tuple(names.values()), left, layout)
+
+
+def compared(b: Builder, roots: Sequence[Node], bias: int = 0) -> tuple[Node, ...]:
+    """Return roots with finite draws of known probabilities as comparisons of words with thresholds.
+
+    A word is read as the int variable of `word_names`, less `bias` (2**31 where ints have 32 bits).
+    """
+
+    def leaf(node: Node) -> Node | None:
+        return _comparison(b, node, bias) if isinstance(node, Draw) else None
+
+    before = tuple(roots)
+    found = rewrite(roots, leaf, b.remake)
+    while found != before:  # arguments of draws may hold draws
+        before = found
+        found = rewrite(found, leaf, b.remake)
+    return found
+
+
+def word_names(draw: Draw) -> tuple[str, ...]:
+    return tuple(f"w{draw.site}_{k}" for k in range(words_of(draw)))
+
+
+def maximal_draws(roots: Sequence[Node], free: dict[int, bool]) -> list[Node]:
+    """Return the largest free nodes that hold a draw."""
+    drawless = everywhere(roots, lambda node: not isinstance(node, Draw))
+    return maximal(roots, free, lambda node: not drawless[id(node)])
+
+
+# -- draws as comparisons -----------------------------------------------------------------------------------------
+
+
+def _comparison(b: Builder, draw: Draw, bias: int) -> Node | None:
+    words = [b.read(Role.VARIABLE, n, INT, -bias, NEVER - 1 - bias) for n in word_names(draw)]
+    elements = VARIATES[draw.base].compared(b, draw, words, bias)
+    if elements is None or draw.type.is_scalar:
+        return None if elements is None else elements[0]
+    return b.structure("reshape", [b.structure("vector", elements)], draw.type.shape)
+
+
+# ---------- tabulate
+# Expressions over few finite values become tables: one look-up instead of a chain of operations.
+#
+# Array code pays for every operation on every lane, and twice for the call where lanes are few, so that a transition
+# of a small finite task is cheapest as a look-up. The tables are worked out by the array forms of the operators.
+
+CELLS = 8192
+"""Largest table: 64 KiB of 8-byte numbers, which a second-level cache holds beside the lanes."""
+
+
+@dataclass
+class _Tables:
+    builder: Builder
+    reads: dict[int, frozenset[Read] | None] = field(default_factory=dict)  # by node id; None: not to be tabulated
+    made: dict[int, Node] = field(default_factory=dict)
+
+
+def tabulate(b: Builder, roots: Sequence[Node], cells: int = CELLS) -> tuple[Node, ...]:
+    """Return roots with their largest scalar parts over at most `cells` combinations of finite reads as look-ups."""
+    roots = folded(b, roots)
+    tables = _Tables(b)
+    for node in walk(roots):
+        tables.reads[id(node)] = _finite_reads(tables, node, cells)
+    stack = list(roots)
+    seen = set[int]()
+    while stack:
+        node = stack.pop()
+        if id(node) in seen:
+            continue
+        seen.add(id(node))
+        if _worthwhile(tables, node):
+            tables.made[id(node)] = _table(tables, node)
+        else:
+            stack.extend(children(node))
+    return folded(b, rewrite(roots, lambda n: tables.made.get(id(n)), b.remake))
+
+
+def _finite_reads(tables: _Tables, node: Node, cells: int) -> frozenset[Read] | None:
+    match node:
+        case Const():
+            return frozenset()
+        case Read():
+            return frozenset([node]) if node.type.is_scalar and _count(node) <= cells else None
+        case Draw():
+            return None
+        case Apply():
+            below = [tables.reads[id(c)] for c in node.args]
+            if any(r is None for r in below):
+                return None
+            joined = frozenset[Read]().union(*(r for r in below if r is not None))
+            return joined if _size(joined) <= cells else None
+
+
+def _count(read: Read) -> float:
+    if read.type.kind is Kind.BOOL:
+        return 2
+    return read.high - read.low + 1 if read.type.kind is Kind.INT else np.inf
+
+
+def _size(reads: frozenset[Read]) -> float:
+    return float(np.prod([float(_count(r)) for r in reads], dtype=float))
+
+
+def _worthwhile(tables: _Tables, node: Node) -> bool:
+    """Return whether a look-up is cheaper: the index takes an operation or two for every read but the first."""
+    reads = tables.reads[id(node)]
+    if not reads or not isinstance(node, Apply) or not node.type.is_scalar:
+        return False
+    return sum(isinstance(n, Apply) for n in walk([node])) > 2 * len(reads)
+
+
+def _table(tables: _Tables, node: Node) -> Node:
+    b = tables.builder
+    reads = sorted(tables.reads[id(node)] or (), key=lambda r: (r.role.value, r.name))
+    counts = [int(_count(r)) for r in reads]
+    places = np.indices(counts).reshape(len(reads), -1)
+    points = {_key(r): _values(r, place) for r, place in zip(reads, places, strict=True)}
+    (values,) = batch.evaluate([node], points)
+    cells = np.broadcast_to(values, places.shape[1:]).tolist()
+    if len(set(map(repr, cells))) == 1:
+        return b.const(cells[0], node.type)
+    table = b.const(cells, Type(node.type.kind, (len(cells),)))
+    return b.structure("index", [table, _place(b, reads, counts)])
+
+
+def _key(read: Read) -> tuple[Role, str]:
+    return (read.role, read.name)
+
+
+def _values(read: Read, place: Array) -> Array:
+    if read.type.kind is Kind.BOOL:
+        return place.astype(np.bool_)
+    return place + int(read.low)
+
+
+def _place(b: Builder, reads: Sequence[Read], counts: Sequence[int]) -> Node:
+    """Return the number of the cell: reads as digits, the last one fastest."""
+    place: Node = b.scalar(0)
+    for read, count in zip(reads, counts, strict=True):
+        low = 0 if read.type.kind is Kind.BOOL else int(read.low)
+        digit = b.apply("sub", b.cast(read, Kind.INT), b.scalar(low))
+        place = b.apply("add", b.apply("mul", place, b.scalar(count)), digit)
+    return place
+
+
+# -- look-ups of look-ups -----------------------------------------------------------------------------------------
+
+
+def folded(b: Builder, roots: Sequence[Node]) -> tuple[Node, ...]:
+    """Return roots with operations on looked-up elements applied to the constant table."""
+    done: dict[int, Node] = {}
+    for node in walk(roots):
+        args = tuple(done[id(c)] for c in children(node))
+        same = all(a is c for a, c in zip(args, children(node), strict=True))
+        done[id(node)] = _fold(b, node if same else b.remake(node, args))
+    return tuple(done[id(root)] for root in roots)
+
+
+def _fold(b: Builder, node: Node) -> Node:
+    match node:
+        case Apply(op="index", args=(Apply(op="index", args=(Const() as table, row)), column)) if _is_matrix(
+            table, row
+        ):
+            k = table.type.shape[1]
+            flat = b.const(table.flat, Type(table.type.kind, (table.type.size,)))
+            place = b.apply("add", b.apply("mul", row, b.scalar(k)), column)
+            return b.structure("index", [flat, place])
+        case Apply(op="element", args=(Apply(op="index", args=(Const() as table, row)),), static=(k,)) if _is_matrix(
+            table, row
+        ):
+            width = table.type.shape[1]
+            column = b.const(table.flat[k::width], Type(table.type.kind, (table.type.shape[0],)))
+            return b.structure("index", [column, row])
+        case Apply(op="index", args=(Const() as table, Apply(op="index", args=(Const() as inner, place)))):
+            if len(table.type.shape) == 1 and len(inner.type.shape) == 1:
+                picked = b.const([table.flat[i] for i in inner.flat], Type(table.type.kind, inner.type.shape))
+                return b.structure("index", [picked, place])
+            return node
+        case Apply(op=op) if op in OPERATORS and OPERATORS[op].elementwise and node.type.is_scalar:
+            return _fold_function(b, node)
+        case _:
+            return node
+
+
+def _is_matrix(table: Const, row: Node) -> bool:
+    return len(table.type.shape) == 2 and row.type.is_scalar
+
+
+def _fold_function(b: Builder, node: Apply) -> Node:
+    """Return a function of one look-up and constants as a look-up."""
+    found = [a for a in node.args if not isinstance(a, Const)]
+    if len({id(a) for a in found}) != 1 or not _looks_up(found[0]):
+        return node
+    inner = found[0]
+    assert isinstance(inner, Apply)
+    table, place = inner.args
+    args = [b.held(table if a is inner else a) for a in node.args]  # fractions end where the task begins to run
+    cells = b.remake(Apply(node.op, tuple(args), Type(node.type.kind, table.type.shape)), tuple(args))
+    return b.structure("index", [cells, place]) if isinstance(cells, Const) else node
+
+
+def _looks_up(node: Node) -> bool:
+    return (
+        isinstance(node, Apply)
+        and node.op == "index"
+        and isinstance(node.args[0], Const)
+        and len(node.args[0].type.shape) == 1
+        and node.args[1].type.is_scalar
+    )

@@ -1,1 +1,0 @@
-"""Transformations of a task's expressions before code generation, shared by backends."""

@@ -1,0 +1,286 @@
+"""Generated code that reads an action, writes an observation, and fills the info of a step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from struct import Struct
+from typing import Any
+
+import numpy as np
+
+from taskspec.backends.lane_form import UNROLLED, LaneEmitter, LaneValue
+from taskspec.backends.scalar.phase import Phase, is_filled, stream
+from taskspec.backends.source_text import literal
+from taskspec.lang.ir import Node, Read
+from taskspec.lang.types import Kind
+from taskspec.task.spaces import FLOAT_MAX, SpaceLayout
+from taskspec.task.task import Component, Task
+
+
+def names_of(prefix: str, components: Sequence[Component]) -> list[str]:
+    return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
+
+
+def read_action(task: Task, layout: SpaceLayout) -> tuple[list[str], list[LaneValue]]:
+    """Return statements that read and check an action, and the values of its components."""
+    names, (part,) = names_of("a", task.action), layout.parts
+    if part.is_whole and not part.shape:
+        return _read_number(names[0], task.action[0], layout), [LaneValue([names[0]])]
+    return _read_array(task, layout, names)
+
+
+def _read_number(name: str, c: Component, layout: SpaceLayout) -> list[str]:
+    ((low, high),) = layout.ends
+    value = f"{name} != 0" if c.type.kind is Kind.BOOL else name
+    lines = [
+        "try:",
+        f"    {name} = index(action)",
+        "except TypeError:",
+        "    raise bad_action(action) from None",
+    ]
+    lines += [f"if not {low} <= {name} <= {high}:", "    raise bad_action(action)"]
+    return lines if value == name else [*lines, f"{name} = {value}"]
+
+
+def _elements(task: Task, names: Sequence[str]) -> tuple[list[str], list[LaneValue]]:
+    """Return a name for every element of the action, and the components made of them."""
+    flat = []
+    values = []
+    for i, (c, name) in enumerate(zip(task.action, names, strict=True)):
+        mine = [name] if c.type.is_scalar else [f"a{i}_{k}" for k in range(c.type.size)]
+        flat += mine
+        values.append(LaneValue(mine))
+    return flat, values
+
+
+def _listed(shape: tuple[int, ...], names: Sequence[str], convert: str, usual: str) -> list[str]:
+    """Return statements that spread an array-like action over names; anything of another shape is refused.
+
+    An array that meets the condition `usual` is taken as it is, all else goes through the function `convert`.
+    """
+    ravel = ".ravel()" if len(shape) > 1 else ""
+    return [
+        "try:",
+        f"    if action.__class__ is not np.ndarray or action.shape != {shape} or not ({usual}):",
+        f"        action = {convert}(action, {shape})",
+        f"    {', '.join(names)}{',' if shape else ''} = action{ravel}.tolist()",
+        "except (TypeError, ValueError):",
+        "    raise bad_action(action) from None",
+    ]
+
+
+def _read_array(task: Task, layout: SpaceLayout, names: Sequence[str]) -> tuple[list[str], list[LaneValue]]:
+    flat, values = _elements(task, names)
+    whole = layout.parts[0].is_whole
+    usual = "action.dtype is int64" if whole else "action.dtype is float32 or action.dtype is float64"
+    lines = _listed(layout.shape, flat, "as_ints" if whole else "as_floats", usual)
+    numbers = zip(flat, layout.ends, strict=True)
+    for c, segment in zip(task.action, layout.segments, strict=True):
+        for start in segment.starts or (0,) * segment.size:
+            name, (low, high) = next(numbers)
+            lines += [f"if not {literal(low)} <= {name} <= {literal(high)}:", "    raise bad_action(action)"]
+            value = f"{name} + {start}" if start else name
+            if whole:
+                value = f"{name} != 0" if c.type.kind is Kind.BOOL else value
+            elif c.type.kind is not Kind.REAL:  # every point of the space is an action
+                value = f"round({name})"
+            lines += [f"{name} = {value}"] if value != name else []
+    return lines, values
+
+
+# -- the state in infos -------------------------------------------------------------------------------------------
+#
+# A number is read where it is held. An array is made once for each state and kept in `told`, so that the next step's
+# `old_state` costs nothing; it is made once for each episode where no step changes the state.
+
+
+def sees_state(task: Task, layout: SpaceLayout) -> bool:
+    """Return whether an observation is the array that tells the state: its elements in order, as float32."""
+    finite = all(c.is_finite for c in task.state)
+    seen = [(node.role, node.name) for node in task.observation.nodes if isinstance(node, Read)]
+    same = seen == [c.read for c in task.state] and len(seen) == len(task.observation.nodes)
+    return same and layout.form == "box" and not finite
+
+
+def _is_number(task: Task) -> bool:
+    """Return whether the state is one finite number."""
+    (first, *others) = task.state
+    return first.is_finite and first.type.is_scalar and not others
+
+
+def flat_state(task: Task, names: Sequence[str]) -> str:
+    """Return the source of the present state: an int where it is one finite number, else an array of its elements.
+
+    They are int64 where all components are finite, and float32 elsewhere.
+    """
+    finite = all(c.is_finite for c in task.state)
+    if _is_number(task):
+        first = task.state[0]
+        return f"(1 if {names[0]} else 0)" if first.type.kind is Kind.BOOL else names[0]
+    items = _info_elements(task, names)
+    shape = _shape(task)
+    if any(abs(v) > FLOAT_MAX for c in task.state for v in (*c.low, *c.high)):
+        return f"singles(({items},), {shape})"
+    array = f"array(({items},), {'int64' if finite else 'float32'})"
+    return array if len(shape) == 1 else f"{array}.reshape({shape})"
+
+
+def _info_elements(task: Task, names: Sequence[str]) -> str:
+    return ", ".join(name if c.type.is_scalar else f"*{name}" for c, name in zip(task.state, names, strict=True))
+
+
+def _shape(task: Task) -> tuple[int, ...]:
+    """Return the shape of the array that tells the state."""
+    (first, *others) = task.state
+    return (sum(c.type.size for c in task.state),) if others else first.type.shape
+
+
+def is_kept(task: Task) -> bool:
+    """Return whether infos tell the state by an array, which is kept from step to step."""
+    return bool(task.info) and not _is_number(task)
+
+
+def old_state(task: Task, names: Sequence[str]) -> list[str]:
+    """Return the statement that keeps the state left, before the state moves on."""
+    if "old_state" not in task.info:
+        return []
+    return [f"old_state = {'told' if is_kept(task) else flat_state(task, names)}"]
+
+
+def told_state(task: Task, layout: SpaceLayout, names: Sequence[str], observation: str) -> list[str]:
+    """Return the statements that make the array for infos; a copy of the observation where that is the same array."""
+    if not is_kept(task):
+        return []
+    source = observation.removesuffix(".copy()")
+    if sees_state(task, layout) and source.isidentifier():
+        return [f"told = {source}.copy()"]
+    if has_rows(task):
+        return ["told = next_row()", f"write(told, 0, {_info_elements(task, names)})"]
+    return [f"told = {flat_state(task, names)}"]
+
+
+def has_rows(task: Task) -> bool:
+    """Return whether the arrays for infos are rows of blocks, which takes half the time of arrays of their own."""
+    return is_kept(task) and 0 < math.prod(_shape(task)) <= UNROLLED
+
+
+def row_names(task: Task) -> dict[str, Any]:
+    """Return what the names that write such rows mean: `rows()` gives a function of the next row, `write` fills it in."""
+    shape = _shape(task)
+    size = math.prod(shape)
+    dtype, code = (np.int64, "q") if all(c.is_finite for c in task.state) else (np.float32, "f")
+    blocks = partial(stream, lambda first, count: list(np.empty((count, *shape), dtype)), 0, size)
+    return {"rows": blocks, "write": Struct(f"{size}{code}").pack_into}  # native floats: what overflows becomes inf
+
+
+def info(task: Task, names: Sequence[str]) -> str:
+    """Return the source of a step's info, after the state has moved on."""
+    new_state = "told" if is_kept(task) else flat_state(task, names)
+    sources = {"old_state": "old_state", "new_state": new_state}
+    return "{" + ", ".join(f'"{name}": {sources[name]}' for name in task.info) + "}"
+
+
+# -- the observation ----------------------------------------------------------------------------------------------
+
+_LARGEST = 3.4e38
+"""Below the largest float32."""
+
+
+def observe(lane: LaneEmitter, layout: SpaceLayout, phase: Phase, values: Sequence[LaneValue]) -> tuple[str, list[str]]:
+    """Return the source of the observation, and the statements that fill it in."""
+    nodes = phase.observation
+    match layout.form:
+        case "discrete":
+            return _integer(lane, nodes[0]), []
+        case "box" if phase.row_size:
+            return _row(lane, nodes, layout)
+        case "box":
+            return _array(lane, nodes[0], lane.scalar(nodes[0])), []
+        case "multi_discrete":
+            atoms = [_shifted(a, start) for a, start in zip(_all_atoms(lane, nodes), layout.starts, strict=True)]
+            return f"np.array(({', '.join(atoms)},), np.int64)", []
+        case "one_hot":
+            return _one_hot(lane, nodes, layout)
+        case "dict":
+            return _dictionary(lane, nodes, layout), []
+
+
+def _integer(lane: LaneEmitter, node: Node) -> str:
+    """Return a finite scalar as `Discrete` has it: a condition is 0 or 1."""
+    atom = lane.scalar(node)
+    return f"(1 if {atom} else 0)" if node.type.kind is Kind.BOOL else atom
+
+
+def _all_atoms(lane: LaneEmitter, nodes: Sequence[Node]) -> list[str]:
+    return [atom for node in nodes for atom in lane.atoms(node)]
+
+
+def _shifted(atom: str, start: int) -> str:
+    return atom if start == 0 else f"{atom} - {start}" if start > 0 else f"{atom} + {-start}"
+
+
+def _row(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> tuple[str, list[str]]:
+    """Runs of elements written into the fresh row `o`; what the block filled in is left alone."""
+    statements: list[str] = []
+    run: list[Node] = []
+    offset = start = 0
+    sizes = [c.type.size for c in layout.components]
+    for node, size in zip([*nodes, None], [*sizes, 0], strict=True):
+        if node is None or is_filled(node):
+            statements += _write(lane, start, run)
+            run = []
+        else:
+            start = start if run else offset
+            run.append(node)
+        offset += size
+    return "o", statements
+
+
+def _write(lane: LaneEmitter, start: int, run: Sequence[Node]) -> list[str]:
+    if not run:
+        return []
+    size = sum(n.type.size for n in run)
+    if size == 1 and not _may_overflow(lane, run[0]):
+        return [f"o[{start}] = {lane.scalar(run[0])}"]
+    items = [f"*{lane.packed(n)}" if n.type.size > UNROLLED else ", ".join(lane.atoms(n)) for n in run]
+    writer = lane.constant(Struct(f"{size}f").pack_into)  # native floats: what overflows becomes inf
+    return [f"{writer}(o, {4 * start}, {', '.join(items)})"]
+
+
+def _one_hot(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> tuple[str, list[str]]:
+    name = lane.name()
+    statements = [f"{name} = np.zeros({layout.size}, np.float32)"]
+    offset = 0
+    bounds = [lane.certain(node) for node in nodes for _ in range(node.type.size)]
+    places = zip(_all_atoms(lane, nodes), bounds, layout.starts, layout.counts, strict=True)
+    for atom, (low, high), start, count in places:
+        inside = "" if start <= low and high < start + count else f"if {start} <= {atom} < {start + count}: "
+        statements.append(f"{inside}{name}[{offset} + {_shifted(atom, start)}] = 1.0")
+        offset += count
+    return name, statements
+
+
+def _may_overflow(lane: LaneEmitter, node: Node) -> bool:
+    """Return whether a number may be finite, and infinite in float32, which NumPy warns of."""
+    return max(map(abs, lane.certain(node))) > _LARGEST
+
+
+def _array(lane: LaneEmitter, node: Node, source: str) -> str:
+    """Return the source of an array of float32."""
+    shape = node.type.shape
+    if _may_overflow(lane, node):
+        return f"singles({source}, {shape})"
+    return f"np.array({source}, np.float32)" + (f".reshape({shape})" if len(shape) > 1 else "")
+
+
+def _dictionary(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> str:
+    items = []
+    for node, c in zip(nodes, layout.components, strict=True):
+        if c.is_finite and c.type.is_scalar:
+            items.append(f"{c.name!r}: {_integer(lane, node)}")
+        else:
+            source = lane.scalar(node) if c.type.is_scalar else lane.packed(node)
+            items.append(f"{c.name!r}: {_array(lane, node, source)}")
+    return "{" + ", ".join(items) + "}"

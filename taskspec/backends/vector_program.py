@@ -1,0 +1,355 @@
+"""Programs that step many environments: their memory, how actions are read, and when episodes begin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.lang.types import Kind
+from taskspec.task.spaces import Part, Segment, SpaceLayout
+from taskspec.task.task import Component, Task
+
+# ---------- buffers
+# Arrays of a vector program: counters, state and results of many environments, features first and lanes last.
+#
+# Lanes last keeps each feature of all lanes together, which is what array code and vector units want. What is handed
+# out has the lanes first, as Gymnasium expects, without a copy: a view of the same memory.
+
+DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
+
+
+@dataclass(frozen=True)
+class Values:
+    """Gymnasium values of all lanes.
+
+    `parts` are the raw arrays, (*shape, lanes): one for every part of the layout.
+    """
+
+    layout: SpaceLayout
+    parts: tuple[Array, ...]
+
+    @classmethod
+    def empty(cls, layout: SpaceLayout, lanes: int, gap: int = 0) -> Values:
+        """Zeros of a layout, with so many numbers between the rows of an array."""
+        return cls(layout, tuple(_raw(part, lanes, gap) for part in layout.parts))
+
+    def view(self) -> Any:
+        """Return the values with the lanes first, sharing memory: what Gymnasium's batched space holds."""
+        return self._shown(self.parts)
+
+    def fresh(self) -> Any:
+        """Return the same in memory of its own."""
+        return self._shown([part.copy() for part in self.parts])
+
+    def _shown(self, raw: Sequence[Array]) -> Any:
+        shown = list(map(_lanes_first, raw))
+        return {p.name: a for p, a in zip(self.layout.parts, shown, strict=True)} if self.layout.is_dict else shown[0]
+
+    def part(self, lanes: slice) -> Values:
+        """Return a range of the lanes, sharing memory."""
+        return Values(self.layout, tuple(part[..., lanes] for part in self.parts))
+
+    def segments(self) -> list[Array]:
+        """Return the arrays of the layout's segments, sharing memory: (*shape, lanes) of the component, or a row for each
+        value.
+        """
+        found = []
+        for segment in self.layout.segments:
+            raw = self.parts[segment.part]
+            rows = raw.reshape(-1, raw.shape[-1])[segment.first : segment.first + segment.size]
+            shape = (
+                (segment.size,) if segment.values is not None else self.layout.components[segment.component].type.shape
+            )
+            found.append(rows.reshape(*shape, raw.shape[-1]))
+        return found
+
+
+def _lanes_first(array: Array) -> Array:
+    """Return an array (*shape, lanes) as (lanes, *shape). `moveaxis` would take longer than the rest of a step of few
+    lanes.
+    """
+    return array.T if array.ndim <= 2 else array.transpose(-1, *range(array.ndim - 1))
+
+
+def _raw(part: Part, lanes: int, gap: int) -> Array:
+    return _zeros(part.shape, lanes, gap, np.int64 if part.is_whole else np.float32)
+
+
+def _zeros(shape: tuple[int, ...], lanes: int, gap: int, dtype: Any) -> Array:
+    rows = np.zeros((math.prod(shape), lanes + gap), dtype)[:, :lanes]
+    return rows.reshape(*shape, lanes)
+
+
+@dataclass
+class Buffers:
+    """Everything that a vector environment keeps, for lanes 0 to N - 1.
+
+    Attributes:
+        seeds: uint64 (N,), the seed of each lane.
+        steps: uint32 (N,), steps taken since the lane was seeded, modulo 2**32: counts the draws of steps.
+        episodes: uint32 (N,), episodes begun since then: counts the draws of resets.
+        time: int64 (N,), steps taken in the present episode.
+        running: bool (N,), whether an episode is under way.
+        state: one array (*shape, N) for every state component: bool, int64 or float64.
+        seen, final: observations now, and those with which episodes ended in this step.
+        reward: float64 (N,). terminated, truncated, ended: bool (N,).
+    """
+
+    seeds: Array
+    steps: Array
+    episodes: Array
+    time: Array
+    running: Array
+    state: tuple[Array, ...]
+    seen: Values
+    final: Values
+    reward: Array
+    terminated: Array
+    truncated: Array
+    ended: Array
+
+    @classmethod
+    def of(cls, task: Task, layout: SpaceLayout, lanes: int, gap: int = 0) -> Buffers:
+        """Zeros, for a task whose observations have the given layout.
+
+        With a gap of so many numbers between rows they are not a power of two apart. Rows that are share the few places
+        that a cache has for such addresses, and a loop over many of them takes three times as long.
+        """
+        flags = [np.zeros(lanes, np.bool_) for _ in range(4)]
+        return cls(
+            seeds=np.zeros(lanes, np.uint64),
+            steps=np.zeros(lanes, np.uint32),
+            episodes=np.zeros(lanes, np.uint32),
+            time=np.zeros(lanes, np.int64),
+            running=flags[0],
+            state=tuple(_zeros(c.type.shape, lanes, gap, DTYPES[c.type.kind]) for c in task.state),
+            seen=Values.empty(layout, lanes, gap),
+            final=Values.empty(layout, lanes, gap),
+            reward=np.zeros(lanes, np.float64),
+            terminated=flags[1],
+            truncated=flags[2],
+            ended=flags[3],
+        )
+
+    @property
+    def lanes(self) -> int:
+        return len(self.seeds)
+
+    def part(self, lanes: slice) -> Buffers:
+        """Return a range of the lanes, sharing memory."""
+        return Buffers(
+            self.seeds[lanes],
+            self.steps[lanes],
+            self.episodes[lanes],
+            self.time[lanes],
+            self.running[lanes],
+            tuple(s[..., lanes] for s in self.state),
+            self.seen.part(lanes),
+            self.final.part(lanes),
+            self.reward[lanes],
+            self.terminated[lanes],
+            self.truncated[lanes],
+            self.ended[lanes],
+        )
+
+    def nbytes(self) -> int:
+        """Return bytes of all arrays."""
+        flags = (self.running, self.terminated, self.truncated, self.ended)
+        counters = (self.seeds, self.steps, self.episodes, self.time, self.reward)
+        values: Sequence[Array] = (*self.state, *self.seen.parts, *self.final.parts)
+        return sum(a.nbytes for a in (*flags, *counters, *values))
+
+
+# ---------- actions
+# Actions of many environments: checked, and split into components with the lanes last.
+
+
+class BadActionError(Exception):
+    """Actions that are not in the batched action space; the environment layer raises Gymnasium's error."""
+
+
+Reader = Callable[[Any], tuple[Array, ...]]
+"""From a batch of actions to an array (*shape, lanes) for every action component: bool, int64 or float64."""
+
+
+def action_reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
+    """Return the reader of a task's actions for a number of lanes; it raises `BadActionError`."""
+    (part,) = layout.parts
+    return (
+        _reader_of_numbers(task, layout, lanes)
+        if part.is_whole and not part.shape
+        else _reader_of_arrays(task, layout, lanes)
+    )
+
+
+def action_array(actions: Any, layout: SpaceLayout, lanes: int) -> Array:
+    """Return actions as an array (lanes, *shape); reals are refused for whole numbers, as `MultiDiscrete.contains` does.
+
+    Raises:
+        BadActionError: wrong shape or kind of numbers.
+    """
+    (part,) = layout.parts
+    array = np.asarray(actions)
+    if array.shape != (lanes, *part.shape) or array.dtype.kind not in ("iub" if part.is_whole else "iubf"):
+        raise BadActionError
+    return array
+
+
+def _reader_of_numbers(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
+    """Return a reader of one whole number for each lane, with as few calls of NumPy as possible."""
+    ((low, high),) = layout.ends
+    is_bool = task.action[0].type.kind is Kind.BOOL
+    smallest = np.minimum.reduce
+    largest = np.maximum.reduce
+
+    def read(actions: Any) -> tuple[Array, ...]:
+        array = action_array(actions, layout, lanes).astype(np.int64, copy=False)
+        if low == 0 and largest(array.view(np.uint64)) > high:  # unsigned, negative numbers are huge
+            raise BadActionError
+        if low != 0 and (smallest(array) < low or largest(array) > high):
+            raise BadActionError
+        return (array != 0,) if is_bool else (array,)
+
+    return read
+
+
+def _reader_of_arrays(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
+    low, high = np.array(layout.ends).T[..., None]
+    dtype = np.int64 if layout.parts[0].is_whole else np.float64
+    segments = list(zip(task.action, layout.segments, strict=True))
+    unsigned = dtype is np.int64 and not low.any()  # as such, negative numbers are huge: one comparison is enough
+    largest = high.astype(np.uint64) if unsigned else high
+
+    def read(actions: Any) -> tuple[Array, ...]:
+        rows = action_array(actions, layout, lanes).reshape(lanes, -1).T.astype(dtype, order="C")
+        if unsigned:
+            inside = not np.greater(rows.view(np.uint64), largest).any()
+        else:
+            inside = np.greater_equal(rows, low).all() and np.less_equal(rows, high).all()
+        if not inside:
+            raise BadActionError
+        return tuple(_component(c, segment, rows) for c, segment in segments)
+
+    return read
+
+
+def _component(c: Component, segment: Segment, rows: Array) -> Array:
+    """Return the component in rows of actions; every point of a box is an action."""
+    mine = rows[segment.first : segment.first + segment.size]
+    mine = mine + np.array(segment.starts)[:, None] if segment.starts else mine
+    shaped = mine.reshape(*c.type.shape, rows.shape[-1])
+    match c.type.kind:
+        case Kind.BOOL:
+            return np.not_equal(np.rint(shaped), 0)
+        case Kind.INT:
+            return (np.rint(shaped) if shaped.dtype.kind == "f" else shaped).astype(np.int64, copy=False)
+        case Kind.REAL:
+            return shaped
+
+
+# ---------- vector
+# The interface of a vector program, and when its lanes begin a new episode.
+
+Mode = Literal["next_step", "same_step", "disabled"]
+"""When an environment whose episode has ended is reset: by the next step, by the same step, by the caller only."""
+
+
+class LanesNotRunningError(Exception):
+    """A step before the first reset, or (mode "disabled") of lanes whose episodes have ended."""
+
+
+class Engine(Protocol):
+    """The environments of one task on one backend.
+
+    Lane i draws from the stream of `buffers.seeds[i]`: its episodes and steps equal those of a scalar environment with
+    that seed, number for number.
+    """
+
+    buffers: Buffers
+    observation: SpaceLayout
+    action: SpaceLayout
+    source: str
+
+    def seed(self, seeds: Array, lanes: Array | None = None) -> None:
+        """Restart the streams of some lanes (indices; None: all) with seeds, uint64, one for each."""
+
+    def reset(self, lanes: Array | None = None) -> None:
+        """Begin an episode in some lanes (indices; None: all)."""
+
+    def step(self, actions: Any) -> int:
+        """Take a step in every lane; return the number of lanes whose episodes ended in it.
+
+        Raises:
+            BadActionError: an action is not in the action space; nothing has changed.
+            LanesNotRunningError: an episode is over, or none has begun; nothing has changed.
+        """
+
+    def place(self, values: tuple[Array, ...], lanes: Array) -> None:
+        """Put lanes into given states, (*shape, k) for each component; what is observed stays as it was."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options of a vector program; `num_threads` matters to Numba only."""
+
+    mode: Mode = "next_step"
+    num_threads: int = 1
+
+
+Make = Callable[[Any, int, Options], Engine]
+
+
+# -- when lanes may step and when they are reset ------------------------------------------------------------------
+#
+# - `same_step`: a lane whose episode ends is reset in the same step. The last observation is in `Buffers.final`, the first one
+#   of the next episode in `Buffers.seen`, and the flags say that an episode ended.
+# - `next_step`: it is reset by the next step, which ignores the action, is not counted, has reward 0 and sets no flag.
+# - `disabled`: it is reset by the caller; until then no lane may step.
+#
+# A reset takes the words of the lane's next episode, and a step those of its next step (`Buffers.episodes`, `Buffers.steps`).
+
+
+@dataclass
+class Episodes:
+    """The progress of episodes in some buffers.
+
+    `ready` says whether a step may be taken, and `over` how many episodes have ended without a reset.
+    """
+
+    buffers: Buffers
+    mode: Mode
+    begun: bool = False
+    ready: bool = False  # an attribute, since a step of few lanes takes a microsecond
+    over: int = 0
+
+    def seed(self, seeds: Array, lanes: Array | None) -> None:
+        """Restart the streams of some lanes (indices; None: all)."""
+        b = self.buffers
+        chosen = slice(None) if lanes is None else lanes
+        b.seeds[chosen] = seeds
+        b.steps[chosen] = 0
+        b.episodes[chosen] = 0
+
+    def reset(self, lanes: Array) -> None:
+        """Record that some lanes (indices, or a flag for each) have begun an episode."""
+        b = self.buffers
+        b.running[lanes] = True
+        b.terminated[lanes] = b.truncated[lanes] = b.ended[lanes] = False
+        self.begun = self.begun or bool(b.running.all())
+        self.step(int(np.count_nonzero(b.ended)))
+
+    def step(self, ended: int) -> int:
+        """Record a step in which `ended` episodes ended; return their number."""
+        self.over = 0 if self.mode == "same_step" else ended
+        self.ready = self.begun and (self.mode != "disabled" or not self.over)
+        return ended
+
+    def place(self, values: tuple[Array, ...], lanes: Array) -> None:
+        """Set the states of lanes (indices), (*shape, k) for each component."""
+        for held, new in zip(self.buffers.state, values, strict=True):
+            held[..., lanes] = new

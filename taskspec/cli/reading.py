@@ -1,0 +1,212 @@
+"""`taskspec list`, `show` and `explain`: the tasks there are, one of them, and what a code means."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskspec.base.diagnostics import CLASSES, CODES, Code, Diagnostic, SpecError, spec_error, suggest
+from taskspec.base.display import visible
+from taskspec.cli.console import VisibleText, colored, columns, console, fail, line, say, write_json, write_records
+from taskspec.cli.options import (
+    Completions,
+    Json,
+    Modifiers,
+    Parameters,
+    Targets,
+    TaskArgument,
+    Variant,
+    starting,
+)
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from taskspec.task.task import Task
+
+WIDE = 110
+"""From this width on, rows have room for the capability, which is a heading otherwise."""
+WIDEST = 150
+"""From this width on, rows have room for a summary."""
+
+
+def list_tasks(targets: Targets = None, json: Json = False) -> None:
+    """List tasks with their parameters, size and horizon.
+
+    The size is states × actions, and tasks are grouped by the capability that they isolate.
+    """
+    from taskspec.targets import files_of, tasks_in
+    from taskspec.task.record import record
+
+    tasks: list[Task] = []
+    problems: list[Diagnostic] = []
+    for found in tasks_in(files_of(targets or [])):
+        if isinstance(found, SpecError):
+            problems += found.diagnostics
+        else:
+            tasks.append(found)
+    if json:
+        write_json([record(task) for task in tasks])
+    else:
+        _print_tasks(tasks)
+    if problems:
+        fail(problems)
+
+
+def _capability(task: Task) -> str:
+    return visible(task.spec.capability or "")
+
+
+def _print_tasks(tasks: Sequence[Task]) -> None:
+    """Print a row for each task, those that isolate the same thing side by side, in order of first mention."""
+    order: dict[str, int] = {}
+    for task in tasks:
+        order.setdefault(_capability(task), len(order))
+    ordered = sorted(tasks, key=lambda task: order[_capability(task)])
+    out = console(wide=True)
+    out.print(_task_table(ordered, out.width))
+    if out.is_terminal:
+        files = len({task.document.origin.name for task in tasks})
+        out.print(f"\n{len(tasks)} tasks in {files} specs; `taskspec show ID` shows one", style="quiet")
+
+
+def _task_table(tasks: Sequence[Task], width: int) -> Table:
+    from taskspec.task.record import horizon, settings, size
+
+    if width < WIDE:
+        table = columns("task", "parameters", "size", "horizon", right=(2, 3), fold=(1,))
+        for title, members in groupby(tasks, lambda task: _capability(task) or "other"):
+            table.add_row(VisibleText(title, style="title"))
+            for task in members:
+                table.add_row(VisibleText(f"  {task.id}", style="name"), settings(task), size(task), horizon(task))
+        return table
+    headers = ["task", "isolates", "parameters", "size", "horizon"]
+    table = columns(*headers, right=(3, 4), fold=(2,), styles=("name",))
+    if width >= WIDEST:
+        table.add_column("summary", style="quiet", no_wrap=True, overflow="ellipsis", ratio=1)
+        table.expand = True
+    for task in tasks:
+        cells = [
+            task.id,
+            _capability(task),
+            settings(task),
+            size(task),
+            horizon(task),
+            visible(task.spec.summary or ""),
+        ]
+        table.add_row(*cells[: len(table.columns)])
+    return table
+
+
+def show(
+    task: TaskArgument,
+    variant: Variant = None,
+    parameters: Parameters = None,
+    modifiers: Modifiers = None,
+    source: Annotated[bool, typer.Option("--source", help="The code generated for its environment.")] = False,
+    json: Json = False,
+) -> None:
+    """Show a task as a page, or the code generated from it."""
+    from taskspec.cli.page import print_page
+    from taskspec.targets import tasks_of
+
+    found = tasks_of(task, variant, parameters or [], modifiers or [])
+    records = []
+    for each in found:
+        if source:
+            code = _source(each)
+            records.append({"id": each.id, "language": "python", "source": code})
+            if not json:
+                _print_source(code)
+        elif json:
+            records.append(_record(each))
+        else:
+            print_page(each, console())
+    if json:
+        write_records(records)
+
+
+def _source(task: Task) -> str:
+    from taskspec.backends.scalar import compile_scalar
+
+    return compile_scalar(task).source
+
+
+def _record(task: Task) -> dict[str, Any]:
+    from taskspec.task.record import constants, record
+
+    return {**record(task), "constants": constants(task), "spec": task.written}
+
+
+def _print_source(code: str) -> None:
+    if not colored():
+        say(code, nl=not code.endswith("\n"))
+        return
+    from rich.syntax import Syntax
+
+    console(wide=True).print(Syntax(code, "python", theme="ansi_dark", background_color="default", word_wrap=True))
+
+
+# -- explain ------------------------------------------------------------------------------------------------------
+
+
+def complete_codes(incomplete: str) -> Completions:
+    return starting(incomplete.upper(), [(code.code, code.title) for code in CODES.values()])
+
+
+CodeArgument = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="[CODE]", help="A code or its name; lists all if omitted.", autocompletion=complete_codes,
+        show_default=False,
+    ),
+]  # fmt: skip
+
+
+def explain(code: CodeArgument = None, json: Json = False) -> None:
+    """Explain an error or a warning, such as E302, with an example."""
+    found = list(CODES.values()) if code is None else [_find(code)]
+    if json:
+        write_json([
+            {"code": c.code, "slug": c.slug, "severity": c.severity, "title": c.title, "explanation": c.explanation}
+            for c in found
+        ])  # fmt: skip
+    elif code is None:
+        _print_codes(found)
+    else:
+        _explain(found[0])
+
+
+def _find(text: str) -> Code:
+    """Return the code with this number or name, however it is spelt."""
+    wanted = text.strip("[]").split(" ")[0].lower()
+    for code in CODES.values():
+        if wanted in (code.code.lower(), code.slug):
+            return code
+    near = suggest(wanted.upper(), CODES) or suggest(wanted, [c.slug for c in CODES.values()])
+    raise spec_error("E713", f"there is no code '{text}'", near or "`taskspec explain` lists them all")
+
+
+def _explain(code: Code) -> None:
+    out = console()
+    style = "bad" if code.severity == "error" else "warn"
+    out.print(line((f"{code.severity}[{code.code} {code.slug}]", style), f": {code.title}\n"))
+    if colored():
+        from rich.markdown import Markdown
+
+        out.print(Markdown(code.explanation, code_theme="ansi_dark"))
+    else:
+        say(code.explanation)
+
+
+def _print_codes(codes: Sequence[Code]) -> None:
+    table = columns("", "", "", fold=(2,), styles=("name", "", "quiet"))
+    for prefix, members in groupby(codes, lambda c: c.code[:2]):
+        subject = VisibleText(CLASSES.get(prefix, ""), style="title")
+        table.add_row(VisibleText(prefix + "xx", style="bold default"), subject)
+        for code in members:
+            table.add_row(f"  {code.code}", code.slug, code.title)
+    console(wide=True).print(table)

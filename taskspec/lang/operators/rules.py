@@ -1,0 +1,337 @@
+"""Rules that operators share: types, promotion, linearity, and bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from taskspec.lang.ir import Apply, Const
+from taskspec.lang.types import EVERYTHING, HUGE, INF, Args, Interval, Kind, Range, Type, join
+
+# ---------- signatures
+# Type rules of operators, promotion of their arguments, and where results are linear in them.
+
+TypeRule = Callable[[tuple[Type, ...]], Type | str]
+"""Result type from argument types, or a sentence that says what is wrong."""
+Promote = Callable[[Sequence[Kind], Kind], Sequence[Kind]]
+"""The kinds that an operator works on, from those of its arguments and of its result; nothing is ever demoted."""
+
+
+def broadcast(types: tuple[Type, ...]) -> tuple[int, ...] | None:
+    """Return the common shape of elementwise arguments: all equal, scalars stretching; None when they disagree."""
+    shapes = {t.shape for t in types if t.shape != ()}
+    if len(shapes) > 1:
+        return None
+    return shapes.pop() if shapes else ()
+
+
+def elementwise(kind: Callable[[tuple[Type, ...]], Kind | str]) -> TypeRule:
+    def rule(types: tuple[Type, ...]) -> Type | str:
+        shape = broadcast(types)
+        if shape is None:
+            shapes = " and ".join(str(list(t.shape)) for t in types if t.shape)
+            return f"the shapes {shapes} do not match element by element"
+        result = kind(types)
+        return result if isinstance(result, str) else Type(result, shape)
+
+    return rule
+
+
+def _a(t: Type) -> str:
+    return f"an {t}" if str(t)[0] in "aeiou" else f"a {t}"
+
+
+def _arithmetic(types: tuple[Type, ...]) -> Kind:
+    return join(Kind.INT, *(t.kind for t in types))
+
+
+def _logical(types: tuple[Type, ...]) -> Kind | str:
+    wrong = [t for t in types if t.kind is not Kind.BOOL]
+    return f"a condition is needed, not {_a(wrong[0])}" if wrong else Kind.BOOL
+
+
+def _truth(types: tuple[Type, ...]) -> Kind | str:
+    return Kind.INT if types[0].kind is Kind.BOOL else f"a condition is needed, not {_a(types[0])}"
+
+
+def _choose(types: tuple[Type, ...]) -> Kind | str:
+    condition, *branches = types
+    if condition.kind is not Kind.BOOL:
+        return f"a condition is needed, not {_a(condition)}"
+    return join(*(t.kind for t in branches))
+
+
+arithmetic = elementwise(_arithmetic)
+real = elementwise(lambda types: Kind.REAL)
+to_integer = elementwise(lambda types: Kind.INT)
+truth = elementwise(_truth)
+compare = elementwise(lambda types: Kind.BOOL)
+logical = elementwise(_logical)
+choose = elementwise(_choose)
+
+
+def reduction(kind: Callable[[Kind], Kind | str], empty: bool = True) -> TypeRule:
+    """Reduce all elements to one; `empty` says whether there is a value for no elements."""
+
+    def rule(types: tuple[Type, ...]) -> Type | str:
+        (t,) = types
+        if t.is_scalar:
+            return f"a vector is needed, not {_a(t)}"
+        if not empty and t.size == 0:
+            return "a vector of shape [0] has no smallest and no largest element"
+        result = kind(t.kind)
+        return result if isinstance(result, str) else Type(result)
+
+    return rule
+
+
+def vector(kind: Callable[[Kind], Kind]) -> TypeRule:
+    """Map a vector to another of the same length."""
+
+    def rule(types: tuple[Type, ...]) -> Type | str:
+        (t,) = types
+        if len(t.shape) != 1:
+            return f"a vector is needed, not {_a(t)}" if t.is_scalar else "a vector is needed, not a matrix"
+        return Type(kind(t.kind), t.shape)
+
+    return rule
+
+
+def conditions(result: Kind) -> Callable[[Kind], Kind | str]:
+    """Take a vector of conditions."""
+    return lambda kind: result if kind is Kind.BOOL else f"a vector of conditions is needed, not of {kind}s"
+
+
+def number(kind: Kind) -> Kind:
+    """Return a condition counts as 0 or 1."""
+    return join(Kind.INT, kind)
+
+
+# -- promotion --------------------------------------------------------------------------------------------------------
+
+
+def to_result(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
+    return [result] * len(kinds)
+
+
+def as_they_are(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
+    return kinds
+
+
+def to_common(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
+    return [join(*kinds)] * len(kinds)
+
+
+def to_numbers(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
+    return [join(Kind.INT, *kinds)] * len(kinds)
+
+
+def but_the_first(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
+    return [kinds[0], *([result] * (len(kinds) - 1))]
+
+
+# Where a value is linear in what its arguments are linear in.
+
+
+def every(below: Sequence[bool]) -> bool:
+    """Return sums, and what only chooses elements."""
+    return True
+
+
+def one(below: Sequence[bool]) -> bool:
+    """Products: of two dependent factors a square may come."""
+    return sum(below) == 1
+
+
+def unless_second(below: Sequence[bool]) -> bool:
+    return not below[1]
+
+
+def unless_first(below: Sequence[bool]) -> bool:
+    return not below[0]
+
+
+# ---------- bounding
+# Bounds that operators share.
+#
+# Rounding to nearest never turns the order of two numbers round. So where an operation grows, or falls, with each of its
+# arguments, its values at the corners, worked out as the run time does, bound all of its values.
+
+Bounds = Callable[[Args, Apply], Interval]
+_FACTORS = 10_000
+"""Products of more elements are not followed factor by factor."""
+
+
+def everything(args: Args, node: Apply) -> Interval:
+    return EVERYTHING
+
+
+def stays_finite(args: Args, found: Interval) -> bool:
+    return all(a.finite for a in args)
+
+
+def fixed(low: float, high: float) -> Bounds:
+    return lambda args, node: (low, high)
+
+
+def same(args: Args, node: Apply) -> Interval:
+    """Bound an operator that chooses elements of its first argument."""
+    return args[0][:2]
+
+
+def union(args: Args, node: Apply) -> Interval:
+    """Bound an operator whose value is one of its arguments."""
+    return min(a.low for a in args), max(a.high for a in args)
+
+
+def place(args: Args, node: Apply) -> Interval:
+    """Return a place among the elements of the first argument."""
+    return 0, max(0, node.args[0].type.size - 1)
+
+
+def _mul(a: float, b: float) -> float:
+    return 0 if a == 0 or b == 0 else a * b
+
+
+def product(args: Args, node: Apply) -> Interval:
+    (a, b), (c, d) = args[0][:2], args[1][:2]
+    corners = [_mul(a, c), _mul(a, d), _mul(b, c), _mul(b, d)]
+    return min(corners), max(corners)
+
+
+def quotient(args: Args, node: Apply) -> Interval:
+    if args[1].holds_zero() or not args[1].bounded:
+        return EVERYTHING
+    (a, b), (c, d) = args[0][:2], args[1][:2]
+    corners = [a / c, a / d, b / c, b / d]
+    return min(corners), max(corners)
+
+
+def floor_quotient(args: Args, node: Apply) -> Interval:
+    (a, b), (c, d) = args[0][:2], args[1][:2]
+    if not (args[0].bounded and args[1].bounded):
+        return EVERYTHING
+    if args[1].holds_zero():
+        most = max(abs(a), abs(b))
+        return (-most, most) if node.type.kind is Kind.INT else EVERYTHING
+    corners = [a // c, a // d, b // c, b // d]
+    return _loose((min(corners), max(corners))) if node.type.kind is Kind.REAL else (min(corners), max(corners))
+
+
+def _loose(edge: Interval) -> Interval:
+    """Wider by what a quotient that is too large for its last digits may be off."""
+    low, high = edge
+    return (
+        low if abs(low) < 2**50 else low - abs(low) * 2**-50,
+        high if abs(high) < 2**50 else high + abs(high) * 2**-50,
+    )
+
+
+def remainder(args: Args, node: Apply) -> Interval:
+    (a, b), (c, d) = args[0][:2], args[1][:2]
+    integral = node.type.kind is Kind.INT
+    if c > 0:
+        return (a, b) if integral and a >= 0 and b < c else (0, d - 1 if integral else d)
+    if d < 0:
+        return (c + 1 if integral else c, 0)
+    return EVERYTHING if not integral else (min(0, c + 1), max(0, d - 1))
+
+
+def extreme(pick: Callable[[float, float], float]) -> Bounds:
+    """Bound an extreme of two ints, or of two reals one of which may be nan and then gives way to the other.
+
+    It counts as such unless it is a constant, also where it is known to be a number: how many words a draw of Poisson takes
+    follows from the bound of its rate, and `docs/seeding.md` states this rule.
+    """
+
+    def rule(args: Args, node: Apply) -> Interval:
+        a, b = args
+        found = [(pick(a.low, b.low), pick(a.high, b.high))]
+        if node.type.kind is Kind.REAL:
+            found += [other[:2] for i, other in ((0, b), (1, a)) if not isinstance(node.args[i], Const)]
+        return min(low for low, _ in found), max(high for _, high in found)
+
+    return rule
+
+
+def magnitude(args: Args, node: Apply) -> Interval:
+    (a, b) = args[0][:2]
+    return (0 if a <= 0 <= b else min(abs(a), abs(b))), max(abs(a), abs(b))
+
+
+def increasing(function: Callable[[float], float], ulps: int = 0) -> Bounds:
+    """Bound an increasing function of reals, which libraries compute to within `ulps`."""
+
+    def rule(args: Args, node: Apply) -> Interval:
+        low, high = (function(x) for x in args[0][:2])
+        for _ in range(ulps):
+            low = math.nextafter(low, -INF)
+            high = math.nextafter(high, INF)
+        return low, high
+
+    return rule
+
+
+def to_int(function: Callable[[float], int]) -> Bounds:
+    """Bound a monotone function to ints, 0 for nan: saturating where the bounds are finite."""
+
+    def rule(args: Args, node: Apply) -> Interval:
+        low, high = (function(x) if math.isfinite(x) else x for x in args[0][:2])
+        return (low, high) if args[0].finite else (min(low, 0), max(high, 0))
+
+    return rule
+
+
+def _sum_of(value: float, n: int) -> float:
+    """Return a number added n times, from left to right."""
+    if isinstance(value, int) or n == 0:
+        return _mul(value, n)
+    with np.errstate(over="ignore"):
+        return float(np.add.accumulate(np.full(n, value))[-1])
+
+
+def total(args: Args, node: Apply) -> Interval:
+    n = node.args[0].type.size
+    return _sum_of(args[0].low, n), _sum_of(args[0].high, n)
+
+
+def running(args: Args, node: Apply) -> Interval:
+    (a, b), n = args[0][:2], node.type.size
+    return min(a, _sum_of(a, n)), max(b, _sum_of(b, n))
+
+
+def power(args: Args, node: Apply) -> Interval:
+    """Bound the product of all elements, multiplied, one after the other."""
+    n = node.args[0].type.size
+    if n == 0:
+        return (1, 1)
+    if not args[0].bounded or n > _FACTORS:
+        return EVERYTHING
+    beyond = INF if node.type.kind is Kind.REAL else HUGE  # a real product may overflow; a wide int is refused
+    edge: Interval = args[0][:2]
+    for _ in range(n - 1):
+        wider = product([Range(*edge), args[0]], node)
+        if wider == edge:
+            return edge
+        edge = wider
+        if max(abs(v) for v in edge) > HUGE:
+            return (0 if args[0].low >= 0 else -beyond), beyond
+    return edge
+
+
+# -- when values are finite numbers ---------------------------------------------------------------------------------
+
+
+def bounded(args: Args, found: Interval) -> bool:
+    return stays_finite(args, found) and all(map(math.isfinite, found))
+
+
+def divided(args: Args, found: Interval) -> bool:
+    return bounded(args, found) and not args[1].holds_zero()
+
+
+def nowhere(args: Args, found: Interval) -> bool:
+    """Return where nothing is known."""
+    return False
