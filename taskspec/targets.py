@@ -213,13 +213,11 @@ def settings(texts: Sequence[str]) -> list[dict[str, Any]]:
 
 def _document(path: str) -> Document:
     """Return the document of a file with a valid shape."""
-    from taskspec.base.diagnostics import has_errors
-    from taskspec.task.build import mistakes
+    from taskspec.base.diagnostics import raise_if_errors
     from taskspec.task.schema.check import check_shape
 
     document = registry.document(path)
-    if has_errors(check_shape(document)):
-        raise SpecError(mistakes(document))
+    raise_if_errors(check_shape(document))
     return document
 
 

@@ -16,8 +16,8 @@ from taskspec.base.diagnostics import Diagnostic, Origin, SpecError, suggest
 from taskspec.base.files import safe_name, write_text
 from taskspec.learners import BUILT_IN, FAMILIES
 from taskspec.source.json_places import json_span
+from taskspec.task.schema.check import shape_problem
 from taskspec.task.schema.problems import Problem
-from taskspec.task.schema.results import shape_problem
 
 FORMAT = 1
 NAME = "exam.json"

@@ -18,15 +18,10 @@ FOLDER = "experiments"
 
 @dataclass(frozen=True, eq=False)
 class ExperimentFile:
-    """An experiment as it is written: its sections, and the document that knows where each stands.
-
-    `problems` are mistakes in its shape: what they are about is left out of `experiment`.
-    """
+    """An experiment as it is written: its sections, and the document that knows where each stands."""
 
     experiment: Experiment
     document: Document
-    problems: tuple[Diagnostic, ...] = ()
-    """Mistakes in its shape, which `expand` reports with all else that is wrong."""
 
     @property
     def folder(self) -> Path:
@@ -56,19 +51,19 @@ def described(document: Document) -> ExperimentFile:
     """Return the experiment that a document describes.
 
     Raises:
-        SpecError: with every mistake in its shape, where too little of it is right.
+        SpecError: with every mistake in its shape.
     """
     found, problems = check_experiment(document)
     if found is None:
         raise SpecError(problems)
-    return ExperimentFile(found, document, problems)
+    return ExperimentFile(found, document)
 
 
 def read_if_experiment(source: str) -> ExperimentFile | None:
     """Return the experiment of this name or path, if it is one; None for anything else.
 
     Raises:
-        SpecError: with every mistake in its shape, where too little of it is right.
+        SpecError: with every mistake in its shape.
     """
     if source in shipped():
         return read(source)

@@ -15,7 +15,6 @@ from taskspec.modifiers import actions, episodes, observations, rewards, symmetr
 from taskspec.modifiers.entry import KEPT, Arguments, Inapplicable, ModifierArgument, ModifierEntry
 from taskspec.source import Packed, packed, unpacked
 from taskspec.task.build import build, reduce_task
-from taskspec.task.invariants import check_on_request
 from taskspec.task.parameters import Ending
 from taskspec.task.task import Modifier, Task
 
@@ -146,7 +145,7 @@ def modify(task: Task, *modifiers: Written) -> Task:
         raise SpecError([Diagnostic("E701", None, f"`modify` takes a task, not {task!r}", "`taskspec.load` gives one")])
     for written in modifiers:
         task = _modified(task, modifier(written))
-    return check_on_request(task) if modifiers else task
+    return task
 
 
 def with_options(task: Task, ending: Ending, observe_time: bool) -> Task:

@@ -14,7 +14,6 @@ from taskspec.lang.ir import Draw, Node, Read, Role, draws, reads, rewrite
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.entry import Inapplicable
 from taskspec.task.bijection import parts
-from taskspec.task.invariants import remembers_what_is_told
 from taskspec.task.task import Component, Observation, SpaceKind, Task
 
 MOST = 100_000
@@ -211,6 +210,16 @@ def remembering(b: Builder, task: Task, meant: Mapping[tuple[Role, str], Node]) 
     )
     found = replace(task, memory=changed)
     return found if remembers_what_is_told(found) else forgetting(task)
+
+
+def remembers_what_is_told(task: Task) -> bool:
+    """Return whether an expert's memory, if there is one, reads what is seen, and later itself, action and time."""
+    memory = task.memory
+    if memory is None:
+        return True
+    seen = {(Role.NEXT, c.name) for c in task.observation.components}
+    own = {c.read for c in memory.components} | {(Role.ACTION, c.name) for c in task.action} | {(Role.TIME, "t")}
+    return reads(memory.initial) <= seen and reads(memory.next) <= seen | own
 
 
 def forgetting(task: Task) -> Task:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from taskspec.source.document import LEFT_OUT as LEFT_OUT
 from taskspec.source.document import Document as Document
 from taskspec.source.document import Packed as Packed
 from taskspec.source.document import Path as Path

@@ -18,10 +18,6 @@ Path: TypeAlias = tuple[str | int, ...]
 """Where a value stands in the data: keys of mappings and indices of lists, from the root down."""
 
 
-LEFT_OUT = "\0"
-"""Stands in data for a value that was left out of it, being wrong (and reported); no text has this character."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Document:
     """A YAML text as plain data (`dict`, `list`, `str`, `int`, `float`, `bool`, `None`).

@@ -6,12 +6,12 @@ import copyreg
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, has_errors, raise_if_errors
+from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, raise_if_errors
 from taskspec.base.limits import Limits, limits
 from taskspec.lang.check import check_uncalled
 from taskspec.lang.ir import Role, reads
@@ -21,8 +21,7 @@ from taskspec.source import Document, Packed, packed, unpacked
 from taskspec.task import bind, sections
 from taskspec.task.annotations import figure, read_examples, symmetries
 from taskspec.task.context import Context
-from taskspec.task.invariants import check_on_request
-from taskspec.task.merge import Merged, abstracted, merge, stripped, variant_names
+from taskspec.task.merge import Merged, abstracted, merge, stripped
 from taskspec.task.names import Names, check_names, signature
 from taskspec.task.observe import remembered
 from taskspec.task.parameters import Varying
@@ -55,21 +54,20 @@ def build(
     """
     values = parameters or {}
     if not well_formed:
-        _check_form(document, variant, values)
+        _check_form(document, variant)
     try:
         return _built_once(document, variant, values, suite)
     except Exception:
         if well_formed:
-            _check_form(document, variant, values)
+            _check_form(document, variant)
         raise
 
 
-def _check_form(document: Document, variant: str | None, parameters: Mapping[str, Any]) -> None:
+def _check_form(document: Document, variant: str | None) -> None:
     """Raise SpecError if a document, or a variant of it, does not have the shape of a spec."""
     from taskspec.task.schema.check import check_shape, validated
 
-    if has_errors(check_shape(document)):
-        raise SpecError(mistakes(document, [variant], parameters))
+    raise_if_errors(check_shape(document))
     validated(merge(document, variant))
 
 
@@ -91,32 +89,6 @@ def _kind(value: Any) -> tuple[str, float]:
 def _built(document: Document, variant: str | None, given: tuple[Any, ...], suite: str, _within: Limits) -> Task:
     values = {name: value for name, value, _ in given}
     return _checked(merge(document, variant), values, suite)
-
-
-def mistakes(
-    document: Document, variants: Iterable[str | None] | None = None, parameters: Mapping[str, Any] | None = None
-) -> list[Diagnostic]:
-    """Return what is wrong with the shape of a document, and with its tasks (all of them unless variants are given)
-    in other parts.
-    """
-    from taskspec.task.schema.check import check_shape, remainder
-
-    found = list(check_shape(document))
-    rest = remainder(document)
-    if rest is None:
-        return found
-    if variants is None:
-        named = list(variant_names(rest.data).values())
-        variants = named[1:] if len(named) > 1 and merge(rest).missing else named
-    known = {(d.code, d.span) for d in found}
-    for variant in variants:
-        try:
-            build_merged(merge(rest, variant), parameters or {}, "")
-        except SpecError as error:
-            others = [d for d in error.diagnostics if d.severity == "error" and d.span is not None]
-            found += [d for d in others if (d.code, d.span) not in known]
-            known |= {(d.code, d.span) for d in others}
-    return found
 
 
 class BoundParameters(NamedTuple):
@@ -175,7 +147,7 @@ def _checked(merged: Merged, parameters: Mapping[str, Any], suite: str) -> Task:
     """Return the task of merged sections whose shape is right."""
     collector = Collector()
     try:
-        return check_on_request(_pipeline(Context(merged, collector), dict(parameters), suite))
+        return _pipeline(Context(merged, collector), dict(parameters), suite)
     except Refused as refused:  # a limit of the whole task, reached outside of any expression
         collector.raise_if_errors()
         place = merged.span(("name",))
@@ -226,8 +198,6 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
     examples = tuple(read_examples(context))
     names.scope("claims")
     collector.raise_if_errors()
-    if context.forms.is_partial:
-        raise SpecError([])
     assert reward is not None and terminal is not None and absorbing is not None
 
     # What is written, before ints are moved into range.

@@ -10,7 +10,7 @@ from taskspec.base.diagnostics import Collector, Span, SpecError
 from taskspec.base.limits import limits
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import literal, parse, parse_into
-from taskspec.source import LEFT_OUT, Path
+from taskspec.source import Path
 from taskspec.task.merge import Merged
 
 _FOR = re.compile(r"\sfor\s")
@@ -18,13 +18,11 @@ Tree = dict[str, Any] | list[Any] | str | int | float | bool | None
 
 
 class Forms:
-    """Reads expressions of one merged spec; mistakes go to the collector."""
+    """Reads expressions of one merged spec, whose shape is right; mistakes in texts go to the collector."""
 
     def __init__(self, merged: Merged, collector: Collector) -> None:
         self.merged = merged
         self.collector = collector
-        self.is_partial = False
-        """Whether something was left out of the spec, so that there is no task even where no more is wrong."""
         self.labels: frozenset[str] = frozenset()
         """Labels that are no names (`very cross`, `go-left`): alone, such a text is the label and no expression."""
 
@@ -49,9 +47,6 @@ class Forms:
         match value:
             case bool() | int() | float():
                 return literal(value, s.SourceText(str(value), lambda start, end: self.merged.span(path)))
-            case str() if value == LEFT_OUT:
-                self.is_partial = True
-                return None
             case str() if value.strip() in self.labels:
                 return s.Quoted(value.strip(), self.place(path))
             case str():
@@ -59,7 +54,7 @@ class Forms:
             case list():
                 return self._list(value, path)
             case dict():
-                return self._mapping(value, path)
+                return self._table(value, path) if "by" in value else self._weights(value, path)
             case None:
                 self.collector.add("E301", self.place(path), "an expression is missing here")
                 return None
@@ -92,57 +87,20 @@ class Forms:
         return s.SourceText(f"[{item}]", locate)
 
     def _pieces(self, items: list[dict[str, Any]], path: Path) -> s.Expr | None:
-        """`if:`/`then:` entries and a last `else:`."""
+        """Return the entries `if:` and `then:`, and a last `else:`."""
+        last = len(items) - 1
+        otherwise = self.tree(items[last]["else"], (*path, last, "else"))
         branches = []
-        otherwise = None
-        broken = False
-        for i, item in enumerate(items):
-            here = (*path, i)
-            last = i == len(items) - 1
-            if set(item) == {"else"} and last:
-                otherwise = self.tree(item["else"], (*here, "else"))
-                broken |= otherwise is None
-            elif set(item) == {"if", "then"} and not last:
-                condition = self.tree(item["if"], (*here, "if"))
-                then = self.tree(item["then"], (*here, "then"))
-                if condition is None or then is None:
-                    broken = True
-                else:
-                    branches.append((condition, then))
-            else:
-                self._bad_piece(item, here, last)
-                broken = True
-        if broken or otherwise is None:
+        for i, item in enumerate(items[:last]):
+            condition = self.tree(item["if"], (*path, i, "if"))
+            then = self.tree(item["then"], (*path, i, "then"))
+            if condition is not None and then is not None:
+                branches.append((condition, then))
+        if otherwise is None or len(branches) < last:
             return None
         return s.Piecewise(tuple(branches), otherwise, self.place(path)) if branches else otherwise
 
-    def _bad_piece(self, item: dict[str, Any], path: Path, last: bool) -> None:
-        odd = sorted(set(item) - {"if", "then", "else"})
-        if odd:
-            self.collector.add("E209", self.merged.key_span((*path, odd[0])), f"'{odd[0]}' has no meaning here",
-                               "each entry is `if:` and `then:`, the last one `else:`")  # fmt: skip
-        elif last:
-            self.collector.add("E209", self.place(path), "these cases need a last `else:`", "- else: value")
-        else:
-            self.collector.add("E209", self.place(path), "this case needs `if:` and `then:`", "`else:` comes last")
-
-    def _mapping(self, value: dict[str, Any], path: Path) -> s.Expr | None:
-        if "by" in value or "rows" in value:
-            return self._table(value, path)
-        if value.keys() & {"if", "then", "else"}:
-            self.collector.add(
-                "E209",
-                self.place(path),
-                "cases are written as a list",
-                "- if: condition\n  then: value\n- else: value",
-            )
-            return None
-        return self._weights(value, path)
-
     def _weights(self, value: dict[str, Any], path: Path) -> s.Expr | None:
-        if not value:
-            self.collector.add("E301", self.place(path), "an expression is missing here")
-            return None
         pairs = []
         for key, p in value.items():
             outcome = self.key(key, (*path, key))
@@ -168,29 +126,14 @@ class Forms:
             return None
 
     def _table(self, value: dict[str, Any], path: Path) -> s.Expr | None:
-        odd = [key for key in value if key not in ("by", "rows")]
-        for key in odd:
-            self.collector.add("E208", self.merged.key_span((*path, key)), f"'{key}' has no meaning in a table",
-                               "a table has `by:` and `rows:`")  # fmt: skip
-        for key in ("by", "rows"):
-            if key not in value:
-                self.collector.add("E208", self.place(path), f"this table needs `{key}:`")
-                return None
-        if not isinstance(value["rows"], dict) or not value["rows"]:
-            self.collector.add(
-                "E208",
-                self.merged.span((*path, "rows")),
-                "the rows of a table are a mapping: `key: value`",
-            )
-            return None
-        by = value["by"] if isinstance(value["by"], list) else [value["by"]]
-        columns = [
-            self.tree(item, (*path, "by", i) if isinstance(value["by"], list) else (*path, "by"))
-            for i, item in enumerate(by)
-        ]
-        rows = self._rows(value["rows"], len(by), (*path, "rows"))
+        by = value["by"]
+        places: list[Path] = [(*path, "by")]
+        if isinstance(by, list):
+            places = [(*path, "by", i) for i in range(len(by))]
+        columns = [self.expr(place) for place in places]
+        rows = self._rows(value["rows"], len(columns), (*path, "rows"))
         found = tuple(c for c in columns if c is not None)
-        if rows is None or odd or len(found) < len(columns):
+        if rows is None or len(found) < len(columns):
             return None
         return s.Table(found, rows, self.place(path))
 

@@ -15,10 +15,10 @@ import taskspec
 from taskspec.abstraction.symmetry_proofs import verify_symmetry
 from taskspec.exact import Results, score
 from taskspec.registry import task_ids
-from taskspec.task.invariants import broken
 from taskspec.task.task import Task
 from tests.backends.test_trajectories import walk_together
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.invariants import broken
 from tests.shared.sparse import sparse
 
 Array = np.ndarray[Any, Any]

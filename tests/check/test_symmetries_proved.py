@@ -17,11 +17,11 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.exact import Results, check
 from taskspec.pages.page import page
 from taskspec.task.build import build
-from taskspec.task.invariants import broken
 from taskspec.task.task import Task
 from tests.backends.test_trajectories import walk_together
 from tests.check.test_symmetries import task_of
 from tests.cli.test_commands import Done
+from tests.shared.invariants import broken
 
 # -- what is proved -----------------------------------------------------------------------------------------------
 

@@ -14,10 +14,10 @@ from taskspec.exact import Results, extract
 from taskspec.modifiers import MODIFIERS, sentences
 from taskspec.source import read_text
 from taskspec.task.build import build
-from taskspec.task.invariants import broken
 from taskspec.task.task import Task
 from tests.backends.test_trajectories import walk_together
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.invariants import broken
 
 WALK = """
 taskspec: 1

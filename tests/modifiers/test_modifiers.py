@@ -25,11 +25,11 @@ from taskspec.scores.partial_observability import SEARCHES, best_observing
 from taskspec.solve.plans import optimal_plan
 from taskspec.source import read_text
 from taskspec.task.build import build
-from taskspec.task.invariants import broken
 from taskspec.task.task import Task
 from tests.backends.test_trajectories import walk_together
 from tests.policies.test_memory import TURNS, tiger
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.invariants import broken
 from tests.shared.sparse import sparse
 
 SMALL: dict[str, dict[str, Any]] = {

@@ -24,8 +24,8 @@ from taskspec.rollout.rollout import by_expert
 from taskspec.rollout.simulate import simulate
 from taskspec.source import read_text
 from taskspec.task.build import build
-from taskspec.task.invariants import broken
 from taskspec.task.task import Task
+from tests.shared.invariants import broken
 
 SEEN = "heard: heard"
 DRAWN = 'heard: "0 if fresh else (1 + tiger if Bernoulli(17/20) else 2 - tiger)"'

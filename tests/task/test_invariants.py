@@ -14,8 +14,8 @@ from taskspec.lang.ir import Apply, Const, Draw, Read, Role
 from taskspec.lang.types import BOOL, INT, REAL, Kind, Type
 from taskspec.source import read_text
 from taskspec.task.build import build, build_abstract
-from taskspec.task.invariants import OF_NODES, OF_TASKS, ON_REQUEST, broken
 from taskspec.task.task import Figure, Symmetry, Task
+from tests.shared.invariants import OF_NODES, OF_TASKS, broken, checked
 
 ROOT = Path(__file__).parents[2]
 SPECS = sorted(
@@ -133,11 +133,7 @@ def test_each_notices_a_task_that_breaks_it(rule: str) -> None:
     assert any(found.startswith(rule + ": ") for found in broken(DAMAGE[rule](task)))
 
 
-def test_a_build_checks_them_on_request(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(ON_REQUEST, "1")
-    build(read_text(SPEC, "walk.yaml"))
-    monkeypatch.setattr("taskspec.task.invariants.OF_TASKS", (("nothing is right", lambda task: False),))
+def test_a_task_that_breaks_a_rule_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.shared.invariants.OF_TASKS", (("nothing is right", lambda task: False),))
     with pytest.raises(AssertionError, match="nothing is right"):
-        build(read_text(SPEC, "walk.yaml"))
-    monkeypatch.setenv(ON_REQUEST, "")
-    build(read_text(SPEC, "walk.yaml"))
+        checked(build)(read_text(SPEC, "walk"))

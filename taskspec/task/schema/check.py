@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterator
 from functools import lru_cache
 from types import UnionType
 from typing import Annotated, Any, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Span, suggest
 from taskspec.base.limits import how_to_raise, limits
@@ -18,7 +17,6 @@ from taskspec.source.scan import EXTENDS
 from taskspec.task.merge import Merged, statement, variant_names
 from taskspec.task.schema import problems, typed
 from taskspec.task.schema.models import CHANGES, FORMAT, LIST, Extension, Spec
-from taskspec.task.schema.partial import removed, without
 from taskspec.task.schema.problems import Problem, advice
 
 # What belongs where pydantic found something else, by the type of its error.
@@ -54,56 +52,27 @@ class Located(Protocol):
     def key_span(self, path: Path) -> Span: ...
 
 
+@lru_cache(maxsize=64)
 def check_shape(document: Document) -> tuple[Diagnostic, ...]:
     """Problems with the sections, keys and kinds of values of a whole document.
 
     Variants are checked as far as they go; what they come to with what they are based on is for `validated`.
     """
-    return _shaped(document)[0]
-
-
-def remainder(document: Document) -> Document | None:
-    """Return the document without the parts in which `check_shape` finds problems; None where the rest means nothing
-    without them.
-    """
-    return _shaped(document)[1]
-
-
-@lru_cache(maxsize=64)
-def _shaped(document: Document) -> tuple[tuple[Diagnostic, ...], Document | None]:
     collector = Collector()
-    others: dict[str, Document | None] = {}
-    for name, other in document.others.items():
+    for other in document.others.values():
         collector.extend(check_shape(other))
-        others[name] = remainder(other)
-    data: Any = None
     if key := _other_format(document):
         what, hint = OTHER_FORMATS[key]
         message = f"this is {what}, not a spec"
         collector.add("E201", document.key_span((key,)), message, hint.format(document.origin.name))
     elif isinstance(document.data, dict):
-        model = Extension if EXTENDS in document.data else Spec
-        found = (*_format(document.data), *_many(document.data), *_bases(document), *_roles(document.data))
-        for problem in found:
+        for problem in (*_format(document.data), *_many(document.data), *_bases(document), *_roles(document.data)):
             add_problem(collector, document, problem)
-        start = _without(document.data, found)
-        _, data = _fitted(document, document.data if start is None else start, collector, model, _without)
-        data = None if start is None else data
+        validate(document, collector, Extension if EXTENDS in document.data else Spec)
     else:
         message = f"a spec is a mapping of sections, not {problems.kind(document.data)}"
         collector.add("E201", document.span(()), message, "start it with `taskspec: 1`")
-    known = {name: other for name, other in others.items() if other is not None}
-    rest = None if data is None or len(known) < len(others) else replace(document, data=data, others=known)
-    return collector.diagnostics, rest
-
-
-def _without(data: Any, found: Iterable[Problem]) -> Any:
-    """Return a spec's data without the parts that are wrong; None where the rest means nothing."""
-    for problem in found:
-        if data is None or problem.code in ("E207", "E314"):
-            return None
-        data = without(data, problem, {"taskspec": FORMAT, "name": "Unnamed"})
-    return data
+    return collector.diagnostics
 
 
 def _other_format(document: Document) -> str | None:
@@ -133,42 +102,14 @@ def validated(merged: Merged) -> Spec:
 
 
 def validate(located: Located, collector: Collector, model: type[Shape]) -> Shape | None:
-    """Return data as a model, its unknown keys left out; None where more is wrong. What is wrong goes to the collector."""
-    return _fitted(located, located.data, collector, model, _without_unknown_keys)[0]
-
-
-def _without_unknown_keys(data: Any, found: Iterable[Problem]) -> Any:
-    """Return data without its unknown keys; None where something else is wrong."""
-    for problem in found:
-        if problem.code != "E202":
-            return None
-        data = removed(data, problem.path)
-    return data
-
-
-def _fitted(
-    located: Located,
-    data: Any,
-    collector: Collector,
-    model: type[Shape],
-    leave_out: Callable[[Any, Iterable[Problem]], Any],
-) -> tuple[Shape | None, Any]:
-    """Return data as a model, and what of it was left for that; a part that is left out may have hidden further problems."""
-    known: set[Problem] = set()
-    while data is not None:
-        try:
-            return model.model_validate(data), data
-        except ValidationError as error:
-            every = [p for details in error.errors(include_url=False) for p in problems_of(dict(details), model)]
-        found = [problem for problem in dict.fromkeys(every) if problem not in known]
-        for problem in found:
-            if not any(
-                before.path[: len(problem.path)] == problem.path for before in known
-            ):  # else it may follow from that
-                add_problem(collector, located, problem)
-        known.update(found)
-        data = leave_out(data, found) if found else None
-    return None, None
+    """Return data as a model; None where something is wrong, which goes to the collector."""
+    try:
+        return model.model_validate(located.data)
+    except ValidationError as error:
+        found = [p for details in error.errors(include_url=False) for p in problems_of(dict(details), model)]
+    for problem in dict.fromkeys(found):
+        add_problem(collector, located, problem)
+    return None
 
 
 def add_problem(collector: Collector, located: Located, problem: Problem) -> None:
@@ -391,3 +332,18 @@ def _add_missing(collector: Collector, merged: Merged, section: str) -> None:
     else:
         hint = f"only its variants are tasks: {', '.join(variants)}" if variants else None
         collector.add("E210", merged.document.span(("name",)), message, hint)
+
+
+def shape_problem(data: Any, kind: Any) -> Problem | None:
+    """Return the first problem of JSON data that is to be of a type, such as a `TypedDict`; None where there is none.
+
+    Numbers are finite, and nothing is taken for something else.
+    """
+    # A list of them is read: settings cannot be given for a `TypedDict` itself.
+    adapter = TypeAdapter(list[kind], config=ConfigDict(strict=True, allow_inf_nan=False))
+    try:
+        adapter.validate_python([data])
+    except ValidationError as error:
+        details = error.errors(include_url=False)[0]
+        return next(problems_of({**details, "loc": details["loc"][1:]}, BaseModel))
+    return None

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator
 from typing import Annotated, Any, TypeAlias, TypeVar
 
-from pydantic import Field, TypeAdapter, ValidationError, WithJsonSchema, model_validator
+from pydantic import Field, TypeAdapter, WithJsonSchema, model_validator
 
 from taskspec.base.diagnostics import Collector, Diagnostic
 from taskspec.source import Document
@@ -14,7 +13,7 @@ from taskspec.task.schema import problems, values
 from taskspec.task.schema.check import add_problem, validate
 from taskspec.task.schema.models import Source
 from taskspec.task.schema.problems import Problem, wrong_kind
-from taskspec.task.schema.typed import PROBLEMS, Name, Strict, checked, fail
+from taskspec.task.schema.typed import Name, Strict, checked, fail
 
 FORMAT = 1
 """The version of the format that is read here."""
@@ -195,62 +194,8 @@ class Experiment(Strict):
 
 
 def check_experiment(document: Document) -> tuple[Experiment | None, tuple[Diagnostic, ...]]:
-    """Return the experiment that a document describes, and all that is wrong with its shape.
-
-    What is wrong is left out of the experiment, so that the rest can be checked as well; None where too little is left.
-    """
-    collector = Collector()
-    if not isinstance(document.data, dict):
-        message = f"an experiment is a mapping of sections, not {problems.kind(document.data)}"
-        collector.add("E201", document.span(()), message, "start it with `experiment: 1`")
-        return None, collector.diagnostics
-    found = validate(document, collector, Experiment)
-    version = document.data.get("experiment")
-    if isinstance(version, int) and version != FORMAT:
-        problem = Problem(
-            "E207", ("experiment",), f"format {version} is not known here", f"write `experiment: {FORMAT}`"
-        )
-        add_problem(collector, document, problem)
-        return None, collector.diagnostics
-    return found or _rest(document.data), collector.diagnostics
-
-
-def _rest(data: dict[str, Any]) -> Experiment | None:
-    """Return an experiment without the entries that are wrong, or None where it needs them."""
-    rest = copy.deepcopy(data)
-    try:
-        return Experiment.model_validate(rest)
-    except ValidationError as error:
-        places = [place for details in error.errors(include_url=False) for place in _places(dict(details))]
-        wrong = [_entry_at(rest, place) for place in places]
-    for owner, key in wrong:
-        owner.pop(key, None)
-    try:
-        return Experiment.model_validate(rest)
-    except ValidationError:
-        return None
-
-
-def _places(details: dict[str, Any]) -> list[tuple[str | int, ...]]:
-    """Return the places of what one of pydantic's errors is about."""
-    if details["type"] != PROBLEMS:
-        return [details["loc"]]
-    return [(*details["loc"], *problem.path) for problem in details["ctx"]["problems"]]
-
-
-def _entry_at(data: dict[str, Any], place: tuple[str | int, ...]) -> tuple[dict[str, Any], str]:
-    """Return the innermost mapping on the way to a place, and its key that leads there: items of a list are left together."""
-    owner = data
-    key = ""
-    inner: Any = data
-    for step in place:
-        if isinstance(inner, dict) and step in inner:
-            owner = inner
-            key = str(step)
-        elif not (isinstance(inner, list) and isinstance(step, int) and step < len(inner)):
-            break
-        inner = inner[step]
-    return owner, key
+    """Return the experiment that a document describes (None where its shape is wrong), and all that is wrong with it."""
+    return _checked(document, Experiment, "experiment", "an experiment")
 
 
 def experiment_schema() -> dict[str, Any]:
@@ -335,12 +280,12 @@ class FindingsDocument(Strict):
 
 
 def check_exam(document: Document) -> tuple[ExamDocument | None, tuple[Diagnostic, ...]]:
-    """Return the exam that a document describes (None where it is not well-formed), and all that is wrong with its shape."""
+    """Return the exam that a document describes (None where its shape is wrong), and all that is wrong with it."""
     return _checked(document, ExamDocument, "exam", "an exam")
 
 
 def check_findings(document: Document) -> tuple[FindingsDocument | None, tuple[Diagnostic, ...]]:
-    """Return the findings that a document lists (None where it is not well-formed), and all that is wrong with its shape."""
+    """Return the findings that a document lists (None where its shape is wrong), and all that is wrong with it."""
     return _checked(document, FindingsDocument, "findings", "a list of findings")
 
 

@@ -28,10 +28,10 @@ from taskspec.model.extract import extract
 from taskspec.soundness.soundness import examine
 from taskspec.source import read_text
 from taskspec.task.build import build
-from taskspec.task.invariants import broken
 from taskspec.task.task import Task
 from tests.shared.conformance import Agreement
 from tests.shared.interpreter import Interpreter
+from tests.shared.invariants import broken
 from tests.verification.fuzz.kernels import Kernel
 
 STEPS = 12

@@ -1,4 +1,4 @@
-"""What is true of every task, as a list: one rule a line, checked on request (`TASKSPEC_INVARIANTS=1`) and in all tests.
+"""What is true of every task, as a list: one rule a line, checked of every task that any test builds.
 
 Whatever is downstream of a `Task` relies on these rules and checks none of them again. A rule that does not hold is a
 mistake of the compiler, never of a spec.
@@ -6,19 +6,17 @@ mistake of the compiler, never of a spec.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
+from typing import Any
 
 from taskspec.lang import interval
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, draws, reads, walk
 from taskspec.lang.operators import OPERATORS, STRUCTURES
 from taskspec.lang.types import BOOL, INT_MAX, REAL, Kind, Type
 from taskspec.lang.variates import VARIATES
+from taskspec.modifiers.core import remembers_what_is_told
 from taskspec.task.task import Component, Symmetry, Task
-
-ON_REQUEST = "TASKSPEC_INVARIANTS"
-"""Environment variable: when it is set and not empty, every build checks its task."""
 
 NodeRule = tuple[str, Callable[[Node], bool]]
 TaskRule = tuple[str, Callable[[Task], bool]]
@@ -110,17 +108,17 @@ def broken(task: Task) -> Iterator[str]:
     yield from (f"{rule}: {task!r}" for rule, holds in OF_TASKS if not holds(task))
 
 
-def check_on_request(task: Task) -> Task:
-    """Return the task, checked where the environment asks for it.
+def checked(make: Callable[..., Task]) -> Callable[..., Task]:
+    """Return a function that makes tasks, which raises AssertionError for one that breaks a rule."""
 
-    Raises:
-        AssertionError: naming each rule that is broken.
-    """
-    if os.environ.get(ON_REQUEST):
+    def make_checked(*args: Any, **options: Any) -> Task:
+        task = make(*args, **options)
         found = list(broken(task))
         if found:
             raise AssertionError("\n".join(found))
-    return task
+        return task
+
+    return make_checked
 
 
 def _sized(node: Const) -> bool:
@@ -148,15 +146,6 @@ def _bounded(c: Component) -> bool:
 
 def _roles(nodes: Iterable[Node]) -> set[Role]:
     return {role for role, _ in reads(nodes)} - {Role.PARAMETER}
-
-
-def remembers_what_is_told(task: Task) -> bool:
-    """Return whether an expert's memory, if there is one, reads what is seen, and later itself, action and time."""
-    if task.memory is None:
-        return True
-    seen = {(Role.NEXT, c.name) for c in task.observation.components}
-    own = {c.read for c in kept(task)} | {(Role.ACTION, c.name) for c in task.action} | {(Role.TIME, "t")}
-    return reads(task.memory.initial) <= seen and reads(task.memory.next) <= seen | own
 
 
 def _mapped(symmetry: Symmetry) -> bool:
