@@ -53,7 +53,7 @@ def grid(task: Task, overlay: Overlay) -> Scene | None:
 
 
 class _Grid:
-    """What is where, in the state that is shown and in others."""
+    """Places of the agent, objects and marks, in the state that is shown and in others."""
 
     def __init__(self, task: Task, overlay: Overlay) -> None:
         assert task.figure is not None

@@ -85,7 +85,7 @@ def _compute(op: str, a: int, b: int) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """An expression whose inner draws have names, and those draws: what stands for each, and what it is drawn from.
+    """An expression whose inner draws have names, and those draws: the name of each, and its distribution.
 
     A draw in a comprehension is made for each of its elements, and has their index: `xi[i]`.
     """
