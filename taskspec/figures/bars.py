@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.base import numbers
 from taskspec.base.arrays import Array
+from taskspec.base.display import fixed
 from taskspec.figures.marks import HIGHLIGHTS, SIGNS, marked, sign, signed
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.scene import Box, Color, Item, Label, Line, Scene, fitted, shifted, text_width
@@ -180,7 +180,7 @@ def _cells(shown: list[tuple[Array, list[Color]]], left_out: int) -> Iterator[It
             box = Box((i * 1.0, r * 1.5), 1.0, 0.8, colors[i], "paper", shade=shade)
             yield box
             yield from marked(box, 0.3)
-            yield Label((i + 0.5, r * 1.5 + 0.4), m.Num(numbers.fixed(value, digits)), LETTERS)
+            yield Label((i + 0.5, r * 1.5 + 0.4), m.Num(fixed(value, digits)), LETTERS)
         if left_out and r + 2 == len(rows):
             yield Label((len(row) / 2, r * 1.5 + 1.15), m.Words("⋮"), 0.42)
         elif r + 1 < len(rows):

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from taskspec.base.numbers import number
+from taskspec.base.display import number
 from taskspec.figures import scene as sc
 from taskspec.figures.marks import signed
 from taskspec.figures.scene import Area, Box, Circle, Dash, Hex, Item, Label, Line, Paint, Point

@@ -9,8 +9,8 @@ from itertools import combinations
 
 import numpy as np
 
-from taskspec.base import numbers
 from taskspec.base.diagnostics import SpecError
+from taskspec.base.display import number
 from taskspec.base.limits import limits
 from taskspec.figures.marks import HIGHLIGHTS
 from taskspec.figures.overlays import Overlay
@@ -250,7 +250,7 @@ class Captions:
     def notes(self, shows_loops: bool, shown: Collection[int]) -> Iterator[str]:
         how, _ = self.rewards
         if how == "all":
-            yield f"Every step pays {numbers.number(self.machine.transitions[0].reward, 4)}."
+            yield f"Every step pays {number(self.machine.transitions[0].reward, 4)}."
         if how == "left":
             yield "Rewards are paid for the state left."
         if not shows_loops and any(t.source == t.target and not t.ends for t in self.machine.transitions):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from fractions import Fraction
 
-from taskspec.base import numbers
+from taskspec.base.display import number
 from taskspec.figures.scene import Box, Circle, Color, Item, Label, Line, Paint, Point, Scene, text_width
 from taskspec.printers import tree as m
 
@@ -111,7 +111,7 @@ def keyed(scene: Scene) -> Scene:
 
 
 def signed(value: float) -> m.Math:
-    return m.Num(numbers.number(value, 4))
+    return m.Num(number(value, 4))
 
 
 def equal(name: str, value: float) -> m.Math:

@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from taskspec.abstraction.abstraction import Abstraction, abstraction, extract
-from taskspec.base import numbers
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.display import number
 from taskspec.exact import Model
 from taskspec.figures.states import State, reads_of
 from taskspec.registry import load
@@ -98,7 +98,7 @@ def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
         beside = ", as the best ones are" if "policy" in wanted and not lacks else ""
         yield "expert" if "policy" in wanted else "policy", ("", f"{whose} actions at first{lacks or memory}{beside}")
     if "occupancy" in wanted:
-        scale = f"up to {numbers.number(max(known.visits.values(), default=0.0), 4)} per episode"
+        scale = f"up to {number(max(known.visits.values(), default=0.0), 4)} per episode"
         yield "occupancy", (scale, f"{whose} {'' if task.discount == 1 else 'discounted '}visits{lacks}")
 
 
@@ -182,7 +182,7 @@ class _Known:
         if outside is not None and outside.any():
             return found
         if code in self.values:
-            found["values"] = numbers.number(self.values[code], 4)
+            found["values"] = number(self.values[code], 4)
         if code in self.policy:
             some = [self.model.action_name(a) for a in self.policy[code]]
             if len(some) > MOST_NAMED:

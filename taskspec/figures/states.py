@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
-from taskspec.base import numbers
 from taskspec.base.arrays import Array
+from taskspec.base.display import number
 from taskspec.figures.scene import Box, Item, Label, Line, Scene, fitted, text_width
 from taskspec.lang import batch
 from taskspec.lang.evaluate import Flat, evaluate
@@ -139,7 +139,7 @@ def _word(component: Component, flat: Flat) -> str:
     (value,) = flat
     if component.domain is not None:
         return component.domain.labels[int(value)]
-    return numbers.number(value, 2) if isinstance(value, float) else str(value).replace("-", "−")
+    return number(value, 2) if isinstance(value, float) else str(value).replace("-", "−")
 
 
 def _bars(x: float, width: float, flat: Flat) -> Iterator[Item]:

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import groupby
 from typing import Any
 
-from taskspec.base import numbers
-from taskspec.base.display import lettered
+from taskspec.base.display import lettered, number
 from taskspec.lang import syntax as s
 from taskspec.pages.equations import Writing, unchanged
 from taskspec.pages.prose import CodeSpan, Formula, Inline, Inlines, Text, inlines, listing, separated
@@ -62,7 +61,7 @@ def setting(value: Any) -> m.Math:
     if isinstance(value, bool):
         return m.upright(str(value).lower())
     if isinstance(value, int | float):
-        digits = m.Num(numbers.number(abs(value), 10) if isinstance(value, float) else str(abs(value)))
+        digits = m.Num(number(abs(value), 10) if isinstance(value, float) else str(abs(value)))
         return m.Row((m.Sym("−"), digits)) if value < 0 else digits
     return m.Words(str(value))
 
