@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, assert_never
+from typing import assert_never
 
 from taskspec.lang import syntax as s
 from taskspec.printers import tex as c
@@ -21,40 +21,9 @@ def text(expr: s.Expr) -> str:
     """Return an expression as text.
 
     What only YAML can write (`if:`/`then:` lists, `by:`/`rows:` tables) comes out as conditionals of the same
-    meaning; `data` keeps their form.
+    meaning.
     """
     return _write(expr)[0]
-
-
-def data(expr: s.Expr) -> Any:
-    """Return an expression as YAML data that reads as the same tree."""
-    match expr:
-        case s.Piecewise(branches=branches, otherwise=otherwise):
-            pieces = [{"if": data(c), "then": data(v)} for c, v in branches]
-            return [*pieces, {"else": data(otherwise)}]
-        case s.Table(by=by, rows=rows):
-            columns = [data(c) for c in by]
-            return {"by": columns[0] if len(columns) == 1 else columns, "rows": _rows(rows)}
-        case s.Weights(pairs=pairs):
-            return {_key(value): data(p) for value, p in pairs}
-        case s.Vector(items=items):
-            return [data(i) for i in items]
-        case s.Boolean(value=value):
-            return value
-        case _:
-            return text(expr)
-
-
-def _key(expr: s.Expr) -> str:
-    return expr.value if isinstance(expr, s.Quoted) else text(expr)
-
-
-def _rows(rows: tuple[s.TableRow, ...]) -> dict[str, Any]:
-    found = {}
-    for row in rows:
-        key = "else" if row.key is None else _key(row.key)
-        found[key] = _rows(row.body) if isinstance(row.body, tuple) else data(row.body)
-    return found
 
 
 def _operands(operator: str, *exprs: s.Expr) -> list[str]:
