@@ -9,7 +9,7 @@ import copy
 import dataclasses
 import functools
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -115,11 +115,7 @@ def _add(task_id: str, kwargs: dict[str, Any]) -> None:
 
 
 def _take_instances() -> None:
-    """Let `gym.make` and `gym.make_vec` take ids with parameters and modifiers, such as `derail/NoisyObs-v0?L=50+delay=2`.
-
-    Gymnasium's pattern for ids has no room for them, and what is registered is looked up before anything of ours runs: so the
-    function that looks it up is wrapped. All other ids go to it as they are.
-    """
+    """Let `gym.make` and `gym.make_vec` take ids with parameters and modifiers."""
     from gymnasium.envs import registration
 
     find = getattr(registration, "_find_spec", None)
@@ -182,12 +178,7 @@ def make_vec(
 
 
 def _loaded(source: TaskLike, variant: str | None, given: Mapping[str, Any]) -> Task:
-    """Return the task for keyword arguments of a maker.
-
-    Raises:
-        UnexpectedKeywordError: where one of them is neither an option nor a parameter.
-        SpecError: as `load`.
-    """
+    """Return the task for keyword arguments of a maker."""
     try:
         return load(source, variant, **given)
     except SpecError as error:
@@ -230,7 +221,20 @@ def made_by(task: Task) -> EnvSpec | None:
     return dataclasses.replace(found, kwargs=found.kwargs | options)
 
 
-def make_registered(
+def make_registered(**options: Any) -> Environment:
+    """Return what `gym.make` calls: keywords are those of `_made`."""
+    made: Environment = _made(make, **options)
+    return made
+
+
+def make_vec_registered(**options: Any) -> VectorEnvironment:
+    """Return what `gym.make_vec` calls: keywords are those of `_made`."""
+    made: VectorEnvironment = _made(make_vec, **options)
+    return made
+
+
+def _made(
+    maker: Callable[..., Any],
     *,
     task: str | None = None,
     path: str | None = None,
@@ -239,51 +243,20 @@ def make_registered(
     id_modifiers: Iterable[Written] = (),
     modifiers: Iterable[Written] = (),
     **options: Any,
-) -> Environment:
-    """Return what `gym.make` calls: `task` is an id, `path` a spec's file; options are parameters and those of `make`.
+) -> Any:
+    """Return what a maker gives for keywords of Gymnasium: an id, or a spec's file, and parameters and options.
 
-    `id_modifiers` are those that stand in the id; others come after them.
-
-    Raises:
-        SpecError: E713, where `max_episode_steps`, as the spec of an environment has it, is not the horizon.
+    `id_modifiers` are those that stand in the id; others come after them. `max_episode_steps`, as the spec of an environment
+    has it, must be the horizon (E713): Gymnasium would cut episodes short, without a word.
     """
-    made = make(_source(task, path), variant, modifiers=(*id_modifiers, *registry.listed(modifiers)), **options)
-    _check_horizon(made.task, max_episode_steps)
-    return made
-
-
-def make_vec_registered(
-    *,
-    task: str | None = None,
-    path: str | None = None,
-    variant: str | None = None,
-    max_episode_steps: int | None = None,
-    id_modifiers: Iterable[Written] = (),
-    modifiers: Iterable[Written] = (),
-    **options: Any,
-) -> VectorEnvironment:
-    """Return what `gym.make_vec` calls; options are parameters and those of `make_vec`.
-
-    Raises:
-        SpecError: E713, where `max_episode_steps`, as the spec of an environment has it, is not the horizon.
-    """
-    made = make_vec(_source(task, path), variant, modifiers=(*id_modifiers, *registry.listed(modifiers)), **options)
-    _check_horizon(made.task, max_episode_steps)
-    return made
-
-
-def _check_horizon(task: Task, max_episode_steps: int | None) -> None:
-    """Refuse a limit on steps that is not the task's: Gymnasium would cut episodes short, without a word."""
-    if max_episode_steps not in (None, task.horizon):
-        message = f"episodes of {task.id} have {task.horizon} steps, not {max_episode_steps}"
-        raise SpecError([Diagnostic("E713", None, message, "a parameter of the task may decide it")])
-
-
-def _source(task: str | None, path: str | None) -> str | Path:
     if task is not None and path is not None:
-        raise SpecError([Diagnostic("E713", None, "give `task` or `path`, not both")])
+        raise spec_error("E713", "give `task` or `path`, not both")
     source = task if path is None else Path(path)
     if source is None:
-        hint = 'gym.make("taskspec/Spec-v0", path="my.yaml")'
-        raise SpecError([Diagnostic("E713", None, f"{SPEC_ID} needs a spec", hint)])
-    return source
+        raise spec_error("E713", f"{SPEC_ID} needs a spec", 'gym.make("taskspec/Spec-v0", path="my.yaml")')
+    made = maker(source, variant, modifiers=(*id_modifiers, *registry.listed(modifiers)), **options)
+    horizon = made.task.horizon
+    if max_episode_steps not in (None, horizon):
+        message = f"episodes of {made.task.id} have {horizon} steps, not {max_episode_steps}"
+        raise spec_error("E713", message, "a parameter of the task may decide it")
+    return made

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from taskspec.base import ids
-from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.diagnostics import SpecError, spec_error, suggest
 from taskspec.base.records import dataclass
 from taskspec.source import scan
 
@@ -131,14 +131,14 @@ def listed(modifiers: Any) -> tuple[Written, ...]:
     """
     if isinstance(modifiers, str | Mapping) or not isinstance(modifiers, Iterable):
         hint = 'for example modifiers=["sticky=0.25"]'
-        raise SpecError([Diagnostic("E718", None, f"modifiers are given as a list, not as {modifiers!r}", hint)])
+        raise spec_error("E718", f"modifiers are given as a list, not as {modifiers!r}", hint)
     return tuple(modifiers)
 
 
 def _check_variant(variant: object) -> None:
     if variant is not None and not isinstance(variant, str):
         hint = f"the number of environments is `num_envs={variant}`" if type(variant) is int else None
-        raise SpecError([Diagnostic("E211", None, f"a variant is named by a text, not by {variant!r}", hint)])
+        raise spec_error("E211", f"a variant is named by a text, not by {variant!r}", hint)
 
 
 def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) -> Task:
@@ -146,7 +146,7 @@ def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) ->
     from taskspec.task.task import Task
 
     if not isinstance(source, Task | str | os.PathLike):
-        raise SpecError([Diagnostic("E701", None, f"a task is named by its id or a path, not by {source!r}")])
+        raise spec_error("E701", f"a task is named by its id or a path, not by {source!r}")
     _check_variant(variant)
     if isinstance(source, Task):
         return _changed(source, variant, parameters)
@@ -175,7 +175,7 @@ def _together(asked: ids.InstanceId, parameters: dict[str, Any]) -> dict[str, An
     """Return the values that an id gives, and those given beside it."""
     twice = next((name for name in parameters if name in asked.parameters), None)
     if twice is not None:
-        raise SpecError([Diagnostic("E713", None, f"'{twice}' is given in the id and separately; give it once")])
+        raise spec_error("E713", f"'{twice}' is given in the id and separately; give it once")
     return {**asked.parameters, **parameters}
 
 
@@ -213,10 +213,10 @@ def find(task_id: str) -> Entry:
         return matches[0]
     if matches:
         message = f"'{task_id}' could be {' or '.join(e.id for e in matches)}"
-        raise SpecError([Diagnostic("E701", None, message)])
+        raise spec_error("E701", message)
     near = suggest(_VERSION.sub("", task_id), [f"{e.suite}/{e.name}" for e in entries.values()])
     hint = near or "`taskspec list` shows the tasks; a path ends in .yaml"
-    raise SpecError([Diagnostic("E701", None, f"there is no task '{task_id}'", hint)])
+    raise spec_error("E701", f"there is no task '{task_id}'", hint)
 
 
 def _load_file(path: Path, variant: str | None, parameters: dict[str, Any]) -> Task:

@@ -20,12 +20,12 @@ from taskspec.lang.operators import FUNCTIONS, INFIX
 from taskspec.lang.parse import parse
 from taskspec.lang.scope import Scope
 from taskspec.lang.syntax import SourceText
-from taskspec.rules import vocabulary
+from taskspec.rules import claim_rules
 from taskspec.scores import saved
 from taskspec.source import read_text
 from taskspec.source.scan import EXTENDS, REQUIRED
 from taskspec.task.build import build
-from taskspec.task.figure_kinds import FIGURE_KINDS
+from taskspec.task.parts import FIGURE_KINDS
 from taskspec.task.schema.export import json_schema
 from taskspec.task.spaces import space
 from taskspec.task.task import Task
@@ -275,7 +275,7 @@ def _limit_name(row: limits.LimitRow) -> str:
 
 def _words(name: str) -> str:
     """One of the tables of what claims may say."""
-    words = getattr(vocabulary, name).values()
+    words = getattr(claim_rules, name).values()
     return table(("written", "meaning"), ((code(w.written), w.doc) for w in words))
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.backends.source_text import literal
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
 from taskspec.lang.operators import OPERATORS, Operator
 from taskspec.lang.types import Kind, Type
@@ -66,10 +67,11 @@ class Scratch:
     @property
     def declarations(self) -> list[str]:
         """Statements that allocate the arrays for n lanes."""
-        return [
-            f"{name} = np.empty({(*t.shape, 'n')!r}, np.{_DTYPE[t.kind]})".replace("'n'", "n")
-            for name, t in self.made.items()
-        ]
+        lines = []
+        for name, t in self.made.items():
+            shape = "".join(f"{k}, " for k in t.shape)
+            lines.append(f"{name} = np.empty(({shape}n{',' * (not t.shape)}), np.{_DTYPE[t.kind]})")
+        return lines
 
 
 @dataclass(frozen=True)
@@ -106,37 +108,30 @@ class ArrayForm:
     _last: dict[int, int] = field(default_factory=dict)
 
     def emit(self, roots: Iterable[Node]) -> list[str]:
-        """Return statements for the roots are appended to `lines`; gives the source of each root."""
+        """Append the statements for the roots to `lines`; return the source of each root."""
         roots = tuple(roots)
         order = list(walk(roots))
         self._find_last_uses(order, roots)
         for self._place, node in enumerate(order):
             self._values[id(node)] = self._node(node)
-            self._release(node, self._place)
+            for owner in dict.fromkeys(map(self.owner, children(node))):
+                if self._last.get(owner) == self._place and owner in self._buffers and self.scratch is not None:
+                    self.scratch.give(self._buffers.pop(owner))
         return [self._values[id(root)] for root in roots]
-
-    # -- how long values live -------------------------------------------------------------------------------------
 
     def _find_last_uses(self, order: Sequence[Node], roots: Sequence[Node]) -> None:
         for place, node in enumerate(order):
             for child in children(node):
-                owner = self._owner.get(id(child), id(child))
+                owner = self.owner(child)
                 self._last[owner] = place
-                if isinstance(node, Apply) and (node.op in _VIEWS or _is_alias(node)):
+                if isinstance(node, Apply) and _shares_memory(node):
                     self._owner[id(node)] = owner
         for root in roots:
-            self._last[self._owner.get(id(root), id(root))] = len(order)
+            self._last[self.owner(root)] = len(order)
 
-    def owner(self, root: Node) -> int:
-        """Return the id of the node whose array holds the value of a root."""
-        return self._owner.get(id(root), id(root))
-
-    def _release(self, node: Node, place: int) -> None:
-        for owner in dict.fromkeys(self._owner.get(id(c), id(c)) for c in children(node)):
-            if self._last.get(owner) == place and owner in self._buffers and self.scratch is not None:
-                self.scratch.give(self._buffers.pop(owner))
-
-    # -- nodes ----------------------------------------------------------------------------------------------------
+    def owner(self, node: Node) -> int:
+        """Return the id of the node whose array holds the value of a node."""
+        return self._owner.get(id(node), id(node))
 
     def constant(self, value: Any) -> str:
         """Return the name of a constant kept outside the function."""
@@ -156,15 +151,18 @@ class ArrayForm:
             case Read(role=role, name=name):
                 return self.names[role, name]
             case Draw():
-                return self._assign(self.drawn(node, [self._array(a, self._values[id(a)]) for a in node.args]))
+                return self._assign(self.drawn(node, list(map(self._array, node.args))))
             case Apply(op=op) if op in OPERATORS:
                 return self._function(node, OPERATORS[op])
             case Apply():
                 return self._structure(node)
 
     def _const(self, node: Const) -> str:
-        if node.type.is_scalar:
-            return scalar(plain(node.value))
+        """Return a number as source, an array by name."""
+        return literal(plain(node.value)) if node.type.is_scalar else self._held(node)
+
+    def _held(self, node: Const) -> str:
+        """Return the name of a constant array."""
         for known, value in self.constants.items():
             if value is node:
                 return known
@@ -237,42 +235,32 @@ class ArrayForm:
                 return self._assign(f"{args[0]}.reshape({shape}-1)")
             case "fill":
                 return self._assign(f"rt.fill({args[0]}, {static!r})")
-            case "index" if self._is_look_up(node):
-                return self._look_up(node, args)
-            case "vector" | "concat":
-                name = "stack" if node.op == "vector" else "concat"
-                arrays = [self._array(a, text) for a, text in zip(node.args, args, strict=True)]
-                return self._assign(f"rt.{name}({', '.join(arrays)})")
-            case _:
-                arrays = [self._array(a, text) for a, text in zip(node.args, args, strict=True)]
-                return self._assign(f"rt.{node.op}({', '.join(arrays)})")
+            case "index" if _is_look_up(node):
+                return self._look_up(node, args[1])
+            case op:
+                name = {"vector": "stack"}.get(op, op)
+                return self._assign(f"rt.{name}({', '.join(map(self._array, node.args))})")
 
-    def _array(self, node: Node, text: str) -> str:
+    def _array(self, node: Node) -> str:
         """Structural operators and draws need arrays, where a constant scalar is a mere number."""
         if isinstance(node, Const) and node.type.is_scalar:
-            return self._const_array(node)
-        return text
+            return self._held(node)
+        return self._values[id(node)]
 
-    def _const_array(self, node: Const) -> str:
-        for known, value in self.constants.items():
-            if value is node:
-                return known
-        return self.constant(node)
-
-    @staticmethod
-    def _is_look_up(node: Apply) -> bool:
-        table, place = node.args
-        return isinstance(table, Const) and len(table.type.shape) <= 2 and place.type.is_scalar
-
-    def _look_up(self, node: Apply, args: Sequence[str]) -> str:
+    def _look_up(self, node: Apply, place: str) -> str:
         """Return an element, or a row, of a constant array for every lane."""
         table = self.constant(_LookupTable(node.args[0]))
         axis = len(node.args[0].type.shape) - 1
         if self.scratch is None:
-            return self._assign(f"rt.look_up({table}, {args[1]}, {axis})")
+            return self._assign(f"rt.look_up({table}, {place}, {axis})")
         out = self._buffer(node, in_place=False)
-        self.lines.append(f'{table}.take({args[1]}, {axis}, {out}, "clip")')
+        self.lines.append(f'{table}.take({place}, {axis}, {out}, "clip")')
         return out
+
+
+def _is_look_up(node: Apply) -> bool:
+    table, place = node.args
+    return isinstance(table, Const) and len(table.type.shape) <= 2 and place.type.is_scalar
 
 
 @dataclass(frozen=True)
@@ -282,27 +270,22 @@ class _LookupTable:
     node: Node
 
 
-def _is_alias(node: Apply) -> bool:
-    """Return whether the value may share memory with the argument: casts to the same kind, sums of one element."""
+def _shares_memory(node: Apply) -> bool:
+    """Return whether the value may be memory of the argument: views, casts to the same kind, sums of one element."""
     if node.op in _CASTS:
         return node.args[0].type.kind is node.type.kind
-    return node.op in ("sum", "prod") and node.args[0].type.size == 1
+    return node.op in _VIEWS or (node.op in ("sum", "prod") and node.args[0].type.size == 1)
 
 
 def arrays(constants: Mapping[str, Any], make: Callable[[Const], Any]) -> dict[str, Any]:
     """Return the constants as arrays: (*shape, 1), so that they broadcast, or as tables where marked."""
     made = {}
     for name, value in constants.items():
-        if isinstance(value, _LookupTable):
-            assert isinstance(value.node, Const)
-            made[name] = make(value.node)[..., 0].T.copy()
-        else:
-            made[name] = make(value) if isinstance(value, Const) else value
+        match value:
+            case _LookupTable(node=Const() as node):
+                made[name] = make(node)[..., 0].T.copy()
+            case Const():
+                made[name] = make(value)
+            case _:
+                made[name] = value
     return made
-
-
-def scalar(value: bool | int | float) -> str:
-    """Return a number as source; nan and the infinities go by name."""
-    if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
-        return "nan" if value != value else "inf" if value > 0 else "(-inf)"
-    return repr(value) if value >= 0 else f"({value!r})"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import field
 
 import numpy as np
 
@@ -19,8 +19,9 @@ from taskspec.lang.variates import VARIATES, WordLayout, words_of
 from taskspec.lang.variates.choices import row_table
 from taskspec.task.task import Task
 
-# ---------- hoist
-# Values moved out of the steps of a program: those of an episode, and those that depend on draws alone.
+# -- values out of the steps ----------------------------------------------------------------------------------------
+#
+# Those of an episode, and those that depend on draws alone. Nodes are rewritten into nodes, so that every backend gains.
 
 
 def everywhere(roots: Sequence[Node], own: Callable[[Node], bool]) -> dict[int, bool]:
@@ -31,19 +32,24 @@ def everywhere(roots: Sequence[Node], own: Callable[[Node], bool]) -> dict[int, 
     return found
 
 
-def maximal(roots: Sequence[Node], inside: dict[int, bool], wanted: Callable[[Node], bool]) -> list[Node]:
+def _maximal(roots: Sequence[Node], inside: dict[int, bool], wanted: Callable[[Node], bool]) -> list[Node]:
     """Return the wanted nodes inside (by id) that are roots or arguments of nodes outside, in the order of the roots."""
-    outside = [node for node in walk(roots) if not inside[id(node)]]
-    referred = [*roots, *(c for node in outside for c in children(node))]
+    referred = list(roots)
+    for node in walk(roots):
+        if not inside[id(node)]:
+            referred += children(node)
     return list({id(n): n for n in referred if inside[id(n)] and wanted(n)}.values())
 
 
-# -- values that stay the same for a whole episode: functions of components that no step changes ------------------
+def maximal_draws(roots: Sequence[Node], free: dict[int, bool]) -> list[Node]:
+    """Return the largest free nodes that hold a draw."""
+    drawless = everywhere(roots, lambda node: not isinstance(node, Draw))
+    return _maximal(roots, free, lambda node: not drawless[id(node)])
 
 
 @dataclass(frozen=True)
 class Invariants:
-    """The invariants of a task's steps.
+    """Values of a task's steps that stay the same for a whole episode: functions of components that no step changes.
 
     `nodes` read the state; `at_reset` are the same over the first state; `names` are the variables that hold them.
     `observation` says that the whole observation is one.
@@ -57,16 +63,26 @@ class Invariants:
     @classmethod
     def of(cls, b: Builder, task: Task, rows: bool) -> Invariants:
         """`rows`: whether observations are float32 arrays, which can be kept and copied."""
+        frozen = frozen_components(task)
         roots = (*task.next, task.reward, task.terminal)
-        fixed = _fixed((*roots, *task.next_observation), frozen_components(task))
-        # What is seen at the reset may be something else: `x'` may be the same in every step, and not be `x`.
-        observed = (
-            rows
-            and all(fixed[id(n)] for n in task.next_observation)
-            and _at_reset(b, task, task.next_observation) == task.first_observation
-        )
-        seen = () if observed else task.next_observation
-        nodes = tuple(_maximal_fixed((*roots, *seen), fixed))
+        everything = (*roots, *task.next_observation)
+
+        def is_fixed(node: Node) -> bool:
+            if isinstance(node, Read):
+                return node.role is Role.STATE and node.name in frozen
+            return not isinstance(node, Draw)
+
+        fixed = everywhere(everything, is_fixed)
+        # The first observation may be another: `x'` may be the same in every step, and not be `x`.
+        observed = rows and all(fixed[id(n)] for n in task.next_observation)
+        observed = observed and _at_reset(b, task, task.next_observation) == task.first_observation
+        shown = roots if observed else everything
+        # Rows of a table that a draw looks up stay: their probabilities are exact only while they are known as such.
+        for node in walk(shown):
+            if isinstance(node, Draw) and node.args and row_table(node.args[0]):
+                fixed[id(node.args[0])] = False
+        # A bare read or constant is not worth a variable.
+        nodes = tuple(_maximal(shown, fixed, lambda node: isinstance(node, Apply)))
         return cls(nodes, _at_reset(b, task, nodes), tuple(f"k{i}" for i in range(len(nodes))), observed)
 
     def replaced(self, b: Builder, roots: Sequence[Node]) -> tuple[Node, ...]:
@@ -95,50 +111,21 @@ WIDE = 32
 
 
 def cold_components(task: Task, roots: Sequence[Node]) -> frozenset[str]:
-    """Return wide components that no step changes and no root reads: they are not kept, since a reset can be replayed."""
-    read = reads(roots)
+    """Return wide components that no step changes and no root reads: they are not kept, since a reset can be replayed.
+
+    `roots` are those of a step; that a component is its own next value does not count.
+    """
     frozen = frozen_components(task)
-    return frozenset(c.name for c in task.state if c.name in frozen and c.type.size > WIDE and c.read not in read)
-
-
-def changing(task: Task, roots: Sequence[Node]) -> list[Node]:
-    """Return roots of a step without those of frozen components."""
     n = len(task.state)
-    frozen = frozen_components(task)
     moving = [r for r, c in zip(roots[:n], task.state, strict=True) if c.name not in frozen]
-    return [*moving, *roots[n:]]
+    read = reads([*moving, *roots[n:]])
+    return frozenset(c.name for c in task.state if c.name in frozen and c.type.size > WIDE and c.read not in read)
 
 
 def frozen_components(task: Task) -> frozenset[str]:
     """Return names of the state components that no step changes."""
     pairs = zip(task.state, task.next, strict=True)
     return frozenset(c.name for c, n in pairs if isinstance(n, Read) and n.role is Role.STATE and n.name == c.name)
-
-
-def _fixed(roots: Sequence[Node], frozen: frozenset[str]) -> dict[int, bool]:
-    """For every node, by id, whether it draws nothing and reads frozen components only."""
-
-    def own(node: Node) -> bool:
-        if isinstance(node, Read):
-            return node.role is Role.STATE and node.name in frozen
-        return not isinstance(node, Draw)
-
-    return everywhere(roots, own)
-
-
-def _maximal_fixed(roots: Sequence[Node], fixed: dict[int, bool]) -> list[Node]:
-    """Return the largest fixed operations that the rest refers to; a bare read or constant is not worth a variable.
-
-    Rows of a table that a draw looks up stay as they are: their probabilities are exact only while they are known as such.
-    """
-    rows = {id(d.args[0]) for d in walk(roots) if isinstance(d, Draw) and d.args and row_table(d.args[0])}
-    outside = dict.fromkeys(rows, False)
-    return maximal(roots, fixed | outside, lambda node: isinstance(node, Apply))
-
-
-# -- values that depend on draws alone ----------------------------------------------------------------------------
-#
-# Nodes are rewritten into nodes, so that every backend gains: a draw becomes a read of a variable with certain bounds.
 
 
 @dataclass(frozen=True)
@@ -162,7 +149,7 @@ class Hoisted:
         return {name: first[site] + k for site, names in self.words.items() for k, name in enumerate(names)}
 
 
-def hoist(b: Builder, roots: Sequence[Node], layout: WordLayout, bias: int = 0) -> Hoisted:
+def hoist(b: Builder, roots: Sequence[Node], layout: WordLayout) -> Hoisted:
     """Replace values that depend on draws alone by reads of variables, and other draws by comparisons if possible."""
     free = everywhere(roots, lambda node: not isinstance(node, Read))
     values = maximal_draws(roots, free)
@@ -176,8 +163,7 @@ def hoist(b: Builder, roots: Sequence[Node], layout: WordLayout, bias: int = 0) 
 
     rest = rewrite(roots, leaf, b.remake)
     left = {d.site: word_names(d) for d in walk(rest) if isinstance(d, Draw)}
-    lowered = compared(b, rest, bias)
-    return Hoisted(lowered, tuple(values), tuple(names.values()), left, layout)
+    return Hoisted(compared(b, rest), tuple(values), tuple(names.values()), left, layout)
 
 
 def compared(b: Builder, roots: Sequence[Node], bias: int = 0) -> tuple[Node, ...]:
@@ -187,7 +173,15 @@ def compared(b: Builder, roots: Sequence[Node], bias: int = 0) -> tuple[Node, ..
     """
 
     def leaf(node: Node) -> Node | None:
-        return _comparison(b, node, bias) if isinstance(node, Draw) else None
+        if not isinstance(node, Draw):
+            return None
+        words = [b.read(Role.VARIABLE, n, INT, -bias, NEVER - 1 - bias) for n in word_names(node)]
+        elements = VARIATES[node.base].compared(b, node, words, bias)
+        if elements is None:
+            return None
+        if node.type.is_scalar:
+            return elements[0]
+        return b.structure("reshape", [b.structure("vector", elements)], node.type.shape)
 
     before = tuple(roots)
     found = rewrite(roots, leaf, b.remake)
@@ -201,25 +195,7 @@ def word_names(draw: Draw) -> tuple[str, ...]:
     return tuple(f"w{draw.site}_{k}" for k in range(words_of(draw)))
 
 
-def maximal_draws(roots: Sequence[Node], free: dict[int, bool]) -> list[Node]:
-    """Return the largest free nodes that hold a draw."""
-    drawless = everywhere(roots, lambda node: not isinstance(node, Draw))
-    return maximal(roots, free, lambda node: not drawless[id(node)])
-
-
-# -- draws as comparisons -----------------------------------------------------------------------------------------
-
-
-def _comparison(b: Builder, draw: Draw, bias: int) -> Node | None:
-    words = [b.read(Role.VARIABLE, n, INT, -bias, NEVER - 1 - bias) for n in word_names(draw)]
-    elements = VARIATES[draw.base].compared(b, draw, words, bias)
-    if elements is None or draw.type.is_scalar:
-        return None if elements is None else elements[0]
-    return b.structure("reshape", [b.structure("vector", elements)], draw.type.shape)
-
-
-# ---------- tabulate
-# Expressions over few finite values become tables: one look-up instead of a chain of operations.
+# -- expressions over few finite values become tables: one look-up instead of a chain of operations -----------------
 #
 # Array code pays for every operation on every lane, and twice for the call where lanes are few, so that a transition
 # of a small finite task is cheapest as a look-up. The tables are worked out by the array forms of the operators.
@@ -228,19 +204,13 @@ CELLS = 8192
 """Largest table: 64 KiB of 8-byte numbers, which a second-level cache holds beside the lanes."""
 
 
-@dataclass
-class _Tables:
-    builder: Builder
-    reads: dict[int, frozenset[Read] | None] = field(default_factory=dict)  # by node id; None: not to be tabulated
-    made: dict[int, Node] = field(default_factory=dict)
-
-
 def tabulate(b: Builder, roots: Sequence[Node], cells: int = CELLS) -> tuple[Node, ...]:
     """Return roots with their largest scalar parts over at most `cells` combinations of finite reads as look-ups."""
     roots = folded(b, roots)
-    tables = _Tables(b)
+    finite: dict[int, frozenset[Read] | None] = {}
     for node in walk(roots):
-        tables.reads[id(node)] = _finite_reads(tables, node, cells)
+        finite[id(node)] = _finite_reads(finite, node, cells)
+    tables: dict[int, Node] = {}
     stack = list(roots)
     seen = set[int]()
     while stack:
@@ -248,82 +218,57 @@ def tabulate(b: Builder, roots: Sequence[Node], cells: int = CELLS) -> tuple[Nod
         if id(node) in seen:
             continue
         seen.add(id(node))
-        if _worthwhile(tables, node):
-            tables.made[id(node)] = _table(tables, node)
+        found = finite[id(node)]
+        if found and isinstance(node, Apply) and node.type.is_scalar and _operations(node) > 2 * len(found):
+            # The index of a table takes an operation or two for every read but the first.
+            tables[id(node)] = _table(b, node, found)
         else:
             stack.extend(children(node))
-    return folded(b, rewrite(roots, lambda n: tables.made.get(id(n)), b.remake))
+    return folded(b, rewrite(roots, lambda n: tables.get(id(n)), b.remake))
 
 
-def _finite_reads(tables: _Tables, node: Node, cells: int) -> frozenset[Read] | None:
-    match node:
-        case Const():
-            return frozenset()
-        case Read():
-            return frozenset([node]) if node.type.is_scalar and _count(node) <= cells else None
-        case Draw():
+def _operations(node: Node) -> int:
+    return sum(isinstance(n, Apply) for n in walk([node]))
+
+
+def _finite_reads(finite: dict[int, frozenset[Read] | None], node: Node, cells: int) -> frozenset[Read] | None:
+    """Return the reads below a node; None where they have too many values, or something is drawn."""
+    if isinstance(node, Draw):
+        return None
+    found = {node} if isinstance(node, Read) else set[Read]()
+    for child in children(node):
+        below = finite[id(child)]
+        if below is None:
             return None
-        case Apply():
-            below = [tables.reads[id(c)] for c in node.args]
-            if any(r is None for r in below):
-                return None
-            joined = frozenset[Read]().union(*(r for r in below if r is not None))
-            return joined if _size(joined) <= cells else None
+        found |= below
+    if isinstance(node, Read) and not node.type.is_scalar:
+        return None
+    return frozenset(found) if math.prod(map(_count, found)) <= cells else None
 
 
 def _count(read: Read) -> float:
     if read.type.kind is Kind.BOOL:
         return 2
-    return read.high - read.low + 1 if read.type.kind is Kind.INT else np.inf
+    return read.high - read.low + 1 if read.type.kind is Kind.INT else math.inf
 
 
-def _size(reads: frozenset[Read]) -> float:
-    return float(np.prod([float(_count(r)) for r in reads], dtype=float))
-
-
-def _worthwhile(tables: _Tables, node: Node) -> bool:
-    """Return whether a look-up is cheaper: the index takes an operation or two for every read but the first."""
-    reads = tables.reads[id(node)]
-    if not reads or not isinstance(node, Apply) or not node.type.is_scalar:
-        return False
-    return sum(isinstance(n, Apply) for n in walk([node])) > 2 * len(reads)
-
-
-def _table(tables: _Tables, node: Node) -> Node:
-    b = tables.builder
-    reads = sorted(tables.reads[id(node)] or (), key=lambda r: (r.role.value, r.name))
+def _table(b: Builder, node: Node, found: frozenset[Read]) -> Node:
+    """Return a node as a look-up; the reads are the digits of the place, the last one fastest."""
+    reads = sorted(found, key=lambda r: (r.role.value, r.name))
     counts = [int(_count(r)) for r in reads]
     places = np.indices(counts).reshape(len(reads), -1)
-    points = {_key(r): _values(r, place) for r, place in zip(reads, places, strict=True)}
+    points: dict[tuple[Role, str], Array] = {}
+    place: Node = b.scalar(0)
+    for read, count, digits in zip(reads, counts, places, strict=True):
+        low = 0 if read.type.kind is Kind.BOOL else int(read.low)
+        points[read.role, read.name] = (digits + low).astype(np.bool_ if read.type.kind is Kind.BOOL else np.int64)
+        digit = b.apply("sub", b.cast(read, Kind.INT), b.scalar(low))
+        place = b.apply("add", b.apply("mul", place, b.scalar(count)), digit)
     (values,) = batch.evaluate([node], points)
     cells = np.broadcast_to(values, places.shape[1:]).tolist()
     if len(set(map(repr, cells))) == 1:
         return b.const(cells[0], node.type)
-    table = b.const(cells, Type(node.type.kind, (len(cells),)))
-    return b.structure("index", [table, _place(b, reads, counts)])
-
-
-def _key(read: Read) -> tuple[Role, str]:
-    return (read.role, read.name)
-
-
-def _values(read: Read, place: Array) -> Array:
-    if read.type.kind is Kind.BOOL:
-        return place.astype(np.bool_)
-    return place + int(read.low)
-
-
-def _place(b: Builder, reads: Sequence[Read], counts: Sequence[int]) -> Node:
-    """Return the number of the cell: reads as digits, the last one fastest."""
-    place: Node = b.scalar(0)
-    for read, count in zip(reads, counts, strict=True):
-        low = 0 if read.type.kind is Kind.BOOL else int(read.low)
-        digit = b.apply("sub", b.cast(read, Kind.INT), b.scalar(low))
-        place = b.apply("add", b.apply("mul", place, b.scalar(count)), digit)
-    return place
-
-
-# -- look-ups of look-ups -----------------------------------------------------------------------------------------
+    return b.structure("index", [b.const(cells, Type(node.type.kind, (len(cells),))), place])
 
 
 def folded(b: Builder, roots: Sequence[Node]) -> tuple[Node, ...]:
@@ -369,21 +314,13 @@ def _is_matrix(table: Const, row: Node) -> bool:
 def _fold_function(b: Builder, node: Apply) -> Node:
     """Return a function of one look-up and constants as a look-up."""
     found = [a for a in node.args if not isinstance(a, Const)]
-    if len({id(a) for a in found}) != 1 or not _looks_up(found[0]):
+    if len({id(a) for a in found}) != 1:
         return node
-    inner = found[0]
-    assert isinstance(inner, Apply)
-    table, place = inner.args
-    args = [b.held(table if a is inner else a) for a in node.args]  # fractions end where the task begins to run
-    cells = b.remake(Apply(node.op, tuple(args), Type(node.type.kind, table.type.shape)), tuple(args))
-    return b.structure("index", [cells, place]) if isinstance(cells, Const) else node
-
-
-def _looks_up(node: Node) -> bool:
-    return (
-        isinstance(node, Apply)
-        and node.op == "index"
-        and isinstance(node.args[0], Const)
-        and len(node.args[0].type.shape) == 1
-        and node.args[1].type.is_scalar
-    )
+    match found[0]:
+        case Apply(op="index", args=(Const() as table, place)) as inner:
+            if len(table.type.shape) != 1 or not place.type.is_scalar:
+                return node
+            args = tuple(b.held(table if a is inner else a) for a in node.args)  # fractions end where the task runs
+            cells = b.remake(Apply(node.op, args, Type(node.type.kind, table.type.shape)), args)
+            return b.structure("index", [cells, place]) if isinstance(cells, Const) else node
+    return node

@@ -1,15 +1,25 @@
-"""Pieces of generated source: numbers, tuples, and statements that turned out not to be needed."""
+"""Pieces of generated source for all backends: names, numbers, tuples, lines; and how a generated module is run."""
 
 from __future__ import annotations
 
 import linecache
-import math
 import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from taskspec.task.task import Component
+
 _NAMES = re.compile(r"[A-Za-z_]\w*")
 _ASSIGNED = re.compile(r"(v\d+) = ")
+
+
+def names_of(prefix: str, components: Sequence[Component]) -> list[str]:
+    """Return the variables that hold components."""
+    return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
+
+
+def indent(lines: Iterable[str], by: int = 1) -> list[str]:
+    return [f"{'    ' * by}{line}" if line else "" for line in lines]
 
 
 def without_unused(lines: Sequence[str], results: Iterable[str]) -> list[str]:
@@ -26,9 +36,7 @@ def without_unused(lines: Sequence[str], results: Iterable[str]) -> list[str]:
 
 def literal(value: bool | int | float) -> str:
     """Return a number as source; nan and the infinities go by name."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return "nan" if value != value else "inf" if value > 0 else "(-inf)"
-    return repr(value) if value >= 0 else f"({value!r})"
+    return f"({value!r})" if value < 0 else repr(value)
 
 
 def tuple_of(items: Sequence[str]) -> str:

@@ -1,9 +1,13 @@
-"""Programs that step many environments: their memory, how actions are read, and when episodes begin."""
+"""Programs that step many environments: their memory, how actions are read, and when episodes begin.
+
+Arrays have their features first and the lanes last: each feature of all lanes is together, which is what array code and
+vector units want. What is handed out has the lanes first, as Gymnasium expects, without a copy: a view of the same memory.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
@@ -11,24 +15,20 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.lang.types import Kind
-from taskspec.task.spaces import Part, Segment, SpaceLayout
-from taskspec.task.task import Component, Task
-
-# ---------- buffers
-# Arrays of a vector program: counters, state and results of many environments, features first and lanes last.
-#
-# Lanes last keeps each feature of all lanes together, which is what array code and vector units want. What is handed
-# out has the lanes first, as Gymnasium expects, without a copy: a view of the same memory.
+from taskspec.task.spaces import SpaceLayout
+from taskspec.task.task import Task
 
 DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
 
 
+def _zeros(shape: tuple[int, ...], lanes: int, gap: int, dtype: Any) -> Array:
+    rows = np.zeros((math.prod(shape), lanes + gap), dtype)[:, :lanes]
+    return rows.reshape(*shape, lanes)
+
+
 @dataclass(frozen=True)
 class Values:
-    """Gymnasium values of all lanes.
-
-    `parts` are the raw arrays, (*shape, lanes): one for every part of the layout.
-    """
+    """Gymnasium values of all lanes: an array (*shape, lanes) for every part of the layout."""
 
     layout: SpaceLayout
     parts: tuple[Array, ...]
@@ -36,53 +36,31 @@ class Values:
     @classmethod
     def empty(cls, layout: SpaceLayout, lanes: int, gap: int = 0) -> Values:
         """Zeros of a layout, with so many numbers between the rows of an array."""
-        return cls(layout, tuple(_raw(part, lanes, gap) for part in layout.parts))
+        dtypes = [np.int64 if part.is_whole else np.float32 for part in layout.parts]
+        return cls(layout, tuple(_zeros(p.shape, lanes, gap, d) for p, d in zip(layout.parts, dtypes, strict=True)))
 
-    def view(self) -> Any:
-        """Return the values with the lanes first, sharing memory: what Gymnasium's batched space holds."""
-        return self._shown(self.parts)
-
-    def fresh(self) -> Any:
-        """Return the same in memory of its own."""
-        return self._shown([part.copy() for part in self.parts])
-
-    def _shown(self, raw: Sequence[Array]) -> Any:
-        shown = list(map(_lanes_first, raw))
-        return {p.name: a for p, a in zip(self.layout.parts, shown, strict=True)} if self.layout.is_dict else shown[0]
-
-    def part(self, lanes: slice) -> Values:
-        """Return a range of the lanes, sharing memory."""
-        return Values(self.layout, tuple(part[..., lanes] for part in self.parts))
+    def view(self, copy: bool = False) -> Any:
+        """Return the values with the lanes first, as Gymnasium's batched space has them: in this memory, or copied."""
+        shown = []
+        for part in self.parts:
+            array = part.copy() if copy else part
+            # `moveaxis` would take longer than the rest of a step of few lanes.
+            shown.append(array.T if array.ndim <= 2 else array.transpose(-1, *range(array.ndim - 1)))
+        if not self.layout.is_dict:
+            return shown[0]
+        return {part.name: array for part, array in zip(self.layout.parts, shown, strict=True)}
 
     def segments(self) -> list[Array]:
-        """Return the arrays of the layout's segments, sharing memory: (*shape, lanes) of the component, or a row for each
-        value.
-        """
+        """Return the arrays of the layout's segments, in this memory: (*shape, lanes) of the component, or a row a value."""
         found = []
         for segment in self.layout.segments:
             raw = self.parts[segment.part]
-            rows = raw.reshape(-1, raw.shape[-1])[segment.first : segment.first + segment.size]
-            shape = (
-                (segment.size,) if segment.values is not None else self.layout.components[segment.component].type.shape
-            )
-            found.append(rows.reshape(*shape, raw.shape[-1]))
+            lanes = raw.shape[-1]
+            rows = raw.reshape(-1, lanes)[segment.first : segment.first + segment.size]
+            if segment.values is None:
+                rows = rows.reshape(*self.layout.components[segment.component].type.shape, lanes)
+            found.append(rows)
         return found
-
-
-def _lanes_first(array: Array) -> Array:
-    """Return an array (*shape, lanes) as (lanes, *shape). `moveaxis` would take longer than the rest of a step of few
-    lanes.
-    """
-    return array.T if array.ndim <= 2 else array.transpose(-1, *range(array.ndim - 1))
-
-
-def _raw(part: Part, lanes: int, gap: int) -> Array:
-    return _zeros(part.shape, lanes, gap, np.int64 if part.is_whole else np.float32)
-
-
-def _zeros(shape: tuple[int, ...], lanes: int, gap: int, dtype: Any) -> Array:
-    rows = np.zeros((math.prod(shape), lanes + gap), dtype)[:, :lanes]
-    return rows.reshape(*shape, lanes)
 
 
 @dataclass
@@ -120,53 +98,47 @@ class Buffers:
         With a gap of so many numbers between rows they are not a power of two apart. Rows that are share the few places
         that a cache has for such addresses, and a loop over many of them takes three times as long.
         """
-        flags = [np.zeros(lanes, np.bool_) for _ in range(4)]
         return cls(
             seeds=np.zeros(lanes, np.uint64),
             steps=np.zeros(lanes, np.uint32),
             episodes=np.zeros(lanes, np.uint32),
             time=np.zeros(lanes, np.int64),
-            running=flags[0],
+            running=np.zeros(lanes, np.bool_),
             state=tuple(_zeros(c.type.shape, lanes, gap, DTYPES[c.type.kind]) for c in task.state),
             seen=Values.empty(layout, lanes, gap),
             final=Values.empty(layout, lanes, gap),
             reward=np.zeros(lanes, np.float64),
-            terminated=flags[1],
-            truncated=flags[2],
-            ended=flags[3],
+            terminated=np.zeros(lanes, np.bool_),
+            truncated=np.zeros(lanes, np.bool_),
+            ended=np.zeros(lanes, np.bool_),
         )
 
     @property
     def lanes(self) -> int:
         return len(self.seeds)
 
+    def _map(self, function: Callable[[Array], Any]) -> dict[str, Any]:
+        """Return what a function makes of every array, by attribute."""
+        found: dict[str, Any] = {}
+        for name, held in vars(self).items():
+            if isinstance(held, Values):
+                found[name] = Values(held.layout, tuple(map(function, held.parts)))
+            else:
+                found[name] = tuple(map(function, held)) if name == "state" else function(held)
+        return found
+
     def part(self, lanes: slice) -> Buffers:
         """Return a range of the lanes, sharing memory."""
-        return Buffers(
-            self.seeds[lanes],
-            self.steps[lanes],
-            self.episodes[lanes],
-            self.time[lanes],
-            self.running[lanes],
-            tuple(s[..., lanes] for s in self.state),
-            self.seen.part(lanes),
-            self.final.part(lanes),
-            self.reward[lanes],
-            self.terminated[lanes],
-            self.truncated[lanes],
-            self.ended[lanes],
-        )
+        return Buffers(**self._map(lambda array: array[..., lanes]))
 
     def nbytes(self) -> int:
         """Return bytes of all arrays."""
-        flags = (self.running, self.terminated, self.truncated, self.ended)
-        counters = (self.seeds, self.steps, self.episodes, self.time, self.reward)
-        values: Sequence[Array] = (*self.state, *self.seen.parts, *self.final.parts)
-        return sum(a.nbytes for a in (*flags, *counters, *values))
+        sizes: list[int] = []
+        self._map(lambda array: sizes.append(array.nbytes))
+        return sum(sizes)
 
 
-# ---------- actions
-# Actions of many environments: checked, and split into components with the lanes last.
+# -- actions --------------------------------------------------------------------------------------------------------
 
 
 class BadActionError(Exception):
@@ -175,16 +147,6 @@ class BadActionError(Exception):
 
 Reader = Callable[[Any], tuple[Array, ...]]
 """From a batch of actions to an array (*shape, lanes) for every action component: bool, int64 or float64."""
-
-
-def action_reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
-    """Return the reader of a task's actions for a number of lanes; it raises `BadActionError`."""
-    (part,) = layout.parts
-    return (
-        _reader_of_numbers(task, layout, lanes)
-        if part.is_whole and not part.shape
-        else _reader_of_arrays(task, layout, lanes)
-    )
 
 
 def action_array(actions: Any, layout: SpaceLayout, lanes: int) -> Array:
@@ -200,14 +162,18 @@ def action_array(actions: Any, layout: SpaceLayout, lanes: int) -> Array:
     return array
 
 
-def _reader_of_numbers(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
-    """Return a reader of one whole number for each lane, with as few calls of NumPy as possible."""
+def action_reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
+    """Return the reader of a task's actions for a number of lanes; it raises `BadActionError`."""
+    (part,) = layout.parts
+    if part.shape or not part.is_whole:
+        return _array_reader(task, layout, lanes)
     ((low, high),) = layout.ends
     is_bool = task.action[0].type.kind is Kind.BOOL
     smallest = np.minimum.reduce
     largest = np.maximum.reduce
 
     def read(actions: Any) -> tuple[Array, ...]:
+        """Read one whole number for each lane, with as few calls of NumPy as possible."""
         array = action_array(actions, layout, lanes).astype(np.int64, copy=False)
         if low == 0 and largest(array.view(np.uint64)) > high:  # unsigned, negative numbers are huge
             raise BadActionError
@@ -218,7 +184,7 @@ def _reader_of_numbers(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
     return read
 
 
-def _reader_of_arrays(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
+def _array_reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
     low, high = np.array(layout.ends).T[..., None]
     dtype = np.int64 if layout.parts[0].is_whole else np.float64
     segments = list(zip(task.action, layout.segments, strict=True))
@@ -233,27 +199,22 @@ def _reader_of_arrays(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
             inside = np.greater_equal(rows, low).all() and np.less_equal(rows, high).all()
         if not inside:
             raise BadActionError
-        return tuple(_component(c, segment, rows) for c, segment in segments)
+        found = []
+        for c, segment in segments:
+            values = rows[segment.first : segment.first + segment.size]
+            if segment.starts:
+                values = values + np.array(segment.starts)[:, None]
+            if values.dtype.kind == "f" and c.type.kind is not Kind.REAL:  # every point of a box is an action
+                values = np.rint(values)
+            if c.type.kind is Kind.BOOL:
+                values = values != 0
+            found.append(values.astype(DTYPES[c.type.kind], copy=False).reshape(*c.type.shape, lanes))
+        return tuple(found)
 
     return read
 
 
-def _component(c: Component, segment: Segment, rows: Array) -> Array:
-    """Return the component in rows of actions; every point of a box is an action."""
-    mine = rows[segment.first : segment.first + segment.size]
-    mine = mine + np.array(segment.starts)[:, None] if segment.starts else mine
-    shaped = mine.reshape(*c.type.shape, rows.shape[-1])
-    match c.type.kind:
-        case Kind.BOOL:
-            return np.not_equal(np.rint(shaped), 0)
-        case Kind.INT:
-            return (np.rint(shaped) if shaped.dtype.kind == "f" else shaped).astype(np.int64, copy=False)
-        case Kind.REAL:
-            return shaped
-
-
-# ---------- vector
-# The interface of a vector program, and when its lanes begin a new episode.
+# -- the interface --------------------------------------------------------------------------------------------------
 
 Mode = Literal["next_step", "same_step", "disabled"]
 """When an environment whose episode has ended is reset: by the next step, by the same step, by the caller only."""
@@ -263,8 +224,16 @@ class LanesNotRunningError(Exception):
     """A step before the first reset, or (mode "disabled") of lanes whose episodes have ended."""
 
 
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options of a vector program; `num_threads` matters to Numba only."""
+
+    mode: Mode = "next_step"
+    num_threads: int = 1
+
+
 class Engine(Protocol):
-    """The environments of one task on one backend.
+    """The environments of one task on one backend, made of a task, a number of lanes, and `Options`.
 
     Lane i draws from the stream of `buffers.seeds[i]`: its episodes and steps equal those of a scalar environment with
     that seed, number for number.
@@ -291,17 +260,6 @@ class Engine(Protocol):
 
     def place(self, values: tuple[Array, ...], lanes: Array) -> None:
         """Put lanes into given states, (*shape, k) for each component; what is observed stays as it was."""
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """Options of a vector program; `num_threads` matters to Numba only."""
-
-    mode: Mode = "next_step"
-    num_threads: int = 1
-
-
-Make = Callable[[Any, int, Options], Engine]
 
 
 # -- when lanes may step and when they are reset ------------------------------------------------------------------

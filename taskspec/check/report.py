@@ -18,17 +18,15 @@ from taskspec.base.display import html_table
 from taskspec.base.extras import install, is_installed
 from taskspec.base.files import write_text
 from taskspec.base.limits import tell
-from taskspec.check.names import Accepted, idle, set_aside
-from taskspec.check.warnings import warnings
+from taskspec.check.warnings import Accepted, idle, set_aside, warnings
 from taskspec.model.model import misused
 from taskspec.model.points import Method
 from taskspec.modifiers import is_as_written
 from taskspec.registry import load
 from taskspec.rollout.simulate import EPISODES
-from taskspec.rules.claims import Verdict, verdicts
+from taskspec.rules.claim_verdicts import Verdict, verdicts
 from taskspec.rules.examples import wrong_examples
-from taskspec.scores.returns import Results, Return, normalised
-from taskspec.scores.saved import read
+from taskspec.scores.returns import Results, Return, normalised, read
 from taskspec.soundness.soundness import check_ranges, examine
 from taskspec.task.merge import merge
 from taskspec.task.task import Task, TaskLike

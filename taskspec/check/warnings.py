@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
-from taskspec.check import actions, expressions, names, observations, states
-from taskspec.check.context import Doubt, LintContext
+from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError
+from taskspec.check import expression_warnings, model_warnings, name_warnings, observation_warnings
+from taskspec.check.warning_context import Doubt, LintContext
 from taskspec.registry import load
 from taskspec.scores.returns import Results
 from taskspec.soundness.soundness import cases
 from taskspec.task.build import build
+from taskspec.task.merge import merge
 from taskspec.task.task import Task, TaskLike
 
 
@@ -28,31 +29,31 @@ class WarningKind:
 
 
 KINDS: tuple[WarningKind, ...] = (
-    WarningKind("W501", states.unreachable),
-    WarningKind("W502", actions.later_rewards),
-    WarningKind("W503", actions.same_reward),
-    WarningKind("W504", actions.indifferent),
-    WarningKind("W505", actions.inert),
-    WarningKind("W506", names.unused_names),
-    WarningKind("W507", actions.expert),
-    WarningKind("W508", observations.leak),
-    WarningKind("W509", observations.hidden_goal),
-    WarningKind("W510", expressions.moved),
-    WarningKind("W512", expressions.certain, for_all=True),
-    WarningKind("W513", expressions.whole, for_all=True),
-    WarningKind("W514", expressions.past_the_end, for_all=True),
-    WarningKind("W515", expressions.uneven, for_all=True),
-    WarningKind("W516", observations.constant),
-    WarningKind("W517", observations.duplicate),
-    WarningKind("W518", observations.hidden),
-    WarningKind("W519", states.unread),
-    WarningKind("W519", states.forgotten),
-    WarningKind("W520", actions.twins),
-    WarningKind("W521", names.idle_errata),
-    WarningKind("W522", observations.infinite_abstraction),
-    WarningKind("W524", names.printed_alike),
-    WarningKind("W525", observations.idle_symmetry),
-    WarningKind("W527", names.foreign_letters),
+    WarningKind("W501", model_warnings.unreachable),
+    WarningKind("W502", model_warnings.later_rewards),
+    WarningKind("W503", model_warnings.same_reward),
+    WarningKind("W504", model_warnings.indifferent),
+    WarningKind("W505", model_warnings.inert),
+    WarningKind("W506", name_warnings.unused_names),
+    WarningKind("W507", model_warnings.expert),
+    WarningKind("W508", observation_warnings.leak),
+    WarningKind("W509", observation_warnings.hidden_goal),
+    WarningKind("W510", expression_warnings.moved),
+    WarningKind("W512", expression_warnings.certain, for_all=True),
+    WarningKind("W513", expression_warnings.whole, for_all=True),
+    WarningKind("W514", expression_warnings.past_the_end, for_all=True),
+    WarningKind("W515", expression_warnings.uneven, for_all=True),
+    WarningKind("W516", observation_warnings.constant),
+    WarningKind("W517", observation_warnings.duplicate),
+    WarningKind("W518", observation_warnings.hidden),
+    WarningKind("W519", model_warnings.unread),
+    WarningKind("W519", model_warnings.forgotten),
+    WarningKind("W520", model_warnings.twins),
+    WarningKind("W521", name_warnings.idle_errata),
+    WarningKind("W522", observation_warnings.infinite_abstraction),
+    WarningKind("W524", name_warnings.printed_alike),
+    WarningKind("W525", observation_warnings.idle_symmetry),
+    WarningKind("W527", name_warnings.foreign_letters),
 )
 
 
@@ -63,29 +64,64 @@ def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic
         results: of the task, where they are known already.
     """
     task = load(task)
-    context = LintContext(task, results or Results(task))
+    results = results or Results(task)
     collector = Collector()
-    _collect(context, collector)
-    _collect(context, text := Collector(), for_all=True)
+    _collect(task, results, collector, for_all=False)
+    text = Collector()
+    _collect(task, results, text, for_all=True)
     found = text.diagnostics
-    for other in _at_other_values(task) if found else ():
-        _collect(LintContext(other, Results(other)), lasting := Collector(), for_all=True)
+    for values in cases(task) if found else ():
+        try:
+            other = build(task.document, task.variant, values, task.suite)
+        except SpecError:
+            continue
+        lasting = Collector()
+        _collect(other, Results(other), lasting, for_all=True)
         kept = {(d.code, d.span) for d in lasting.diagnostics}
         found = tuple(d for d in found if (d.code, d.span) in kept)
     collector.extend(found)
     return collector.diagnostics
 
 
-def _collect(context: LintContext, collector: Collector, for_all: bool = False) -> None:
+def _collect(task: Task, results: Results, collector: Collector, for_all: bool) -> None:
+    context = LintContext(task, results)
     for kind in KINDS:
         for problem in kind.find(context) if kind.for_all is for_all else ():
             context.codes.add(kind.code)
             collector.add(kind.code, problem.place, problem.message, problem.hint, problem.notes)
 
 
-def _at_other_values(task: Task) -> Iterator[Task]:
-    for values in cases(task):
-        try:
-            yield build(task.document, task.variant, values, task.suite)
-        except SpecError:
-            continue
+# -- accepted warnings ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """A warning that the spec accepts, the reason, and its place."""
+
+    warning: Diagnostic
+    because: str
+    place: Span
+
+
+def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic], list[Accepted]]:
+    """Split diagnostics into those to report, and warnings that the task accepts."""
+    reasons = task.spec.accept
+    merged = merge(task.document, task.variant)
+    accepted = [
+        Accepted(each, reasons[each.code], merged.key_span(("accept", each.code)))
+        for each in found
+        if each.severity == "warning" and each.code in reasons
+    ]
+    aside = [each.warning for each in accepted]
+    return [each for each in found if each not in aside], accepted
+
+
+def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) -> list[Diagnostic]:
+    """Reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
+    reasons = task.spec.accept
+    merged = merge(task.document, task.variant)
+    unneeded = [code for code in reasons if code not in {*unknown, *(each.warning.code for each in accepted)}]
+    return [
+        Diagnostic("W511", merged.key_span(("accept", code)), f"there is no {code} to accept", "remove this entry")
+        for code in unneeded
+    ]

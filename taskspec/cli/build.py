@@ -23,7 +23,7 @@ from taskspec.cli.progress import progress
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from taskspec.check.files import Checked, Finding
+    from taskspec.check.file_checks import Checked, Finding
     from taskspec.pages.facts import Facts
     from taskspec.task.task import Task
 
@@ -46,7 +46,7 @@ def build(
     An index of the tasks, their scores, the generated code, the schema for editors, and the documentation as a site
     (html), for a paper (latex) and for a repository (markdown). Nothing is written if a spec has an error.
     """
-    from taskspec.check.files import check_file, counts
+    from taskspec.check.file_checks import check_file, counts
     from taskspec.targets import files_of
 
     start = time.perf_counter()
@@ -84,7 +84,7 @@ class _Results:
         self.problems: list[Diagnostic] = []  # why tasks have no scores
 
     def examine(self, task: Task) -> Finding:
-        from taskspec.check.files import finding
+        from taskspec.check.file_checks import finding
         from taskspec.exact import scores
         from taskspec.pages.facts import gather
 

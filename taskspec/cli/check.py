@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from taskspec.check.files import Checked, FileReport, Finding
+    from taskspec.check.file_checks import Checked, FileReport, Finding
     from taskspec.check.report import Report
     from taskspec.source.scan import Kind
     from taskspec.targets import File
@@ -69,7 +69,7 @@ def check(
 
     Exit status 1 if there is an error.
     """
-    from taskspec.check.files import counts
+    from taskspec.check.file_checks import counts
     from taskspec.targets import files_of, others_of
 
     start = time.perf_counter()
@@ -98,7 +98,7 @@ def _checked(
     others: Iterable[tuple[Path, Kind]], files: Iterable[File], sense: bool, jobs: int | None
 ) -> list[FileReport]:
     from taskspec import exact, figures  # noqa: F401  # before processes are forked, which then need not import them again
-    from taskspec.check.files import FileCheck, check_file, started
+    from taskspec.check.file_checks import FileCheck, check_file, started
 
     checks = [FileCheck(path, partial(check_other, path, kind)) for path, kind in others]
     for file in files:
@@ -116,7 +116,7 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
         sense: also check sanity and claims, beyond soundness.
         defaults: whether its parameters have their defaults: claims speak of these, and ranges are checked from there.
     """
-    from taskspec.check.files import finding
+    from taskspec.check.file_checks import finding
 
     return finding(reported(task, sense, defaults), len(task.examples) if sense and defaults else 0)
 
@@ -132,9 +132,9 @@ def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:
 
 def check_other(path: Path, kind: Kind) -> FileReport:
     """Check a file that is not a spec: its shape, and that all its instances, rules or findings mean something."""
-    from taskspec.check.files import FileReport
+    from taskspec.check.file_checks import FileReport
     from taskspec.experiments import expand, read
-    from taskspec.rules.books import read_exam, read_findings
+    from taskspec.rules.rule_books import read_exam, read_findings
 
     try:
         if kind == "experiment":
@@ -256,7 +256,7 @@ def _print_json(
 
 
 def _record(path: str, each: Checked) -> dict[str, Any]:
-    from taskspec.check.files import counts
+    from taskspec.check.file_checks import counts
 
     errors, warnings = counts(each.diagnostics)
     found = each.finding

@@ -117,11 +117,11 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
         if t >= LONGEST and task.horizon is None:
             _refuse_endless(task, acting)
         tell(f"episodes {first + 1:,} to {first + lanes:,}, step {t + 1:,}")
-        seen = b.seen.fresh()
+        seen = b.seen.view(copy=True)
         state = {c.name: s for c, s in zip(task.state, b.state, strict=True)}
         actions = _asked(acting, EpisodeBatch(t, state, seen, SeededDraws(seeds, t), running), policy)
         _step(engine, actions, task, acting)
-        after = _after(b.seen.fresh(), b.final.view(), b.ended)
+        after = _after(b.seen.view(copy=True), b.final.view(), b.ended)
         tape.keep(seen, actions, b.reward.copy(), after, b.terminated.copy(), b.truncated.copy(), running)
         running = running & ~b.ended
         if not running.any():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias, get_args
 
 import gymnasium.error
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, suggest
+from taskspec.base.diagnostics import SpecError, TaskspecError, spec_error, suggest
 from taskspec.base.limits import count, how_to_raise, limits
 from taskspec.task.parameters import Ending
 from taskspec.task.task import Task
@@ -43,7 +43,7 @@ Autoreset: TypeAlias = Literal["NextStep", "SameStep", "Disabled"]
 
 def invalid(message: str, hint: str | None = None) -> SpecError:
     """Return the error (E713) about an option that means nothing."""
-    return SpecError([Diagnostic("E713", None, message, hint)])
+    return spec_error("E713", message, hint)
 
 
 def one_of(name: str, value: Any, options: Iterable[str]) -> None:

@@ -107,7 +107,7 @@ class Sb3VecEnv(VecEnv):
             infos[lane]["TimeLimit.truncated"] = bool(b.truncated[lane] and not b.terminated[lane])
 
     def _seen(self) -> Any:
-        return self._engine.buffers.seen.fresh()
+        return self._engine.buffers.seen.view(copy=True)
 
     def close(self) -> None:
         """Nothing to close."""

@@ -1,6 +1,5 @@
 """Steps per second of environments.
 
-What is compared runs in one process and takes turns, round after round, so that a slow moment of the machine meets all of it.
 Lanes are out of phase, episodes that end are reset within the step, and actions are drawn beforehand.
 """
 
@@ -36,8 +35,9 @@ def steps_per_second(task: Task, lanes: int, seconds: float) -> tuple[float, flo
         lanes: the number of environments that are stepped together.
         seconds: the approximate duration of each of both measurements.
     """
-    (one,), (many,) = race((scalar(Environment(task)), vector(task, "numpy", lanes)), 1, seconds)
-    return one, many
+    one = scalar(Environment(task))
+    many = vector(task, "numpy", lanes)
+    return rate(one, passes_in(one, seconds)), rate(many, passes_in(many, seconds))
 
 
 def scalar(env: Any) -> Drive:
@@ -67,7 +67,14 @@ def vector(task: Task, backend: str, lanes: int, num_threads: int = 1) -> Drive:
     )
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(ACTIONS)]
-    _out_of_phase(env, actions, task.horizon)
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    # About as many episodes are to end at each step: a share of the lanes is reset after each.
+    for k in range(min(2 * task.horizon, 64) if task.horizon else 0):
+        env.step(actions[k % ACTIONS])
+        mask = rng.random(lanes) < 1 / (task.horizon or 1)
+        if mask.any():
+            env.reset(options={"reset_mask": mask})
     return stepped(env, actions)
 
 
@@ -84,46 +91,8 @@ def stepped(env: Any, actions: Sequence[Any], lanes: int | None = None) -> Drive
     return drive
 
 
-def _out_of_phase(env: Any, actions: Sequence[Any], horizon: int | None) -> None:
-    """Reset a share of the lanes at every step, so that about as many episodes end at each."""
-    env.reset(seed=0)
-    rng = np.random.default_rng(0)
-    for k in range(min(2 * horizon, 64) if horizon else 0):
-        env.step(actions[k % ACTIONS])
-        mask = rng.random(env.num_envs) < 1 / (horizon or 1)
-        if mask.any():
-            env.reset(options={"reset_mask": mask})
-
-
-def race(
-    drives: Sequence[Drive],
-    rounds: int,
-    seconds: float,
-    clock: Clock = time.process_time,
-    tick: Callable[[], None] = lambda: None,
-) -> list[tuple[float, ...]]:
-    """Measure drives in turns.
-
-    Args:
-        drives: what is measured.
-        rounds: the number of measurements of each drive.
-        seconds: the approximate duration of a measurement.
-        clock: processor time unless given.
-        tick: called after each round.
-
-    Returns:
-        The steps per second of each drive, round by round.
-    """
-    passes = [_calibrated(drive, seconds, clock) for drive in drives]
-    found = []
-    for _ in range(rounds):
-        found.append([_rate(drive, count, clock) for drive, count in zip(drives, passes, strict=True)])
-        tick()
-    return list(zip(*found, strict=True))
-
-
-def _calibrated(drive: Drive, seconds: float, clock: Clock) -> int:
-    """Return the number of passes that take so long, after one to warm up."""
+def passes_in(drive: Drive, seconds: float, clock: Clock = time.process_time) -> int:
+    """Return the number of passes of a drive that take so long, after one to warm up."""
     drive()
     passes = 1
     while (took := _timed(drive, passes, clock)[1]) < CALIBRATION * seconds:
@@ -131,7 +100,8 @@ def _calibrated(drive: Drive, seconds: float, clock: Clock) -> int:
     return max(1, round(passes * seconds / took))
 
 
-def _rate(drive: Drive, passes: int, clock: Clock) -> float:
+def rate(drive: Drive, passes: int, clock: Clock = time.process_time) -> float:
+    """Return the steps per second of so many passes."""
     steps, took = _timed(drive, passes, clock)
     return steps / max(1e-9, took)
 

@@ -19,9 +19,6 @@ from taskspec.task.parameters import RenderMode
 from taskspec.task.spaces import single, space
 from taskspec.task.task import Component, Task
 
-# ---------- state
-# States of an environment for people: read by name, set by name, shown as text, and told in infos.
-
 # -- reading and setting the state --------------------------------------------------------------------------------
 
 _DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
@@ -141,9 +138,6 @@ def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str,
     found = {"old_state": before, "new_state": after}
     return {key: value for name in task.info for key, value in ((name, found[name]), (f"_{name}", stepped))}
 
-
-# ---------- lanes
-# One of many environments, as those who ask a vector environment for its parts want to see it.
 
 RENDER_MODES: tuple[RenderMode, ...] = ("ansi", "rgb_array")
 """What lanes render: a window would be one too many for each."""

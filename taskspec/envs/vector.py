@@ -18,7 +18,7 @@ from taskspec.backends import backend_table
 from taskspec.backends.backend_table import BackendName
 from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Mode, Options
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import install_package
 from taskspec.envs.options import (
     ENDINGS,
@@ -43,22 +43,12 @@ from taskspec.task.task import Task, TaskLike
 
 __all__ = ["VectorEnvironment"]
 
-# ---------- vector
-# Many environments of a task behind Gymnasium's vector interface.
-#
-# Lane i of `reset(seed=s)` walks the trajectory of the scalar environment with seed s + i, on every backend and for
-# every number of lanes. Needs Gymnasium 1.1 or later.
 
 if not hasattr(gymnasium.vector, "AutoresetMode"):
-    raise SpecError(
-        [
-            Diagnostic(
-                "E705",
-                None,
-                f"vector environments need Gymnasium 1.1 or later; this is {gymnasium.__version__}",
-                f"{install_package('gymnasium>=1.1')}, or use taskspec.envs.sb3, or SyncVectorEnv over taskspec.make",
-            )
-        ]
+    raise spec_error(
+        "E705",
+        f"vector environments need Gymnasium 1.1 or later; this is {gymnasium.__version__}",
+        f"{install_package('gymnasium>=1.1')}, or use taskspec.envs.sb3, or SyncVectorEnv over taskspec.make",
     )
 AutoresetMode = gymnasium.vector.AutoresetMode
 _MODES: dict[str, Mode] = {"NextStep": "next_step", "SameStep": "same_step", "Disabled": "disabled"}
@@ -118,8 +108,9 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._spec: EnvSpec | None = None
         options = Options(_MODES[self.autoreset_mode.value], num_threads)
         self._engine = backend_table.engine(self.task, num_envs, self.backend, options)
-        self._set_spaces()
         self._same_step = self.autoreset_mode == AutoresetMode.SAME_STEP
+        self._has_infos = bool(self.task.info) and not self._same_step
+        self._set_spaces()
         self._reuse = reuse
         self._seeded = False
         self._drawings: defaultdict[int, Frames] = defaultdict(Frames)
@@ -129,7 +120,6 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.single_action_space: gymnasium.Space[Any] = space(self._engine.action)
         self.observation_space: gymnasium.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
         self.action_space: gymnasium.Space[Any] = batch_space(self.single_action_space, self.num_envs)
-        self._has_infos = bool(self.task.info) and not self._same_step
         b = self._engine.buffers
         self._seen = b.seen.view()
         self._results = (b.reward, b.terminated, b.truncated)
@@ -233,14 +223,14 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Nothing to close."""
 
     def _observation(self) -> Any:
-        return self._seen if self._reuse else self._engine.buffers.seen.fresh()
+        return self._seen if self._reuse else self._engine.buffers.seen.view(copy=True)
 
     def _final(self) -> dict[str, Any]:
         """Last observations of the episodes that ended in this step, and which these are."""
         b = self._engine.buffers
         if self._reuse and self._last is not None:
             return {"final_obs": self._last, "_final_obs": b.ended, "final_info": {}, "_final_info": b.ended}
-        rows = _rows(b.final.fresh(), b.ended)
+        rows = _rows(b.final.view(copy=True), b.ended)
         return {"final_obs": rows, "_final_obs": b.ended.copy(), "final_info": {}, "_final_info": b.ended.copy()}
 
     # -- seeds ----------------------------------------------------------------------------------------------------
@@ -315,10 +305,6 @@ def _rows(seen: Any, ended: Array) -> Array:
     for lane in np.flatnonzero(ended):
         rows[lane] = {name: part[lane] for name, part in seen.items()} if isinstance(seen, dict) else seen[lane]
     return rows
-
-
-# ---------- instances
-# Several instances of a task behind one vector interface: each lane has the constants of its own `instance_seed`.
 
 
 class InstanceLanes(VectorEnvironment):

@@ -17,7 +17,7 @@ from typing import Any, Literal
 import gymnasium
 import numpy as np
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import visible
 from taskspec.base.extras import install_package, need
 from taskspec.base.files import Unfinished, refused, write_bytes
@@ -26,9 +26,6 @@ from taskspec.envs.options import invalid
 from taskspec.lang.types import Kind
 from taskspec.task.spaces import unpack
 from taskspec.task.task import Component, Task
-
-# ---------- window
-# Frames of an environment, the window that shows them, and tasks played with the keyboard.
 
 # Figures lie above environments in the layers, so they are resolved by name when needed.
 
@@ -240,7 +237,7 @@ def play(env: gymnasium.Env[Any, Any], callback: Step | None = None, fps: int | 
         pygame.display.init()
     except pygame.error as error:
         message = f"there is no display to play on ({error})"
-        raise SpecError([Diagnostic("E717", None, message, "`taskspec run --render gif` makes a film")]) from None
+        raise spec_error("E717", message, "`taskspec run --render gif` makes a film") from None
     _needs_patience()
     with warnings.catch_warnings():  # it says that matplotlib is missing where that is only without windows of its own
         warnings.simplefilter("ignore", UserWarning)
@@ -252,11 +249,8 @@ def _needs_patience() -> None:
     """Refuse a Gymnasium whose window goes on without keys, with the first action."""
     if int(gymnasium.__version__.split(".")[0]) < 1:
         message = f"play needs Gymnasium 1.0 or later; this is {gymnasium.__version__}"
-        raise SpecError([Diagnostic("E705", None, message, install_package("gymnasium>=1.0"))])
+        raise spec_error("E705", message, install_package("gymnasium>=1.0"))
 
-
-# ---------- film
-# Films of episodes: GIF and MP4 files.
 
 HOLD = 1.0
 """Seconds for which a film shows the last state of an episode."""
@@ -338,11 +332,7 @@ class Film:
             self._target.finish()
 
     def _check(self, path: Path) -> None:
-        """Check that ffmpeg, which does not report failures, wrote all frames.
-
-        Raises:
-            OSError: frames are missing.
-        """
+        """Check that ffmpeg, which does not report failures, wrote all frames."""
         try:
             frames, _ = self._ffmpeg.count_frames_and_secs(str(path))
         except RuntimeError:

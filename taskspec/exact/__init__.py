@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from taskspec.abstraction.abstraction import extract as extract
-from taskspec.check.names import Accepted as Accepted
 from taskspec.check.report import Report as Report
 from taskspec.check.report import Score as Score
 from taskspec.check.report import Scores as Scores
@@ -11,11 +10,12 @@ from taskspec.check.report import StaleScores as StaleScores
 from taskspec.check.report import check as check
 from taskspec.check.report import score as score
 from taskspec.check.report import scores as scores
+from taskspec.check.warnings import Accepted as Accepted
 from taskspec.check.warnings import warnings as warnings
 from taskspec.model.model import Model as Model
 from taskspec.policies.experts import Expert as Expert
-from taskspec.rules.claims import Verdict as Verdict
-from taskspec.rules.claims import verdicts as verdicts
+from taskspec.rules.claim_verdicts import Verdict as Verdict
+from taskspec.rules.claim_verdicts import verdicts as verdicts
 from taskspec.rules.examples import wrong_examples as wrong_examples
 from taskspec.scores.difficulty import MEASURES as MEASURES
 from taskspec.scores.difficulty import Difficulty as Difficulty

@@ -12,10 +12,9 @@ from taskspec.base.bibliography import Reference
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam.results import Diagnosis
 from taskspec.pages.render.html import page_of
-from taskspec.rules.books import RuleBook, exam_of, findings_of, read_exam, read_findings
 from taskspec.rules.evaluator import Truth
-from taskspec.rules.score_rules import Comparison, ScoreEvaluator
-from taskspec.rules.scores import ONE, SeedScores
+from taskspec.rules.rule_books import EXAM, FINDINGS, RuleBook, file_of, read_exam, read_findings
+from taskspec.rules.score_rules import ONE, Comparison, ScoreEvaluator, SeedScores
 from taskspec.task.schema.experiments import DiagnosisEntry, FindingEntry, FindingsDocument
 
 # -- findings ---------------------------------------------------------------------------------------------------------
@@ -90,7 +89,7 @@ def evaluate(suite: str | Path, sets: Mapping[str, Mapping[str, Mapping[str, Any
     Raises:
         SpecError: E710 for a suite without findings; for mistakes in its file; E713 for learners that it does not name.
     """
-    path = findings_of(suite)
+    path = file_of(suite, FINDINGS)
     if path is None:
         raise SpecError([Diagnostic("E710", None, f"the suite '{suite}' has no findings")])
     book = read_findings(path)
@@ -202,7 +201,7 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
     Raises:
         SpecError: for mistakes in the suite's file.
     """
-    path = exam_of(suite)
+    path = file_of(suite, EXAM)
     if path is None:
         return []
     book = read_exam(path)

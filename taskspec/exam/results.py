@@ -15,7 +15,7 @@ from taskspec import registry
 from taskspec.base.diagnostics import Diagnostic, Origin, SpecError, suggest
 from taskspec.base.files import safe_name, write_text
 from taskspec.learners import BUILT_IN, FAMILIES
-from taskspec.source.json_places import json_span
+from taskspec.source.document import json_span
 from taskspec.task.schema.check import shape_problem
 from taskspec.task.schema.problems import Problem
 

@@ -13,7 +13,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.ids import InstanceId
 from taskspec.data import demonstrations
 from taskspec.modifiers import keeps_observers, modify
-from taskspec.rules.books import exam_of, read_exam
+from taskspec.rules.rule_books import EXAM, file_of, read_exam
 from taskspec.task.task import Task, TaskLike
 
 # Which tasks an exam asks.
@@ -34,7 +34,7 @@ def tasks_of(suite: str, wanted: Sequence[TaskLike] | None) -> list[Task]:
         suites = {e.suite for e in registry.known().values()}
         raise SpecError([Diagnostic("E713", None, f"there is no suite '{suite}'", suggest(suite, suites))])
     if wanted is None:
-        path = exam_of(suite)
+        path = file_of(suite, EXAM)
         wanted = (read_exam(path).described.tasks if path is not None else ()) or tuple(known)
     found = [registry.load(known.get(task, task) if isinstance(task, str) else task) for task in wanted]
     ids = [exam_id(task) for task in found]

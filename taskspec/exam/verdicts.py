@@ -11,7 +11,7 @@ from typing import Literal
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam.results import CapabilityVerdict, Exam, Examined, Flag, Grade, Score, Told
 from taskspec.rollout.statistics import ALARM, CONFIDENCE, Difference, estimate, mean, paired, unpaired
-from taskspec.rules.scores import side
+from taskspec.rules.score_rules import side
 
 # Verdicts: which capabilities a learner masters, from the interval of its mean score and not from the mean.
 

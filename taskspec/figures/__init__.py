@@ -29,8 +29,8 @@ from taskspec.model.model import NoModel
 from taskspec.printers.tree import Words
 from taskspec.registry import load
 from taskspec.soundness.soundness import soundness
-from taskspec.task.figure_kinds import DEFAULT, FIGURE_KINDS
 from taskspec.task.merge import merge
+from taskspec.task.parts import DEFAULT, FIGURE_KINDS
 from taskspec.task.task import Task, TaskLike
 
 _OTHERS = ", ".join(name for name in FIGURE_KINDS if name != DEFAULT)

@@ -131,6 +131,10 @@ class Dist:
     samples: tuple[Mapping[str, float | tuple[float, ...]], ...] = ()
 
     @property
+    def signature(self) -> str:
+        return f"{self.name}({', '.join(a.name for a in self.arguments)})"
+
+    @property
     def squared(self) -> tuple[str, ...]:
         """The arguments that stand squared in mathematics."""
         return tuple(a.name for a in self.arguments if f"{{{a.name}}}^2" in self.latex)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NoReturn
@@ -15,8 +15,6 @@ from taskspec.base.extras import need
 from taskspec.lang.ir import Role
 from taskspec.model.space import Space, shown
 from taskspec.task.task import Task
-
-# Why a task has no exact model, and the optional package that exact models need.
 
 
 class NoModel(SpecError):
@@ -42,13 +40,6 @@ def scipy_sparse() -> Any:
     return need("scipy.sparse", "exact", "an exact model")
 
 
-def scipy_module(name: str) -> Any:
-    """Return a part of `scipy.sparse`, imported on first use."""
-    return need(f"scipy.sparse.{name}", "exact", "an exact model")
-
-
-# The exact model of a finite task: sparse transition matrices, expected rewards, the start.
-#
 # Shapes: S states, A actions, T steps. Rows of matrices are action-major: row a*S + s is action a in
 # state s, so that a maximum over actions runs over the contiguous leading axis of an (A, S) array.
 
@@ -92,16 +83,18 @@ class Step:
         """`P`, and `P_end` where there is one."""
         return [self.P] if self.P_end is None else [self.P, self.P_end]
 
+    def with_reward(self, R: Array, lowest: float, highest: float) -> Step:
+        """Return the step with another expected reward (A*S,), and bounds of that of all outcomes."""
+        return replace(self, R=R, rounding=RoundingTerms(self.rounding.terms, lowest, highest))
+
     def same(self, other: Step) -> bool:
         """Return whether two times are alike, so that one can stand for both."""
-        if (self.P_end is None) != (other.P_end is None) or not np.array_equal(self.R, other.R):
+        if len(self.matrices) != len(other.matrices) or not np.array_equal(self.R, other.R):
             return False
-        pairs = [(self.P, other.P)] + ([] if self.P_end is None else [(self.P_end, other.P_end)])
-        return all(_equal(a, b) for a, b in pairs)
-
-
-def _equal(a: Any, b: Any) -> bool:
-    return all(np.array_equal(getattr(a, f), getattr(b, f)) for f in ("indptr", "indices", "data"))
+        for a, b in zip(self.matrices, other.matrices, strict=True):
+            if not all(np.array_equal(getattr(a, part), getattr(b, part)) for part in ("indptr", "indices", "data")):
+                return False
+        return True
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,13 +140,11 @@ class Model:
     def entries(self) -> int:
         """Non-zeros of all matrices."""
         distinct = {id(step): step for step in self.steps}.values()
-        return sum(s.P.nnz + (0 if s.P_end is None else s.P_end.nnz) for s in distinct)
+        return sum(matrix.nnz for step in distinct for matrix in step.matrices)
 
     def with_reward(self, R: Array, lowest: float, highest: float) -> Model:
         """Return a model whose time does not matter with another expected reward (A*S,), and bounds of that of all outcomes."""
-        step = self.step(0)
-        rounding = RoundingTerms(step.rounding.terms, lowest, highest)
-        return replace(self, steps=(replace(step, R=R, rounding=rounding),))
+        return replace(self, steps=(self.step(0).with_reward(R, lowest, highest),))
 
     # -- names both ways --------------------------------------------------------------------------
 
@@ -192,8 +183,8 @@ class Model:
         if missing.any():
             at = int(np.flatnonzero(missing)[0])
             state = {c.name: values[c.name][..., min(at, values[c.name].shape[-1] - 1)] for c in self.states.components}
-            told = ", ".join(f"{c.name} = {shown(c, state[c.name])}" for c in self.states.components)
-            refuse(f"nothing is planned for {told}: no episode of {self.task.name} comes there")
+            words = ", ".join(f"{c.name} = {shown(c, state[c.name])}" for c in self.states.components)
+            refuse(f"nothing is planned for {words}: no episode of {self.task.name} comes there")
         return np.asarray(found)
 
     def action_index(self, values: Mapping[str, Any]) -> int:
@@ -248,14 +239,12 @@ class Model:
     def _entered(self, horizon: int | None) -> Array:
         found = self.start > 0
         for t, level in self._growth(horizon):
-            step = self.step(t)
-            found = found | self.successors(step.P, level)
-            if step.P_end is not None:
-                found |= self.successors(step.P_end, level)
+            for matrix in self.step(t).matrices:
+                found = found | self.successors(matrix, level)
         return found
 
     def _growth(self, horizon: int | None) -> Iterator[tuple[int, Array]]:
-        """As `levels`, but where the time does not matter only with the states that are new."""
+        """Yield the same as `levels`, but where the time does not matter only with the states that are new."""
         if self.is_timed:
             yield from self.levels()
             return
@@ -279,17 +268,71 @@ def code_of(space: Space, values: Mapping[str, Any]) -> int:
     """Return the code of a combination given by component."""
     arrays = []
     for c in space.components:
-        value = values[c.name]
+        value = np.asarray(values[c.name])
         if c.domain is not None:
-            value = _indices(value, c.domain.labels)
-        arrays.append(np.asarray(value)[..., None])
+            labels = c.domain.labels
+            value = np.reshape([labels.index(str(label)) for label in value.flat], value.shape)
+        arrays.append(value[..., None])
     code, outside = space.encode(arrays, 1)
     if outside is not None and outside.any():
         raise KeyError(f"{dict(values)} is outside the declared domains")
     return int(code[0])
 
 
-def _indices(value: Any, labels: Sequence[str]) -> Any:
-    if isinstance(value, list | tuple):
-        return [_indices(v, labels) for v in value]
-    return labels.index(str(value))
+# -- whether a component of the action makes any difference -----------------------------------------------------------
+
+CLEAR = 1e-12
+"""A difference that no rounding makes."""
+
+
+def groups(model: Model, name: str) -> Array:
+    """Return actions that differ in one component alone, side by side: codes (groups, values of the component)."""
+    space = model.actions
+    position = next(i for i, c in enumerate(space.components) if c.name == name)
+    values = space.decode(np.arange(space.size))[Role.ACTION, name].reshape(-1, space.size)
+    own = np.zeros(space.size, np.int64)
+    component = space.components[position]
+    for row, low, stride in zip(values, component.low, space.strides[position], strict=True):
+        own += (row - int(low)) * stride
+    order = np.lexsort((own, np.arange(space.size) - own))
+    return np.arange(space.size)[order].reshape(-1, int(np.prod(component.counts)))
+
+
+def differs(model: Model, action: str, state: str | None = None) -> tuple[bool | None, str]:
+    """Return whether the action component changes the distribution of the next value of a state component.
+
+    Without `state`: of the whole next state, of the reward, or of the end, in a state where episodes act. None where
+    probabilities differ by so little that it may be rounding; an outcome that is possible with one action and never with
+    another tells them apart.
+    """
+    n = model.n_states
+    table = groups(model, action)
+    acting = np.flatnonzero(model.acting)
+    keys = np.arange(n)
+    if state is not None:
+        value = model.states.decode(model.codes)[Role.STATE, state].reshape(-1, n)
+        keys = np.asarray(np.unique(value, axis=1, return_inverse=True)[1]).reshape(-1)
+    shape = (n, int(keys.max()) + 1)
+    collapse = scipy_sparse().csr_array((np.ones(n), (np.arange(n), keys)), shape=shape)
+    unsure: str | None = None
+    for step in {id(x): x for x in model.steps}.values():
+        parts = [matrix @ collapse for matrix in step.matrices]
+        if state is not None:
+            parts = [sum(parts[1:], parts[0])]
+        rows = (table[:, :1] * n + acting).reshape(-1)
+        for column in range(1, table.shape[1]):
+            others = (table[:, column : column + 1] * n + acting).reshape(-1)
+            gap = np.zeros(len(rows))
+            if state is None:
+                size = np.maximum(np.abs(step.R[rows]), np.abs(step.R[others]))
+                gap += np.divide(np.abs(step.R[rows] - step.R[others]), size, out=np.zeros_like(size), where=size > 0)
+            for part in parts:
+                for matrix in (part, part.sign()):
+                    gap += np.asarray(abs(matrix[rows] - matrix[others]).sum(axis=1)).reshape(-1)
+            if (gap > CLEAR).any():
+                return True, f"it does in {model.state_name(int(rows[np.flatnonzero(gap > CLEAR)[0]] % n))}"
+            if unsure is None and (gap > (step.rounding.terms + 4) * 2.0**-50).any():
+                unsure = model.state_name(int(rows[gap.argmax()] % n))
+    if unsure is not None:
+        return None, f"in {unsure} probabilities differ by no more than 1e-12"
+    return False, "it does in no state"

@@ -1,4 +1,4 @@
-"""The points at which a task is looked at: all of them, or samples."""
+"""The points at which a task is evaluated: all of them, or samples; and what that costs, at nominal rates."""
 
 from __future__ import annotations
 
@@ -10,19 +10,23 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.lang.ir import Role
+from taskspec.base.limits import how_to_raise, limits
+from taskspec.lang.ir import Const, Draw, Node, Role, walk
 from taskspec.lang.types import Kind
+from taskspec.lang.variates import VARIATES, words_of
+from taskspec.model.model import refuse
 from taskspec.model.space import Reads, Space
 from taskspec.task.task import Component
 
 TIME = (Role.TIME, "t")
 SAMPLES = 4096
-FAR = 100.0  # how far from 0 an unbounded value is sampled
+FAR = 100.0
+"""The distance from 0 up to which an unbounded value is sampled."""
 
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """How something was found out: at all `points`, or at that many samples."""
+    """The points at which something was found: all `points`, or that many samples."""
 
     exact: bool
     points: int
@@ -31,15 +35,14 @@ class Method:
     def __str__(self) -> str:
         if not self.exact:
             return f"sampled: {self.points:,} points"
-        return (
-            "by bounds"
-            if not self.points
-            else f"exact: all {self.points:,} points" + ("" if self.states is None else f", {self.states:,} states")
-        )
+        if not self.points:
+            return "by bounds"
+        states = "" if self.states is None else f", {self.states:,} states"
+        return f"exact: all {self.points:,} points{states}"
 
     @classmethod
     def joined(cls, methods: Sequence[Method]) -> Method:
-        """Of several: exact only if all are; the points of those that decide that."""
+        """Combined method: exact only if all parts are; the points of those that decide that."""
         exact = all(m.exact for m in methods)
         points = sum(m.points for m in methods if m.exact == exact)
         return cls(exact, points, next((m.states for m in methods if m.states is not None), None))
@@ -47,7 +50,7 @@ class Method:
 
 @dataclass(frozen=True)
 class Batch:
-    """Some points: what is read at each (batch axis last), and the codes of the states where they have one.
+    """Some points: the reads at each (batch axis last), and the codes of the states where they have one.
 
     `acting` is whether episodes are there; None: not known.
     """
@@ -68,14 +71,14 @@ class Grid:
 
     @property
     def size(self) -> int:
-        return self.states.size * (1 if self.actions is None else self.actions.size) * len(self.times or (0,))
+        actions = 1 if self.actions is None else self.actions.size
+        return self.states.size * actions * len(self.times or (0,))
 
     def batches(self, most: int) -> Iterator[Batch]:
         """Yield all points, at most `most` at a time."""
         total = self.size
         for low in range(0, total, most):
-            rest = np.arange(low, min(total, low + most))
-            rest, states = np.divmod(rest, self.states.size)
+            rest, states = np.divmod(np.arange(low, min(total, low + most)), self.states.size)
             reads = dict(self.states.decode(states))
             if self.actions is not None:
                 rest, actions = np.divmod(rest, self.actions.size)
@@ -102,19 +105,15 @@ class Samples:
         return _count(self.visited) + _count(self.others)
 
     def batches(self, most: int) -> Iterator[Batch]:
-        yield from _parts(self.visited, True, most)
-        yield from _parts(self.others, None, most)
+        for reads, acting in ((self.visited, True), (self.others, None)):
+            lanes = _count(reads)
+            for low in range(0, lanes, most):
+                here = {k: v if v.shape[-1] == 1 else v[..., low : low + most] for k, v in reads.items()}
+                yield Batch(here, min(most, lanes - low), None, acting)
 
 
 def _count(reads: Reads) -> int:
     return max((v.shape[-1] for v in reads.values()), default=0)
-
-
-def _parts(reads: Reads, acting: bool | None, most: int) -> Iterator[Batch]:
-    lanes = _count(reads)
-    for low in range(0, lanes, most):
-        here = {k: v if v.shape[-1] == 1 else v[..., low : low + most] for k, v in reads.items()}
-        yield Batch(here, min(most, lanes - low), None, acting)
 
 
 def drawn(
@@ -125,19 +124,15 @@ def drawn(
     return reads | {TIME: rng.integers(times.start, times.stop, SAMPLES)}
 
 
-def anew(reads: Reads, components: Iterable[tuple[Role, Component]], rng: np.random.Generator) -> Reads:
-    """Return what is read at some points, as often as there are samples, with other values of some components."""
+def resampled(reads: Reads, components: Iterable[tuple[Role, Component]], rng: np.random.Generator) -> Reads:
+    """Return reads at some points, as often as there are samples, with other values of some components."""
     if not _count(reads):
         return {}
     lanes = rng.integers(0, _count(reads), SAMPLES)
-    return {k: v[..., lanes] for k, v in reads.items()} | {
-        (role, c.name): sampled(c, SAMPLES, rng) for role, c in components
-    }
-
-
-def are_related(state: Sequence[Component]) -> bool:
-    """Return whether more may hold of the components of a state than their domains say: there is a real among others."""
-    return any(c.type.kind is Kind.REAL for c in state) and sum(c.type.size for c in state) > 1
+    found = {k: v[..., lanes] for k, v in reads.items()}
+    for role, c in components:
+        found[role, c.name] = sampled(c, SAMPLES, rng)
+    return found
 
 
 def sampled(c: Component, lanes: int, rng: np.random.Generator) -> Array:
@@ -145,21 +140,27 @@ def sampled(c: Component, lanes: int, rng: np.random.Generator) -> Array:
     as often.
     """
     rows = [_element(low, high, c.type.kind, lanes, rng) for low, high in zip(c.low, c.high, strict=True)]
-    values = np.array(rows) if c.type.shape else rows[0]
     kind: Any = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}[c.type.kind]
-    return values.reshape(*c.type.shape, lanes).astype(kind)
+    return np.array(rows).reshape(*c.type.shape, lanes).astype(kind)
 
 
 def _element(low: float, high: float, kind: Kind, lanes: int, rng: np.random.Generator) -> Array:
-    bottom = low if math.isfinite(low) else min(-FAR, high - 2 * FAR) if math.isfinite(high) else -FAR
-    top = high + 0.0 if math.isfinite(high) else max(FAR, bottom + 2 * FAR)  # -0.0 is 0.0, and not below it
+    bottom = low
+    top = high + 0.0  # -0.0 is 0.0, and not below it
+    if not math.isfinite(low):
+        bottom = -FAR
+        if math.isfinite(high):
+            bottom = min(-FAR, high - 2 * FAR)
+    if not math.isfinite(high):
+        top = max(FAR, bottom + 2 * FAR)
     if kind is Kind.REAL:
         values = rng.uniform(bottom, top, lanes)
     else:
         values = np.floor(rng.uniform(bottom, top + 1, lanes)).clip(bottom, top)
     place = rng.integers(0, 16, lanes)
     near = (top - bottom) * 10 ** -rng.uniform(0, 9, lanes)
-    near = near if kind is Kind.REAL else np.floor(near)
+    if kind is not Kind.REAL:
+        near = np.floor(near)
     return np.choose(np.minimum(place, 4), [bottom, top, bottom + near, top - near, values])
 
 
@@ -167,3 +168,87 @@ def columns(parts: Iterable[Reads]) -> Reads:
     """Return several batches of one another after the other."""
     parts = list(parts)
     return {key: np.concatenate([p[key] for p in parts], axis=-1) for key in parts[0]} if parts else {}
+
+
+# -- cost -------------------------------------------------------------------------------------------------------------
+
+RATE = 3e8
+"""Nominal number of operations on single numbers that NumPy does in a second."""
+CALL = 1e-5
+"""Seconds that an operation of NumPy takes, however few numbers there are."""
+BYTES = 8
+WORD = 5
+SORTED = 60
+PASS = 3
+"""Operations for a random word, for one of a draw that sorts its words, and for each further pass over the words."""
+
+
+class Cost:
+    """The cost of evaluating nodes at many points at once: their operations, and the numbers in one point's results.
+
+    Args:
+        roots: the nodes.
+        simulated: draws are sampled, instead of being enumerated.
+        beside: operations at each point beside those of the nodes.
+    """
+
+    def __init__(self, roots: Iterable[Node], simulated: bool = False, beside: int = 0) -> None:
+        nodes = [node for node in walk(roots) if not isinstance(node, Const)]
+        self.calls = max(1, len(nodes))
+        self.numbers = max(1, sum(node.type.size for node in nodes) + beside)
+        for node in nodes:
+            if simulated and isinstance(node, Draw):
+                more_passes = PASS * (VARIATES[node.base].passes(node) - 1)
+                word = SORTED if VARIATES[node.base].sorts else WORD
+                self.numbers += words_of(node) * (word + more_passes)
+                self.calls += more_passes
+
+    def seconds(self, points: float, batches: float = 1) -> float:
+        """Return how long so many points take, in so many batches."""
+        return points * self.numbers / RATE + batches * self.calls * CALL
+
+    def affordable(self) -> int:
+        """Return how many points there may be in the time that an analysis has."""
+        return int(limits().seconds * RATE / self.numbers)
+
+    def batch(self, most: float) -> int:
+        """Return how many points, of at most so many, fit into memory at once."""
+        return max(1, int(min(most, limits().megabytes * 1e6 / (BYTES * self.numbers))))
+
+
+class Budget:
+    """The time of an analysis whose length only shows as it goes on.
+
+    `what` takes more than that time, says the message.
+    """
+
+    def __init__(self, what: str) -> None:
+        self.what = what
+        self.spent = 0.0
+        self.most = limits().seconds
+
+    def spend(self, cost: Cost, points: float, beside: float = 0.0) -> None:
+        """Begin a batch of so many points, with so many seconds for what is done beside them.
+
+        Raises:
+            SpecError: (E712) when the time is over.
+        """
+        self.spent += cost.seconds(points) + beside
+        if self.spent > self.most:
+            message = f"{self.what} take more than {self.most} seconds, the limit"
+            refuse(message, how_to_raise("seconds", 10 * self.most))
+
+
+def duration(seconds: float) -> str:
+    """Return a time in words, to two digits: `about 40 seconds`, `about 3 hours`."""
+    size = 1
+    unit = "seconds"
+    for more, longer in ((60, "minutes"), (3_600, "hours"), (86_400, "days")):
+        if seconds >= 2 * more:
+            size = more
+            unit = longer
+    number = seconds / size
+    if not math.isfinite(number) or number >= 1e15:
+        return f"about endlessly many {unit}"
+    scale = 10 ** max(0, len(str(int(number))) - 2)
+    return f"about {round(number / scale) * scale:,} {unit}"

@@ -15,7 +15,7 @@ from taskspec.lang.ir import Role
 from taskspec.lang.types import BOOLEAN_LABELS, Kind
 from taskspec.task.task import Component
 
-# Sets of codes as sorted arrays of ints, each code once: by sorting, which is far faster than NumPy's hash tables.
+# -- sets of codes as sorted arrays, each code once: by sorting, which is far faster than NumPy's hash tables -------------
 
 
 def distinct(codes: Array) -> Array:
@@ -70,7 +70,7 @@ def without(codes: Array, others: Array) -> Array:
     return codes[~holds(codes, others)]
 
 
-# Finite domains as numbers: every state (or action) of a finite product has a code, and back.
+# -- codes of states and actions --------------------------------------------------------------------------------------
 #
 # Codes count in mixed radix, the first element of the first component slowest, so that the code of a
 # single component with low = 0 is its value.
@@ -122,8 +122,7 @@ class Space:
             if stride * count < self.size:
                 digits = digits % count
             parts.append(digits + int(low) if low else digits)
-        flat = np.array(parts) if c.type.shape else parts[0]
-        values = flat.reshape(*c.type.shape, codes.shape[-1])
+        values = np.array(parts).reshape(*c.type.shape, codes.shape[-1])
         return values.astype(np.bool_ if c.type.kind is Kind.BOOL else np.int64, copy=False)
 
     def encode(self, values: Sequence[Array], lanes: int) -> tuple[Array, Array | None]:
@@ -136,14 +135,17 @@ class Space:
         for c, strides, value in zip(self.components, self.strides, values, strict=True):
             rows = value.reshape(-1, value.shape[-1])
             for row, low, count, stride in zip(rows, c.low, c.counts, strides, strict=True):
-                digits = row.astype(np.int64, copy=False) - int(low) if low else row.astype(np.int64, copy=False)
+                digits = row.astype(np.int64, copy=False)
+                if low:
+                    digits = digits - int(low)
                 if digits.size and (digits.min() < 0 or digits.max() >= count):
                     wrong = (digits < 0) | (digits >= count)
                     outside = wrong if outside is None else outside | wrong
                     digits = np.where(wrong, 0, digits)
                 codes = codes + (digits * stride if stride > 1 else digits)
-        codes = np.broadcast_to(codes, (lanes,))
-        return codes, None if outside is None else np.broadcast_to(outside, (lanes,))
+        if outside is not None:
+            outside = np.broadcast_to(outside, (lanes,))
+        return np.broadcast_to(codes, (lanes,)), outside
 
     def describe(self, code: int) -> str:
         """Return a combination in words, as `x = 2, y = 0`."""
@@ -156,20 +158,16 @@ class Space:
         return {c.name: plain(c, reads[self.role, c.name][..., 0]) for c in self.components}
 
 
-def plain(c: Component, value: Array) -> Any:
+def plain(c: Component, value: Any) -> Any:
     """Return a value of a component as plain data, a choice as its label (or labels)."""
+    value = np.asarray(value).tolist()
     if c.domain is None:
-        return np.asarray(value).tolist()
-    return _labels(c, np.asarray(value).tolist())
-
-
-def _labels(c: Component, codes: Any) -> Any:
-    if isinstance(codes, list):
-        return [_labels(c, code) for code in codes]
-    assert c.domain is not None
-    if 0 <= codes < len(c.domain.labels):
-        return c.domain.labels[int(codes)]
-    return f"label number {codes}" if c.domain.values is None else "none of them"
+        return value
+    if isinstance(value, list):
+        return [plain(c, code) for code in value]
+    if 0 <= value < len(c.domain.labels):
+        return c.domain.labels[int(value)]
+    return f"label number {value}" if c.domain.values is None else "none of them"
 
 
 def shown(c: Component, value: Array) -> str:
@@ -195,15 +193,19 @@ def domain(c: Component) -> str:
     if c.domain is not None:
         labels = c.domain.labels
         return f"one of {', '.join(labels[:8])}{', ...' if len(labels) > 8 else ''}"
-    low = set(c.low)
-    high = set(c.high)
-    bottom = words(_number(min(low))) if len(low) == 1 else f"{words(_number(min(low)))} or more"
-    top = words(_number(max(high))) if len(high) == 1 else f"{words(_number(max(high)))} or less"
-    if len(low) > 1 or len(high) > 1:
+    low = min(c.low)
+    high = max(c.high)
+    bottom = words(_number(low))
+    top = words(_number(high))
+    if max(c.low) > low or min(c.high) < high:
+        if max(c.low) > low:
+            bottom += " or more"
+        if min(c.high) < high:
+            top += " or less"
         return f"its own range for each element, within {bottom} ... {top}"
-    if math.inf in high:
-        return "a number" if -math.inf in low else f"at least {bottom}"
-    return f"at most {top}" if -math.inf in low else f"between {bottom} and {top}"
+    if high == math.inf:
+        return "a number" if low == -math.inf else f"at least {bottom}"
+    return f"at most {top}" if low == -math.inf else f"between {bottom} and {top}"
 
 
 def _number(value: float) -> int | float:

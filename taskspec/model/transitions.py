@@ -25,10 +25,10 @@ from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.entry import FAINTEST, ProbabilityArithmetic, both, once
 from taskspec.model.lump import lumped
 from taskspec.model.model import refuse
-from taskspec.model.space import MAX_CODES, Reads, Space, distinct
+from taskspec.model.space import MAX_CODES, Reads, Space
 from taskspec.task.task import Task
 
-# The expected reward where the reward itself is noisy: real draws that enter it linearly are replaced by their means.
+# -- the expected reward where the reward itself is noisy -------------------------------------------------------------
 
 
 def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> Node:
@@ -38,23 +38,19 @@ def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> N
     that enters in any other way, and then the task has no exact model.
     """
     kept = {d.site for d in shared}
-    means = {
-        d.site: mean
-        for d in draws([reward])
-        if d.site not in kept and (mean := _mean(d, builder)) is not None and _is_linear(reward, d)
-    }
+    means: dict[int, Node] = {}
+    for draw in draws([reward]):
+        mean = VARIATES[draw.base].mean
+        if mean is not None and draw.site not in kept and _is_linear(reward, draw):
+            value = builder.cast(mean(builder, draw), draw.type.kind)
+            means[draw.site] = builder.stretch(value, draw.type.shape)
+    if not means:
+        return reward
 
     def leaf(node: Node) -> Node | None:
         return means.get(node.site) if isinstance(node, Draw) else None
 
-    return rewrite([reward], leaf, builder.remake)[0] if means else reward
-
-
-def _mean(draw: Draw, builder: Builder) -> Node | None:
-    found = VARIATES[draw.base].mean
-    return (
-        None if found is None else builder.stretch(builder.cast(found(builder, draw), draw.type.kind), draw.type.shape)
-    )
+    return rewrite([reward], leaf, builder.remake)[0]
 
 
 def _is_linear(root: Node, draw: Draw) -> bool:
@@ -62,22 +58,13 @@ def _is_linear(root: Node, draw: Draw) -> bool:
     depends: dict[int, bool] = {}
     for node in walk([root]):
         below = [depends[id(c)] for c in children(node)]
-        if node is draw:
-            depends[id(node)] = True
-        elif not any(below):
-            depends[id(node)] = False
-        elif not (isinstance(node, Apply) and _keeps_linear(node.op, below)):
+        depends[id(node)] = node is draw or any(below)
+        if any(below) and not (isinstance(node, Apply) and entry_of(node.op).linear(below)):
             return False
-        else:
-            depends[id(node)] = True
     return True
 
 
-def _keeps_linear(op: str, below: list[bool]) -> bool:
-    return entry_of(op).linear(below)
-
-
-# Every outcome of the finite draws of some expressions, with its probability, over a batch of points.
+# -- every outcome of the finite draws of some expressions, with its probability, over a batch of points ------------------
 #
 # Draws are taken one after the other. Where the probabilities are the same at all points and there are
 # many, an outcome is one pass over the points with the drawn value held fixed; otherwise the points are
@@ -134,18 +121,18 @@ class Branch:
         """Return what is read at each outcome's point."""
         if self.origin is None:
             return reads
-        origin = self.origin
-        return {k: v if v.shape[-1] == 1 else v[..., origin] for k, v in reads.items()}
+        return {key: _at(value, self.origin) for key, value in reads.items()}
 
 
 def count(draws: Sequence[Draw], known: dict[int, Range]) -> float:
     """Return an upper bound on the outcomes at one point; infinite where a draw is not finite."""
-    return math.prod(_outcomes(d, known) for d in draws)
-
-
-def _outcomes(draw: Draw, known: dict[int, Range]) -> float:
-    found = VARIATES[draw.base].outcomes
-    return math.inf if found is None else found.count(draw, lambda node: interval.bounds(node, known))
+    total = 1.0
+    for draw in draws:
+        found = VARIATES[draw.base].outcomes
+        if found is None:
+            return math.inf
+        total *= found.count(draw, lambda node: interval.bounds(node, known))
+    return total
 
 
 def is_finite(draw: Draw) -> bool:
@@ -181,23 +168,20 @@ def _expand(draws: Sequence[Draw], reads: Reads, lanes: int, so_far: Branch) -> 
         drawn = {**so_far.drawn, draw.site: values[0][..., None]}
         yield from _expand(rest, reads, lanes, replace(so_far, drawn=drawn))
         return
-    yield from _expand(rest, reads, lanes, _repeated(so_far, draw, values, p, lanes))
-
-
-def _repeated(so_far: Branch, draw: Draw, values: Array, p: Array, lanes: int) -> Branch:
-    """Return every point once for each outcome of positive probability, the outcomes of a point side by side."""
+    # every point once for each outcome of positive probability, the outcomes of a point side by side
     n = lanes if so_far.origin is None else len(so_far.origin)
     possible = once(operator.gt, p, np.zeros_like(p)).astype(np.bool_)
     point, outcome = np.nonzero(np.broadcast_to(possible.T, (n, len(p))))
     chance = p[outcome, 0] if p.shape[-1] == 1 else p[outcome, point]
-    weight = so_far.numbers.times(_at(so_far.weight, point), chance)
+    weight = times(_at(so_far.weight, point), chance)
     drawn = {site: _at(v, point) for site, v in so_far.drawn.items()}
     drawn[draw.site] = np.moveaxis(values[outcome], 0, -1)
-    return replace(so_far, weight=weight, origin=_at_origin(so_far.origin, point), drawn=drawn)
+    origin = point if so_far.origin is None else so_far.origin[point]
+    yield from _expand(rest, reads, lanes, replace(so_far, weight=weight, origin=origin, drawn=drawn))
 
 
-def _at_origin(origin: Array | None, point: Array) -> Array:
-    return point if origin is None else origin[point]
+def _at(values: Array, point: Array) -> Array:
+    return values if values.shape[-1] == 1 else values[..., point]
 
 
 def joint_outcomes(
@@ -234,11 +218,7 @@ def merge_outcomes(keys: Sequence[Array], weight: Array) -> tuple[list[Array], A
     return [key[start] for key in keys], total
 
 
-def _at(values: Array, point: Array) -> Array:
-    return values if values.shape[-1] == 1 else values[..., point]
-
-
-# One step of a finite task at many points at once: every outcome with its probability.
+# -- one step of a finite task at many points at once -----------------------------------------------------------------
 
 TIME = (Role.TIME, "t")
 
@@ -257,6 +237,13 @@ class Outcomes:
     outside: Array | None
     reward: Array
     terminal: Array
+
+    def spread(self, lanes: int) -> tuple[Array, ...]:
+        """Return points, codes, weights, rewards, ends and which are outside, (M,) each."""
+        point = np.arange(lanes) if self.origin is None else self.origin
+        outside = np.zeros(1, np.bool_) if self.outside is None else self.outside
+        fields = (point, self.code, self.weight, self.reward, self.terminal, outside)
+        return tuple(np.broadcast_to(x, (len(point),)) for x in fields)
 
 
 class OutcomeTable(NamedTuple):
@@ -332,14 +319,12 @@ class Steps:
 
     def table(self, codes: Array, t: int, numbers: ProbabilityArithmetic = FLOATS) -> OutcomeTable:
         """Return every outcome of every action in some states (S,), sorted codes, at a time."""
-        parts: list[tuple[Array, ...]] = []
+        parts = []
         for a in range(self.actions.size):
             for found in self.outcomes(codes, np.array([a]), t, numbers):
-                point = np.arange(len(codes)) if found.origin is None else found.origin
-                column = np.minimum(np.searchsorted(codes, found.code), len(codes) - 1)
-                inside = np.ones(1, np.bool_) if found.outside is None else ~found.outside
-                values = (a * len(codes) + point, column, found.weight, found.reward, found.terminal, inside)
-                parts.append(tuple(np.broadcast_to(v, (len(point),)) for v in values))
+                point, code, weight, reward, ends, outside = found.spread(len(codes))
+                column = np.minimum(np.searchsorted(codes, code), len(codes) - 1)
+                parts.append((a * len(codes) + point, column, weight, reward, ends, ~outside))
         return OutcomeTable(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def starts(self, numbers: ProbabilityArithmetic = FLOATS) -> tuple[Array, Array]:
@@ -363,24 +348,12 @@ class Steps:
                 refuse("an episode can start outside the state space")
             codes.append(code)
             weights.append(weight)
-        every = np.concatenate(codes)
-        first = distinct(every)
-        return first, total(np.searchsorted(first, every), np.concatenate(weights), len(first))
+        (first,), weight = merge_outcomes([np.concatenate(codes)], np.concatenate(weights))
+        return first, weight
 
 
 def total(which: Array, values: Array, size: int) -> Array:
     """Return sums (size,) of the values (N,) of each group, floats or rationals."""
-    if values.dtype != object:
-        return np.bincount(which, values, size)
-    sums = np.array([Fraction(0)] * size, dtype=object)
+    sums = np.zeros(size, values.dtype)
     np.add.at(sums, which, values)
     return sums
-
-
-def acted(actions: Space, nodes: Sequence[Node], given: Reads, branch: Branch, states: int) -> tuple[Array, Array]:
-    """Return codes of the actions that expressions give in some states for an outcome of their draws, and the state of
-    each.
-    """
-    values = evaluate(nodes, branch.place(given), branch.sample)
-    at = np.arange(states) if branch.origin is None else branch.origin
-    return actions.encode(values, len(at))[0], at

@@ -14,7 +14,7 @@ from taskspec.pages.prose import CellTable, Formula, Inline, Inlines, Mark, Text
 from taskspec.printers import tree as m
 from taskspec.printers.names import expression
 from taskspec.printers.text import text
-from taskspec.rules.vocabulary import MODELS, RESULTS
+from taskspec.rules.claim_rules import MODELS, RESULTS
 from taskspec.task.task import Claim, Example, Followed
 
 _ENDS = {"terminal": "terminates", "truncated": "is truncated"}

@@ -11,7 +11,7 @@ from taskspec.exact import Report, Results, Verdict, pomdp_bounds, verdicts, wro
 from taskspec.pages.prose import CellTable, Formula, Inlines, Text
 from taskspec.printers import tree as m
 from taskspec.registry import load
-from taskspec.scores.saved import CLAIMS, NUMBERS
+from taskspec.scores.returns import CLAIMS, NUMBERS
 from taskspec.solve.enclosure import Enclosure
 from taskspec.task.task import Task, TaskLike
 

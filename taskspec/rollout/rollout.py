@@ -19,8 +19,7 @@ from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import WordLayout, batch_sampler
-from taskspec.model.cost import BYTES, Cost
-from taskspec.model.points import columns, sampled
+from taskspec.model.points import BYTES, Cost, columns, sampled
 from taskspec.task.task import Component, Task
 
 Key = tuple[Role, str]

@@ -13,8 +13,8 @@ from taskspec.base.arrays import Array
 from taskspec.base.limits import tell
 from taskspec.lang.interval import bounds
 from taskspec.lang.ir import Const
-from taskspec.model.cost import Budget, Cost
 from taskspec.model.model import refuse
+from taskspec.model.points import Budget, Cost
 from taskspec.rollout.rollout import Choose, Rollout
 from taskspec.task.task import Task
 

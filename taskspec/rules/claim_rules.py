@@ -7,8 +7,7 @@ it, and `prefers(condition, at=condition)` leaves the model out.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -30,11 +29,10 @@ from taskspec.rules.conditions import (
     influences,
     preferred,
 )
-from taskspec.rules.evaluator import Evaluator, Truth, Undecidable
-from taskspec.rules.vocabulary import RESULTS, RETURNS, InvalidClaim, holds_of_all, refuse_misplaced, rule_named
+from taskspec.rules.evaluator import Evaluator, InvalidClaim, Truth, Undecidable, Word
 from taskspec.scores.partial_observability import SEARCHES, best_observing
 from taskspec.scores.returns import Results
-from taskspec.solve.backward import Rule
+from taskspec.solve.backward import Boltzmann, Greedy, Rule, Uniform
 from taskspec.solve.enclosure import (
     Enclosure,
     Inexact,
@@ -46,7 +44,131 @@ from taskspec.solve.enclosure import (
     digits,
     negative,
 )
+from taskspec.solve.plans import MaxEnt
 from taskspec.solve.solve import Solver
+
+RESULTS: dict[str, Word] = {
+    w.name: w
+    for w in (
+        Word(
+            "optimal_return", "optimal_return", "Expected return of the best policy, which knows the state.",
+            "optimal return",
+        ),
+        Word("random_return", "random_return", "Expected return of uniformly random actions.", "random return"),
+        Word("worst_return", "worst_return", "Expected return of the worst policy.", "worst return"),
+        Word("expert_return", "expert_return", "Expected return of the expert.", "expert return"),
+        Word(
+            "remembering_return", "remembering_return",
+            "Expected return of the best policy that sees observations only, and remembers all that it saw and did.",
+            "return of the best policy with memory",
+        ),
+        Word(
+            "memoryless_return", "memoryless_return",
+            "Expected return of the best policy that always does the same when it sees the same.",
+            "return of the best memoryless policy",
+        ),
+        Word(
+            "states", "states", "The number of reachable states, the last one of an episode included.",
+            "number of states",
+        ),
+        Word("actions", "actions", "How many actions there are.", "number of actions"),
+    )
+}  # fmt: skip
+RETURNS = tuple(name for name in RESULTS if name.endswith("_return"))
+
+FUNCTIONS: dict[str, Word] = {
+    w.name: w
+    for w in (
+        Word("reachable", "reachable(condition)", "Some episode visits a state that fulfils the condition."),
+        Word(
+            "probability", "probability(condition, under=model)",
+            "How likely an episode visits such a state; under uniformly random actions unless `under` says otherwise.",
+        ),
+        Word(
+            "prefers", "prefers(model, condition, at=condition)",
+            "In every state that fulfils `at` and in which an action is taken, the actions that the model takes most often "
+            "fulfil the condition. Times at which it is indifferent (within 10⁻⁹) are left out, such as a last action that "
+            "changes nothing, but it must have a preference in each such state at some time. Both conditions may use `t`.",
+        ),
+        Word(
+            "influences", "influences(action, state)",
+            "The action component can change the next value of the state component.",
+        ),
+        Word("abs", "abs(number)", "Absolute value of a number made of results."),
+    )
+}  # fmt: skip
+
+MODELS: dict[str, Word] = {
+    w.name: w
+    for w in (
+        Word(
+            "optimal", "optimal", "Takes the best actions, each equally often where several are best.",
+            "an optimal agent",
+        ),
+        Word(
+            "soft", "soft(beta)",
+            "Causal maximum entropy: actions in proportion to exp(beta Q), where Q includes the entropy.",
+            "a causal maximum-entropy agent", "with inverse temperature",
+        ),
+        Word(
+            "maxent", "maxent, maxent(beta)",
+            "Non-causal maximum entropy: whole trajectories in proportion to their probability times exp(beta return), "
+            "as if the outcomes of chance could be chosen. beta is 1 unless given.",
+            "a non-causal maximum-entropy learner", "with inverse temperature",
+        ),
+        Word(
+            "zero_terminal_value", "zero_terminal_value, zero_terminal_value(shift)",
+            "Optimal for the reward plus a constant, with a value of 0 after a terminal state. A learner that knows "
+            "rewards up to a constant cannot tell the shifts apart.",
+            "a learner that values every terminal state at zero", "with rewards shifted by",
+        ),
+        Word("uniform", "uniform", "Uniformly random actions.", "a random agent"),
+        Word("expert", "expert", "The expert of the spec.", "the expert"),
+    )
+}  # fmt: skip
+
+
+PLAIN_MODELS: Mapping[str, Callable[[], Rule]] = {
+    "uniform": Uniform, "optimal": Greedy, "maxent": MaxEnt, "zero_terminal_value": Greedy,
+}  # fmt: skip
+NO_FUNCTION = "of the results in a claim, `abs` and the operators of arithmetic can be taken, and no other function"
+
+
+def holds_of_all(op: str, left: str, right: str) -> bool:
+    """Return whether a comparison of two returns holds in every task: none is above the optimal one, nor below the worst."""
+    low, high = (left, right) if op == "<=" else (right, left)
+    are_returns = op in ("<=", ">=") and {low, high} <= {*RETURNS}
+    return are_returns and (high == "optimal_return" or low == "worst_return")
+
+
+def rule_named(expr: s.Expr | None, results: Results, number: Callable[[s.Expr], Enclosure]) -> Rule:
+    """Return the policy rule of the decision model that an expression names; uniformly random actions for None.
+
+    Raises:
+        InvalidClaim: when there is no such model.
+    """
+    match expr:
+        case None:
+            return Uniform()
+        case s.Name(id="expert"):
+            if results.expert_rule is None:
+                raise InvalidClaim("the spec gives no expert", expr)
+            return results.expert_rule
+        case s.Name(id=name) if name in PLAIN_MODELS:
+            return PLAIN_MODELS[name]()
+        case s.Call(function="soft" | "maxent" | "zero_terminal_value" as name, args=(argument,)):
+            found = number(argument)
+            value = found.low
+            if not (found.is_exact and isinstance(value, Fraction)):
+                raise InvalidClaim("a decision model takes a number that is known exactly", argument)
+            if name == "zero_terminal_value":
+                return Greedy(value)
+            if not 1e-9 <= value <= 1e9:
+                raise InvalidClaim("beta is a number between 1e-9 and 1e9", argument)
+            return Boltzmann(float(value)) if name == "soft" else MaxEnt(float(value))
+        case _:
+            names = ", ".join(w.written.split(", ")[0] for w in MODELS.values())
+            raise InvalidClaim(f"a decision model is one of {names}", expr)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +215,6 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
     def ambiguous(self) -> bool:
         return self.reader.ambiguous or self.results.is_ambiguous
 
-    # -- statements -------------------------------------------------------------------------------
-
     def negated(self, operand: s.Expr, expr: s.Expr) -> Truth[Reason]:
         found = super().negated(operand, expr)
         return Truth(found.holds, (Reason(found.evidence[-1].text, expr),))
@@ -109,7 +229,8 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
             case s.Call(function="prefers"):
                 holds, text = self._prefers(expr)
             case s.Call(function="influences"):
-                holds, text = self._influences(expr)
+                given = self._arguments(expr, ("action", "state"), ("action", "state"))
+                holds, text = influences(given["action"], given["state"], self.results)
             case _:
                 raise InvalidClaim("a claim is a statement that is true or false", expr)
         return Truth(holds, (Reason(text, expr),))
@@ -136,8 +257,6 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
             return None if written is None else self.reader(float(written))
         except Inexact:
             raise InvalidClaim("a tolerance is a finite number", expr) from None
-
-    # -- numbers ----------------------------------------------------------------------------------
 
     def number(self, expr: s.Expr) -> Enclosure:
         if id(expr) not in self._numbers:
@@ -185,20 +304,45 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         except Refused as refused:
             raise InvalidClaim(refused.message, expr) from None
         if value is None:
-            refuse_misplaced(expr, self._is_bound)
-            found = collector.diagnostics
-            hint = suggest(expr.id, [*RESULTS, *task.values]) if isinstance(expr, s.Name) else found and found[0].hint
-            raise InvalidClaim(found[0].message if found else "this is not a number", expr, hint or None)
+            self._refuse_misplaced(expr)
+            message = "this is not a number"
+            hint = None
+            if collector.diagnostics:
+                message = collector.diagnostics[0].message
+                hint = collector.diagnostics[0].hint
+            if isinstance(expr, s.Name):
+                hint = suggest(expr.id, [*RESULTS, *task.values])
+            raise InvalidClaim(message, expr, hint)
         if not isinstance(value.node, Const) or not value.node.type.is_scalar:
             raise InvalidClaim("this depends on the state; a claim is about the task as a whole", expr)
         return self.constant(value.node.value)
+
+    def _refuse_misplaced(self, expr: s.Expr) -> None:
+        """Raise InvalidClaim for results inside functions of the language, and conditions used as numbers."""
+        for part in s.below(expr):
+            if not isinstance(part, s.Name | s.Call):
+                continue
+            name = part.id if isinstance(part, s.Name) else part.function
+            if self._is_bound(name):
+                continue
+            if isinstance(part, s.Call) and name in FUNCTIONS and name not in ("probability", "abs"):
+                hint = f"write `{part.place.written}`, or `not {part.place.written}`"
+                message = f"`{name}(...)` is a condition by itself: it is true or false, and no number"
+                raise InvalidClaim(message, part, hint)
+            if isinstance(part, s.Call) and name in RESULTS:
+                raise InvalidClaim(f"'{name}' is a number, not a function", part, f"write `{name}`, without brackets")
+            if part is not expr and (name in RESULTS or name == "probability"):
+                raise InvalidClaim(NO_FUNCTION, part, "for `max` and `min`, compare each part in a claim of its own")
 
     def _return(self, name: str, expr: s.Expr) -> Enclosure:
         which = name.removesuffix("_return")
         if which == "expert" and self.results.task.expert is None:
             raise InvalidClaim("the spec gives no expert", expr)
-        if which in SEARCHES:
-            return self._observed(which, name, expr)
+        if which in SEARCHES:  # of policies that see observations only
+            try:
+                return best_observing(self.results, which, self.terms.as_written)
+            except SpecError as error:
+                raise Undecidable(f"'{name}' cannot be worked out: {error.diagnostics[0].message}", expr) from None
         found = self.results.enclosure(which, self.terms.as_written)
         if found is not None:
             self.rests_on = max(self.rests_on, self.results.tested(which))
@@ -211,26 +355,14 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         self.simulated = max(self.simulated, sample.episodes)
         return self.results.interval(sample, self.terms.confidence, self.terms.soundly)
 
-    def _observed(self, which: str, name: str, expr: s.Expr) -> Enclosure:
-        """Return bounds on the best return of policies that see observations only."""
-        try:
-            return best_observing(self.results, which, self.terms.as_written)
-        except SpecError as error:
-            raise Undecidable(f"'{name}' cannot be worked out: {error.diagnostics[0].message}", expr) from None
-
-    def _model(self, expr: s.Expr) -> Model:
-        model = self.results.model
-        if model is None:
-            raise Undecidable(f"this claim needs an exact model, which does not exist: {self.results.why_not}", expr)
-        if self.results.abstraction_check is not None and self.results.abstraction_check.problem is not None:
+    def _model(self, expr: s.Expr, results: Results | None = None) -> Model:
+        results = results or self.results
+        if results.model is None:
+            raise Undecidable(f"this claim needs an exact model, which does not exist: {results.why_not}", expr)
+        if results.abstraction_check is not None and results.abstraction_check.problem is not None:
             raise Undecidable("the abstraction that this would be told from is not faithful", expr)
-        self.rests_on = max(self.rests_on, self.results.tested())
-        return model
-
-    def _solver(self, rule: Rule) -> Solver:
-        return self.results.solvers.of(rule, self.terms.as_written)
-
-    # -- functions of results ---------------------------------------------------------------------
+        self.rests_on = max(self.rests_on, results.tested())
+        return results.model
 
     def _arguments(self, expr: s.Call, names: tuple[str, ...], required: tuple[str, ...]) -> dict[str, s.Expr]:
         """Return arguments by name, positional ones in order."""
@@ -259,21 +391,15 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
             raise InvalidClaim(f"`under: {written}` is not a decision model", claim)
         return found
 
-    @contextmanager
-    def _under_model(self, model: s.Expr | None) -> Iterator[None]:
-        """Use results with the memory in the state while the expert is the decision model."""
-        own = self.results
-        if isinstance(model, s.Name) and model.id == "expert":
-            self.results = own.remembering
-        try:
-            yield
-        finally:
-            self.results = own
-
-    def _rule(self, expr: s.Expr | None) -> Rule:
-        if isinstance(expr, s.Name) and expr.id == "expert":
-            self.rests_on = max(self.rests_on, self.results.tested("expert"))
-        return rule_named(expr, self.results, self.number)
+    def _under_model(self, expr: s.Expr, decides: s.Expr | None) -> tuple[Model, Rule, Solver]:
+        """Return the exact model, the rule of a decision model, and its solver; the memory of an expert is in the state."""
+        results = self.results
+        if isinstance(decides, s.Name) and decides.id == "expert":
+            results = results.remembering
+            self.rests_on = max(self.rests_on, results.tested("expert"))
+        model = self._model(expr, results)
+        rule = rule_named(decides, results, self.number)
+        return model, rule, results.solvers.of(rule, self.terms.as_written)
 
     def _reachable(self, expr: s.Call) -> tuple[bool, str]:
         given = self._arguments(expr, ("condition",), ("condition",))
@@ -285,48 +411,33 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
 
     def _probability(self, expr: s.Call) -> Enclosure:
         given = self._arguments(expr, ("condition", "under"), ("condition",))
-        under = given.get("under") or self._under(expr)
-        with self._under_model(under):
-            model = self._model(expr)
-            states = condition_over_states(given["condition"], model)
-            rule = self._rule(under)
-            found = self._solver(rule).probability(rule, states)
+        model, rule, solver = self._under_model(expr, given.get("under") or self._under(expr))
+        found = solver.probability(rule, condition_over_states(given["condition"], model))
         return Enclosure(max(found.low, Fraction(0)), min(found.high, Fraction(1)))
 
     def _prefers(self, expr: s.Call) -> tuple[bool | None, str]:
         under = self._under(expr)
+        names: tuple[str, ...] = ("condition", "at")
         if under is None:
-            given = self._arguments(expr, ("model", "condition", "at"), ("model", "condition"))
-        else:
-            given = self._arguments(expr, ("condition", "at"), ("condition",))
-        chosen = under or given["model"]
-        with self._under_model(chosen):
-            model = self._model(expr)
-            rule = self._rule(chosen)
-            wanted = condition_over_actions(given["condition"], model)
-            at = condition_over_times(given["at"], model) if "at" in given else None
-            return preferred(model, self._solver(rule), rule, wanted, at)
-
-    def _influences(self, expr: s.Call) -> tuple[bool | None, str]:
-        given = self._arguments(expr, ("action", "state"), ("action", "state"))
-        return influences(given["action"], given["state"], self.results)
+            names = ("model", *names)
+        given = self._arguments(expr, names, names[:-1])
+        model, rule, solver = self._under_model(expr, under or given["model"])
+        wanted = condition_over_actions(given["condition"], model)
+        at = condition_over_times(given["at"], model) if "at" in given else None
+        return preferred(model, solver, rule, wanted, at)
 
 
 def _sides(left: s.Expr, a: Enclosure, right: s.Expr, b: Enclosure, holds: bool | None) -> str:
-    """Return both sides with their values, in enough digits to distinguish them."""
-    shown = str(a), str(b)
+    """Return both sides with their values, in enough digits to distinguish them; a number as written says so itself."""
+    shown = [str(a), str(b)]
     if not holds and shown[0] == shown[1]:
-        shown = _closely(a), _closely(b)
-    return f"{_side(left, shown[0])}, {_side(right, shown[1])}".strip(", ")
-
-
-def _closely(a: Enclosure) -> str:
-    return digits(a.low, 17) if a.is_exact else f"between {digits(a.low, 17)} and {digits(a.high, 17)}"
-
-
-def _side(expr: s.Expr, value: str) -> str:
-    """Return a side of a comparison with its value; a number as written says so itself."""
-    if isinstance(expr, s.Number):
-        return ""
-    text = expr.place.written
-    return "" if not text or text == value else f"{text} is {value}"
+        for i, each in enumerate((a, b)):
+            shown[i] = f"between {digits(each.low, 17)} and {digits(each.high, 17)}"
+            if each.is_exact:
+                shown[i] = digits(each.low, 17)
+    found = []
+    for expr, value in zip((left, right), shown, strict=True):
+        text = expr.place.written
+        if not isinstance(expr, s.Number) and text and text != value:
+            found.append(f"{text} is {value}")
+    return ", ".join(found)

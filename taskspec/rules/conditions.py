@@ -14,11 +14,9 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node, Role, draws, reads
 from taskspec.lang.types import BOOL, Refused
-from taskspec.model.model import Model, refuse
-from taskspec.model.reach import differs
+from taskspec.model.model import Model, differs, refuse
 from taskspec.model.transitions import TIME
-from taskspec.rules.evaluator import Undecidable
-from taskspec.rules.vocabulary import InvalidClaim
+from taskspec.rules.evaluator import InvalidClaim, Undecidable
 from taskspec.scores.returns import Results
 from taskspec.solve.backward import Rule
 from taskspec.solve.bounded import UNKNOWN
@@ -43,10 +41,9 @@ def node_of(expr: s.Expr, task: Task) -> Node:
     except Refused as refused:
         raise InvalidClaim(refused.message, expr) from None
     if value is None:
-        found = collector.diagnostics
-        raise InvalidClaim(
-            found[0].message if found else "this cannot be understood", expr, found[0].hint if found else None
-        )
+        for found in collector.diagnostics:
+            raise InvalidClaim(found.message, expr, found.hint)
+        raise InvalidClaim("this cannot be understood", expr)
     if value.node.type != BOOL or draws([value.node]):
         raise InvalidClaim("a condition on states and actions is needed here", expr)
     return value.node
@@ -97,29 +94,32 @@ def preferred(model: Model, solver: Solver, rule: Rule, wanted: Timed, at: Timed
     Returns:
         None if rounding errors of the values leave it open; and the reason.
     """
-    asked, settled, unknown = (np.zeros(model.n_states, np.bool_) for _ in range(3))
+    asked = np.zeros(model.n_states, np.bool_)
+    settled = np.zeros_like(asked)
+    unknown = np.zeros_like(asked)
     problem: str | None = None
     levels = _levels(model)
     for t, policy in solver.policies(rule):
-        level = np.zeros_like(settled)
-        if t < len(levels):
-            level = np.unpackbits(levels[t], count=model.n_states).astype(np.bool_)
-        here = level if at is None else level & at(t)
-        if here.any():
-            found = solver.numbers.preference(policy, wanted(t))
-            asked |= here
-            settled |= here & (found == 1)
-            unknown |= here & (found == UNKNOWN)
-            wrong = here & (found == -1)
-            if wrong.any():
-                problem = _counterexample(model, solver.numbers.table(policy), t, int(np.flatnonzero(wrong)[0]))
+        if t >= len(levels):
+            continue
+        here = np.unpackbits(levels[t], count=model.n_states).astype(np.bool_)
+        if at is not None:
+            here &= at(t)
+        if not here.any():
+            continue
+        found = solver.numbers.preference(policy, wanted(t))
+        asked |= here
+        settled |= here & (found == 1)
+        unknown |= here & (found == UNKNOWN)
+        wrong = np.flatnonzero(here & (found == -1))
+        if len(wrong):
+            state = int(wrong[0])
+            column = solver.numbers.table(policy)[:, state]
+            action = int(column.argmax())
+            did = f"it takes {model.action_name(action)} with probability {column[action]:.6g}"
+            problem = f"in {model.state_name(state)} at t = {t} {did}"
     if problem is not None:
         return False, problem
-    return _conclusion(model, asked, settled, unknown)
-
-
-def _conclusion(model: Model, asked: Array, settled: Array, unknown: Array) -> tuple[bool | None, str]:
-    """Return the verdict if no unwanted action is preferred."""
     if unknown.any():
         return None, f"its values are too close to tell in {model.state_name(int(np.flatnonzero(unknown)[0]))}"
     if not asked.any():
@@ -137,13 +137,6 @@ def _levels(model: Model) -> list[Array]:
     if model.horizon * model.n_states > MOST_LEVELS:
         refuse("there are too many states and times to look at each", "choose smaller parameters")
     return [np.packbits(level) for _, level in model.levels()]
-
-
-def _counterexample(model: Model, table: Array, t: int, state: int) -> str:
-    column = table[:, state]
-    action = int(column.argmax())
-    name = model.action_name(action)
-    return f"in {model.state_name(state)} at t = {t} it takes {name} with probability {column[action]:.6g}"
 
 
 def influences(action: s.Expr, state: s.Expr, results: Results) -> tuple[bool | None, str]:

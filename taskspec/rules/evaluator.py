@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Generic, TypeVar
 
@@ -26,6 +26,29 @@ class Undecidable(Exception):
         self.place = place
 
 
+class InvalidClaim(Exception):
+    """An expression that is no claim: a sentence that says why."""
+
+    def __init__(self, message: str, place: s.Expr | None = None, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.place = place
+        self.hint = hint
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A name, how it is written, and its meaning; the language reference is made from these.
+
+    `phrase` is printed for it on pages, followed by `given` and the number in brackets, if any.
+    """
+
+    name: str
+    written: str
+    doc: str
+    phrase: str = ""
+    given: str = ""
+
+
 @dataclass(frozen=True, slots=True)
 class Truth(Generic[Evidence]):
     """The truth of a condition (None: undecided), and the evidence that decides it, or leaves it open."""
@@ -34,16 +57,25 @@ class Truth(Generic[Evidence]):
     evidence: tuple[Evidence, ...] = ()
 
 
-def combine(op: str, parts: Iterable[Truth[Evidence]]) -> Truth[Evidence]:
-    """Return the Kleene `and` or `or` of some parts, with the evidence of those that came out as the whole."""
-    parts = list(parts)
+def combine(op: str, parts: Iterable[Truth[Evidence]], stops_early: bool = False) -> Truth[Evidence]:
+    """Return the Kleene `and` or `or` of some parts, with the evidence of those that came out as the whole.
+
+    Args:
+        stops_early: whether parts after one that decides are left out; otherwise all of them are evidence.
+    """
     deciding = op == "or"
+    found = []
+    for part in parts:
+        found.append(part)
+        if stops_early and part.holds is deciding:
+            break
     holds: bool | None = not deciding
-    if any(part.holds is deciding for part in parts):
+    values = [part.holds for part in found]
+    if deciding in values:
         holds = deciding
-    elif any(part.holds is None for part in parts):
+    elif None in values:
         holds = None
-    return Truth(holds, evidence_for(holds, parts))
+    return Truth(holds, evidence_for(holds, found))
 
 
 def evidence_for(holds: bool | None, parts: Iterable[Truth[Evidence]]) -> tuple[Evidence, ...]:
@@ -52,22 +84,16 @@ def evidence_for(holds: bool | None, parts: Iterable[Truth[Evidence]]) -> tuple[
 
 
 class Evaluator(ABC, Generic[Number, Evidence]):
-    """Evaluate the syntax of conditions and numbers; a subclass is a vocabulary.
-
-    `operators` are those of arithmetic. With `stops_early`, parts after one that decides are not evaluated; otherwise all
-    of them are, as evidence.
-    """
+    """Evaluate the syntax of conditions and numbers; a subclass is a vocabulary, with its `operators` of arithmetic."""
 
     operators: ClassVar[frozenset[str]] = frozenset("+-*/")
     stops_early: ClassVar[bool] = False
-
-    # -- conditions -------------------------------------------------------------------------------
 
     def truth(self, expr: s.Expr) -> Truth[Evidence]:
         """Return whether a condition holds."""
         match expr:
             case s.Logical(op=op, operands=operands):
-                return self._combined(op, map(self.truth, operands))
+                return combine(op, map(self.truth, operands), self.stops_early)
             case s.Unary(op="not", operand=operand):
                 return self.negated(operand, expr)
             case s.Compare():
@@ -78,25 +104,13 @@ class Evaluator(ABC, Generic[Number, Evidence]):
     def comparison(self, expr: s.Compare) -> Truth[Evidence]:
         """Return whether each side of a chain of comparisons compares with the next."""
         pairs = itertools.pairwise([("", expr.first), *expr.rest])
-        return self._combined("and", (self.compared(left, op, right, expr) for (_, left), (op, right) in pairs))
-
-    def _combined(self, op: str, parts: Iterator[Truth[Evidence]]) -> Truth[Evidence]:
-        return combine(op, _until(op == "or", parts) if self.stops_early else parts)
+        found = (self.compared(left, op, right, expr) for (_, left), (op, right) in pairs)
+        return combine("and", found, self.stops_early)
 
     def negated(self, operand: s.Expr, expr: s.Expr) -> Truth[Evidence]:
         """Return whether a condition does not hold; `expr` is the whole, with `not`."""
         found = self.truth(operand)
         return Truth(None if found.holds is None else not found.holds, found.evidence)
-
-    @abstractmethod
-    def statement(self, expr: s.Expr) -> Truth[Evidence]:
-        """Return whether a condition of the vocabulary's own holds."""
-
-    @abstractmethod
-    def compared(self, left: s.Expr, op: str, right: s.Expr, chain: s.Compare) -> Truth[Evidence]:
-        """Return whether two sides of a chain compare as written."""
-
-    # -- numbers ----------------------------------------------------------------------------------
 
     def number(self, expr: s.Expr) -> Number:
         """Return the value of a number."""
@@ -113,6 +127,14 @@ class Evaluator(ABC, Generic[Number, Evidence]):
                 return self.quantity(expr)
 
     @abstractmethod
+    def statement(self, expr: s.Expr) -> Truth[Evidence]:
+        """Return whether a condition of the vocabulary's own holds."""
+
+    @abstractmethod
+    def compared(self, left: s.Expr, op: str, right: s.Expr, chain: s.Compare) -> Truth[Evidence]:
+        """Return whether two sides of a chain compare as written."""
+
+    @abstractmethod
     def constant(self, value: int | float) -> Number:
         """Return a number as written."""
 
@@ -123,11 +145,3 @@ class Evaluator(ABC, Generic[Number, Evidence]):
     @abstractmethod
     def quantity(self, expr: s.Expr) -> Number:
         """Return a number of the vocabulary's own."""
-
-
-def _until(deciding: bool, parts: Iterator[Truth[Evidence]]) -> Iterator[Truth[Evidence]]:
-    """Yield parts up to the first that decides."""
-    for part in parts:
-        yield part
-        if part.holds is deciding:
-            return

@@ -25,7 +25,7 @@ from taskspec.lang.variates.entry import ProbabilityArithmetic
 from taskspec.model.space import domain, plain, words
 from taskspec.model.transitions import FLOATS, count, is_finite, joint_outcomes, merge_outcomes
 from taskspec.registry import load
-from taskspec.rules.claims import wrong_setting
+from taskspec.rules.claim_verdicts import wrong_setting
 from taskspec.solve.enclosure import Inexact, Reader
 from taskspec.solve.rational import ExactProbabilities
 from taskspec.task.annotations import SCOPE

@@ -4,19 +4,176 @@ from __future__ import annotations
 
 import math
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import partial
 from typing import Any, NoReturn
 
 import numpy as np
 
+from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, suggest
 from taskspec.lang import syntax as s
-from taskspec.rollout.statistics import Estimate, estimate
-from taskspec.rules.evaluator import Evaluator, Truth, Undecidable, combine, evidence_for
-from taskspec.rules.scores import FIXED, FUNCTIONS, NUMBERS, ONE, QUANTIFIERS, SIDES, RuleNames, SeedScores
+from taskspec.rollout.statistics import Estimate, Statistic, deviation, estimate, mean
+from taskspec.rules.evaluator import Evaluator, Truth, Undecidable, Word, combine, evidence_for
 from taskspec.solve.enclosure import Enclosure, compare
+
+
+@dataclass(frozen=True, slots=True)
+class OverSeeds:
+    """A number over the seeds of a task: the entry of a result that it is made of, and the statistic."""
+
+    word: Word
+    entry: str
+    statistic: Statistic
+
+
+NUMBERS: dict[str, OverSeeds] = {
+    name: OverSeeds(Word(name, f"{name}(task)", doc), entry, statistic)
+    for name, entry, statistic, doc in (
+        ("score", "deterministic", mean, "Mean score of the best actions of the policy; 0 is random, 1 the expert."),
+        ("sampled", "stochastic", mean, "Mean score of the policy that samples its actions."),
+        ("sd", "deterministic", deviation, "Standard deviation of the scores between seeds."),
+        ("median", "deterministic", partial(np.median, axis=-1), "Score that half of the seeds reach."),
+        ("highest", "deterministic", partial(np.max, axis=-1), "Score of the best seed."),
+        ("lowest", "deterministic", partial(np.min, axis=-1), "Score of the worst seed."),
+        ("starc", "starc", mean, "Mean distance of the learned reward to the true one, up to shaping and scale."),
+        ("regret", "reward_regret", mean, "Mean score that is lost by optimising the learned reward exactly."),
+    )
+}  # fmt: skip
+"""Each takes a task, where there are several learners a learner before it, and one of `SIDES` behind it."""
+
+FIXED: dict[str, Word] = {"constant": Word("constant", "constant(task)", "Score of the best constant action.")}
+"""Numbers of a task that no seed changes."""
+
+SIDES: dict[str, str] = {
+    "printed": "the task as printed; the default",
+    "twin": "its twins: states renamed, actions permuted, or a symmetry of the task; mean over all of them",
+    "negated": "the task as printed, with the reward that is withheld negated",
+}
+
+FUNCTIONS: dict[str, tuple[int, int, str]] = {
+    "abs": (1, 1, "Absolute value."), "min": (2, 9, "The smallest of some numbers."),
+    "max": (2, 9, "The largest of some numbers."),
+}  # fmt: skip
+"""Functions of numbers: the fewest and the most arguments, and the meaning."""
+
+QUANTIFIERS: dict[str, str] = {
+    "all": "The condition holds for all: `all(score(t) > 0 for t in tasks)`.",
+    "any": "It holds for at least one.",
+    "most": "It holds for more than half.",
+    "count": "The number for which it holds.",
+}
+ALL_TASKS = "tasks"
+ALL_LEARNERS = "learners"
+"""Groups that need not be declared."""
+
+
+@dataclass(frozen=True)
+class RuleNames:
+    """Names for rules: tasks, learners (none if the results are those of one), groups of either, tasks at other values."""
+
+    tasks: tuple[str, ...]
+    learners: tuple[str, ...] = ()
+    groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    instances: tuple[str, ...] = ()
+
+    def group(self, name: str) -> tuple[str, ...] | None:
+        """Return the members of a group."""
+        own = {ALL_TASKS: self.tasks} | ({ALL_LEARNERS: self.learners} if self.learners else {})
+        return {**self.groups, **own}.get(name)
+
+    @property
+    def known_groups(self) -> tuple[str, ...]:
+        return (ALL_TASKS, *((ALL_LEARNERS,) if self.learners else ()), *self.groups)
+
+
+# -- scores ---------------------------------------------------------------------------------------
+
+ONE = ""
+"""The learner where there is only one."""
+_VERSIONED = re.compile(r"(?:[^?+]*/)?([^?+]+?)(?:-v\d+)?([?+].*)?")
+
+
+def side(score: Mapping[str, Any]) -> str:
+    """Return the side of a task that a score belongs to: "printed", "twin", or the name of a probe."""
+    return score["probe"] or ("printed" if score["twin"] is None else "twin")
+
+
+def short_name(task: str) -> str:
+    """Return the name of a task in rules: `NoisyObs?L=50` for `derail/NoisyObs-v0?L=50`."""
+    found = _VERSIONED.fullmatch(task)
+    return found[1] + (found[2] or "") if found else task
+
+
+class SeedScores:
+    """Scores of learners, by learner, task and side.
+
+    Args:
+        exams: results by the name of the learner, as `exam.json` holds them; of one learner under the name `ONE`.
+        floor: lower scores are raised to it.
+        drawn: whether policies sample their actions, instead of taking their best ones.
+        same: names of tasks that count as others, where those were not run.
+        instances: names in rules of tasks at other values of parameters, by their own names.
+    """
+
+    def __init__(
+        self, exams: Mapping[str, Mapping[str, Any]], floor: float | None = None, drawn: bool = False,
+        same: Mapping[str, str] | None = None, instances: Mapping[str, str] | None = None,
+    ) -> None:  # fmt: skip
+        self.floor = floor
+        self.drawn = drawn
+        self.records: dict[tuple[str, str, str], list[Mapping[str, Any]]] = defaultdict(list)
+        self.tasks: dict[str, Mapping[str, Any]] = {}
+        self.ids: dict[str, str] = {}
+        renamed = {**(same or {}), **(instances or {})}
+        for learner, exam in exams.items():
+            own = {short_name(task) for task in exam["tasks"]}
+            names = {}
+            for task, about in exam["tasks"].items():
+                name = short_name(task)
+                if renamed.get(name, name) not in own:
+                    name = renamed[name]
+                names[task] = name
+                self.ids[name] = task
+                self.tasks[name] = about
+            for record in exam["scores"]:
+                self.records[learner, names[record["task"]], side(record)].append(record)
+
+    def values(self, learner: str, task: str, side: str, entry: str) -> Array:
+        """Return one number for each seed (n,), seeds in order; the mean over twins if there are several.
+
+        Raises:
+            Undecidable: if there are none.
+        """
+        entry = "stochastic" if self.drawn and entry == "deterministic" else entry
+        by_seed: dict[int, list[float]] = defaultdict(list)
+        for record in self.records.get((learner, task, side), ()):
+            if record.get("error") is None and record.get(entry) is not None:
+                by_seed[record["seed"]].append(float(record[entry]))
+        if not by_seed:
+            of = f"{learner} on " * bool(learner)
+            sides = {"printed": task, "twin": f"twins of {task}"}
+            raise Undecidable(f"there are no results of {of}{sides.get(side, f'{task} with the reward {side}')}")
+        found = np.array([np.mean(by_seed[seed]) for seed in sorted(by_seed)])
+        is_score = entry in ("deterministic", "stochastic")
+        return np.maximum(found, self.floor) if is_score and self.floor is not None else found
+
+    def constant(self, task: str) -> float:
+        """Return the score of the best constant action.
+
+        Raises:
+            Undecidable: if it is not known.
+        """
+        found = self.tasks.get(task, {}).get("constant")
+        if found is None:
+            raise Undecidable(f"the best constant action of {task} is not known")
+        return float(found)
+
+
+# -- evaluation -----------------------------------------------------------------------------------
 
 _NUMERIC: dict[str, Callable[..., Any]] = {
     "+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "neg": np.negative,
@@ -82,34 +239,30 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
     collector: Collector | None = None
     _known: dict[tuple[str, str, str, str], Estimate] = field(default_factory=dict)
 
-    # -- conditions -------------------------------------------------------------------------------
-
     def statement(self, expr: s.Expr) -> Truth[Comparison]:
+        if isinstance(expr, s.Boolean):
+            return Truth(expr.value)
         try:
-            return self._statement(expr)
+            match expr:
+                case s.Call(function="most"):
+                    parts = list(self._each(expr))
+                    holds = _compare(">", _counted(parts).map(np.subtract, Estimate.exactly(len(parts) / 2)))
+                    return Truth(holds, evidence_for(holds, parts))
+                case s.Call(function="all"):
+                    return combine("and", self._each(expr))
+                case s.Call(function="any"):
+                    return combine("or", self._each(expr))
+            self._fail("E306", expr, "a condition is needed here", "for example `score(task) > 0.9`")
         except Undecidable:  # a mistake, which is reported
             return Truth(None)
-
-    def _statement(self, expr: s.Expr) -> Truth[Comparison]:
-        match expr:
-            case s.Boolean(value=value):
-                return Truth(value)
-            case s.Call(function="most"):
-                parts = list(self._each(expr))
-                holds = _compare(">", _counted(parts).map(lambda n: n - len(parts) / 2))
-                return Truth(holds, evidence_for(holds, parts))
-            case s.Call(function="all"):
-                return combine("and", self._each(expr))
-            case s.Call(function="any"):
-                return combine("or", self._each(expr))
-        self._fail("E306", expr, "a condition is needed here", "for example `score(task) > 0.9`")
 
     def compared(self, left: s.Expr, op: str, right: s.Expr, chain: s.Compare) -> Truth[Comparison]:
         tasks, learners = self._subjects((left, right))
         try:
             if op in ("in", "not in"):
                 self._fail("E316", right, "`in` is allowed only after the `if` of a comprehension")
-            a, b = self._both(left, right)
+            a = self.number(left)
+            b = self.number(right)
         except Undecidable as error:
             return Truth(None, (Comparison(str(error), np.nan, -np.inf, np.inf, tasks, learners),))
         difference = a.map(np.subtract, b)
@@ -123,16 +276,6 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         low, high = difference.interval
         found = Comparison(text, number.value, *number.interval, tasks, learners, max(low, -high))
         return Truth(_compare(op, difference), (found,))
-
-    def _both(self, left: s.Expr, right: s.Expr) -> tuple[Estimate, Estimate]:
-        """Return two numbers; mistakes in both are reported."""
-        try:
-            a = self.number(left)
-        except Undecidable:
-            if self.collector is not None:
-                self.number(right)
-            raise
-        return a, self.number(right)
 
     def _subjects(self, exprs: Sequence[s.Expr]) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return the tasks and the learners that are named in some expressions, in order."""
@@ -148,8 +291,6 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             return written
         variables = rf"\b({'|'.join(map(re.escape, self.bound))})\b"
         return re.sub(variables, lambda found: self.bound[found[1]], written)
-
-    # -- numbers ----------------------------------------------------------------------------------
 
     def constant(self, value: int | float) -> Estimate:
         return Estimate.exactly(float(value))
@@ -224,8 +365,6 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             self._fail("E302", expr, f"there is no {kind} '{expr.id}' here", hint)
         return expr.id
 
-    # -- quantifiers ------------------------------------------------------------------------------
-
     def _each(self, expr: s.Call) -> Iterator[Truth[Comparison]]:
         """Yield the condition of a quantifier for each member of its groups."""
         if len(expr.args) != 1 or expr.keywords or not isinstance(expr.args[0], s.Comprehension):
@@ -271,7 +410,8 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         """Return whether members pass a condition after `if`, which narrows a group by names."""
         match expr:
             case s.Logical(op=op, operands=operands):
-                return (all if op == "and" else any)([self._passes(operand) for operand in operands])
+                found = [self._passes(operand) for operand in operands]
+                return all(found) if op == "and" else any(found)
             case s.Compare(first=s.Name(id=name), rest=(("in" | "not in" as op, others),)) if name in self.bound:
                 return (self.bound[name] in self._members(others)) is (op == "in")
             case s.Compare(first=s.Name(id=name), rest=(("==" | "!=" as op, other),)) if name in self.bound:
@@ -283,9 +423,10 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
     def _fail(self, code: str, expr: s.Expr, message: str, hint: str | None = None) -> NoReturn:
         """Report a mistake in a rule that is checked."""
         assert self.collector is not None, message
-        self.collector.add(
-            code, expr.name_place if code == "E303" and isinstance(expr, s.Call) else expr.place, message, hint
-        )
+        place = expr.place
+        if code == "E303" and isinstance(expr, s.Call):
+            place = expr.name_place
+        self.collector.add(code, place, message, hint)
         raise Undecidable(message)
 
 

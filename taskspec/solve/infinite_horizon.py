@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.model.model import Model, refuse, scipy_module, scipy_sparse
+from taskspec.base.extras import need
+from taskspec.model.model import Model, refuse, scipy_sparse
 from taskspec.solve.bounded import QUIET, UNIT, Bound, Bounded, Policy
 from taskspec.solve.enclosure import Enclosure, negative
 
@@ -61,7 +62,7 @@ def chain_values(matrix: Any, gain: Array, inside: Array) -> Array:
         return found
     left = scipy_sparse().identity(len(r), format="csc") - P.tocsc()
     try:
-        factors = scipy_module("linalg").splu(left)
+        factors = need("scipy.sparse.linalg", "exact", "an exact model").splu(left)
     except RuntimeError:  # singular
         refuse(UNENDING, HINT)
     v = factors.solve(r)

@@ -20,10 +20,9 @@ from taskspec.lang.interval import ranges
 from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
 from taskspec.lang.types import INF, Interval, Kind, Range
 from taskspec.lang.variates import WordLayout, batch_sampler
-from taskspec.model.cost import Cost
+from taskspec.model.extract import Visits, successors, visits
 from taskspec.model.lump import lumped
-from taskspec.model.points import Batch, Grid, Method, Samples, anew, are_related, columns, drawn
-from taskspec.model.reach import Visits, successors, visits
+from taskspec.model.points import Batch, Cost, Grid, Method, Samples, columns, drawn, resampled
 from taskspec.model.space import Reads, Space, distinct, holds, union, without
 from taskspec.model.transitions import Branch, Steps, branches, count, is_finite
 from taskspec.rollout.rollout import entered, visited
@@ -193,12 +192,13 @@ class PhaseBuilder:
         rng = np.random.default_rng(1)
         actions = [(Role.ACTION, c) for c in task.action]
         known = self.entered if ends else self.acting
-        points = columns([known, anew(known, actions, rng)])
-        if are_related(task.state):
+        points = columns([known, resampled(known, actions, rng)])
+        has_reals = any(c.type.kind is Kind.REAL for c in task.state)
+        if has_reals and sum(c.type.size for c in task.state) > 1:
             return Samples(points, {})
         everywhere = [(Role.STATE, self._limited(c)) for c in task.state] + actions
         starts = entered(task, drawn(everywhere, self._times("step"), rng), False, rng)
-        others = anew(starts, actions, rng)
+        others = resampled(starts, actions, rng)
         if ends and others:
             others = entered(task, others, True, rng)
         return Samples(points, others)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from taskspec.envs.env import Environment
-from taskspec.envs.speed import Clock, Drive, scalar, vector
+from taskspec.envs.speed import Clock, Drive, passes_in, rate, scalar, vector
 from taskspec.task.task import Task
 
 
@@ -124,3 +124,30 @@ def clock_for(device: str | None, num_threads: int = 1) -> tuple[str, Clock]:
     if num_threads > 1 or device not in (None, "cpu"):
         return "wall", time.perf_counter
     return "processor", time.process_time
+
+
+def race(
+    drives: Sequence[Drive],
+    rounds: int,
+    seconds: float,
+    clock: Clock = time.process_time,
+    tick: Callable[[], None] = lambda: None,
+) -> list[tuple[float, ...]]:
+    """Measure drives in turns, round after round, so that a slow moment of the machine meets all of them.
+
+    Args:
+        drives: what is measured.
+        rounds: the number of measurements of each drive.
+        seconds: the approximate duration of a measurement.
+        clock: processor time unless given.
+        tick: called after each round.
+
+    Returns:
+        The steps per second of each drive, round by round.
+    """
+    passes = [passes_in(drive, seconds, clock) for drive in drives]
+    found = []
+    for _ in range(rounds):
+        found.append([rate(drive, count, clock) for drive, count in zip(drives, passes, strict=True)])
+        tick()
+    return list(zip(*found, strict=True))

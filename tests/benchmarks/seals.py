@@ -10,9 +10,8 @@ from typing import Any
 from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.extras import machine, need
 from taskspec.cli.console import VisibleText, columns, console, write_json
-from taskspec.envs.speed import race
 from tests.benchmarks.printed import Progress, footer, percent
-from tests.benchmarks.race import spread
+from tests.benchmarks.race import race, spread
 from tests.benchmarks.tables import PAIRS, Pair, pair
 
 

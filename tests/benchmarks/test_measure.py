@@ -13,10 +13,10 @@ import pytest
 import taskspec
 from taskspec.backends.backend_table import PROGRAMS
 from taskspec.base.diagnostics import TaskspecError
-from taskspec.envs.speed import race, scalar
+from taskspec.envs.speed import scalar
 from taskspec.envs.vector import VectorEnvironment
 from tests.benchmarks import chart, peers, tables
-from tests.benchmarks.race import clock_for, jax_device, ours, spread
+from tests.benchmarks.race import clock_for, jax_device, ours, race, spread
 from tests.benchmarks.starts import memory, start_times
 from tests.shared.sparse import sparse
 

@@ -17,14 +17,14 @@ from taskspec.base.diagnostics import SpecError, TaskspecError, spec_error
 from taskspec.base.extras import is_installed, machine, need
 from taskspec.cli.console import console, misuse, print_diagnostics, say, write_json
 from taskspec.cli.options import CHARTS, checked_choice
-from taskspec.envs.speed import Drive, race
+from taskspec.envs.speed import Drive
 from taskspec.registry import load
 from taskspec.targets import files_of, task_in, variants_of
 from taskspec.task.task import Task
 from tests.benchmarks import printed, tables
 from tests.benchmarks.chart import draw
 from tests.benchmarks.printed import Progress
-from tests.benchmarks.race import Contestant, Rate, clock_for, jax_device, ours
+from tests.benchmarks.race import Contestant, Rate, clock_for, jax_device, ours, race
 from tests.benchmarks.starts import MemoryUse, Start, memory, start_times
 
 LANES = (1, 64, 1024, 4096)

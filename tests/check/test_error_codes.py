@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from taskspec.base.diagnostics import CODES, SpecError
-from taskspec.check.files import check_file
+from taskspec.check.file_checks import check_file
 from taskspec.cli.check import examine
 from taskspec.exact import Results, extract
 from taskspec.source import read_text

@@ -19,7 +19,7 @@ from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.parse import parse_into
 from taskspec.lang.syntax import SourceText
-from taskspec.rules.claims import verdicts
+from taskspec.rules.claim_verdicts import verdicts
 from taskspec.scores.returns import Results
 from taskspec.task.build import build
 from taskspec.task.task import Task

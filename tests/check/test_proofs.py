@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from taskspec import exact, source
 from taskspec.cli.app import app
 from taskspec.pages.facts import gather
-from taskspec.rules.claims import Verdict, verdicts
+from taskspec.rules.claim_verdicts import Verdict, verdicts
 from taskspec.scores.returns import Results
 from taskspec.solve import rational
 from taskspec.solve.bounded import Bounded

@@ -35,7 +35,7 @@ from gymnasium.envs.registration import registry as gym_registry
 
 from docs.tools import pages
 from taskspec import registry
-from taskspec.check.files import check_file
+from taskspec.check.file_checks import check_file
 from taskspec.cli.check import check_other, examine
 from taskspec.learners import learner
 from taskspec.targets import files_of

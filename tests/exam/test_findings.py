@@ -17,7 +17,7 @@ from taskspec import registry
 from taskspec.base.diagnostics import SpecError
 from taskspec.exam.findings import evaluate, html, markdown
 from taskspec.exam.results import LIMIT
-from taskspec.rules.books import read_findings
+from taskspec.rules.rule_books import read_findings
 from taskspec.task.schema.experiments import findings_schema
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, exam

@@ -14,8 +14,8 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.exact import extract
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Draw, Role
+from taskspec.model.extract import visits
 from taskspec.model.model import Model
-from taskspec.model.reach import visits
 from taskspec.model.transitions import Steps
 from taskspec.solve import solve
 from taskspec.source import read_text

@@ -10,7 +10,7 @@ import pytest
 from taskspec.base.diagnostics import SpecError
 from taskspec.draws import variates
 from taskspec.exact import extract
-from taskspec.model.cost import Cost
+from taskspec.model.points import Cost
 from taskspec.registry import load
 from taskspec.rollout.rollout import _affordable, at_random
 from taskspec.rollout.simulate import simulate

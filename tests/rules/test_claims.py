@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from taskspec import exact, registry, source
-from taskspec.rules.claims import Verdict, verdicts
-from taskspec.rules.vocabulary import FUNCTIONS, MODELS, RESULTS
+from taskspec.rules.claim_rules import FUNCTIONS, MODELS, RESULTS
+from taskspec.rules.claim_verdicts import Verdict, verdicts
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.shared.specs import tasks

@@ -18,10 +18,21 @@ from taskspec.exam import findings
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse
 from taskspec.rollout.statistics import estimate, mean
-from taskspec.rules.books import read_exam
 from taskspec.rules.evaluator import Truth
-from taskspec.rules.score_rules import Comparison, ScoreEvaluator, check_rule
-from taskspec.rules.scores import FIXED, FUNCTIONS, NUMBERS, ONE, QUANTIFIERS, SIDES, RuleNames, SeedScores
+from taskspec.rules.rule_books import read_exam
+from taskspec.rules.score_rules import (
+    FIXED,
+    FUNCTIONS,
+    NUMBERS,
+    ONE,
+    QUANTIFIERS,
+    SIDES,
+    Comparison,
+    RuleNames,
+    ScoreEvaluator,
+    SeedScores,
+    check_rule,
+)
 from taskspec.task.schema.experiments import exam_schema
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, entry, exam

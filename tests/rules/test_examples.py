@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import taskspec
 from taskspec import pages, source
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.check.files import check_file
+from taskspec.check.file_checks import check_file
 from taskspec.cli.app import app
 from taskspec.cli.check import examine
 from taskspec.exact import check, wrong_examples

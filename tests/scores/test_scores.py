@@ -16,7 +16,7 @@ from taskspec import exact, source
 from taskspec.abstraction.abstraction import abstraction
 from taskspec.abstraction.verify import verify
 from taskspec.base.diagnostics import SpecError, TaskspecError
-from taskspec.model import rows
+from taskspec.model import extract as extraction
 from taskspec.rollout.rollout import at_random
 from taskspec.scores.returns import Results, Return
 from taskspec.solve import solve
@@ -334,7 +334,7 @@ def test_a_missing_package_is_named_with_the_command(monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize("largest", [True, False])
 def test_compiled_sweeps_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, tidy: int, largest: bool) -> None:
     kernels = pytest.importorskip("taskspec.solve.kernels_numba")
-    monkeypatch.setattr(rows, "TIDY", tidy)
+    monkeypatch.setattr(extraction, "TIDY", tidy)
     for task in (
         benchmark.grid(70, 100),
         build(source.read(ROOT / "tests" / "specs" / "taxi.yaml")),

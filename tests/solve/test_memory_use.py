@@ -10,8 +10,8 @@ import pytest
 
 from taskspec import source
 from taskspec.base.diagnostics import SpecError
-from taskspec.model.cost import BYTES, Cost
-from taskspec.rules.claims import verdicts
+from taskspec.model.points import BYTES, Cost
+from taskspec.rules.claim_verdicts import verdicts
 from taskspec.scores.returns import Results, Return
 from taskspec.solve import plans
 from taskspec.task.build import build

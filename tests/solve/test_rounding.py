@@ -12,7 +12,7 @@ from taskspec import source
 from taskspec.check.report import check
 from taskspec.exact import extract
 from taskspec.model.model import NoModel, scipy_sparse
-from taskspec.rules.claims import verdicts
+from taskspec.rules.claim_verdicts import verdicts
 from taskspec.solve import infinite_horizon, rational
 from taskspec.solve.backward import Uniform
 from taskspec.solve.bounded import Bound, Bounded

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from taskspec import source
-from taskspec.rules.claims import verdicts
+from taskspec.rules.claim_verdicts import verdicts
 from taskspec.task.build import build
 
 FORK = """

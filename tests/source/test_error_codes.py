@@ -10,7 +10,7 @@ import pytest
 import taskspec
 from taskspec import source
 from taskspec.base.diagnostics import CODES, Diagnostic, SpecError
-from taskspec.check.files import check_file
+from taskspec.check.file_checks import check_file
 from taskspec.cli.check import examine
 from taskspec.exact import check as report
 from taskspec.exact import soundness, verdicts

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from taskspec import load, source
 from taskspec.pages.write import write
-from taskspec.rules.claims import verdicts
+from taskspec.rules.claim_verdicts import verdicts
 from taskspec.rules.examples import wrong_examples
 from taskspec.soundness.soundness import check_ranges
 from taskspec.task.build import build

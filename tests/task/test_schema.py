@@ -13,7 +13,7 @@ import pytest
 import taskspec
 from taskspec import registry, source
 from taskspec.base.diagnostics import SpecError
-from taskspec.check.files import check_file
+from taskspec.check.file_checks import check_file
 from taskspec.cli.check import examine
 from taskspec.targets import File
 from taskspec.task.build import build

@@ -7,7 +7,7 @@ from collections import namedtuple
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,34 +16,13 @@ from jax.custom_batching import custom_vmap
 
 from taskspec.backends.jax.program import JaxProgram, State, StepResult, acted, compile_jax, compile_required, observed
 from taskspec.base.arrays import AnyArray
-from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error, suggest
 from taskspec.base.extras import need
 from taskspec.lang.types import INT_MAX
 from taskspec.registry import load
 from taskspec.task.build import build_varying
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
 from taskspec.task.task import Component, Parameter, Task, TaskLike
-
-# ---------- gymnax
-# A task in the shape of an environment of gymnax 1.0, for its wrappers and for learners written for it.
-
-
-class Functions(Protocol):
-    """What is adapted: `taskspec.backends.jax.functions.Functional`."""
-
-    task: Task
-    program: JaxProgram
-    default_params: Any
-
-    @property
-    def name(self) -> str: ...
-    def reset(self, key: AnyArray, params: Any) -> tuple[Any, State]: ...
-    def step(
-        self, state: State, action: AnyArray, params: Any
-    ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]: ...
-    def step_env(
-        self, state: State, action: AnyArray, params: Any
-    ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]: ...
 
 
 class Gymnax:
@@ -56,16 +35,14 @@ class Gymnax:
         SpecError: E713, for flat actions that are not finite.
     """
 
-    def __init__(self, functional: Functions, flat_actions: bool = False) -> None:
+    def __init__(self, functional: Functional, flat_actions: bool = False) -> None:
         task = functional.task
         program = functional.program
         self._functional = functional
         self._seen = program.observation
         self._acted = program.action
         if flat_actions and self._acted.form not in ("discrete", "multi_discrete"):
-            raise SpecError(
-                [Diagnostic("E713", None, f"the actions of {task.id} are not finite, and cannot be one number")]
-            )
+            raise spec_error("E713", f"the actions of {task.id} are not finite, and cannot be one number")
         self._flat = flat_actions and self._acted.form == "multi_discrete"
         self.name = functional.name
         self.default_params: Any = functional.default_params
@@ -175,9 +152,6 @@ def _spaces() -> Any:
     return need("gymnax.environments.spaces", what="a space of gymnax")
 
 
-# ---------- params
-# Parameters of a task that are given where it runs, so that they may differ between lanes.
-
 _DTYPES = {"int": jnp.int32, "real": jnp.float32}
 
 
@@ -239,9 +213,7 @@ class OpenParameters:
                 raise SpecError([Diagnostic("E704", None, f"{message} ({self._told(params, known)})")])
 
     def _told(self, params: Any, holds: AnyArray) -> str:
-        """Return the first values of which something does not hold, where there is one for each of its own; else all of
-        them.
-        """
+        """Return the first values of which something does not hold, where there is one for each of its own."""
         found = []
         for p in self.varying:
             value = _known(getattr(params, p.name))
@@ -292,9 +264,7 @@ def _refused(name: str, opened: OpenParameters) -> Diagnostic:
 
 
 def _known(value: Any) -> AnyArray | None:
-    """Return a value as an array, with all lanes of what is mapped over by `vmap`; None where it is not known before a
-    program runs.
-    """
+    """Return a value as an array, with all lanes of what is mapped over by `vmap`."""
     if not isinstance(value, jax.core.Tracer):
         return np.asarray(value)
     seen: list[Any] = []
@@ -328,15 +298,7 @@ def _check(parameter: Parameter, value: Any) -> None:
     elif parameter.kind == "int" and (given != np.rint(given)).any():
         problem = "must be an int"
     if problem:
-        raise SpecError([Diagnostic("E703", None, f"parameter {parameter.name} {problem}, not {known}")])
-
-
-# ---------- functional
-# A task as pure functions of one environment, in the shape that gymnax users know.
-#
-# Use them under `jit`, `vmap` and `scan`. The key that `reset` gets is the seed: `reset(jax.random.key(s))` walks the
-# trajectory of the scalar environment with seed s. No other keys are needed, since draws follow from the seed and the
-# counters that the state carries.
+        raise spec_error("E703", f"parameter {parameter.name} {problem}, not {known}")
 
 
 class Functional:
@@ -441,9 +403,7 @@ class Functional:
 def _one_hot(task: Task) -> Task:
     """Return the same task with one-hot observations."""
     if not all(c.is_finite for c in task.observation.components):
-        raise SpecError(
-            [Diagnostic("E713", None, f"the observations of {task.id} are not finite, and cannot be one-hot")]
-        )
+        raise spec_error("E713", f"the observations of {task.id} are not finite, and cannot be one-hot")
     return replace(task, observation=replace(task.observation, space="one_hot"))
 
 

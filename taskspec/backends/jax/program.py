@@ -15,10 +15,10 @@ from taskspec import draws
 from taskspec.backends.array_form import ArrayForm, arrays
 from taskspec.backends.jax import library
 from taskspec.backends.lowering import compared, folded, word_names
-from taskspec.backends.source_text import run, tuple_of
+from taskspec.backends.source_text import indent, names_of, run, tuple_of
 from taskspec.backends.vector_program import Buffers, Episodes, LanesNotRunningError, Mode, Options, action_reader
 from taskspec.base.arrays import AnyArray, Array
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import spec_error
 from taskspec.lang.builder import Builder
 from taskspec.lang.interval import bounds, rounded, single_step
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, reads, walk
@@ -28,9 +28,6 @@ from taskspec.lang.variates import VARIATES, WordLayout, words_of
 from taskspec.task.reach import over, reach, widest
 from taskspec.task.spaces import Segment, SpaceLayout
 from taskspec.task.task import Component, Task
-
-# ---------- program
-# The JAX program: a task as pure functions of arrays, lanes last, and Gymnasium's layout of its values.
 
 DTYPES: dict[Kind, Any] = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL: jnp.float32}
 
@@ -185,14 +182,14 @@ def compile_jax(task: Task) -> JaxProgram:
     n = len(task.state)
     constants: dict[str, Any] = {}
     body, values = _emit(task, step, step_words, constants)
-    states = _names("s", task.state)
-    actions = _names("a", task.action)
+    states = names_of("s", task.state)
+    actions = names_of("a", task.action)
     given = list(open_names(task).values())
-    lines = [f"def step({', '.join(['w', 't', *states, *actions, *given])}):", *_indent(body)]
-    lines += _indent([f"return {tuple_of(values[:n])}, {values[n]}, {values[n + 1]}, {tuple_of(values[n + 2 :])}"])
+    lines = [f"def step({', '.join(['w', 't', *states, *actions, *given])}):", *indent(body)]
+    lines += indent([f"return {tuple_of(values[:n])}, {values[n]}, {values[n + 1]}, {tuple_of(values[n + 2 :])}"])
     body, values = _emit(task, start, start_words, constants)
-    lines += ["", "", f"def start({', '.join(['w', *given])}):", *_indent(body)]
-    lines += _indent([f"return {tuple_of(values[:n])}, {tuple_of(values[n:])}"])
+    lines += ["", "", f"def start({', '.join(['w', *given])}):", *indent(body)]
+    lines += indent([f"return {tuple_of(values[:n])}, {tuple_of(values[n:])}"])
     source = "\n".join([repr(f"{task.id}: n environments, array code for JAX. Generated."), "", "", *lines, ""])
     namespace = {**_NAMESPACE, **arrays(constants, _array)}
     run(source, f"<taskspec {task.id} {task.content_hash[:12]} jax>", namespace)
@@ -214,8 +211,8 @@ def compile_required(task: Task) -> Callable[..., tuple[AnyArray, ...]]:
     """
     constants: dict[str, Any] = {}
     body, values = _emit(task, [node for node, _ in task.required], task.reset_words, constants)
-    lines = [f"def required({', '.join(open_names(task).values())}):", *_indent(body)]
-    source = "\n".join([*lines, *_indent([f"return {tuple_of(values)}"]), ""])
+    lines = [f"def required({', '.join(open_names(task).values())}):", *indent(body)]
+    source = "\n".join([*lines, *indent([f"return {tuple_of(values)}"]), ""])
     namespace = {**_NAMESPACE, **arrays(constants, _array)}
     run(source, f"<taskspec {task.id} {task.content_hash[:12]} required, jax>", namespace)
     return namespace["required"]  # type: ignore[no-any-return]
@@ -231,7 +228,7 @@ def _check_ints(task: Task, roots: Sequence[Node]) -> None:
     most = widest(roots, INT_MAX, inside | counts, single_step)
     if most:
         message = f"an int of {task.id} may be as large as {most:.4g}; ints of JAX end at {INT_MAX}"
-        raise SpecError([Diagnostic("E715", None, message, 'use the backend "numba" or "numpy"')])
+        raise spec_error("E715", message, 'use the backend "numba" or "numpy"')
 
 
 def _read(roots: Sequence[Node], known: Mapping[int, Range]) -> Iterator[tuple[Node, Range]]:
@@ -269,7 +266,7 @@ def _emit(
     lowered = folded(b, compared(b, roots, library.BIAS))
     names = {(Role.TIME, "t"): "t"}
     for components, prefix, role in ((task.state, "s", Role.STATE), (task.action, "a", Role.ACTION)):
-        names |= {(role, c.name): s for c, s in zip(components, _names(prefix, components), strict=True)}
+        names |= {(role, c.name): s for c, s in zip(components, names_of(prefix, components), strict=True)}
     names |= {(Role.PARAMETER, name): source for name, source in open_names(task).items()}
     for draw in (n for n in walk(roots) if isinstance(n, Draw)):
         first = words.first[draw.site]
@@ -305,18 +302,6 @@ def open_names(task: Task) -> dict[str, str]:
     return {name: f"p{i}" for i, name in enumerate(found)}
 
 
-def _names(prefix: str, components: Sequence[Component]) -> list[str]:
-    return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
-
-
-def _indent(lines: Sequence[str]) -> list[str]:
-    return [f"    {line}" for line in lines]
-
-
-# ---------- engine
-# Many environments of a task, stepped by one jitted function (see `taskspec.backends.vector_program.Engine`).
-
-
 class JaxEngine:
     """Lanes of a task; their state lives where JAX computes, results are copied to NumPy arrays."""
 
@@ -330,15 +315,9 @@ class JaxEngine:
         self._episodes = Episodes(self.buffers, options.mode)
         self._lanes = lanes
         self._reset, self._step = jitted(task, options.mode)
-        self._state = self._empty(task, lanes)
-
-    @staticmethod
-    def _empty(task: Task, lanes: int) -> State:
-        dtypes = {np.dtype(np.bool_): jnp.bool_, np.dtype(np.int64): jnp.int32, np.dtype(np.float64): jnp.float32}
-        held = Buffers.of(task, compile_jax(task).observation, lanes).state
-        values = tuple(jnp.zeros(v.shape, dtypes[v.dtype]) for v in held)
+        values = tuple(jnp.zeros(v.shape, _NARROW[v.dtype.kind]) for v in self.buffers.state)
         zero = jnp.zeros(lanes, jnp.uint32)
-        return State(values, zero.astype(jnp.int32), zero, zero, jnp.zeros((2, lanes), jnp.uint32))
+        self._state = State(values, zero.astype(jnp.int32), zero, zero, jnp.zeros((2, lanes), jnp.uint32))
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:
         self._episodes.seed(seeds, lanes)
@@ -400,24 +379,11 @@ def _parts(layout: SpaceLayout, seen: Any) -> list[Any]:
 def jitted(task: Task, mode: Mode) -> tuple[Any, Any]:
     """Return the jitted reset and step of an autoreset mode."""
     program = compile_jax(task)
-    return jax.jit(_resetting(program)), jax.jit(_stepping(program, mode))
+    layout = program.observation
 
-
-def _chosen(flags: Any, a: State, b: State) -> State:
-    """Lanes of `a` where flagged, of `b` elsewhere."""
-    return jax.tree.map(lambda x, y: jnp.where(flags, x, y), a, b)  # type: ignore[no-any-return]
-
-
-def _resetting(program: JaxProgram) -> Any:
     def reset(state: State, chosen: Any) -> tuple[State, Any]:
         fresh, seen = program.begin(state)
-        return _chosen(chosen, fresh, state), observed(program.observation, seen)
-
-    return reset
-
-
-def _stepping(program: JaxProgram, mode: Mode) -> Any:
-    layout = program.observation
+        return _chosen(chosen, fresh, state), observed(layout, seen)
 
     def step(state: State, action: Any, late: Any) -> tuple[State, Any]:
         after, result = program.step(state, action)
@@ -429,8 +395,13 @@ def _stepping(program: JaxProgram, mode: Mode) -> Any:
         if mode == "disabled":
             return after, (seen, seen, *flags)
         fresh_state, fresh = program.begin(state)
-        shown = jax.tree.map(lambda x, y: jnp.where(late, x, y), observed(layout, fresh), seen)
+        shown = _chosen(late, observed(layout, fresh), seen)
         reward, terminated, truncated = (jnp.where(late, jnp.zeros_like(f), f) for f in flags)
         return _chosen(late, fresh_state, after), (shown, seen, reward, terminated, truncated)
 
-    return step
+    return jax.jit(reset), jax.jit(step)
+
+
+def _chosen(flags: Any, a: Any, b: Any) -> Any:
+    """Lanes of `a` where flagged, of `b` elsewhere."""
+    return jax.tree.map(lambda x, y: jnp.where(flags, x, y), a, b)

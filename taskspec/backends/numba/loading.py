@@ -23,7 +23,7 @@ from pathlib import Path
 import llvmlite.binding as llvm
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import visible
 from taskspec.base.limits import how_to_raise, limits
 
@@ -62,7 +62,7 @@ def _check_compile_time(source: str) -> None:
     if seconds > most:
         message = f"Numba would take about {seconds:,} seconds to compile this task; the limit is {most:,}"
         hint = f'`backend="numpy"` needs no compilation; or {how_to_raise("compiling", seconds)}'
-        raise SpecError([Diagnostic("E314", None, message, hint)])
+        raise spec_error("E314", message, hint)
     if seconds >= LONG:
         words = (
             f'Numba compiles this task, which takes about {seconds} seconds this once; backend="numpy" starts at once'

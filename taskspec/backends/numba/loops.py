@@ -12,7 +12,7 @@ from taskspec.backends.lane_form import LaneValue
 from taskspec.backends.lowering import compared, word_names
 from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
 from taskspec.backends.numpy.step import never
-from taskspec.backends.source_text import literal, without_unused
+from taskspec.backends.source_text import indent, literal, without_unused
 from taskspec.backends.vector_program import Mode
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Role
@@ -22,9 +22,6 @@ from taskspec.lang.variates import VARIATES, words_of
 from taskspec.lang.variates import WordLayout as WordLayout
 from taskspec.task.spaces import Segment, SpaceLayout
 from taskspec.task.task import Component, Task
-
-# ---------- loops
-# The loops over lanes of a Numba program as source, and the memory that they work on.
 
 SCRATCH = 1 << 16
 """Bytes of random words of a block, about: what a first-level cache and a part of the second hold."""
@@ -216,10 +213,6 @@ def _stores(p: Program, loop: Loop) -> dict[MemoryRow, str]:
 # -- functions of a kernel ----------------------------------------------------------------------------------------
 
 
-def indent(lines: Sequence[str], by: int = 1) -> list[str]:
-    return [f"{'    ' * by}{line}" if line else "" for line in lines]
-
-
 def action_rows(p: Program) -> list[tuple[str, str]]:
     """For every element of an action: its name, and where it stands in the lanes-first array of actions."""
     names = [f"a_{i}_{k}" for i, c in enumerate(p.task.action) for k in range(c.type.size)]
@@ -364,14 +357,6 @@ def begin(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     return text, used, loop.shown
 
 
-# ---------- step
-# The generated module of a Numba program: the step, and the reset, of many lanes.
-#
-# `advance` is the step of n lanes and `begin` the first state of some of them: loops over lanes in which everything is a
-# scalar. `kernel` does either over the memory of an environment, block by block, so that what one loop leaves in the cache the
-# next one finds there.
-
-
 def generate(
     task: Task, observation: SpaceLayout, action: SpaceLayout, mode: Mode, actions: str
 ) -> tuple[str, Program]:
@@ -418,11 +403,7 @@ def _views(p: Program, rows: Sequence[MemoryRow]) -> list[str]:
 def _kernel(
     p: Program, rows: Sequence[MemoryRow], shown: Shown, begin: Sequence[MemoryRow], begin_shown: Shown
 ) -> list[str]:
-    """Check the actions of a range of lanes, step them, or begin episodes in those chosen, as `what` says.
-
-    It is given two arrays as CPython passes objects, the program's memory and the actions, and gives the number of lanes
-    whose episodes have ended, or `BAD`, as an int of Python's.
-    """
+    """Check the actions of a range of lanes, step them, or begin episodes in those chosen, as `what` says."""
     body = _views(p, [*rows, *begin])
     body += [f"lanes = i64s({p.memory.at('lanes')}, i64(0))", "late = 0"]
     body += [f"if what == {RESET}:", *indent(_choose(p)), "else:", *indent(_step(p, rows, shown))]

@@ -93,10 +93,7 @@ as_i32 = _bits(types.float32, types.int32)
 
 
 def _numbers(dtype: Any) -> Any:
-    """`view(address, at)`: a pointer to numbers in memory, from number `at` on.
-
-    An array would say as much, but a function with many of those compiles slowly.
-    """
+    """`view(address, at)`: a pointer to numbers in memory, from number `at` on."""
 
     @intrinsic
     def view(typing: Any, address: Any, at: Any) -> Any:
@@ -214,10 +211,7 @@ def round_(x: Any) -> Any:
 
 @inner
 def _quarters(x: Any) -> Any:
-    """x as a number of quarter turns, modulo 4, and the rest in [-pi/4, pi/4] (Cody and Waite, three parts).
-
-    The rest is exact to 1e-16 for |x| < 1e6, and beyond that to the precision of x itself.
-    """
+    """x as a number of quarter turns, modulo 4, and the rest in [-pi/4, pi/4] (Cody and Waite, three parts)."""
     small = abs(x) < 1e15
     y = select(small, x, x - x)
     k = np.rint(y * 0.6366197723675814)

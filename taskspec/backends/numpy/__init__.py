@@ -31,13 +31,6 @@ from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
-# ---------- ahead
-# Draws computed ahead for many lanes: values of coming steps, and the first states of coming episodes.
-#
-# A call of NumPy costs the same for ten numbers and for a thousand, and the random words of one step take more than a
-# hundred calls. So words, and values that depend on them alone, are computed for several steps at once, and first states
-# for many lanes at once.
-
 WORDS = 65_536
 """The largest number of random words computed at once, unless a single step takes more."""
 STEPS = 64
@@ -167,11 +160,6 @@ def evaluated(nodes: Sequence[Node], layout: WordLayout, words: Array) -> list[A
     columns = words.shape[-1]
     return [np.broadcast_to(v, (*n.type.shape, columns)) for n, v in zip(nodes, values, strict=True)]
 
-
-# ---------- engine
-# The NumPy program: generated array code that steps many environments, features first and lanes last.
-#
-# `compile_numpy` gives the generated module of a task, `NumpyEngine` runs it over blocks of lanes that fit a cache.
 
 BLOCK = 16_384
 """Lanes stepped together, at most: 128 KiB for each array of 8-byte numbers."""

@@ -11,14 +11,14 @@ import numpy as np
 
 from taskspec.backends.array_form import ArrayForm, Scratch, Sink
 from taskspec.backends.lowering import Hoisted
-from taskspec.backends.source_text import tuple_of
+from taskspec.backends.source_text import indent, names_of, tuple_of
 from taskspec.base.arrays import Array
 from taskspec.lang.batch import UNSORTED, Runtime, network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import many
 from taskspec.task.spaces import SpaceLayout
-from taskspec.task.task import Component, Task
+from taskspec.task.task import Task
 
 
 @lru_cache(maxsize=16)
@@ -93,8 +93,8 @@ def generate(
     task: Task, roots: Sequence[Node], hoisted: Hoisted, observation: SpaceLayout, again: Again | None
 ) -> tuple[str, dict[str, Any]]:
     """Source of the module, and the constants it refers to, as nodes; with `again`, lanes that end begin anew."""
-    states = _names("s", task.state)
-    actions = _names("a", task.action)
+    states = names_of("s", task.state)
+    actions = names_of("a", task.action)
     outputs = [f"o{i}" for i in range(len(observation.segments))]
     form = _form(task, states, actions, hoisted)
     form.sinks = _sinks(task, observation, roots, states, outputs)
@@ -118,9 +118,9 @@ def generate(
     assert form.scratch is not None
     quiet = ['@np.errstate(all="ignore")'] if _may_warn(roots, observation) else []
     body = [*form.scratch.declarations, "", *quiet, f"def step({', '.join(taken)}):"]
-    body += [*_indent(lines), "", "return step"]
+    body += [*indent(lines), "", "return step"]
     head = repr(f"{task.id}: n environments, array code. Generated; the spec is {task.document.origin.name}.")
-    return "\n".join([head, "", "", f"def lanes({', '.join(arguments)}):", *_indent(body), ""]), form.constants
+    return "\n".join([head, "", "", f"def lanes({', '.join(arguments)}):", *indent(body), ""]), form.constants
 
 
 def _may_warn(roots: Sequence[Node], observation: SpaceLayout) -> bool:
@@ -128,14 +128,6 @@ def _may_warn(roots: Sequence[Node], observation: SpaceLayout) -> bool:
     reals = [n for n in walk(roots) if isinstance(n, Apply) and n.type.kind is Kind.REAL]
     small = all(abs(v) < 2**31 for c in observation.components for v in (*c.low, *c.high))
     return not small or any(n.op not in ("index", "to_real", "where", "element") for n in reals)
-
-
-def _names(prefix: str, components: Sequence[Component]) -> list[str]:
-    return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
-
-
-def _indent(lines: Sequence[str]) -> list[str]:
-    return [f"    {line}" if line else "" for line in lines]
 
 
 def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Hoisted) -> ArrayForm:
@@ -146,9 +138,7 @@ def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Ho
     form = ArrayForm(names, lambda draw, args: drawn(draw, args), scratch=Scratch())
 
     def drawn(draw: Draw, args: Sequence[str]) -> str:
-        """Return a draw whose distribution depends on the state; the step is given its words one by one, as int64
-        (lanes,).
-        """
+        """Return a draw whose distribution depends on the state; the step is given its words one by one."""
         words = f"np.stack({tuple_of(hoisted.words[draw.site])}).astype(np.uint32)"
         return f"{form.constant(many(draw))}({tuple_of(args)}, {words})"
 
@@ -246,7 +236,7 @@ def _begin(states: Sequence[str], again: Again, shown: bool) -> list[str]:
         seen = [f"seen{i}" for i in range(len(again.seen))]
         lines = [f"copyto(final{i}, {name})" for i, name in enumerate(seen)]
         lines += _put([*states, *seen], [*again.state, *again.seen])
-    return ["if count:", *_indent([*lines, "putmask(t, ended, ZERO)"])]
+    return ["if count:", *indent([*lines, "putmask(t, ended, ZERO)"])]
 
 
 def _put(names: Sequence[str], values: Sequence[Array]) -> list[str]:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from taskspec import draws
-from taskspec.backends.lowering import Invariants, changing, cold_components
+from taskspec.backends.lowering import Invariants, cold_components
 from taskspec.backends.scalar.interface import is_kept, row_names, sees_state
 from taskspec.backends.scalar.module import Parts, generate
 from taskspec.backends.scalar.phase import Phase, phase_stream
@@ -121,7 +121,7 @@ def compile_scalar(task: Task) -> ScalarProgram:
     invariants = Invariants.of(b, task, observation.form == "box" and bool(observation.shape))
     roots = invariants.replaced(b, (*task.next, task.reward, task.terminal))
     seen = () if invariants.observation else invariants.replaced(b, task.next_observation)
-    cold = cold_components(task, (*changing(task, roots), *seen))
+    cold = cold_components(task, (*roots, *seen))
     cold = frozenset() if task.info and not sees_state(task, observation) else cold
     initial = [b.scalar(0) if c.name in cold else n for c, n in zip(task.state, task.initial, strict=True)]
     rows = 1 + invariants.observation + (invariants.observation and is_kept(task) and sees_state(task, observation))
@@ -144,10 +144,7 @@ def compile_scalar(task: Task) -> ScalarProgram:
 
 
 def _as_floats(action: Any, shape: tuple[int, ...]) -> Any:
-    """Return an array-like action as an array of float64 of the given shape; one number goes with and without an axis.
-
-    ValueError: it has another shape or is no array of numbers.
-    """
+    """Return an array-like action as an array of float64 of the given shape."""
     array = np.asarray(action)
     if shape in _ONE and array.shape in _ONE:
         array = array.reshape(shape)

@@ -12,15 +12,11 @@ import numpy as np
 
 from taskspec.backends.lane_form import UNROLLED, LaneEmitter, LaneValue
 from taskspec.backends.scalar.phase import Phase, is_filled, stream
-from taskspec.backends.source_text import literal
+from taskspec.backends.source_text import literal, names_of
 from taskspec.lang.ir import Node, Read
 from taskspec.lang.types import Kind
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout
 from taskspec.task.task import Component, Task
-
-
-def names_of(prefix: str, components: Sequence[Component]) -> list[str]:
-    return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
 
 
 def read_action(task: Task, layout: SpaceLayout) -> tuple[list[str], list[LaneValue]]:
@@ -56,10 +52,7 @@ def _elements(task: Task, names: Sequence[str]) -> tuple[list[str], list[LaneVal
 
 
 def _listed(shape: tuple[int, ...], names: Sequence[str], convert: str, usual: str) -> list[str]:
-    """Return statements that spread an array-like action over names; anything of another shape is refused.
-
-    An array that meets the condition `usual` is taken as it is, all else goes through the function `convert`.
-    """
+    """Return statements that spread an array-like action over names; anything of another shape is refused."""
     ravel = ".ravel()" if len(shape) > 1 else ""
     return [
         "try:",

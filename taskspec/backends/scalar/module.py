@@ -13,14 +13,13 @@ from taskspec.backends.scalar.interface import (
     has_rows,
     info,
     is_kept,
-    names_of,
     observe,
     old_state,
     read_action,
     told_state,
 )
 from taskspec.backends.scalar.phase import Phase
-from taskspec.backends.source_text import without_unused
+from taskspec.backends.source_text import indent, names_of, without_unused
 from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Role
@@ -76,7 +75,7 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
             "",
             "",
             "def lane(next_first, next_draws, bad_action, not_running):",
-            *_indent(lines),
+            *indent(lines),
             "",
         ]
     ), constants
@@ -86,10 +85,6 @@ def _kept(parts: Parts) -> list[str]:
     """Variables that hold what stays the same for an episode."""
     told = ["told"] if is_kept(parts.task) else []
     return [*parts.invariants.names, *(["kept"] if parts.invariants.observation else []), *told]
-
-
-def _indent(lines: Sequence[str]) -> list[str]:
-    return [f"    {line}" if line else "" for line in lines]
 
 
 def _held(name: str, type_: Type) -> LaneValue:
@@ -150,15 +145,11 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
         body += told_state(task, parts.observation, states, observation)
     body += ["past += t", "t = 0", "episodes += 1", "alive = True", f"return {observation}, {{}}"]
     targets = [*states, *_kept(parts), "t", "past", "episodes", "alive"]
-    return ["def reset():", *_indent([f"nonlocal {', '.join(targets)}", *body])]
+    return ["def reset():", *indent([f"nonlocal {', '.join(targets)}", *body])]
 
 
 def _unwrapped(phase: Phase, body: Iterable[str], kept: Iterable[tuple[str, str]], others: Iterable[str]) -> list[str]:
-    """Return arrays turned into lists of Python numbers, where the body computes with their elements, or `others` with
-    what is kept.
-
-    `kept` are variables and what they become. Numbers of NumPy's own would be slow, and do not do what Python's do: 1 // 0.
-    """
+    """Return arrays turned into lists of Python numbers, where the body computes with their elements."""
     read = _names_in(others)
     used = _names_in([*body, *(source for name, source in kept if name in read)])
     return [f"{h} = {h}.tolist()" for h in phase.wide if h in used]
@@ -169,10 +160,7 @@ def _names_in(lines: Iterable[str]) -> set[str]:
 
 
 def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants: dict[str, Any]) -> list[str]:
-    """Return the function `step`: it works everything out, and fixes what it returns, before the state moves on.
-
-    `others` are the statements besides its own that compute with the state.
-    """
+    """Return the function `step`: it works everything out, and fixes what it returns, before the state moves on."""
     task = parts.task
     phase = parts.step
     reading, actions = read_action(task, parts.action)
@@ -196,14 +184,11 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
     body += [*told, "t += 1", *end, f"return {observation}, {reward}, {flags}, {info(task, states)}"]
     nonlocals = [*(states[i] for i in changed), *(["told"] if told else []), "t", "alive"]
     running = ["if not alive:", "    raise not_running()"]
-    return ["def step(action):", *_indent([f"nonlocal {', '.join(nonlocals)}", *reading, *running, *body])]
+    return ["def step(action):", *indent([f"nonlocal {', '.join(nonlocals)}", *reading, *running, *body])]
 
 
 def _fixed(lane: LaneEmitter, source: str, own: Container[str]) -> str:
-    """Return a result as a number, or as a name that keeps its value when the state moves on.
-
-    Such are the names that the emitter makes, and those in `own`; anything else gets a name of its own now.
-    """
+    """Return a result as a number, or as a name that keeps its value when the state moves on."""
     names = _NAMES.findall(source)
     if not names or (_ATOM.fullmatch(source) and (names[0] in own or _MADE.fullmatch(names[0]))):
         return source
@@ -218,9 +203,7 @@ _ATOM = re.compile(r"\w+(\[\d+\])?")
 def _seen(
     lane: LaneEmitter, parts: Parts, terminal: str, values: Sequence[LaneValue], own: Container[str]
 ) -> tuple[str, list[str]]:
-    """Return the observation of a step: the kept one where it stays the same, itself rather than a copy on what is always
-    the last.
-    """
+    """Return the observation of a step: the kept one where it stays the same."""
     if parts.invariants.observation:
         return ("kept" if terminal == "True" else "kept.copy()"), []
     observation, statements = observe(lane, parts.observation, parts.step, values)
@@ -279,5 +262,5 @@ def _access(parts: Parts, states: Sequence[str], restored: Sequence[str]) -> lis
         f"    return ({everything}), ({clock})",
         "",
         "def put(values, clock):",
-        *_indent(body),
+        *indent(body),
     ]

@@ -21,9 +21,6 @@ from taskspec.lang.types import Kind, Type
 from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.task.spaces import SpaceLayout
 
-# ---------- phase
-# A phase of the scalar program (reset or step): which values depend on draws alone, and come in blocks.
-
 
 @dataclass(frozen=True)
 class Phase:
@@ -112,9 +109,7 @@ def is_filled(node: Node) -> bool:
 
 
 def _block_can_compute(node: Node) -> bool:
-    """Return whether NumPy computes the same number in a block: no read, and no operator whose last digit differs in the C
-    library.
-    """
+    """Return whether NumPy computes the same number in a block: no read."""
     if isinstance(node, Read):
         return False
     return not isinstance(node, Apply) or node.op not in OPERATORS or OPERATORS[node.op].precise
@@ -133,10 +128,6 @@ def _row_parts(
         inner.append(None if free[id(node)] else node)
         offset += node.type.size
     return tuple(parts), inner
-
-
-# ---------- stream
-# The draws of a scalar program: computed by NumPy for blocks of coming steps or episodes, handed out one at a time.
 
 
 def stream(items: Callable[[int, int], Sequence[Any]], first: int, width: int) -> Callable[[], Any]:

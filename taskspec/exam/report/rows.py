@@ -15,7 +15,7 @@ from taskspec.data.files import write_table
 from taskspec.exam.verdicts import grade
 from taskspec.figures.chart import Rgb, blend
 from taskspec.rollout.statistics import estimate, mean
-from taskspec.rules.scores import side
+from taskspec.rules.score_rules import side
 
 COLUMNS = (
     "task", "twin", "probe", "seed", "deterministic", "stochastic", "half", "return", "error", "steps", "demonstrations",

@@ -30,7 +30,6 @@ from taskspec.lang.operators.entry import (
     Operator,
     Scalar,
     applies,
-    never,
     no_axes,
     of_first,
 )
@@ -180,12 +179,12 @@ STRUCTURES: dict[str, Structure] = {
         # The vector with the element at an index replaced.
         Structure("put", _put_type, _put_row,
                   (((_V, 1, 9), ()), ((_R, 0, math.nan), ()), ((_M, 2, (8, 9)), ()), ((_LONG, 19, -1), ()),
-                   ((_WIDE, 1, _LONG), ())), lambda args, node: rules.union((args[0], args[2]), node), never,
+                   ((_WIDE, 1, _LONG), ())), lambda args, node: rules.union((args[0], args[2]), node), rules.never,
                   indices=(1,)),
         # The vector with two elements exchanged.
         Structure("swap", lambda t, s: t[0], _swap_rows,
                   (((_V, 0, 3), ()), ((_R, 1, 1), ()), ((_M, 0, 2), ()), ((_LONG, 19, 0), ()), ((_WIDE, 0, 2), ())),
-                  linear=never, indices=(1, 2), commutative=True),
+                  linear=rules.never, indices=(1, 2), commutative=True),
     )
 }  # fmt: skip
 

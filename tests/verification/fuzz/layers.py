@@ -25,7 +25,7 @@ import numpy as np
 import taskspec
 from taskspec import pages
 from taskspec.base.diagnostics import CODES, Diagnostic, SpecError, TaskspecError, render
-from taskspec.check.files import check_file
+from taskspec.check.file_checks import check_file
 from taskspec.cli.check import examine
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.source import Document, read_file

@@ -23,11 +23,8 @@ from taskspec.targets import File, name_of, task_in, variants_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taskspec.abstraction.symmetry_proofs import SymmetryCheck
-    from taskspec.check.names import Accepted
     from taskspec.check.report import Report
-    from taskspec.model.points import Method
-    from taskspec.rules.claims import Verdict
+    from taskspec.check.warnings import Accepted
     from taskspec.task.task import Task
 
 
@@ -57,7 +54,7 @@ class Finding:
 
     @property
     def claims_words(self) -> str:
-        """`8 proved`, or what became of them otherwise; `3 (2 tested)` are three of which one is proved."""
+        """The number of claims that are proved, as `8 proved`; `3 (2 tested)` are three with one that is proved."""
         return _words(self.claims, self.proved, self.tested)
 
     @property
@@ -68,8 +65,10 @@ class Finding:
 
     @property
     def examples_words(self) -> str:
-        """How many examples hold, or how many do not."""
-        return f"{self.wrong_examples} wrong" if self.wrong_examples else f"{self.examples}" if self.examples else ""
+        """The number of examples that hold, or of those that do not."""
+        if self.wrong_examples:
+            return f"{self.wrong_examples} wrong"
+        return str(self.examples or "")
 
 
 def _words(count: int, proved: int, tested: int) -> str:
@@ -77,39 +76,35 @@ def _words(count: int, proved: int, tested: int) -> str:
         return f"{count - proved - tested} failed"
     if proved and tested:
         return f"{count} ({tested} tested)"
-    return f"{proved} proved" if proved else f"{tested} tested" if tested else ""
+    if proved:
+        return f"{proved} proved"
+    return f"{tested} tested" * bool(tested)
 
 
 def finding(report: Report, examples: int) -> Finding:
     """Summarise a report in which so many examples were checked."""
     statuses = [verdict.status for verdict in report.verdicts]
-    return Finding(
-        report.diagnostics, _how(report.method), str(report.method), len(report.cases), len(statuses),
-        statuses.count("proved"), statuses.count("tested"), report.skipped, report.accepted,
-        examples, len(report.wrong_examples), tuple(map(_claim, report.verdicts)), tuple(map(_symmetry, report.symmetries)),
+    method = report.method
+    how = f"{method.points:,} samples"
+    if method.exact:
+        how = f"all {method.points:,} points" if method.points else "bounds"
+    claims = tuple(
+        {"claim": v.claim.text, "parameters": dict(v.parameters), "status": v.status, "detail": v.detail, "episodes": v.episodes}
+        for v in report.verdicts
     )  # fmt: skip
-
-
-def _claim(verdict: Verdict) -> dict[str, Any]:
-    """Return one claim for one choice of parameters, with its status (`exact.statuses`)."""
-    return {
-        "claim": verdict.claim.text, "parameters": dict(verdict.parameters), "status": verdict.status,
-        "detail": verdict.detail, "episodes": verdict.episodes,
-    }  # fmt: skip
-
-
-def _symmetry(found: SymmetryCheck) -> dict[str, Any]:
-    """Return one symmetry: `points` is how many it was tested at, 0 where it is proved."""
-    status = "false" if found.problem is not None else "proved" if found.is_proved else "tested"
-    return {
-        "symmetry": found.symmetry.name, "status": status, "detail": found.problem or "", "points": found.points
-    }  # fmt: skip
-
-
-def _how(method: Method) -> str:
-    if not method.exact:
-        return f"{method.points:,} samples"
-    return f"all {method.points:,} points" if method.points else "bounds"
+    symmetries = []
+    for each in report.symmetries:
+        status = "false"
+        if each.problem is None:
+            status = "proved" if each.is_proved else "tested"
+        symmetries.append(
+            {"symmetry": each.symmetry.name, "status": status, "detail": each.problem or "", "points": each.points}
+        )
+    return Finding(
+        report.diagnostics, how, str(method), len(report.cases), len(statuses), statuses.count("proved"),
+        statuses.count("tested"), report.skipped, report.accepted, examples, len(report.wrong_examples), claims,
+        tuple(symmetries),
+    )  # fmt: skip
 
 
 Examine = Callable[["Task"], Finding]
@@ -167,10 +162,11 @@ def started(checks: Sequence[FileCheck], jobs: int | None = None) -> Iterator[Ca
         jobs: processes; None for one for each processor. In several, reports leave the tasks out.
     """
     processes = min(jobs or os.cpu_count() or 1, len(checks))
-    if processes < 2 or not _can_fork():
+    has_threads = threading.active_count() > 1 or "jax" in sys.modules
+    if processes < 2 or has_threads or sys.platform in ("darwin", "win32"):  # such a process cannot be forked safely
         yield lambda: [check.run() for check in telling(checks, lambda check: str(check.path))]
         return
-    longest_first = sorted(range(len(checks)), key=lambda i: -_length(checks[i].path))
+    longest_first = sorted(range(len(checks)), key=lambda i: -checks[i].path.stat().st_size)
     with ProcessPoolExecutor(processes, multiprocessing.get_context("fork")) as pool:
         running = {i: pool.submit(_run_apart, checks[i]) for i in longest_first}
 
@@ -183,19 +179,6 @@ def started(checks: Sequence[FileCheck], jobs: int | None = None) -> Iterator[Ca
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-
-
-def _can_fork() -> bool:
-    """Return whether this process can be forked safely: on macOS none can, nor one with threads, such as those of JAX."""
-    return sys.platform not in ("darwin", "win32") and threading.active_count() == 1 and "jax" not in sys.modules
-
-
-def _length(path: Path) -> int:
-    """Return the length of a file, by which the time that its check takes is guessed."""
-    try:
-        return path.stat().st_size
-    except OSError:
-        return 0
 
 
 def _run_apart(check: FileCheck) -> FileReport:
@@ -213,7 +196,8 @@ def check_file(file: File, prove: Examine) -> FileReport:
     except SpecError as error:
         return FileReport(path, (), error.diagnostics)
     checked = settled([check_task(file, variant, prove) for variant in variants])
-    return FileReport(path, checked, once(checked), accepted_by(checked))
+    accepted = {(a.warning.code, a.place.line, a.place.column): a for each in checked for a in each.finding.accepted}
+    return FileReport(path, checked, once(checked), tuple(accepted.values()))
 
 
 def check_task(file: File, variant: str | None, prove: Examine) -> Checked:
@@ -222,8 +206,11 @@ def check_task(file: File, variant: str | None, prove: Examine) -> Checked:
     try:
         task = task_in(file, variant)
     except SpecError as error:
-        found = Finding(error.diagnostics, "not built")
-        return Checked(_name(file, variant), variant, None, None, found, time.perf_counter() - start)
+        try:
+            name = name_of(file, variant)
+        except SpecError:  # an id whose file cannot be read
+            name = variant or file.path.stem
+        return Checked(name, variant, None, None, Finding(error.diagnostics, "not built"), time.perf_counter() - start)
     tell(task.id)
     try:
         found = prove(task)
@@ -234,22 +221,14 @@ def check_task(file: File, variant: str | None, prove: Examine) -> Checked:
     return Checked(task.name, variant, task.id, task, found, time.perf_counter() - start)
 
 
-def _name(file: File, variant: str | None) -> str:
-    try:
-        return name_of(file, variant)
-    except SpecError:  # an id whose file cannot be read
-        return variant or file.path.stem
-
-
 def settled(checked: Sequence[Checked]) -> tuple[Checked, ...]:
     """Return the same tasks without W511 for an entry of `accept` that another task, which shares it, needs."""
     needed = {a.place for each in checked for a in each.finding.accepted}
-
-    def without(each: Checked) -> Checked:
+    found = []
+    for each in checked:
         left = tuple(d for d in each.diagnostics if not (d.code == "W511" and d.span in needed))
-        return dataclasses.replace(each, finding=dataclasses.replace(each.finding, diagnostics=left))
-
-    return tuple(map(without, checked))
+        found.append(dataclasses.replace(each, finding=dataclasses.replace(each.finding, diagnostics=left)))
+    return tuple(found)
 
 
 def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
@@ -257,34 +236,28 @@ def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
     sharing: dict[tuple[Any, ...], list[str]] = {}
     first: dict[tuple[Any, ...], Diagnostic] = {}
     for each in checked:
-        told_here: Counter[tuple[Any, ...]] = Counter()
+        seen: Counter[tuple[Any, ...]] = Counter()
         for diagnostic in each.diagnostics:
             span = diagnostic.span
             place = None if span is None else (span.line, span.column, span.end_line, span.end_column)
             here = (diagnostic.code, place or diagnostic.message)
-            told_here[here] += 1
-            key = (*here, told_here[here])  # several of one task at one place are several
+            seen[here] += 1
+            key = (*here, seen[here])  # several of one task at one place are several
             first.setdefault(key, diagnostic)
             names = sharing.setdefault(key, [])
             if each.name not in names:
                 names.append(each.name)
-    names = [each.name for each in checked]
-    told = [_with_note(diagnostic, sharing[key], names[0]) for key, diagnostic in first.items()]
-    return tuple(sorted(told, key=lambda d: (0, 0) if d.span is None else (d.span.line, d.span.column)))
-
-
-def accepted_by(checked: Sequence[Checked]) -> tuple[Accepted, ...]:
-    """Return the warnings that some task accepts; those that several variants inherit once."""
-    found = {(a.warning.code, a.place.line, a.place.column): a for each in checked for a in each.finding.accepted}
-    return tuple(found.values())
-
-
-def _with_note(diagnostic: Diagnostic, names: list[str], spec: str) -> Diagnostic:
-    """`spec` is the task of the spec itself, or of its first variant."""
-    if names == [spec]:
-        return diagnostic
-    note = f"the same in {', '.join(names[1:])}" if names[0] == spec else f"in {', '.join(names)}"
-    return dataclasses.replace(diagnostic, notes=(*diagnostic.notes, note))
+    found = []
+    spec = checked[0].name if checked else ""  # the task of the spec itself, or of its first variant
+    for key, diagnostic in first.items():
+        names = sharing[key]
+        if names != [spec]:
+            note = f"in {', '.join(names)}"
+            if names[0] == spec:
+                note = f"the same in {', '.join(names[1:])}"
+            diagnostic = dataclasses.replace(diagnostic, notes=(*diagnostic.notes, note))
+        found.append(diagnostic)
+    return tuple(sorted(found, key=lambda d: (0, 0) if d.span is None else (d.span.line, d.span.column)))
 
 
 def counts(diagnostics: Iterable[Diagnostic]) -> tuple[int, int]:

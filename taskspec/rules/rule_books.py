@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,7 @@ from taskspec.base.bibliography import Reference, beside
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, suggest
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse_into
-from taskspec.rules.score_rules import check_rule
-from taskspec.rules.scores import RuleNames
+from taskspec.rules.score_rules import RuleNames, check_rule
 from taskspec.source import Document, read_file
 from taskspec.task.schema.experiments import (
     DiagnosisEntry,
@@ -69,17 +68,8 @@ def read_findings(path: str | os.PathLike[str]) -> RuleBook:
     return _read(Path(path), check_findings, "entries", "holds")
 
 
-def exam_of(suite: str | os.PathLike[str]) -> Path | None:
-    """Return the exam of a suite, by its name or folder; None if it has none."""
-    return _file_of(suite, EXAM)
-
-
-def findings_of(suite: str | os.PathLike[str]) -> Path | None:
-    """Return the findings of a suite, by its name or folder; None if it has none."""
-    return _file_of(suite, FINDINGS)
-
-
-def _file_of(suite: str | os.PathLike[str], name: str) -> Path | None:
+def file_of(suite: str | os.PathLike[str], name: str) -> Path | None:
+    """Return a file of a suite, `EXAM` or `FINDINGS`, by the name or folder of the suite; None if it has none."""
     places = (Path(suite) / name, registry.tasks_root() / suite / name)
     return next((path for path in places if path.is_file()), None)
 
@@ -93,26 +83,20 @@ def _read(path: Path, check: Any, section: str, key: str) -> RuleBook:
     reader.collector.extend(diagnostics)
     names = reader.names(described, path.parent)
     references = beside([path])
-    for at, source in _sources(described):
-        reader.check_reference(source.key, references, (*at, "key"))
     rules = []
     entries: Mapping[str, Any] = getattr(described, section)
+    if isinstance(described, FindingsDocument):
+        reader.check_reference(described.source.key, references, ("source", "key"))
     for name, entry in entries.items():
         condition = reader.parsed(getattr(entry, key), (section, name, key))
         if condition is not None:
             check_rule(condition, names, reader.collector)
             rules.append(ScoreRule(name, entry, condition))
+        if isinstance(entry, DiagnosisEntry):
+            reader.check_reference(entry.source.key, references, (section, name, "source", "key"))
         reader.check_members(getattr(entry, "unless", []), tuple(entries), "diagnosis", (section, name, "unless"))
     reader.collector.raise_if_errors()
     return RuleBook(described, names, tuple(rules), references, reader.collector.diagnostics)
-
-
-def _sources(described: ExamDocument | FindingsDocument) -> Iterator[tuple[tuple[str, ...], Any]]:
-    if isinstance(described, FindingsDocument):
-        yield ("source",), described.source
-        return
-    for name, entry in described.diagnoses.items():
-        yield ("diagnoses", name, "source"), entry.source
 
 
 @dataclass(frozen=True)
@@ -140,18 +124,15 @@ class _RuleReader:
             kind = "learner" if has_learners else "task"
             self.check_members(members, learners if has_learners else tasks, kind, ("groups", name))
         if isinstance(described, FindingsDocument):
-            self._check_aliases(described, tasks, learners)
+            for name, other in described.same.items():
+                self.check_members([other], tasks, "task", ("same", name))
+            for name, members in described.unable.items():
+                self.check_members([name], learners, "learner", ("unable",))
+                self.check_members(members, tasks, "task", ("unable", name))
+            for name, instance in described.instances.items():
+                self.check_members([ids.parse(instance).name], tasks, "task", ("instances", name))
         groups = {name: tuple(members) for name, members in described.groups.items()}
         return RuleNames(tasks, learners, groups, instances)
-
-    def _check_aliases(self, described: FindingsDocument, tasks: tuple[str, ...], learners: tuple[str, ...]) -> None:
-        for name, other in described.same.items():
-            self.check_members([other], tasks, "task", ("same", name))
-        for name, members in described.unable.items():
-            self.check_members([name], learners, "learner", ("unable",))
-            self.check_members(members, tasks, "task", ("unable", name))
-        for name, instance in described.instances.items():
-            self.check_members([ids.parse(instance).name], tasks, "task", ("instances", name))
 
     def check_members(self, members: list[str], known: tuple[str, ...], kind: str, at: tuple[str, ...]) -> None:
         for i, member in enumerate(members):

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from taskspec.base.diagnostics import Diagnostic, Placed, Span, SpecError
+from taskspec.base.diagnostics import Diagnostic, Placed, SpecError
 from taskspec.base.limits import tell
 from taskspec.lang import syntax as s
 from taskspec.model.space import words
@@ -18,16 +18,16 @@ from taskspec.modifiers import modify
 from taskspec.registry import load
 from taskspec.rollout.simulate import EPISODES
 from taskspec.rules.claim_rules import ClaimEvaluator, Reason, Terms
-from taskspec.rules.evaluator import Undecidable
-from taskspec.rules.vocabulary import InvalidClaim
-from taskspec.scores.returns import Results
-from taskspec.scores.saved import CLAIMS, OfClaim
+from taskspec.rules.evaluator import InvalidClaim, Undecidable
+from taskspec.scores.returns import CLAIMS, OfClaim, Results
 from taskspec.source import Path
 from taskspec.task.build import build
-from taskspec.task.merge import Merged, merge
+from taskspec.task.merge import merge
 from taskspec.task.task import Claim, Task, TaskLike
 
 CONFIDENCE = 0.999
+CODES = {"claims": "E603", "examples": "E613"}
+"""Codes of mistakes in `for:`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,32 +63,24 @@ def verdicts(task: TaskLike, results: Results | None = None) -> Iterator[Verdict
     for number, claim in enumerate(task.claims):
         tell(f"claim {number + 1} of {len(task.claims)}")
         for case in claim.cases or ({},):
-            yield _verdict(task, number, case, known)
-
-
-def _verdict(task: Task, number: int, case: Mapping[str, Any], known: dict[str, Results | SpecError]) -> Verdict:
-    claim = task.claims[number]
-    values = task.given | dict(case)
-    key = _key(values)
-    if key not in known:
-        known[key] = _results(task, values)
-    results = known[key]
-    if isinstance(results, SpecError):
-        wrong = wrong_setting(task, "claims", number, case, results)
-        return _failed(claim, case, "broken", wrong.message, wrong, hint=wrong.hint)
-    return decide(claim, results, case)
+            values = task.given | dict(case)
+            key = _key(values)
+            if key not in known:
+                try:
+                    other = build(task.document, task.variant, values, task.suite)
+                    known[key] = Results(modify(other, *task.modifiers))
+                except SpecError as error:
+                    known[key] = error
+            found = known[key]
+            if isinstance(found, SpecError):
+                wrong = wrong_setting(task, "claims", number, case, found)
+                yield Verdict(claim, case, "broken", wrong.message, diagnostic=wrong)
+            else:
+                yield decide(claim, found, case)
 
 
 def _key(values: Mapping[str, Any]) -> str:
     return repr(sorted(values.items(), key=str))
-
-
-def _results(task: Task, values: dict[str, Any]) -> Results | SpecError:
-    try:
-        other = build(task.document, task.variant, values, task.suite)
-    except SpecError as error:
-        return error
-    return Results(modify(other, *task.modifiers))
 
 
 def decide(claim: Claim, results: Results, case: Mapping[str, Any] | None = None) -> Verdict:
@@ -102,7 +94,17 @@ def decide(claim: Claim, results: Results, case: Mapping[str, Any] | None = None
         return _failed(claim, case, "broken", str(error), (error.place or claim.expr).place, hint=error.hint)
     except SpecError as error:
         return _failed(claim, case, "undecided", error.diagnostics[0].message, claim.expr.place)
-    return _verdict_on(claim, case, holds, reason, episodes)
+    place = reason.place.place
+    if holds:
+        return Verdict(claim, case, "tested" if episodes else "proved", reason.text, episodes)
+    if holds is None:
+        hint = "give the claim a `tolerance`" if _compares(claim.expr) and not episodes else None
+        message = f"this claim is neither proved nor contradicted: {reason.text}"
+        return _failed(claim, case, "undecided", message, place, episodes, hint)
+    if not episodes:
+        return _failed(claim, case, "false", f"this claim does not hold: {reason.text}", place)
+    message = f"{episodes:,} episodes contradict this claim at {CONFIDENCE:.1%} confidence: {reason.text}"
+    return _failed(claim, case, "contradicted", message, place, episodes)
 
 
 def _evaluated(claim: Claim, results: Results) -> tuple[bool | None, Reason, int]:
@@ -136,20 +138,6 @@ def _decided(evaluator: ClaimEvaluator, claim: Claim) -> tuple[bool | None, Reas
     return truth.holds, truth.evidence[-1]
 
 
-def _verdict_on(claim: Claim, case: Mapping[str, Any], holds: bool | None, reason: Reason, episodes: int) -> Verdict:
-    place = reason.place.place
-    if holds:
-        return Verdict(claim, case, "tested" if episodes else "proved", reason.text, episodes)
-    if holds is None:
-        hint = "give the claim a `tolerance`" if _compares(claim.expr) and not episodes else None
-        message = f"this claim is neither proved nor contradicted: {reason.text}"
-        return _failed(claim, case, "undecided", message, place, episodes, hint)
-    if not episodes:
-        return _failed(claim, case, "false", f"this claim does not hold: {reason.text}", place)
-    how = f"{episodes:,} episodes contradict this claim at {CONFIDENCE:.1%} confidence: {reason.text}"
-    return _failed(claim, case, "contradicted", how, place, episodes)
-
-
 def _compares(expr: s.Expr) -> bool:
     return isinstance(expr, s.Compare) or (isinstance(expr, s.Logical) and any(map(_compares, expr.operands)))
 
@@ -170,13 +158,8 @@ def _failed(
     return Verdict(claim, case, status, message, episodes, diagnostic)
 
 
-# -- parameter values of a case -------------------------------------------------------------------
-
-_CODES = {"claims": "E603", "examples": "E613"}
-
-
 def wrong_setting(task: Task, section: str, number: int, case: Mapping[str, Any], error: SpecError) -> Diagnostic:
-    """Return the first mistake in the parameter values of a case, at its place in `for:`.
+    """Return the first mistake in the parameter values of a case, at the parameter in `for:`, or at all of them.
 
     Args:
         section: `claims` or `examples`.
@@ -184,35 +167,24 @@ def wrong_setting(task: Task, section: str, number: int, case: Mapping[str, Any]
         error: raised when the task was built with these values.
     """
     found = error.diagnostics[0]
-    path: Path = (section, number, "for") if case else (section, number)
-    span = _place(merge(task.document, task.variant), path, case, found)
-    return Diagnostic(_CODES[section], span, found.message, found.hint)
-
-
-def _place(merged: Merged, path: Path, case: Mapping[str, Any], found: Diagnostic) -> Span:
-    """Return the place of an unknown parameter, of an invalid value, or of all values."""
-    for start, name in _names(merged, path) if case else ():
-        if name in case and f"has no parameter '{name}'" in found.message:
-            return merged.key_span((*start, name))
-        if name in case and found.message.startswith(f"parameter {name} "):
-            for at in _values(merged, (*start, name), case[name]):
-                return merged.span(at)
-    return merged.key_span(path)
-
-
-def _names(merged: Merged, path: Path) -> Iterator[tuple[Path, str]]:
-    """Yield every parameter of `for:`, with the path of the mapping in which it stands."""
-    grid = merged.data[str(path[0])][path[1]]["for"]
-    entries = [((*path, i), entry) for i, entry in enumerate(grid)] if isinstance(grid, list) else [(path, grid)]
-    yield from ((start, name) for start, entry in entries for name in entry)
-
-
-def _values(merged: Merged, path: Path, value: Any) -> Iterator[Path]:
-    """Yield the path of a value among those of a parameter."""
-    written: Any = merged.data
-    for step in path:
-        written = written[step]
-    if not isinstance(written, list):
-        yield from [path] if written == value else []
-    elif value in written:
-        yield (*path, written.index(value))
+    merged = merge(task.document, task.variant)
+    path: Path = (section, number)
+    span = merged.key_span(path)
+    if case:
+        path = (*path, "for")
+        span = merged.key_span(path)
+        grid = merged.data[section][number]["for"]
+        entries = [((*path, i), entry) for i, entry in enumerate(grid)] if isinstance(grid, list) else [(path, grid)]
+        for start, entry in entries:
+            for name in case:
+                is_unknown = f"has no parameter '{name}'" in found.message
+                at = (*start, name)
+                if name in entry and is_unknown:
+                    span = merged.key_span(at)
+                elif name in entry and found.message.startswith(f"parameter {name} "):
+                    value = entry[name]
+                    if value == case[name]:
+                        span = merged.span(at)
+                    elif isinstance(value, list) and case[name] in value:
+                        span = merged.span((*at, value.index(case[name])))
+    return Diagnostic(CODES[section], span, found.message, found.hint)

@@ -1,0 +1,340 @@
+"""Warnings about states, rewards, actions and experts: what episodes can do, by the exact model or by the equations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import SpecError
+from taskspec.check.warning_context import SAME, SMALL, Doubt, LintContext
+from taskspec.lang import syntax as s
+from taskspec.lang.ir import Draw, Node, Read, Role, draws, reads, rewrite, walk
+from taskspec.lang.types import Kind
+from taskspec.lang.variates import VARIATES
+from taskspec.model.extract import extract
+from taskspec.model.model import Model, differs, groups
+from taskspec.model.space import plain, shown, words
+from taskspec.rollout.rollout import at_random, is_bounded
+from taskspec.scores.partial_observability import pomdp_bounds
+from taskspec.task.build import build
+from taskspec.task.reach import reached
+from taskspec.task.task import Component, Soft, Task
+
+SLACK = 1e-6
+LONGER = 1000
+"""Steps beyond the horizon that are searched for other rewards."""
+FEW = 32
+"""Values of an action up to which all pairs are compared."""
+MOST = 200_000
+"""Operations that are worked out, once for each value."""
+ROUNDING = 1e-12
+
+# -- states ---------------------------------------------------------------------------------------
+
+
+def unreachable(context: LintContext) -> Iterator[Doubt]:
+    """Yield values of a component that occur in no episode, however long, of this task or of one that shares its roles.
+
+    With an exact model, all values are checked; otherwise the ends of ranges, by interval arithmetic.
+    """
+    model = context.results.model
+    if model is not None and model.entries <= SMALL:
+        is_own = model.task is context.task
+        section = ("state",) if is_own else ("abstraction", "state")
+        models = [model]
+        if is_own:
+            models += _partners(context.task)
+        entered = [m.states.decode(m.codes[m.connected]) for m in models]
+        for c in model.task.state:
+            values = [e[Role.STATE, c.name] for e in entered]
+            seen = np.concatenate([v.reshape(c.type.size, v.shape[-1]) for v in values], 1)
+            missing = []
+            if c.type.is_scalar or not is_own:  # on a map, the outer cells are often walls
+                missing = _missing_values(c, seen)
+            if missing:
+                values_in_words = ", ".join(missing[:6]) + ", ..." * (len(missing) > 6)
+                subject = f"{c.name} = {values_in_words}"
+                if not c.type.is_scalar:
+                    subject = f"an element {values_in_words} in {c.name}"
+                yield Doubt(context.key(*section, c.name), f"no episode visits a state with {subject}")
+    if context.model is None:
+        yield from _beyond(context)
+
+
+def _missing_values(c: Component, seen: Array) -> list[str]:
+    """Return values that a component never has, in words; for a vector only those at the ends of its range."""
+    if c.most - c.least >= 100_000 or not seen.size:
+        return []
+    every = np.arange(int(c.least), int(c.most) + 1)
+    if not c.type.is_scalar:
+        if len(set(c.low)) > 1 or len(set(c.high)) > 1:
+            return []
+        every = every[(every < seen.min()) | (every > seen.max())]
+    return [words(plain(c, np.asarray(v))) for v in np.setdiff1d(every, seen.astype(np.int64))[:7]]
+
+
+def _partners(task: Task) -> Iterator[Model]:
+    """Yield the models of the variants in which expert and learner act."""
+    roles = task.spec.roles
+    given = {p.name: p.value for p in task.parameters if p.value != p.default}
+    for variant in dict.fromkeys((roles.expert, roles.learner) if roles is not None else ()):
+        if variant in (task.name, task.variant):
+            continue
+        try:
+            yield extract(build(task.document, str(variant), given, task.suite), reachable=False)
+        except SpecError:
+            continue
+
+
+def _beyond(context: LintContext) -> Iterator[Doubt]:
+    """Yield ends of ranges that intervals prove to be unreachable; a missing end counts if the other one is declared."""
+    task = context.task
+    found = reached(task.state, task.initial, task.next, horizon=None)
+    normal = _components_with_normal_draws(task)
+    for c in task.state:
+        if c.name in normal or c.domain is not None or c.type.kind is Kind.BOOL:
+            continue
+        if not np.isfinite([c.least, c.most]).any():
+            continue
+        low, high = found[c.name]
+        slack = SLACK * max([1.0, *(abs(v) for v in (low, high) if np.isfinite(v))])
+        ends = []
+        if low > c.least + slack:
+            range_ = f"begins at {c.least:g}" if np.isfinite(c.least) else "has no low end"
+            ends.append(f"below {low:g}, and its range {range_}")
+        if high < c.most - slack:
+            range_ = f"ends at {c.most:g}" if np.isfinite(c.most) else "has no high end"
+            ends.append(f"above {high:g}, and its range {range_}")
+        for end in ends:
+            yield Doubt(context.key("state", c.name), f"no episode visits a state with {c.name} {end}")
+
+
+def _components_with_normal_draws(task: Task) -> set[str]:
+    """Return components that depend on normal draws, whose range depends on their implementation."""
+    pairs = {c.name: pair for c, *pair in zip(task.state, task.initial, task.next, strict=True)}
+    found = {n for n, pair in pairs.items() if any(isinstance(x, Draw) and VARIATES[x.base].cut for x in walk(pair))}
+    while more := {n for n, pair in pairs.items() if {name for _, name in reads(pair)} & found} - found:
+        found |= more
+    return found
+
+
+def unread(context: LintContext) -> Iterator[Doubt]:
+    """Yield a component on which neither rewards nor ends depend, which is not shown, or is drawn all the same."""
+    task = context.task
+    is_state = task.observation.is_state
+    nexts = {c.name: node for c, node in zip(task.state, task.next, strict=True)}
+    used = _followed(nexts, (task.reward, task.terminal))
+    if not is_state:
+        used |= _followed(nexts, task.observation.nodes)
+    for c, first, following in zip(task.state, task.initial, task.next, strict=True):
+        if c.name in used or c.low == c.high:
+            continue
+        if not is_state:
+            message = f"neither rewards nor ends depend on '{c.name}', and it is not observed"
+            yield Doubt(context.key("state", c.name), message)
+        elif draws((first, following)):
+            message = f"'{c.name}' is drawn, but neither rewards nor endings depend on it"
+            yield Doubt(context.key("state", c.name), message)
+
+
+def forgotten(context: LintContext) -> Iterator[Doubt]:
+    """Yield a component of the expert's memory that no action of it depends on."""
+    task = context.task
+    if task.memory is None:
+        return
+    nexts = {c.name: node for c, node in zip(task.memory.components, task.memory.next, strict=True) if c.type.size}
+    used = _followed(nexts, task.expert if isinstance(task.expert, tuple) else (), of_step=False)
+    for name in nexts:
+        if name not in used:
+            yield Doubt(context.key("memory", name), f"no action of the expert depends on '{name}'")
+
+
+def _followed(nexts: dict[str, Node], roots: tuple[Node, ...], of_step: bool = True) -> set[str]:
+    """Return components that some nodes depend on, at this step or later; nodes `of_step` may have next values in them."""
+    found: set[str] = set()
+    fresh = {name for role, name in reads(roots) if role is Role.STATE}
+    if of_step:
+        inside = {id(node) for node in walk(roots)}
+        fresh |= {name for name, node in nexts.items() if id(node) in inside}
+    while fresh:
+        found |= fresh
+        following = [nexts[name] for name in fresh if name in nexts]
+        fresh = {name for role, name in reads(following) if role is Role.STATE} - found
+    return found
+
+
+# -- rewards --------------------------------------------------------------------------------------
+
+
+def later_rewards(context: LintContext) -> Iterator[Doubt]:
+    """Yield the horizon where it ends episodes before rewards differ."""
+    later = _later_reward(context)
+    if later is not None and context.paid is not None:
+        value = words(context.paid[0])
+        message = f"within {context.task.horizon} steps every reward is {value}; longer episodes have others"
+        hint = f"the first of them is paid in step {later}"
+        yield Doubt(context.merged.span(("horizon",)), message, hint)
+
+
+def same_reward(context: LintContext) -> Iterator[Doubt]:
+    """Yield the reward if it is always the same, however long the episode."""
+    if context.is_constant and context.paid is not None and _later_reward(context) is None:
+        message = f"every possible step has reward {words(context.paid[0])}"
+        yield Doubt(context.merged.span(("reward",)), message)
+
+
+def _later_reward(context: LintContext) -> int | None:
+    """Return the first step in which a longer episode could have another reward, where all are the same up to the horizon."""
+    model = context.results.model
+    if not context.is_constant or context.paid is None or model is None or model.horizon is None or model.is_timed:
+        return None
+    level = model.start > 0
+    seen = np.zeros(model.n_states, np.bool_)
+    rewards = model.step(0).R.reshape(model.n_actions, -1)
+    for t in range(model.horizon + LONGER):
+        if not (level & ~seen).any():
+            return None
+        if np.ptp(np.append(rewards[:, level].reshape(-1), context.paid[0])) > SAME:
+            return t + 1
+        seen |= level
+        level = model.successors(model.step(0).P, level)
+    return None
+
+
+def indifferent(context: LintContext) -> Iterator[Doubt]:
+    """Yield the reward if the best return is that of random actions."""
+    optimal = None if context.is_constant else context.results.optimal
+    random = None if optimal is None else context.results.random  # simulated only if the best return is known
+    if optimal is None or random is None:
+        return
+    if abs(optimal.value - random.value) <= SAME * max(1.0, abs(optimal.value)):
+        message = f"random actions are as good as the best: both return {words(optimal.value)}"
+        yield Doubt(context.merged.span(("reward",)), message)
+
+
+# -- actions --------------------------------------------------------------------------------------
+
+
+def inert(context: LintContext) -> Iterator[Doubt]:
+    """Yield a component of the action that changes nothing."""
+    model = context.model
+    read = reads(_step(context.task))
+    for c in context.task.action:
+        if c.is_finite and c.counts == (1,) * c.type.size:
+            continue
+        if (Role.ACTION, c.name) not in read:
+            yield Doubt(context.key("action", c.name), f"the action '{c.name}' is read nowhere")
+        elif model is not None and model.acting.any() and differs(model, c.name)[0] is False:
+            message = f"the action '{c.name}' changes neither the next state nor the reward, in any state"
+            yield Doubt(context.key("action", c.name), message)
+
+
+def twins(context: LintContext) -> Iterator[Doubt]:
+    """Yield two values of an action that do the same in every state."""
+    for c in context.task.action:
+        count = c.counts[0] if c.is_finite and c.type.is_scalar else 0
+        if not 2 < count <= FEW:
+            continue  # W505 is about two values that are the same
+        if context.model is None and len(list(walk(_step(context.task)))) * count > MOST:
+            continue
+        alike: list[list[int]] = []
+        effects = _effects(context, c)
+        for number in range(count):
+            known = next((group for group in alike if _are_same(effects[group[0]], effects[number])), None)
+            if known is None:
+                alike.append([number])
+            else:
+                known.append(number)
+        for group in alike if len(alike) > 1 else ():  # if all do the same, W505 says so
+            names = [shown(c, np.asarray(int(c.low[0]) + number)) for number in group]
+            if len(names) > 1:
+                message = f"{c.name} = {', '.join(names[:-1])} and {names[-1]} do the same in every state"
+                yield Doubt(context.key("action", c.name), message)
+
+
+def _step(task: Task) -> tuple[Node, ...]:
+    return (*task.next, task.reward, task.terminal)
+
+
+def _effects(context: LintContext, c: Component) -> list[list[Any]]:
+    """Return the effects of each value of an action: rows of the model, or the step with the value put in."""
+    model = context.model
+    if model is not None:
+        table = groups(model, c.name)
+        acting = np.flatnonzero(model.acting)
+        steps = list({id(step): step for step in model.steps}.values())
+        effects = []
+        for number in range(c.counts[0]):
+            rows = (table[:, number][:, None] * model.n_states + acting[None, :]).reshape(-1)
+            parts = [part for step in steps for part in (step.R, step.P, step.P_end) if part is not None]
+            effects.append([part[rows] for part in parts])
+        return effects
+    b = context.task.new_builder()
+    forms = []
+    for number in range(c.counts[0]):
+        value = b.scalar(int(c.low[0]) + number)
+
+        def leaf(node: Node, value: Node = value) -> Node | None:
+            is_read = isinstance(node, Read) and (node.role, node.name) == (Role.ACTION, c.name)
+            return value if is_read else None
+
+        forms.append(list(rewrite(_step(context.task), leaf, b.remake)))
+    return forms
+
+
+def _are_same(one: list[Any], other: list[Any]) -> bool:
+    """Return whether effects are equal: equal forms are one node."""
+    for a, b in zip(one, other, strict=True):
+        if isinstance(a, Node):
+            if a is not b:
+                return False
+            continue
+        gap = a - b
+        gap = getattr(gap, "data", gap) if not isinstance(gap, np.ndarray) else gap
+        if len(gap) and np.abs(gap).max() > ROUNDING:
+            return False
+    return True
+
+
+# -- experts --------------------------------------------------------------------------------------
+
+
+def expert(context: LintContext) -> Iterator[Doubt]:
+    """Yield an expert below the optimum, or no better than random actions where that is all there is to compare with."""
+    results = context.results
+    found = results.expert
+    task = context.task
+    if found is None or isinstance(task.expert, Soft) or any(_compares_expert(claim.expr) for claim in task.claims):
+        return
+    value = f"the expert returns {found.value:.10g}"
+    optimal = results.optimal
+    if optimal is None:
+        random = results.random if is_bounded(task) else results.estimated(at_random(task), 200)
+        if random is not None and random.value >= found.value:
+            message = f"{value} on average, and random actions {random.value:.10g}"
+            notes = [f"from {found.episodes:,} and {random.episodes:,} episodes"]
+            yield Doubt(context.key("expert"), message, None, notes)
+        return
+    best = optimal.value
+    whose = ""
+    if task.memory is not None and (seen := pomdp_bounds(results)) is not None:
+        whose = ", which knows the state"
+        if seen.remembering is not None:
+            best = seen.remembering.value
+            whose = " of those who remember what they see"
+    gap = best - found.value
+    if gap > SAME * max(1.0, abs(best)):
+        yield Doubt(context.key("expert"), f"{value}, which is {gap:.6g} below the optimum of {best:.10g}{whose}")
+
+
+def _compares_expert(expr: s.Expr) -> bool:
+    """Return whether a claim says that the expert is below the optimum."""
+    if isinstance(expr, s.Logical):
+        return any(_compares_expert(part) for part in expr.operands)
+    if not isinstance(expr, s.Compare):
+        return False
+    names = {n.id for n in s.names(expr) if isinstance(n, s.Name)}
+    return {"expert_return", "optimal_return"} <= names and any(op in ("<", ">", "!=") for op, _ in expr.rest)
