@@ -169,12 +169,12 @@ def _estimate(value: Value) -> m.Math:
 
 def number(value: Value) -> m.Math:
     """Return a number for people: short decimals and small fractions exactly, anything else to six digits."""
-    sign = (m.Sym("−"),) if value < 0 else ()
     size = abs(value)
     if isinstance(size, float) and math.isfinite(size):
         small = Fraction(size).limit_denominator(999)
         if abs(float(small) - size) <= 1e-13 * max(1.0, size):  # which it equals up to rounding
             size = small
+    sign = (m.Sym("−"),) if value < 0 and size else ()
     if size == math.inf:
         return m.row(*sign, m.Ident("∞"))
     if isinstance(size, Fraction) and size.denominator < 1000 and 10**9 % size.denominator:  # no short decimal
