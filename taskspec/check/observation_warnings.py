@@ -9,7 +9,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
-from taskspec.check.name_warnings import mentioned
+from taskspec.check.text_warnings import mentioned
 from taskspec.check.warning_context import Doubt, LintContext
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Apply, Const, Node, Read, Role, draws, reads

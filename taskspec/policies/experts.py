@@ -16,8 +16,7 @@ from taskspec.registry import load
 from taskspec.rollout.rollout import State, by_expert
 from taskspec.scores.returns import Given, Results
 from taskspec.task import spaces
-from taskspec.task.observe import recall
-from taskspec.task.task import ExpertMemory, Task, TaskLike
+from taskspec.task.task import ExpertMemory, Task, TaskLike, recall
 
 if TYPE_CHECKING:
     import gymnasium

@@ -22,7 +22,7 @@ from taskspec.lang.types import INT_MAX
 from taskspec.registry import load
 from taskspec.task.build import build_varying
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
-from taskspec.task.task import Component, Parameter, Task, TaskLike
+from taskspec.task.task import Parameter, Task, TaskLike
 
 
 class Gymnax:
@@ -106,14 +106,10 @@ def _from_zero(layout: SpaceLayout, seen: Any) -> Any:
         case "discrete":
             return seen - layout.starts[0]
         case "dict":
-            starts = {c.name: int(c.low[0]) for c in layout.components if _is_discrete(c)}
+            starts = {c.name: int(c.low[0]) for c in layout.components if c.is_finite and c.type.is_scalar}
             return {name: value - starts.get(name, 0) for name, value in seen.items()}
         case _:
             return seen
-
-
-def _is_discrete(c: Component) -> bool:
-    return c.is_finite and c.type.is_scalar
 
 
 # -- spaces -------------------------------------------------------------------------------------------------------
@@ -130,16 +126,16 @@ def _space(layout: SpaceLayout) -> Any:
         case "one_hot":
             return spaces.Box(0.0, 1.0, layout.shape)
         case "dict":
-            return spaces.Dict({c.name: _component(spaces, c) for c in layout.components})
+            made = {}
+            for c in layout.components:
+                if c.is_finite and c.type.is_scalar:
+                    made[c.name] = spaces.Discrete(c.counts[0])
+                else:
+                    low, high = (tuple(map(single, bound)) for bound in (c.low, c.high))
+                    made[c.name] = _box(spaces, low, high, c.type.shape)
+            return spaces.Dict(made)
         case "box":
             return _box(spaces, layout.low, layout.high, layout.shape)
-
-
-def _component(spaces: Any, c: Component) -> Any:
-    if _is_discrete(c):
-        return spaces.Discrete(c.counts[0])
-    low, high = (tuple(single(v) for v in bound) for bound in (c.low, c.high))
-    return _box(spaces, low, high, c.type.shape)
 
 
 def _box(spaces: Any, low: tuple[float, ...], high: tuple[float, ...], shape: tuple[int, ...]) -> Any:
