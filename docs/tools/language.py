@@ -25,7 +25,7 @@ from taskspec.scores import saved
 from taskspec.source import read_text
 from taskspec.source.scan import EXTENDS, REQUIRED
 from taskspec.task.build import build
-from taskspec.task.figure_kinds import FIGURE_KINDS
+from taskspec.task.parts import FIGURE_KINDS
 from taskspec.task.schema.export import json_schema
 from taskspec.task.spaces import space
 from taskspec.task.task import Task

@@ -9,7 +9,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
-from taskspec.check.name_warnings import mentioned
+from taskspec.check.text_warnings import mentioned
 from taskspec.check.warning_context import Doubt, LintContext
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Apply, Const, Node, Read, Role, draws, reads
@@ -18,8 +18,7 @@ from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.model import Model
 from taskspec.model.space import plain, words
 from taskspec.modifiers import modify
-from taskspec.rollout.rollout import Choose, State, by_expert, reads_of
-from taskspec.rollout.simulate import simulate
+from taskspec.rollout.rollout import Choose, State, by_expert, reads_of, simulate
 from taskspec.scores.returns import normalised
 from taskspec.solve import solve
 from taskspec.task.task import Component, Task

@@ -205,7 +205,7 @@ def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> Non
 
 def _return(value: Return | None) -> tuple[str, str]:
     """Return a return, and how sure it is."""
-    from taskspec.scores.saved import NUMBERS
+    from taskspec.scores.returns import NUMBERS
 
     if value is None:
         return "unknown", ""

@@ -1,220 +1,36 @@
-"""Calls and subscripts."""
+"""Calls (functions of the table, distributions, `fold`, an author's own definitions) and subscripts.
+
+One rule holds for indices outside a vector, of elements as of `put` and `swap`: an index that is known before the task runs
+counts from the end when it is negative; one that depends on the state, the action, the time or a draw is moved to the nearest
+end.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import NoReturn
 
 import numpy as np
 
 from taskspec.base.diagnostics import Collector, suggest
 from taskspec.lang import alternatives, dists, sets
-from taskspec.lang import scope as basechecker
 from taskspec.lang import syntax as s
-from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node, Role, reads
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.parse import advice
-from taskspec.lang.scope import BaseChecker, ClampedIndex, FunctionDef, Lazy, Scope, Value, varies
+from taskspec.lang.scope import BaseChecker, ClampedIndex, FunctionDef, Lazy, Poisoned, Scope, Value, named, varies
 from taskspec.lang.types import Domain, Kind, Shape, Type
 
-# ---------- subscripts
-# Subscripts: elements, rows and slices, and what becomes of an index that lies outside.
-#
-# One rule, for elements as for `put` and `swap`: an index that is known before the task runs counts from the end when it is
-# negative; one that depends on the state, the action, the time or a draw is moved to the nearest end.
-
-
-def subscript(checker: BaseChecker, expr: s.Subscript, scope: Scope) -> Node:
-    """`x[i]`, `x[i, j]`, `x[a:b]`, `x[:, j]`: constant indices are checked, others are brought into range."""
-    node = checker.numeric(expr.value, scope)
-    if len(expr.indices) > len(node.type.shape):
-        what = "a single value" if node.type.is_scalar else f"a vector of {len(node.type.shape)} axis"
-        checker.fail("E307", expr, f"{what} cannot take {len(expr.indices)} indices")
-    if len(expr.indices) == 1:
-        return _row(checker, node, expr.indices[0], scope)
-    return _block(checker, node, expr, scope)
-
-
-def _row(checker: BaseChecker, node: Node, index: s.Expr | s.Slice, scope: Scope) -> Node:
-    b = checker.builder
-    n = node.type.shape[0]
-    if isinstance(index, s.Slice):
-        start, count, step = _slice_bounds(checker, index, n, scope)
-        return b.structure("slice", [node], (start, count, step))
-    i = _index(checker, index, n, scope)
-    if len(i.type.shape) > 1:
-        checker.fail("E307", index, "an index is an int or a vector of ints")
-    return b.structure("index", [node, i])
-
-
-def rows_for_an_element(checker: BaseChecker, expr: s.Expr, scope: Scope) -> str | None:
-    """Return what to write where a vector with an index for each axis picks rows of a matrix, and so is no place in it."""
-    for part in s.below(expr):
-        if not isinstance(part, s.Subscript) or len(part.indices) > 1 or isinstance(part.indices[0], s.Slice):
-            continue
-        value = checker.check(part.value, scope)
-        index = checker.check(part.indices[0], scope)
-        if value is None or index is None or len(value.node.type.shape) < 2:
-            continue
-        if index.node.type.shape == (len(value.node.type.shape),):
-            at = part.indices[0]
-            n = len(value.node.type.shape)
-            name = at.place.written
-            written = [i.place.written for i in at.items] if isinstance(at, s.Vector) else None
-            places = ", ".join(written or [f"{name}[{i}]" for i in range(n)])
-            return f"a vector of indices picks rows; one element has an index for each axis: `[{places}]`"
-    return None
-
-
-def _block(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) -> Node:
-    """Return what several indices leave of a matrix, an axis for each slice: elements of its rows laid end to end."""
-    b = checker.builder
-    axes = node.type.shape[: len(expr.indices)]
-    jobs = [partial(_places, checker, i, n, scope) for i, n in zip(expr.indices, axes, strict=True)]
-    places = checker.each(jobs)
-    if any(p.type.shape and not isinstance(i, s.Slice) for i, p in zip(expr.indices, places, strict=True)):
-        hint = "pair them in a comprehension: `[m[i, j] for (i, j) in ...]`"
-        checker.fail("E307", expr, "each of several indices must be an int or a slice", hint)
-    kept = tuple(p.type.size for p in places if p.type.shape)
-    flat = b.structure("reshape", [node], (math.prod(axes), *node.type.shape[len(axes) :]))
-    found = b.structure("index", [flat, _numbers(b, places, axes, kept)])
-    return b.structure("reshape", [found], (*kept, *node.type.shape[len(axes) :]))
-
-
-def _places(checker: BaseChecker, index: s.Expr | s.Slice, length: int, scope: Scope) -> Node:
-    """Return where an index points along one axis: a number, or the numbers of a slice."""
-    if not isinstance(index, s.Slice):
-        return _index(checker, index, length, scope)
-    start, count, step = _slice_bounds(checker, index, length, scope)
-    return checker.builder.const(range(start, start + count * step, step), Type(Kind.INT, (count,)))
-
-
-def _numbers(b: Builder, places: Sequence[Node], axes: Shape, kept: Shape) -> Node:
-    """Return where elements stand when rows are laid end to end; those of slices are constants, one after the other."""
-    number: Node = b.scalar(0)
-    slices = iter(np.indices(kept).reshape(len(kept), math.prod(kept)))
-    for place, length in zip(places, axes, strict=True):
-        if isinstance(place, Const) and place.type.shape:
-            place = b.const([place.flat[k] for k in next(slices)], Type(Kind.INT, (math.prod(kept),)))
-        number = b.apply("add", b.apply("mul", number, b.scalar(length)), place)
-    return number
-
-
-def _index(checker: BaseChecker, expr: s.Expr, length: int, scope: Scope) -> Node:
-    node = checker.numeric(expr, scope)
-    if node.type.kind is Kind.REAL:
-        checker.fail("E306", expr, "an index must be an int, not a real", "`floor(x)` gives an int")
-    node = checker.builder.cast(node, Kind.INT)
-    if isinstance(node, Const) and not varies(expr, scope):
-        for i in node.flat:
-            if not -length <= i < length:
-                checker.fail(
-                    "E315",
-                    expr,
-                    f"index {i} is outside a vector of {length or 'no'} element{'s' * (length != 1)}",
-                    f"indices go from 0 to {length - 1}" if length else None,
-                )
-        return checker.builder.position(node, length)
-    return moved(checker, node, length, expr)
-
-
-def index_argument(checker: BaseChecker, index: Node, x: Node, expr: s.Expr, scope: Scope) -> Node:
-    """Return the argument of a function that is an index of x, or one for each axis; what cannot be one is left to
-    the function.
-    """
-    axes = x.type.shape
-    if len(axes) > 1 and index.type.shape == (len(axes),):
-        written = expr.items if isinstance(expr, s.Vector) else [expr] * len(axes)
-        parts = [checker.builder.structure("element", [index], (k,)) for k in range(len(axes))]
-        found = [_argument(checker, *each, scope) for each in zip(parts, axes, written, strict=True)]
-        return checker.builder.structure("vector", found)
-    return index if x.type.is_scalar else _argument(checker, index, axes[0], expr, scope)
-
-
-def _argument(checker: BaseChecker, index: Node, length: int, expr: s.Expr, scope: Scope) -> Node:
-    known = isinstance(index, Const) and not varies(expr, scope)
-    if known or not index.type.is_scalar or index.type.kind is Kind.REAL:
-        return index
-    return moved(checker, checker.builder.cast(index, Kind.INT), length, expr)
-
-
-def moved(checker: BaseChecker, index: Node, length: int, expr: s.Expr) -> Node:
-    """Return an index that depends on the state, moved to the nearest end of a vector if it lies outside; kept for the lints."""
-    if Role.PARAMETER in {role for role, _ in reads([index])}:  # a known one would count from the end
-        checker.fail("E312", expr, "an index must be a constant where it depends on parameters")
-    found = checker.builder.within(index, 0, length - 1)
-    if found is not index:
-        checker.moved.setdefault(id(found), ClampedIndex(found, index, length, expr.place))
-    return found
-
-
-def _slice_bounds(checker: BaseChecker, index: s.Slice, length: int, scope: Scope) -> tuple[int, int, int]:
-    ends = ((index.start, "i >="), (index.stop, "i <"), (index.step, None))
-    parts = [None if part is None else _bound(checker, part, test, scope) for part, test in ends]
-    if parts[2] == 0:
-        checker.fail("E315", index, "the step of a slice cannot be 0")
-    chosen = range(length)[slice(*parts)]
-    return chosen.start, len(chosen), chosen.step
-
-
-def _bound(checker: BaseChecker, expr: s.Expr, test: str | None, scope: Scope) -> int:
-    """Return one of the numbers of a slice; `test` is the start of a condition that does the same."""
-    inside = f"`[x[i] if {test} {expr.place.written} else 0 for i in range(len(x))]`"
-    instead = None if test is None else f"take all and test inside: {inside}"
-    return checker.integer(expr, scope, "the bounds of a slice", instead)
-
-
-# ---------- calls
-# Calls: functions of the table, distributions, `fold`, and an author's own definitions.
-
-NAMES = ("fold", "scan")
-Applied = Callable[[BaseChecker, FunctionDef, s.Call, list[Value]], Value]
-
-
-def folded(checker: BaseChecker, expr: s.Call, scope: Scope, apply: Applied) -> Value:
-    """Return the value of `fold(f, start, x)` or `scan(f, start, x)`; `apply` is a call of f, with values for its arguments."""
-    if len(expr.args) != 3 or expr.keywords:
-        checker.fail("E304", expr, f"{expr.function}(f, start, x) was given the wrong arguments")
-    written, start, vector = expr.args
-    step = scope.lookup(written.id) if isinstance(written, s.Name) and not written.primed else None
-    if not isinstance(step, FunctionDef) or len(step.arguments) != 2:
-        own = [n for n in scope.names() if isinstance(scope.lookup(n), FunctionDef)]
-        near = suggest(written.id, own) if isinstance(written, s.Name) else None
-        hint = near or '`definitions: {"f(value, element)": value + element}`, then `fold(f, 0, x)`'
-        checker.fail("E306", written, f"{expr.function} needs a definition with two arguments first", hint)
-    values = checker.each([lambda: checker.value(start, scope), lambda: Value(checker.numeric(vector, scope))])
-    value = basechecker.named(values[0], start, scope)
-    x = values[1].node
-    if x.type.is_scalar:
-        checker.fail("E306", vector, f"{expr.function} goes through a vector, not {x.type}")
-    checker.expand(expr, x.type.shape[0])
-    found = []
-    is_late = basechecker.varies(expr, scope)
-    for i in range(x.type.shape[0]):
-        element = Value(checker.builder.structure("element", [x], (i,)), late=basechecker.varies(vector, scope))
-        value = replace(apply(checker, step, expr, [value, element]), late=is_late)
-        found.append(value)
-    if expr.function == "fold":
-        return value
-    nodes = [checker.number_of(v) for v in found]
-    if len({n.type.shape for n in nodes}) > 1:
-        checker.fail("E307", expr, "the intermediate values have different shapes")
-    return Value(checker.stack(nodes, expr))
-
-
-# Calls: functions of the table, distributions, an author's own definitions.
-
-NO_DRAWS = "a definition draws nothing, so name the draw under `noise`"
+FOLDS = ("fold", "scan")
 SET_FUNCTIONS = ("box", "range")
+NO_DRAWS = "a definition draws nothing, so name the draw under `noise`"
 
 
 def is_function(name: str) -> bool:
     """Return whether the language itself has a function or distribution of this name."""
-    return name in FUNCTIONS or dists.is_distribution(name) or name in SET_FUNCTIONS or name in NAMES
+    return name in FUNCTIONS or dists.is_distribution(name) or name in SET_FUNCTIONS or name in FOLDS
 
 
 def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
@@ -222,44 +38,39 @@ def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) 
     binding = scope.lookup(expr.function)
     if isinstance(binding, FunctionDef):
         return _own(checker, binding, expr, scope, want)
-    if isinstance(binding, Lazy):
-        binding.resolve(
-            s.Name(expr.function, False, expr.name_place)
-        )  # a function whose body is broken goes no further
+    if isinstance(binding, Lazy):  # a function whose body is broken goes no further
+        binding.resolve(s.Name(expr.function, False, expr.name_place))
     if binding is not None:
         checker.collector.add("E303", expr.name_place, f"'{expr.function}' is a value, not a function")
-        _poison(checker, expr, scope)
+        _give_up(checker, expr, scope)
     if expr.function in FUNCTIONS:
         return Value(_built_in(checker, expr, scope))
     if dists.is_distribution(expr.function):
         return _distribution(checker, expr, scope, want)
-    if expr.function in NAMES:
-        return folded(checker, expr, scope, _applied)
+    if expr.function in FOLDS:
+        return _fold(checker, expr, scope)
     if expr.function in SET_FUNCTIONS:
-        checker.fail("E306", expr, f"`{expr.function}(...)` is a set, not a value",
-                     f"use it in a comprehension: `{{x for x in {expr.function}(...)}}`")  # fmt: skip
+        hint = f"use it in a comprehension: `{{x for x in {expr.function}(...)}}`"
+        checker.fail("E306", expr, f"`{expr.function}(...)` is a set, not a value", hint)
     no_function(checker.collector, expr, scope)
-    _poison(checker, expr, scope)
+    _give_up(checker, expr, scope)
 
 
 def no_function(collector: Collector, expr: s.Call, scope: Scope) -> None:
     """Report a function that does not exist."""
-    own = (n for n in scope.names() if isinstance(scope.lookup(n), FunctionDef))
     known = advice(expr.function, dict(expr.keywords))
-    hint = known or suggest(expr.function, (*FUNCTIONS, *dists.DISTS, dists.CATEGORICAL.name, *own))
+    hint = known or suggest(expr.function, (*FUNCTIONS, *dists.DISTS, dists.CATEGORICAL.name, *_definitions(scope)))
     collector.add("E303", expr.name_place, f"there is no function '{expr.function}'", hint)
 
 
-def _poison(checker: BaseChecker, expr: s.Call, scope: Scope) -> NoReturn:
+def _definitions(scope: Scope) -> list[str]:
+    return [n for n in scope.names() if isinstance(scope.lookup(n), FunctionDef)]
+
+
+def _give_up(checker: BaseChecker, expr: s.Call, scope: Scope) -> NoReturn:
     """Give up on a call after looking for mistakes in its arguments too."""
     checker.numerics([e for e in expr.args if not isinstance(e, s.Weights | s.SetOf | s.Comprehension)], scope)
-    checker.poison()
-
-
-def _no_keywords(checker: BaseChecker, expr: s.Call) -> None:
-    refuse_keywords(checker.collector, expr)
-    if expr.keywords:
-        checker.poison()
+    raise Poisoned
 
 
 def refuse_keywords(collector: Collector, expr: s.Call) -> None:
@@ -271,42 +82,49 @@ def refuse_keywords(collector: Collector, expr: s.Call) -> None:
 
 def _keyword(name: str, value: s.Expr) -> s.Place:
     """Return the place of the name before `=`, which stands directly before its value."""
-    text = value.place.text
-    end = value.place.start
-    start = text.value.rfind(name, 0, end)
-    return s.Place(text, start, start + len(name)) if start >= 0 else value.place
+    start = value.place.text.value.rfind(name, 0, value.place.start)
+    return s.Place(value.place.text, start, start + len(name)) if start >= 0 else value.place
 
 
 def _built_in(checker: BaseChecker, expr: s.Call, scope: Scope) -> Node:
     function = FUNCTIONS[expr.function]
-    _no_keywords(checker, expr)
-    nodes = basechecker.operands(checker, expr.args, scope)
-    if not function.accepts(len(nodes)):
-        checker.fail("E304", expr, f"{function.signature} was given {count_of(len(nodes))}")
+    _check_positional(checker, expr)
+    nodes = checker.operands(expr.args, scope)
+    _check_count(checker, expr, function.signature, function.accepts(len(nodes)))
     for index in function.static:
         if not isinstance(nodes[index], Const):
-            checker.fail(
-                "E312",
-                expr.args[index],
-                f"'{function.arguments[index]}' of {expr.function} must be a constant",
-            )
+            message = f"'{function.arguments[index]}' of {expr.function} must be a constant"
+            checker.fail("E312", expr.args[index], message)
     for i in function.indices:
-        nodes[i] = index_argument(checker, nodes[i], nodes[0], expr.args[i], scope)
+        nodes[i] = _index_argument(checker, nodes[i], nodes[0], expr.args[i], scope)
     return function.build(checker.builder, nodes)
+
+
+def _check_positional(checker: BaseChecker, expr: s.Call) -> None:
+    refuse_keywords(checker.collector, expr)
+    if expr.keywords:
+        raise Poisoned
+
+
+def _check_count(checker: BaseChecker, expr: s.Call, signature: str, fits: bool) -> None:
+    if not fits:
+        checker.fail("E304", expr, f"{signature} was given {count_of(len(expr.args))}")
 
 
 def count_of(n: int) -> str:
     """`1 argument`, `2 arguments`."""
-    return f"{n} argument{'' if n == 1 else 's'}"
+    return f"{n} argument" + "s" * (n != 1)
+
+
+# -- definitions with arguments -----------------------------------------------------------------------------------
 
 
 def _own(checker: BaseChecker, function: FunctionDef, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
-    _no_keywords(checker, expr)
+    _check_positional(checker, expr)
     checker.expand(expr)
-    values = checker.each([(lambda e=e: checker.value(e, scope)) for e in expr.args])  # type: ignore[misc]
-    if not function.accepts(len(values)):
-        checker.fail("E304", expr, f"{function.signature} was given {count_of(len(values))}")
-    given = [basechecker.named(v, e, scope) for v, e in zip(values, expr.args, strict=True)]
+    values = checker.each(checker.value, [(e, scope) for e in expr.args])
+    _check_count(checker, expr, function.signature, function.accepts(len(values)))
+    given = [named(v, e, scope) for v, e in zip(values, expr.args, strict=True)]
     return _applied(checker, function, expr, given, want)
 
 
@@ -317,10 +135,38 @@ def _applied(
     leave = function.enter(expr)
     try:
         inner = function.scope.child(dict(zip(function.arguments, given, strict=True)))
-        inner.draws = NO_DRAWS
         return checker.value(function.body, inner, want)
     finally:
         leave()
+
+
+def _fold(checker: BaseChecker, expr: s.Call, scope: Scope) -> Value:
+    """Return the value of `fold(f, start, x)` or `scan(f, start, x)`."""
+    if len(expr.args) != 3 or expr.keywords:
+        checker.fail("E304", expr, f"{expr.function}(f, start, x) was given the wrong arguments")
+    written, start, vector = expr.args
+    step = scope.lookup(written.id) if isinstance(written, s.Name) and not written.primed else None
+    if not isinstance(step, FunctionDef) or len(step.arguments) != 2:
+        near = suggest(written.id, _definitions(scope)) if isinstance(written, s.Name) else None
+        hint = near or '`definitions: {"f(value, element)": value + element}`, then `fold(f, 0, x)`'
+        checker.fail("E306", written, f"{expr.function} needs a definition with two arguments first", hint)
+    value, elements = checker.each(checker.value, [(start, scope), (vector, scope)])
+    value = named(value, start, scope)
+    x = checker.number_of(elements)
+    if x.type.is_scalar:
+        checker.fail("E306", vector, f"{expr.function} goes through a vector, not {x.type}")
+    checker.expand(expr, x.type.shape[0])
+    found = []
+    is_late = varies(expr, scope)
+    for i in range(x.type.shape[0]):
+        element = Value(checker.builder.structure("element", [x], (i,)), late=varies(vector, scope))
+        value = replace(_applied(checker, step, expr, [value, element]), late=is_late)
+        found.append(checker.number_of(value))
+    if expr.function == "fold":
+        return value
+    if len({n.type.shape for n in found}) > 1:
+        checker.fail("E307", expr, "the intermediate values have different shapes")
+    return Value(checker.stack(found, expr))
 
 
 # -- distributions ------------------------------------------------------------------------------------------------
@@ -331,73 +177,65 @@ def _distribution(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain
         checker.fail("E311", expr, f"{expr.function} is a random draw; {scope.draws}")
     first = expr.args[0] if len(expr.args) == 1 and not expr.keywords else None
     if expr.function == "Uniform" and isinstance(first, s.SetOf | s.Comprehension):
-        return sets.uniform(checker, first, expr, scope, want)
+        return sets.uniform(checker, first, scope, want)
     if expr.function == "Categorical" and isinstance(first, s.Weights):
         return alternatives.weighted(checker, first, scope, want)
-    if expr.function == "Categorical":
-        return Value(_categorical(checker, expr, scope))
-    dist = dists.DISTS[expr.function]
-    nodes, shape = _bind(checker, dist, expr, scope)
-    _check_parameters(checker, dist, nodes, expr)
+    dist = dists.DISTS.get(expr.function, dists.CATEGORICAL)
+    nodes, shape = _arguments(checker, dist, expr, scope)
+    if dist is dists.CATEGORICAL:
+        if len(nodes["p"].type.shape) != 1:
+            message = "Categorical needs a vector of probabilities, or `{value: probability, ...}`"
+            checker.fail("E306", expr, message)
+        nodes["p"] = checker.builder.cast(nodes["p"], Kind.REAL)
+        alternatives.check_row(checker, nodes["p"], expr)
+    else:
+        _check_parameters(checker, dist, nodes, expr)
     return Value(dist.build(checker.builder, nodes, shape))
 
 
-def _categorical(checker: BaseChecker, expr: s.Call, scope: Scope) -> Node:
-    nodes, shape = _bind(checker, dists.CATEGORICAL, expr, scope)
-    p = nodes["p"]
-    if len(p.type.shape) != 1:
-        checker.fail(
-            "E306",
-            expr,
-            "Categorical needs a vector of probabilities, or `{value: probability, ...}`",
-        )
-    p = checker.builder.cast(p, Kind.REAL)
-    alternatives.check_row(checker, p, expr)
-    return dists.CATEGORICAL.build(checker.builder, {"p": p}, shape)
-
-
-def _bind(checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tuple[dict[str, Node], Shape]:
+def _arguments(checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tuple[dict[str, Node], Shape]:
     """Return arguments by name, defaults filled in, all of one shape or scalar; and the shape of the draw."""
     given, shape = _given(checker, dist, expr, scope)
-    names = [a.name for a in dist.arguments]
     nodes = dict(zip(given, checker.numerics(given.values(), scope), strict=True))
     for argument in dist.arguments:
-        if argument.name not in nodes:
+        name = argument.name
+        if name not in nodes:
             if argument.default is None:
-                checker.fail(
-                    "E304",
-                    expr,
-                    f"{dist.name} needs '{argument.name}'",
-                    f"{dist.name}({', '.join(names)})",
-                )
-            nodes[argument.name] = checker.builder.scalar(argument.default)
-        node = nodes[argument.name]
-        place = given.get(argument.name, expr)
-        if argument.static and not (
-            isinstance(node, Const) and node.type.is_scalar and node.type.kind is not Kind.REAL
-        ):
-            checker.fail("E312", place, f"'{argument.name}' of {dist.name} must be a constant int", argument.otherwise)
+                checker.fail("E304", expr, f"{dist.name} needs '{name}'", dist.signature)
+            nodes[name] = checker.builder.scalar(argument.default)
+        node = nodes[name]
+        place = given.get(name, expr)
+        is_int = isinstance(node, Const) and node.type.is_scalar and node.type.kind is not Kind.REAL
+        if argument.static and not is_int:
+            checker.fail("E312", place, f"'{name}' of {dist.name} must be a constant int", argument.otherwise)
         if argument.vector and len(node.type.shape) != 1:
-            checker.fail("E306", place, f"'{argument.name}' of {dist.name} must be a vector")
-    return nodes, _draw_shape(checker, dist, nodes, shape, expr)
+            checker.fail("E306", place, f"'{name}' of {dist.name} must be a vector")
+    if dist is dists.CATEGORICAL or not dist.shaped:
+        return nodes, shape or ()
+    found = {n.type.shape for n in nodes.values() if n.type.shape}
+    if shape is not None:
+        found.add(shape)
+    if len(found) > 1:
+        shapes = " and ".join(str(list(x)) for x in sorted(found))
+        checker.fail("E307", expr, f"the shapes {shapes} do not match")
+    return nodes, found.pop() if found else ()
 
 
 def _given(
     checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scope
 ) -> tuple[dict[str, s.Expr], Shape | None]:
     names = [a.name for a in dist.arguments]
-    if len(expr.args) > len(names):
-        checker.fail("E304", expr, f"{dist.name}({', '.join(names)}) was given {count_of(len(expr.args))}")
+    _check_count(checker, expr, dist.signature, len(expr.args) <= len(names))
     given = dict(zip(names, expr.args, strict=False))
     shape = None
     for name, value in expr.keywords:
         if name == "shape" and dist.shaped:
             shape = static_shape(checker, value, scope)
         elif name not in names:
-            known = [*names, *(["shape"] if dist.shaped else [])]
+            known = [*names, "shape"] if dist.shaped else names
             hint = suggest(name, known) or f"it takes {', '.join(known)}"
             checker.collector.add("E305", _keyword(name, value), f"{dist.name} has no argument '{name}'", hint)
-            checker.poison()
+            raise Poisoned
         elif name in given:
             checker.fail("E304", value, f"'{name}' of {dist.name} is given twice")
         else:
@@ -416,20 +254,21 @@ def static_shape(checker: BaseChecker, expr: s.Expr, scope: Scope) -> Shape:
     return shape
 
 
-def _draw_shape(
-    checker: BaseChecker, dist: dists.Dist, nodes: dict[str, Node], shape: Shape | None, expr: s.Call
-) -> Shape:
-    if dist is dists.CATEGORICAL or not dist.shaped:
-        return shape or ()
-    shapes = {n.type.shape for n in nodes.values() if n.type.shape}
-    found = shapes | ({shape} if shape is not None else set())
-    if len(found) > 1:
-        checker.fail(
-            "E307",
-            expr,
-            f"the shapes {' and '.join(str(list(x)) for x in sorted(found))} do not match",
-        )
-    return found.pop() if found else ()
+def _check_parameters(checker: BaseChecker, dist: dists.Dist, nodes: dict[str, Node], expr: s.Call) -> None:
+    """Refuse impossible constants at once; values that depend on the state are checked by enumeration."""
+    for argument in dist.arguments:
+        node = nodes[argument.name]
+        if isinstance(node, Const) and node.type.size:
+            _check_argument(checker, dist, argument, node, expr)
+    ends = [n for n in (nodes.get("low"), nodes.get("high")) if isinstance(n, Const) and n.type.is_scalar]
+    if len(ends) == 2:
+        low, high = ends
+        if low.value > high.value:
+            message = f"'low' of {dist.name} is {float(low.value):g}, above 'high' {float(high.value):g}"
+            checker.fail("E408", expr, message)
+    if dist.name == "UniformInt" and any(n.type.kind is Kind.REAL for n in nodes.values()):
+        hint = "`floor(x)` gives an int; `Uniform(low, high)` draws a real"
+        checker.fail("E306", expr, "UniformInt needs ints", hint)
 
 
 def _check_argument(
@@ -440,32 +279,124 @@ def _check_argument(
     most = max(node.flat)
     if math.isinf(argument.high) and not all(math.isfinite(v) for v in node.flat):
         checker.fail("E408", expr, f"'{name}' of {dist.name} is not finite")
-    if not (least > argument.low if argument.open else least >= argument.low):
+    if not least >= argument.low or (argument.open and least == argument.low):
         limit = f"{'above' if argument.open else 'at least'} {argument.low:g}"
         checker.fail("E408", expr, f"'{name}' of {dist.name} is {float(least):g}; it must be {limit}")
     if most > argument.high:
         checker.fail("E402", expr, f"a probability of {float(most):g} is above 1")
 
 
-def _check_parameters(checker: BaseChecker, dist: dists.Dist, nodes: dict[str, Node], expr: s.Call) -> None:
-    """Refuse impossible constants at once; values that depend on the state are checked by enumeration."""
-    for argument in dist.arguments:
-        node = nodes[argument.name]
-        if isinstance(node, Const) and node.type.size:
-            _check_argument(checker, dist, argument, node, expr)
-    match nodes:
-        case {"low": Const(value=bottom, type=Type(shape=())), "high": Const(value=top, type=Type(shape=()))} if (
-            bottom > top
-        ):
-            checker.fail(
-                "E408",
-                expr,
-                f"'low' of {dist.name} is {float(bottom):g}, above 'high' {float(top):g}",
-            )
-    if dist.name == "UniformInt" and any(n.type.kind is Kind.REAL for n in nodes.values()):
-        checker.fail(
-            "E306",
-            expr,
-            "UniformInt needs ints",
-            "`floor(x)` gives an int; `Uniform(low, high)` draws a real",
-        )
+# -- subscripts ---------------------------------------------------------------------------------------------------
+
+
+def subscript(checker: BaseChecker, expr: s.Subscript, scope: Scope) -> Node:
+    """`x[i]`, `x[i, j]`, `x[a:b]`, `x[:, j]`: constant indices are checked, others are brought into range."""
+    b = checker.builder
+    node = checker.numeric(expr.value, scope)
+    if len(expr.indices) > len(node.type.shape):
+        what = "a single value" if node.type.is_scalar else f"a vector of {len(node.type.shape)} axis"
+        checker.fail("E307", expr, f"{what} cannot take {len(expr.indices)} indices")
+    if len(expr.indices) > 1:
+        return _block(checker, node, expr, scope)
+    index = expr.indices[0]
+    if isinstance(index, s.Slice):
+        chosen = _slice_range(checker, index, node.type.shape[0], scope)
+        return b.structure("slice", [node], (chosen.start, len(chosen), chosen.step))
+    i = _index(checker, index, node.type.shape[0], scope)
+    if len(i.type.shape) > 1:
+        checker.fail("E307", index, "an index is an int or a vector of ints")
+    return b.structure("index", [node, i])
+
+
+def _block(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) -> Node:
+    """Return what several indices leave of a matrix, an axis for each slice: elements of its rows laid end to end."""
+    b = checker.builder
+    axes = node.type.shape[: len(expr.indices)]
+    places = checker.each(_places, [(checker, i, n, scope) for i, n in zip(expr.indices, axes, strict=True)])
+    if any(p.type.shape and not isinstance(i, s.Slice) for i, p in zip(expr.indices, places, strict=True)):
+        hint = "pair them in a comprehension: `[m[i, j] for (i, j) in ...]`"
+        checker.fail("E307", expr, "each of several indices must be an int or a slice", hint)
+    kept = tuple(p.type.size for p in places if p.type.shape)
+    # Where elements stand when rows are laid end to end; those of slices are constants, one after the other.
+    number: Node = b.scalar(0)
+    slices = iter(np.indices(kept).reshape(len(kept), math.prod(kept)))
+    for place, length in zip(places, axes, strict=True):
+        if isinstance(place, Const) and place.type.shape:
+            place = b.const([place.flat[k] for k in next(slices)], Type(Kind.INT, (math.prod(kept),)))
+        number = b.apply("add", b.apply("mul", number, b.scalar(length)), place)
+    rest = node.type.shape[len(axes) :]
+    flat = b.structure("reshape", [node], (math.prod(axes), *rest))
+    return b.structure("reshape", [b.structure("index", [flat, number])], (*kept, *rest))
+
+
+def _places(checker: BaseChecker, index: s.Expr | s.Slice, length: int, scope: Scope) -> Node:
+    """Return where an index points along one axis: a number, or the numbers of a slice."""
+    if not isinstance(index, s.Slice):
+        return _index(checker, index, length, scope)
+    chosen = _slice_range(checker, index, length, scope)
+    return checker.builder.const(chosen, Type(Kind.INT, (len(chosen),)))
+
+
+def _slice_range(checker: BaseChecker, index: s.Slice, length: int, scope: Scope) -> range:
+    parts: list[int | None] = []
+    for expr, test in ((index.start, "i >="), (index.stop, "i <"), (index.step, None)):
+        if expr is None:
+            parts.append(None)
+            continue
+        instead = None
+        if test is not None:
+            inside = f"`[x[i] if {test} {expr.place.written} else 0 for i in range(len(x))]`"
+            instead = f"take all and test inside: {inside}"
+        parts.append(checker.integer(expr, scope, "the bounds of a slice", instead))
+    if parts[2] == 0:
+        checker.fail("E315", index, "the step of a slice cannot be 0")
+    return range(length)[slice(*parts)]
+
+
+def _index(checker: BaseChecker, expr: s.Expr, length: int, scope: Scope) -> Node:
+    node = checker.numeric(expr, scope)
+    if node.type.kind is Kind.REAL:
+        checker.fail("E306", expr, "an index must be an int, not a real", "`floor(x)` gives an int")
+    node = checker.builder.cast(node, Kind.INT)
+    if not isinstance(node, Const) or varies(expr, scope):
+        return _moved(checker, node, length, expr)
+    for i in node.flat:
+        if not -length <= i < length:
+            message = f"index {i} is outside a vector of {length or 'no'} element{'s' * (length != 1)}"
+            checker.fail("E315", expr, message, f"indices go from 0 to {length - 1}" if length else None)
+    return checker.builder.position(node, length)
+
+
+def _index_argument(checker: BaseChecker, index: Node, x: Node, expr: s.Expr, scope: Scope) -> Node:
+    """Return the argument of a function that is an index of x, or one for each axis.
+
+    What cannot be one is left to the function.
+    """
+    axes = x.type.shape
+    if not axes:
+        return index
+    if len(axes) == 1 or index.type.shape != (len(axes),):
+        return _index_of_axis(checker, index, axes[0], expr, scope)
+    written: Sequence[s.Expr] = expr.items if isinstance(expr, s.Vector) else [expr] * len(axes)
+    found = []
+    for k, length in enumerate(axes):
+        part = checker.builder.structure("element", [index], (k,))
+        found.append(_index_of_axis(checker, part, length, written[k], scope))
+    return checker.builder.structure("vector", found)
+
+
+def _index_of_axis(checker: BaseChecker, index: Node, length: int, expr: s.Expr, scope: Scope) -> Node:
+    known = isinstance(index, Const) and not varies(expr, scope)
+    if known or not index.type.is_scalar or index.type.kind is Kind.REAL:
+        return index
+    return _moved(checker, checker.builder.cast(index, Kind.INT), length, expr)
+
+
+def _moved(checker: BaseChecker, index: Node, length: int, expr: s.Expr) -> Node:
+    """Return an index moved to the nearest end of a vector if it lies outside; kept for the warnings."""
+    if any(role is Role.PARAMETER for role, _ in reads([index])):  # a known one would count from the end
+        checker.fail("E312", expr, "an index must be a constant where it depends on parameters")
+    found = checker.builder.within(index, 0, length - 1)
+    if found is not index:
+        checker.moved.setdefault(id(found), ClampedIndex(found, index, length, expr.place))
+    return found

@@ -7,24 +7,24 @@ and only what needs the value of a broken part is given up.
 from __future__ import annotations
 
 import math
+from functools import partial, reduce
 from typing import assert_never
 
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, nearest, suggest
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.lang import alternatives, calls, sets
-from taskspec.lang import alternatives as tables
-from taskspec.lang import calls as subscripts
-from taskspec.lang import scope as basechecker
-from taskspec.lang import sets as comparisons
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node
-from taskspec.lang.operators import FUNCTIONS
+from taskspec.lang.operators import FUNCTIONS, INFIX
 from taskspec.lang.scope import BaseChecker, FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.types import Domain, Kind, Refused
 
 CONSTANTS = {"pi": math.pi, "inf": math.inf}
-_ARITHMETIC = {"+": "add", "-": "sub", "*": "mul", "/": "div", "//": "floordiv", "%": "mod"}
+_PRIMES = (
+    "only state components have one, which `dynamics`, `reward` and `terminal` may use; "
+    "`memory` may use that of an observation"
+)
 _TRUTHS = {**dict.fromkeys(("yes", "on"), "write `true`"), **dict.fromkeys(("no", "off"), "write `false`")}
 
 
@@ -62,15 +62,15 @@ class Checker(BaseChecker):
             case s.Number(value=number):
                 return self._number(number, want)
             case s.Boolean(value=truth):
-                return self._boolean(truth, want)
+                return Value(self.builder.scalar(truth))
             case s.Quoted(value=label):
-                return self.label(label, expr, scope, want)
+                return self._label(label, expr, scope, want)
             case s.Name():
                 return self._name(expr, scope, want)
             case s.Unary() | s.Binary() | s.Logical():
                 return Value(self._operator(expr, scope))
             case s.Compare():
-                return Value(comparisons.compare(self, expr, scope))
+                return Value(sets.compare(self, expr, scope))
             case s.IfElse(condition=condition, then=then, otherwise=otherwise):
                 return alternatives.select(self, [(condition, then)], otherwise, scope, want)
             case s.Piecewise(branches=branches, otherwise=otherwise):
@@ -78,23 +78,20 @@ class Checker(BaseChecker):
             case s.Call():
                 return calls.call(self, expr, scope, want)
             case s.Subscript():
-                return Value(subscripts.subscript(self, expr, scope))
+                return Value(calls.subscript(self, expr, scope))
             case s.Vector(items=items):
-                return Value(self._vector(items, expr, scope))
+                return Value(self.stack(self.numerics(items, scope), expr))
             case s.Comprehension(is_set=False):
                 return Value(self.stack(sets.unroll(self, expr, scope), expr))
             case s.Weights():
-                return tables.weighted(self, expr, scope, want)
+                return alternatives.weighted(self, expr, scope, want)
             case s.Table():
-                return tables.table(self, expr, scope, want)
+                return alternatives.table(self, expr, scope, want)
             case s.SetOf() | s.Comprehension():
                 hint = "draw from it with `Uniform({...})`, or test with `x in {...}`"
                 self.fail("E306", expr, "a set is not a value", hint)
             case _:
                 assert_never(expr)
-
-    def of_many(self, expr: s.Expr, scope: Scope) -> str | None:
-        return subscripts.rows_for_an_element(self, expr, scope)
 
     # -- leaves ---------------------------------------------------------------------------------------------------
 
@@ -105,35 +102,27 @@ class Checker(BaseChecker):
             return Value(self.builder.scalar(want.labels.index(str(number))), want)
         return Value(self.builder.scalar(number))
 
-    def _boolean(self, truth: bool, want: Domain | None) -> Value:
-        return Value(self.builder.scalar(truth))
-
-    def label(self, label: str, expr: s.Expr, scope: Scope, want: Domain | None) -> Value:
+    def _label(self, label: str, expr: s.Expr, scope: Scope, want: Domain | None) -> Value:
         """Return a word that can only be a label."""
-        if want is not None and label in want.labels:
-            return Value(self.builder.scalar(want.labels.index(label)), want)
         found = scope.labelled(label)
         if want is None and len(found) == 1:
-            return Value(self.builder.scalar(found[0].labels.index(label)), found[0])
+            want = found[0]
+        if want is not None and label in want.labels:
+            return Value(self.builder.scalar(want.labels.index(label)), want)
         if want is not None:
-            self.fail(
-                "E313",
-                expr,
-                f"'{label}' is not one of {', '.join(want.labels)}",
-                suggest(label, want.labels),
-            )
+            message = f"'{label}' is not one of {', '.join(want.labels)}"
+            self.fail("E313", expr, message, suggest(label, want.labels))
         if found:
-            self.fail("E313", expr, f"'{label}' is a label of several choices, and nothing here says which is meant",
-                      "compare it with the component it belongs to")  # fmt: skip
+            message = f"'{label}' is a label of several choices, and nothing here says which is meant"
+            self.fail("E313", expr, message, "compare it with the component it belongs to")
         self.fail("E302", expr, f"'{label}' is not defined here", suggest(label, scope.names()))
 
     def _name(self, expr: s.Name, scope: Scope, want: Domain | None) -> Value:
         if want is not None and not expr.primed and expr.id in want.labels:
-            return self.label(expr.id, expr, scope, want)
-        binding = scope.lookup(expr.written)
-        match binding:
-            case Value():
-                return binding
+            return self._label(expr.id, expr, scope, want)
+        match scope.lookup(expr.written):
+            case Value() as value:
+                return value
             case Lazy(resolve=resolve):
                 with self.lenient(False):
                     return resolve(expr)
@@ -145,31 +134,22 @@ class Checker(BaseChecker):
                 return self._unbound(expr, scope, want)
 
     def _unbound(self, expr: s.Name, scope: Scope, want: Domain | None) -> Value:
-        if expr.id in CONSTANTS and not expr.primed:
-            return Value(self.builder.scalar(CONSTANTS[expr.id]))
+        undefined = f"'{expr.written}' is not defined here"
         if expr.primed:
             if scope.lookup(expr.id) is None:
-                self.fail(
-                    "E302",
-                    expr,
-                    f"'{expr.written}' is not defined here",
-                    suggest(expr.id, scope.names()),
-                )
-            primes = (
-                "only state components have one, which `dynamics`, `reward` and `terminal` may use; "
-                "`memory` may use that of an observation"
-            )
-            if expr.id == "t":
-                primes = "after the step, it is `t + 1`"
-            self.fail("E308", expr, f"'{expr.id}' has no next value here", primes)
+                self.fail("E302", expr, undefined, suggest(expr.id, scope.names()))
+            hint = "after the step, it is `t + 1`" if expr.id == "t" else _PRIMES
+            self.fail("E308", expr, f"'{expr.id}' has no next value here", hint)
+        if expr.id in CONSTANTS:
+            return Value(self.builder.scalar(CONSTANTS[expr.id]))
         if scope.labelled(expr.id) or (want is not None and nearest(expr.id, want.labels)):
-            return self.label(expr.id, expr, scope, want)
+            return self._label(expr.id, expr, scope, want)
         if calls.is_function(expr.id):
             self.fail("E304", expr, f"'{expr.id}' is a function; call it with arguments")
         hint = _TRUTHS.get(expr.id.lower()) or suggest(expr.id, scope.names())
         if hint is None and want is not None:
-            return self.label(expr.id, expr, scope, want)
-        self.fail("E302", expr, f"'{expr.id}' is not defined here", hint)
+            return self._label(expr.id, expr, scope, want)
+        self.fail("E302", expr, undefined, hint)
 
     # -- operators ------------------------------------------------------------------------------------------------
 
@@ -178,24 +158,18 @@ class Checker(BaseChecker):
         match expr:
             case s.Unary(op="not", operand=operand):
                 return b.apply("not", self.numeric(operand, scope))
-            case s.Unary(op=sign, operand=operand):
-                node = self.numeric(operand, scope)
-                return b.apply("neg", node) if sign == "-" else b.cast(node, Kind.INT)
+            case s.Unary(op="-", operand=operand):
+                return b.apply("neg", self.numeric(operand, scope))
+            case s.Unary(operand=operand):
+                return b.cast(self.numeric(operand, scope), Kind.INT)
             case s.Binary(op="**", left=left, right=right):
-                return b.power(*basechecker.operands(self, (left, right), scope))
+                return b.power(*self.operands((left, right), scope))
             case s.Binary(op=op, left=left, right=right):
-                return b.apply(_ARITHMETIC[op], *basechecker.operands(self, (left, right), scope))
+                return b.apply(INFIX[op].op, *self.operands((left, right), scope))
             case s.Logical(op=op, operands=operands):
-                nodes = self.numerics(operands, scope)
-                result = nodes[0]
-                for node in nodes[1:]:
-                    result = b.apply(op, result, node)
-                return result
+                return reduce(partial(b.apply, op), self.numerics(operands, scope))
             case _:
                 assert_never(expr)
-
-    def _vector(self, items: tuple[s.Expr, ...], expr: s.Expr, scope: Scope) -> Node:
-        return self.stack(self.numerics(items, scope), expr)
 
 
 # Mistakes in the body of a function that nothing calls.
@@ -208,19 +182,17 @@ def check_uncalled(collector: Collector, function: FunctionDef) -> None:
     scope = function.scope
     local = {*function.arguments, *s.targets(function.body), *CONSTANTS}
     for found in s.names(function.body):
-        own = scope.lookup(found.function if isinstance(found, s.Call) else found.written)
+        own = scope.lookup(found.written)
         match found:
             case s.Call() if isinstance(own, FunctionDef) or (own is None and found.function in FUNCTIONS):
                 called = own if isinstance(own, FunctionDef) else FUNCTIONS[found.function]
                 calls.refuse_keywords(collector, found)
                 if not found.keywords and not called.accepts(len(found.args)):
-                    collector.add(
-                        "E304", found.place, f"{called.signature} was given {calls.count_of(len(found.args))}"
-                    )
+                    message = f"{called.signature} was given {calls.count_of(len(found.args))}"
+                    collector.add("E304", found.place, message)
             case s.Call():
                 if own is None and not calls.is_function(found.function):
                     calls.no_function(collector, found, scope)
             case s.Name() if own is None and found.written not in local and not scope.is_label(found.id):
                 message = f"'{found.written}' is not defined here"
-                known = [*local, *scope.names()]
-                collector.add("E302", found.place, message, suggest(found.id, known))
+                collector.add("E302", found.place, message, suggest(found.id, [*local, *scope.names()]))

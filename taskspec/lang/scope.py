@@ -19,15 +19,20 @@ from taskspec.lang.dists import is_distribution
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.types import INT, Domain, Kind, Refused, Shape, Type
 
-# ---------- scope
-# Meanings of names where an expression stands: values, functions, labels, and why some names cannot be used there.
+T = TypeVar("T")
+
+_OF_VALUES = ("E307", "E314", "E315", "E407", "E408")
+"""Mistakes that may hang on the values of parameters: shapes, sizes, ranges."""
+_WITHOUT_VALUE = ("E307", "E315", "E401", "E402", "E407", "E408")
+"""Those of expressions that have no value for some parameters."""
+_ALL_OR_ANY = "comparing vectors compares element by element; write `all(...)` or `any(...)`"
 
 
 @dataclass(frozen=True, slots=True)
 class Value:
     """A checked expression: its core node, and its domain when it is a choice (the node is then the label's index).
 
-    `late` is set for a name of what is known only when the task runs, even if it comes to a constant. `ends` are the bounds of
+    `late` is set for a name that is known only when the task runs, even if it is a constant. `ends` are the bounds of
     a component as far as they are written as numbers, so that they are the same for all parameters.
     """
 
@@ -68,7 +73,7 @@ class FunctionDef:
 
 @dataclass(frozen=True, slots=True)
 class Unavailable:
-    """A name that exists but not here: the message says why."""
+    """A name that exists but not here: the message gives the reason."""
 
     code: str
     message: str
@@ -81,7 +86,8 @@ Binding = Value | Lazy | FunctionDef | Unavailable
 class Scope:
     """Names visible in one section, and the domains that labels are looked up in.
 
-    `used` collects every name that was looked up, through all scopes that share it.
+    `used` collects every name that was looked up, through all scopes that share it. `draws` is None where random draws are
+    allowed, else a sentence with the reason why they are not.
     """
 
     def __init__(
@@ -91,64 +97,99 @@ class Scope:
         parent: Scope | None = None,
         draws: str | None = None,
     ) -> None:
-        """`draws` is None where random draws are allowed, else a sentence that says why they are not."""
         self.bindings = bindings
-        self.domains: tuple[Domain, ...] = tuple(domains) or (parent.domains if parent else ())
+        self.domains: tuple[Domain, ...] = tuple(domains)
         self.parent = parent
-        self.draws: str | None = draws if parent is None else parent.draws
-        self.used: set[str] = parent.used if parent else set()
+        self.draws = draws
+        self.used: set[str] = set()
+        if parent is not None:
+            self.domains = self.domains or parent.domains
+            self.draws = parent.draws
+            self.used = parent.used
 
     def child(self, bindings: dict[str, Binding]) -> Scope:
         """Return a scope that also sees the given names (arguments, variables of a comprehension)."""
         return Scope(bindings, parent=self)
 
-    def lookup(self, written: str) -> Binding | None:
+    def _and_parents(self) -> Iterator[Scope]:
         scope: Scope | None = self
         while scope is not None:
+            yield scope
+            scope = scope.parent
+
+    def lookup(self, written: str) -> Binding | None:
+        for scope in self._and_parents():
             if written in scope.bindings:
                 self.used.add(written)
                 return scope.bindings[written]
-            scope = scope.parent
         return None
 
     def names(self) -> Iterator[str]:
         """Yield every name that could have been meant, labels included."""
-        scope: Scope | None = self
-        while scope is not None:
+        for scope in self._and_parents():
             yield from scope.bindings
-            scope = scope.parent
         for domain in self.domains:
             yield from domain.labels
 
     def is_label(self, word: str) -> bool:
         """Return whether some choice has this label, one among the parameters included."""
-        bound: list[Domain] = []
-        scope: Scope | None = self
-        while scope is not None:
-            bound += [b.domain for b in scope.bindings.values() if isinstance(b, Value) and b.domain is not None]
-            scope = scope.parent
-        return any(word in domain.labels for domain in (*self.domains, *bound))
+        domains = list(self.domains)
+        for scope in self._and_parents():
+            domains += [b.domain for b in scope.bindings.values() if isinstance(b, Value) and b.domain is not None]
+        return any(word in domain.labels for domain in domains)
 
     def labelled(self, label: str) -> list[Domain]:
         """Return the distinct domains that have this label."""
         return list(dict.fromkeys(d for d in self.domains if label in d.labels))
 
 
-# ---------- basechecker
-# What the checks of all expressions share: parts of an expression, labels as ints, and binding times.
+# -- binding times ------------------------------------------------------------------------------------------------
+#
+# What is known before the task runs, and what is not, even if it is constant: state, action, time, draws. It decides which
+# indices count from the end (`lang.calls`), and where fractions end: what is known late is computed in floats, even where its
+# value is known when the task is built.
 
-T = TypeVar("T")
+
+def named(value: Value, expr: s.Expr, scope: Scope) -> Value:
+    """Return the value of an expression as that of a name, for which a definition or an argument lets it stand."""
+    return replace(value, late=True) if isinstance(value.node, Const) and varies(expr, scope) else value
+
+
+def varies(expr: s.Expr, scope: Scope) -> bool:
+    """Return whether an expression names something that is bound at run time."""
+    if isinstance(expr, s.Name):  # most arguments are names
+        return _known_late(expr, scope.lookup(expr.written))
+    names = list(s.names(expr))
+    own = set(s.targets(expr))
+    measured: set[int] = set()
+    for call in names:
+        if isinstance(call, s.Call) and call.function == "len":
+            measured.update(map(id, s.names(call.args)))
+    for name in names:
+        if id(name) in measured or (isinstance(name, s.Name) and name.id in own):
+            continue
+        if _known_late(name, scope.lookup(name.written)):
+            return True
+    return False
+
+
+def _known_late(at: s.Name | s.Call, binding: Binding | None) -> bool:
+    match binding:
+        case Value(node=node, late=late):
+            return late or not isinstance(node, Const)
+        case Lazy(resolve=resolve) if isinstance(at, s.Name):
+            return _known_late(at, resolve(at))
+        case FunctionDef(arguments=arguments, body=body, scope=scope):
+            return varies(body, scope.child({a: Unavailable("", "") for a in arguments}))
+        case _:
+            return isinstance(at, s.Call) and is_distribution(at.function)
+
+
+# -- the parts of an expression -----------------------------------------------------------------------------------
 
 
 class Poisoned(Exception):
     """A part is broken and has been reported; what depends on it is given up."""
-
-
-_OF_VALUES = ("E307", "E314", "E315", "E407", "E408")
-"""Mistakes that may hang on the values of parameters: shapes, sizes, ranges."""
-_WITHOUT_VALUE = ("E307", "E315", "E401", "E402", "E407", "E408")
-"""Those of expressions that have no value for some parameters."""
-_ALL_OR_ANY = "comparing vectors compares element by element; write `all(...)` or `any(...)`"
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,17 +203,18 @@ class ClampedIndex:
 
 
 class BaseChecker(ABC):
-    """What a check asks of the parts of an expression; `lang.check` says what each kind of expression is."""
+    """The parts of an expression as a check asks for them; `lang.check` has the cases of each kind of expression.
+
+    `found` has the value of each part of an expression in the scope of a section, by their ids; in comprehensions and calls it
+    has no meaning of its own. `parameters` are the values of the parameters, for messages.
+    """
 
     def __init__(self, builder: Builder, collector: Collector) -> None:
         self.builder = builder
         self.collector = collector
         self.moved: dict[int, ClampedIndex] = {}  # by id of the node
         self.found: dict[tuple[int, int], tuple[s.Expr, Value]] = {}
-        """What each part of an expression came to in the scope of a section, by their ids; in comprehensions and calls it has
-        no meaning of its own."""
         self.parameters: dict[str, Any] = {}
-        """The values of the parameters, for messages."""
         self._lenient = False
         self._expanded = 0
         self._times = 1  # how often the present expression is written out by comprehensions around it
@@ -194,7 +236,7 @@ class BaseChecker(ABC):
             return None
 
     def numeric(self, expr: s.Expr, scope: Scope) -> Node:
-        """Return an expression that must be a number, a condition or a vector; a choice gives what its label stands for."""
+        """Return an expression that must be a number, a condition or a vector; a choice gives the value of its label."""
         return self.number_of(self.value(expr, scope))
 
     def number_of(self, value: Value) -> Node:
@@ -202,66 +244,70 @@ class BaseChecker(ABC):
         domain = value.domain
         if domain is None or domain.values is None or domain.value_type is None:
             return value.node
+        flat: list[Any] = []
+        for row in domain.values:
+            flat.extend(row if isinstance(row, tuple) else (row,))
         rows = Type(domain.value_type.kind, (len(domain.labels), *domain.value_type.shape))
-        flat = [v for row in domain.values for v in (row if isinstance(row, tuple) else (row,))]
         return self.builder.structure("index", [self.builder.const(flat, rows), value.node])
 
     def numerics(self, exprs: Iterable[s.Expr], scope: Scope) -> list[Node]:
         """Return all of them, reporting the mistakes of each before giving up."""
-        return self.each([(lambda e=e: self.numeric(e, scope)) for e in exprs])  # type: ignore[misc]
+        return self.each(self.numeric, [(expr, scope) for expr in exprs])
 
-    def each(self, jobs: Sequence[Callable[[], T]]) -> list[T]:
-        """Return results of all the jobs; every one runs, then a broken one gives up."""
+    def each(self, job: Callable[..., T], given: Iterable[tuple[Any, ...]]) -> list[T]:
+        """Return what a function gives for each of some arguments; all are tried, then a broken one gives up."""
         results = []
         broken = False
-        for job in jobs:
+        for arguments in given:
             try:
-                results.append(job())
+                results.append(job(*arguments))
             except Poisoned:
                 broken = True
         if broken:
             raise Poisoned
         return results
 
+    def operands(self, exprs: Sequence[s.Expr], scope: Scope) -> list[Node]:
+        """Return the operands of an operation; among those that are known late, fractions are floats."""
+        nodes = self.numerics(exprs, scope)
+        constants = [n for n in nodes if isinstance(n, Const)]
+        if len(constants) < len(nodes):
+            return nodes
+        reals = [n.flat for n in constants if n.type.kind is Kind.REAL]
+        if not any(type(v) is Fraction for flat in reals for v in flat) or not any(varies(e, scope) for e in exprs):
+            return nodes
+        return [self.builder.held(n) for n in nodes]
+
     def stack(self, nodes: list[Node], expr: s.Expr) -> Node:
         """Return a vector of elements, which must be of one shape."""
-        shapes = {n.type.shape for n in nodes}
-        if len(shapes) > 1:
-            self.fail("E307", expr, "the elements of this vector have different shapes",
-                      "`concat(x, y)` lays vectors end to end")  # fmt: skip
+        if len({n.type.shape for n in nodes}) > 1:
+            hint = "`concat(x, y)` lays vectors end to end"
+            self.fail("E307", expr, "the elements of this vector have different shapes", hint)
         return self.builder.structure("vector", nodes)
 
     def condition(self, expr: s.Expr, scope: Scope, of_many: Callable[[Shape], str | None] | None = None) -> Node:
-        """Return an expression that must be a single condition; `of_many` may say what to do about several of some shape."""
+        """Return an expression that must be a single condition; `of_many` may give a hint for several of some shape."""
         node = self.numeric(expr, scope)
         if node.type.kind is not Kind.BOOL:
             hint = "compare it with something, e.g. `x != 0`" if node.type.is_scalar else None
-            self.fail("E306", expr, f"a condition is needed here, not {_article(node.type)}", hint)
+            self.fail("E306", expr, f"a condition is needed here, not {node.type.with_article}", hint)
         if not node.type.is_scalar:
-            hint = self.of_many(expr, scope) or (of_many and of_many(node.type.shape)) or _ALL_OR_ANY
+            hint = (of_many and of_many(node.type.shape)) or _ALL_OR_ANY
             self.fail("E307", expr, f"one condition is needed here, not {node.type.size} at once", hint)
         return node
-
-    def of_many(self, expr: s.Expr, scope: Scope) -> str | None:
-        """Return what was meant by several conditions where one is needed, as far as their form tells."""
-        return None
 
     def constant(self, expr: s.Expr, scope: Scope, what: str, instead: str | None = None) -> Const:
         """Return an expression that must be known once parameters are; `instead` is what to write where it is not."""
         node = self.numeric(expr, scope)
         if not isinstance(node, Const):
-            self.fail(
-                "E312",
-                expr,
-                f"{what} must be a constant: it may use parameters and constants, not the state",
-                instead,
-            )
+            message = f"{what} must be a constant: it may use parameters and constants, not the state"
+            self.fail("E312", expr, message, instead)
         return node
 
     def integer(self, expr: s.Expr, scope: Scope, what: str, instead: str | None = None) -> int:
         node = self.constant(expr, scope, what, instead)
         if not node.type.is_scalar or node.type.kind is Kind.REAL:
-            self.fail("E306", expr, f"{what} must be an int, not {_article(node.type)}")
+            self.fail("E306", expr, f"{what} must be an int, not {node.type.with_article}")
         return int(node.value)
 
     @contextmanager
@@ -275,16 +321,25 @@ class BaseChecker(ABC):
             self._lenient = before
 
     def fail(self, code: str, expr: s.Expr | s.Slice, message: str, hint: str | None = None) -> NoReturn:
-        if self._lenient and code in _WITHOUT_VALUE:
-            raise Poisoned
-        self.collector.add(code, expr.place, message, hint, self.values_of(expr) if code in _OF_VALUES else ())
+        if not self._lenient or code not in _WITHOUT_VALUE:
+            self.collector.add(code, expr.place, message, hint, self.values_of(expr) if code in _OF_VALUES else ())
         raise Poisoned
+
+    @contextmanager
+    def refusing(self, expr: s.Expr) -> Iterator[None]:
+        """Report at an expression what is refused inside."""
+        try:
+            yield
+        except Refused as refused:
+            self.fail(refused.code, expr, refused.message, refused.hint)
 
     def values_of(self, *exprs: s.Expr | s.Slice | None) -> list[str]:
         """Return the values of the parameters that expressions name, as a note: at others they may be right."""
-        names = (x for expr in exprs if expr is not None for x in s.names(expr))
-        named = dict.fromkeys(x.id for x in names if isinstance(x, s.Name) and x.id in self.parameters)
-        return [f"with {', '.join(f'{name} = {self.parameters[name]}' for name in named)}"] if named else []
+        found = {}
+        for name in s.names(tuple(e for e in exprs if e is not None)):
+            if isinstance(name, s.Name) and name.id in self.parameters:
+                found[name.id] = f"{name.id} = {self.parameters[name.id]}"
+        return [f"with {', '.join(found.values())}"] if found else []
 
     def expand(self, expr: s.Expr, count: int = 1) -> None:
         """Count what is written out on the author's behalf: calls of definitions, elements of comprehensions."""
@@ -304,17 +359,8 @@ class BaseChecker(ABC):
         finally:
             self._times //= count
 
-    def poison(self) -> NoReturn:
-        """Give up on a part whose mistakes are reported."""
-        raise Poisoned
 
-
-def _article(type: Type) -> str:
-    text = str(type)
-    return f"an {text}" if text[0] in "aeiou" else f"a {text}"
-
-
-# Labels and ints: which label an int is, where a choice is given a value.
+# -- labels and ints: which label an int is, where a choice is given a value ------------------------------------------
 
 
 def numbered(checker: BaseChecker, value: Value, expr: s.Expr, domain: Domain) -> Node:
@@ -328,24 +374,21 @@ def numbered(checker: BaseChecker, value: Value, expr: s.Expr, domain: Domain) -
     if value.domain == domain:
         return value.node
     if value.domain is not None and value.domain.values is None:
-        message = f"one of the labels {listed(domain)} is needed here, not a choice between other labels"
+        message = f"one of the labels {domain.listed} is needed here, not a choice between other labels"
         pairs = ", ".join(f"{a}: {b}" for a, b in zip(value.domain.labels, domain.labels, strict=False))
         raise Refused(message, hint=f"a table says which goes with which: `{{by: ..., rows: {{{pairs}}}}}`")
     node = checker.number_of(value)
     if node.type.kind is Kind.REAL:
-        message = f"one of the labels {listed(domain)} is needed here, not a real"
+        message = f"one of the labels {domain.listed} is needed here, not a real"
         raise Refused(message, hint="`floor(x)` and `round(x)` give ints")
-    return _by_value(checker, checker.builder.cast(node, Kind.INT), domain)
-
-
-def _by_value(checker: BaseChecker, node: Node, domain: Domain) -> Node:
-    if domain.values is None or domain.value_type is None:
-        return node
     b = checker.builder
+    node = b.cast(node, Kind.INT)
     values = domain.values
+    if values is None or domain.value_type is None:
+        return node
     if domain.value_type != INT or len(set(values)) < len(values):
-        message = f"the labels {listed(domain)} do not stand for different ints, so a number does not identify a label"
-        raise Refused(message, hint=_table(domain))
+        message = f"the labels {domain.listed} do not stand for different ints, so a number does not identify a label"
+        raise Refused(message, hint="a table gives each number its label: `{by: i, rows: {0: label, 1: label}}`")
     if all(v == values[0] + i for i, v in enumerate(values)):  # type: ignore[operator]
         return b.apply("sub", node, b.scalar(values[0]))
     result: Node = b.scalar(-1)
@@ -354,73 +397,13 @@ def _by_value(checker: BaseChecker, node: Node, domain: Domain) -> Node:
     return result
 
 
-def _table(domain: Domain) -> str:
-    rows = ", ".join(f"{i}: {label}" for i, label in enumerate(domain.labels[:3]))
-    more = ", ..." * (len(domain.labels) > 3)
-    return f"a table gives each number its label: `{{by: i, rows: {{{rows}{more}}}}}`"
-
-
-def listed(domain: Domain) -> str:
-    """Return the labels of a choice in words, the first few of many."""
-    return ", ".join(domain.labels[:6]) + ", ..." * (len(domain.labels) > 6)
-
-
 def check_comparable(one: Domain | None, other: Domain | None) -> None:
     """Refuse (E306) to compare labels of two choices by where they stand in them."""
-    if one is not None and other is not None and (one.values is None or other.values is None):
-        message = f"labels of one choice ({listed(one)}) are not labels of another ({listed(other)})"
-        shared = [label for label in one.labels if label in other.labels]
-        hint = "where their positions are meant, say so with arithmetic: `x + 0 == y + 0`"
-        if shared:  # positions would be something else
-            hint = f"where labels of one name are meant, say which: `x == {shared[0]} and y == {shared[0]} or ...`"
-        raise Refused(message, hint=hint)
-
-
-# Binding times: what is known before the task runs, and what is not, even if it is constant: state, action, time, draws.
-#
-# It decides which indices count from the end (`lang.subscripts`), and where fractions end: what is known late is computed in
-# floats, even where its value is known when the task is built.
-
-
-def operands(checker: BaseChecker, exprs: Sequence[s.Expr], scope: Scope) -> list[Node]:
-    """Return the operands of an operation; among those that are known late, fractions are floats."""
-    nodes = checker.numerics(exprs, scope)
-    if not all(isinstance(n, Const) for n in nodes) or not any(map(_has_fractions, nodes)):
-        return nodes
-    if not any(varies(e, scope) for e in exprs):
-        return nodes
-    return [checker.builder.held(n) for n in nodes]
-
-
-def _has_fractions(node: Node) -> bool:
-    return isinstance(node, Const) and node.type.kind is Kind.REAL and any(type(v) is Fraction for v in node.flat)
-
-
-def named(value: Value, expr: s.Expr, scope: Scope) -> Value:
-    """Return the value of an expression as that of a name, for which a definition or an argument lets it stand."""
-    return replace(value, late=True) if isinstance(value.node, Const) and varies(expr, scope) else value
-
-
-def varies(expr: s.Expr, scope: Scope) -> bool:
-    """Return whether an expression names something that is bound at run time."""
-    if isinstance(expr, s.Name):  # most arguments are names
-        return _known_late(expr, scope.lookup(expr.written))
-    names = list(s.names(expr))
-    measured = {
-        id(n) for call in names if isinstance(call, s.Call) and call.function == "len" for n in s.names(call.args)
-    }
-    own = set(s.targets(expr))
-    relevant = (n for n in names if id(n) not in measured and not (isinstance(n, s.Name) and n.id in own))
-    return any(_known_late(n, scope.lookup(n.written if isinstance(n, s.Name) else n.function)) for n in relevant)
-
-
-def _known_late(at: s.Name | s.Call, binding: Binding | None) -> bool:
-    match binding:
-        case Value(node=node, late=late):
-            return late or not isinstance(node, Const)
-        case Lazy(resolve=resolve) if isinstance(at, s.Name):
-            return _known_late(at, resolve(at))
-        case FunctionDef(arguments=arguments, body=body, scope=scope):
-            return varies(body, scope.child({a: Unavailable("", "") for a in arguments}))
-        case _:
-            return isinstance(at, s.Call) and is_distribution(at.function)
+    if one is None or other is None or (one.values is not None and other.values is not None):
+        return
+    shared = [label for label in one.labels if label in other.labels]
+    hint = "where their positions are meant, say so with arithmetic: `x + 0 == y + 0`"
+    if shared:  # positions would be something else
+        hint = f"where labels of one name are meant, say which: `x == {shared[0]} and y == {shared[0]} or ...`"
+    message = f"labels of one choice ({one.listed}) are not labels of another ({other.listed})"
+    raise Refused(message, hint=hint)

@@ -1,4 +1,8 @@
-"""Finite sets, membership, and comparisons."""
+"""Finite sets: comprehensions over lattices and ranges, enumerated at compile time; membership; and comparisons.
+
+Sets are enumerated as arrays, all candidates at once, so that a set of a million points costs milliseconds. Every side of a
+comparison, chained ones included, is worked out once, so that what it draws is one draw.
+"""
 
 from __future__ import annotations
 
@@ -16,19 +20,16 @@ from taskspec.base.records import dataclass
 from taskspec.lang import alternatives, batch
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const, Node, Role, draws, reads, walk
-from taskspec.lang.scope import BaseChecker, Scope, Value, check_comparable
+from taskspec.lang.scope import BaseChecker, Poisoned, Scope, Value, check_comparable
 from taskspec.lang.types import INT_WIDEST, Domain, Kind, Type
-
-# ---------- sets
-# Finite sets: comprehensions over lattices and ranges, enumerated at compile time; membership; uniform draws.
-#
-# Sets are enumerated as arrays, all candidates at once, so that a set of a million points costs milliseconds.
 
 _FIXED = (
     "go over a fixed range and test inside: `[x if j < k else 0 for j in range(n)]`, or `j < k and c` for conditions"
 )
 _VARYING = "`UniformInt(low, high)` draws between ends that vary, and `low <= x <= high` compares with them"
+_ENUMERATED = "a set is enumerated before the task runs; it may use parameters and constants only"
 MOST_AXES = 32  # as many as arrays may have
+Wants = Mapping[str, Domain | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,13 +40,7 @@ class _Points:
     domain: Domain | None = None
 
 
-def uniform(
-    checker: BaseChecker,
-    expr: s.SetOf | s.Comprehension,
-    call: s.Expr,
-    scope: Scope,
-    want: Domain | None,
-) -> Value:
+def uniform(checker: BaseChecker, expr: s.SetOf | s.Comprehension, scope: Scope, want: Domain | None) -> Value:
     """Return a uniform draw from a finite set."""
     b = checker.builder
     table, domain = _table(checker, expr, scope, want)
@@ -56,13 +51,14 @@ def uniform(
     return Value(b.structure("index", [table, index]), domain)
 
 
-def _table(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None) -> tuple[Node, Domain | None]:
+def _table(
+    checker: BaseChecker, expr: s.SetOf | s.Comprehension, scope: Scope, want: Domain | None
+) -> tuple[Node, Domain | None]:
     """Return the elements of a set as the rows of a vector; equal constants count once, as in mathematics."""
     b = checker.builder
     if isinstance(expr, s.Comprehension):
         points = _enumerate(checker, expr, scope)
         return _constant(checker, points.rows), points.domain
-    assert isinstance(expr, s.SetOf)
     values = alternatives.alternative_values(checker, expr.items, scope, want)
     nodes, domain = alternatives.unify(checker, values, expr.items, want)
     if len({n.type.shape for n in nodes}) > 1:
@@ -71,7 +67,7 @@ def _table(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None
     return b.structure("vector", list(dict.fromkeys(b.cast(n, kind) for n in nodes))), domain
 
 
-def member(checker: BaseChecker, value: Value, left: s.Expr, right: s.Expr, scope: Scope) -> Node:
+def _member_of_values(checker: BaseChecker, value: Value, left: s.Expr, right: s.Expr, scope: Scope) -> Node:
     """`x in {a, b}`, `x in (a, b)` or `x in {y for y in ...}`, for the value of `x`, written as `left`."""
     b = checker.builder
     if isinstance(right, s.Vector):
@@ -102,20 +98,21 @@ def member(checker: BaseChecker, value: Value, left: s.Expr, right: s.Expr, scop
     return found
 
 
+# -- comprehensions written out -----------------------------------------------------------------------------------
+
+
 def unroll(
     checker: BaseChecker,
     expr: s.Comprehension,
     scope: Scope,
     make: Callable[[Scope], Node] | None = None,
-    wants: Mapping[str, Domain | None] = MappingProxyType({}),
+    wants: Wants = MappingProxyType({}),
 ) -> list[Node]:
     """Return elements of `[e for x in range(n) for y in range(m)]`, one node each; the element may depend on the state.
 
     `make` gives what stands for the element, in a scope of its own; `wants` are the domains of variables.
     """
-    found = _unrolled(
-        checker, expr, expr.clauses, scope, make or (lambda inner: checker.numeric(expr.element, inner)), wants
-    )
+    found = _unrolled(checker, expr, expr.clauses, scope, make or partial(checker.numeric, expr.element), wants)
     _check_few(checker, "unrolled", len(found), expr, "elements to write out")
     return found
 
@@ -126,7 +123,7 @@ def _unrolled(
     clauses: tuple[s.Clause, ...],
     scope: Scope,
     make: Callable[[Scope], Node],
-    wants: Mapping[str, Domain | None],
+    wants: Wants,
 ) -> list[Node]:
     """Return the elements for everything that the clauses go over, the last one fastest."""
     if not clauses:
@@ -178,9 +175,19 @@ def _enumerate(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> _Po
         points = _candidates(checker, clause, inner)
         count *= len(points.rows)
         _check_few(checker, "candidates", count, expr, "candidates of a set")
-        columns = {name: np.repeat(rows, len(points.rows), axis=0) for name, rows in columns.items()}
+        for name, rows in columns.items():
+            columns[name] = np.repeat(rows, len(points.rows), axis=0)
         repeated = np.tile(points.rows, (count // max(1, len(points.rows)), *(1 for _ in points.rows.shape[1:])))
-        _add_columns(checker, clause, repeated, points.domain, columns, bindings, expr)
+        parts = [(clause.targets[0], repeated)]
+        if len(clause.targets) > 1:
+            if repeated.ndim < 2 or repeated.shape[1] != len(clause.targets):
+                checker.fail("E307", expr, f"cannot unpack this into {len(clause.targets)} names")
+            parts = [(name, repeated[:, i]) for i, name in enumerate(clause.targets)]
+        for name, column in parts:
+            low, high = (float(column.min()), float(column.max())) if column.size else (0.0, 0.0)
+            type_ = Type(_kind(column), column.shape[1:])
+            columns[name] = column
+            bindings[name] = Value(checker.builder.read(Role.VARIABLE, name, type_, low, high), points.domain)
         inner = scope.child(dict(bindings))
         keep = np.ones(count, dtype=bool)
         for condition in clause.conditions:
@@ -195,39 +202,15 @@ def _enumerate(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> _Po
     return _Points(rows[np.sort(first)], value.domain)
 
 
-def _add_columns(
-    checker: BaseChecker,
-    clause: s.Clause,
-    rows: Array,
-    domain: Domain | None,
-    columns: dict[str, Array],
-    bindings: dict[str, Any],
-    expr: s.Expr,
-) -> None:
-    """Bind the targets of a clause to columns of candidates."""
-    if len(clause.targets) > 1:
-        if rows.ndim < 2 or rows.shape[1] != len(clause.targets):
-            checker.fail("E307", expr, f"cannot unpack this into {len(clause.targets)} names")
-        parts = [(name, rows[:, i]) for i, name in enumerate(clause.targets)]
-    else:
-        parts = [(clause.targets[0], rows)]
-    for name, column in parts:
-        low, high = (float(column.min()), float(column.max())) if column.size else (0.0, 0.0)
-        type_ = Type(_kind(column), column.shape[1:])
-        columns[name] = column
-        bindings[name] = Value(checker.builder.read(Role.VARIABLE, name, type_, low, high), domain)
-
-
 def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.Expr) -> Array:
     """Return a node evaluated for every candidate: (count, *shape)."""
-    outside = {name for role, name in reads([node]) if role is not Role.VARIABLE} | {
-        name for role, name in reads([node]) if role is Role.VARIABLE and name not in columns
-    }
+    outside = any(role is not Role.VARIABLE or name not in columns for role, name in reads([node]))
     if outside or draws([node]):
-        checker.fail("E312", expr, "a set is enumerated before the task runs; it may use parameters and constants only",
-                     "draw an offset from a constant set and add it to the state" if outside else None)  # fmt: skip
-    ints = [v for n in walk([node]) if isinstance(n, Const) and n.type.kind is Kind.INT for v in n.flat]
-    _check_width(checker, expr, 0, *ints)
+        hint = "draw an offset from a constant set and add it to the state" if outside else None
+        checker.fail("E312", expr, _ENUMERATED, hint)
+    for part in walk([node]):
+        if isinstance(part, Const) and part.type.kind is Kind.INT:
+            _check_width(checker, expr, *part.flat)
     count = len(next(iter(columns.values())))
     values = {(Role.VARIABLE, name): np.moveaxis(rows, 0, -1) for name, rows in columns.items()}
     (result,) = batch.evaluate([node], values)
@@ -239,61 +222,52 @@ def _candidates(
 ) -> _Points:
     """Return what a clause goes over; `instead` is what to write for a range whose ends vary."""
     expr = clause.domain
+    domain = None
     match expr:
-        case s.Call(function="box", args=(low, high, n)):
-            return _box(checker, low, high, n, expr, scope)
         case s.Call(function="box"):
-            checker.fail("E304", expr, "box(low, high, n) was given the wrong arguments",
-                         "`box(-1, 1, 2)` is the square of integer points from -1 to 1")  # fmt: skip
+            return _Points(_box(checker, expr, scope))
         case s.Call(function="range"):
-            return _range(checker, expr, scope, instead)
+            return _Points(_range(checker, expr, scope, instead))
         case s.SetOf() | s.Comprehension(is_set=True):
             table, domain = _table(checker, expr, scope, want)
         case _:
             table = checker.numeric(expr, scope)
-            domain = None
     if not isinstance(table, Const) or table.type.is_scalar:
-        checker.fail(
-            "E312",
-            expr,
-            "a comprehension goes over a constant: `range(n)`, `box(low, high, n)`, a set or a vector",
-        )
+        message = "a comprehension goes over a constant: `range(n)`, `box(low, high, n)`, a set or a vector"
+        checker.fail("E312", expr, message)
     return _Points(batch.array(table)[..., 0], domain)
 
 
-def _box(checker: BaseChecker, low: s.Expr, high: s.Expr, n: s.Expr, expr: s.Expr, scope: Scope) -> _Points:
-    a, b, axes = (checker.integer(e, scope, "an argument of `box`") for e in (low, high, n))
+def _box(checker: BaseChecker, expr: s.Call, scope: Scope) -> Array:
+    if len(expr.args) != 3:
+        hint = "`box(-1, 1, 2)` is the square of integer points from -1 to 1"
+        checker.fail("E304", expr, "box(low, high, n) was given the wrong arguments", hint)
+    a, b, axes = (checker.integer(e, scope, "an argument of `box`") for e in expr.args)
     if axes < 1 or b < a:
         checker.fail("E407", expr, f"box({a}, {b}, {axes}) has no points")
     if axes > MOST_AXES:
         checker.fail("E314", expr, f"a box of {axes:,} axes is too large; the limit is {MOST_AXES}")
     _check_few(checker, "candidates", (b - a + 1) ** axes, expr, "points of a box")
     _check_width(checker, expr, a, b)
-    axis = np.arange(a, b + 1)
-    grid = np.meshgrid(*[axis] * axes, indexing="ij")
-    rows = np.stack([g.ravel() for g in grid], axis=1)
-    return _Points(rows)
+    grid = np.meshgrid(*[np.arange(a, b + 1)] * axes, indexing="ij")
+    return np.stack([g.ravel() for g in grid], axis=1)
 
 
-def _range(checker: BaseChecker, expr: s.Call, scope: Scope, instead: str) -> _Points:
+def _range(checker: BaseChecker, expr: s.Call, scope: Scope, instead: str) -> Array:
     if not 1 <= len(expr.args) <= 3:
         checker.fail("E304", expr, "range takes one to three arguments")
-    bounds = [checker.integer(e, scope, "an argument of `range`", instead) for e in expr.args]
-    if len(bounds) == 3 and bounds[2] == 0:
+    ends = [checker.integer(e, scope, "an argument of `range`", instead) for e in expr.args]
+    if len(ends) == 3 and ends[2] == 0:
         checker.fail("E315", expr, "the step of `range` cannot be 0")
-    chosen = range(*bounds)
-    _check_few(checker, "candidates", _length(chosen), expr, "values of a range")
-    _check_width(checker, expr, *bounds)
-    return _Points(np.array(chosen, dtype=np.int64))
-
-
-def _length(values: range) -> int:
-    """Return the length of a range of any size, which `len` has not."""
-    return max(0, -((values.start - values.stop) // values.step))
+    chosen = range(*ends)
+    length = max(0, -((chosen.start - chosen.stop) // chosen.step))  # of any size, which `len` has not
+    _check_few(checker, "candidates", length, expr, "values of a range")
+    _check_width(checker, expr, *ends)
+    return np.array(chosen, dtype=np.int64)
 
 
 def _check_width(checker: BaseChecker, expr: s.Expr, *ends: int) -> None:
-    if max(map(abs, ends)) >= INT_WIDEST:
+    if any(abs(end) >= INT_WIDEST for end in ends):
         checker.fail("E318", expr, "ints have 64 bits; this set exceeds them")
 
 
@@ -310,13 +284,11 @@ def _kind(array: Array) -> Kind:
 
 
 def _constant(checker: BaseChecker, array: Array) -> Const:
-    kind = _kind(array)
-    flat = array.ravel().tolist()
-    return checker.builder.const(flat[0] if array.ndim == 0 else flat, Type(kind, array.shape))
+    value = array.item() if array.ndim == 0 else array.ravel().tolist()
+    return checker.builder.const(value, Type(_kind(array), array.shape))
 
 
-# ---------- comparisons
-# Comparisons, chained ones included: every side is worked out once, so that what it draws is one draw.
+# -- comparisons --------------------------------------------------------------------------------------------------
 
 _OPERATORS = {"==": "eq", "!=": "ne", "<": "lt", "<=": "le"}
 _TURNED = {">": "<", ">=": "<="}
@@ -325,9 +297,8 @@ _TURNED = {">": "<", ">=": "<="}
 def compare(checker: BaseChecker, expr: s.Compare, scope: Scope) -> Node:
     """`a < b == c`: every pair of neighbours compared, and all of it must hold."""
     sides = [_Side(checker, side, scope) for side in (expr.first, *(side for _, side in expr.rest))]
-    signs = [op for op, _ in expr.rest]
-    links = zip(signs, sides, sides[1:], strict=False)
-    return reduce(partial(checker.builder.apply, "and"), checker.each([partial(_link, *link) for link in links]))
+    links = [(op, sides[i], sides[i + 1]) for i, (op, _) in enumerate(expr.rest)]
+    return reduce(partial(checker.builder.apply, "and"), checker.each(_link, links))
 
 
 class _Side:
@@ -337,10 +308,7 @@ class _Side:
         self.checker = checker
         self.expr = expr
         self.scope = scope
-        self.word = expr.value if isinstance(expr, s.Quoted) else expr.id if isinstance(expr, s.Name) else ""
-        self.may_be_label = isinstance(expr, s.Quoted) or (
-            isinstance(expr, s.Name) and scope.lookup(expr.written) is None
-        )
+        self.may_be_label = alternatives.may_be_label(expr, scope)
         self._found: list[Value | None] = []
 
     @cached_property
@@ -354,21 +322,19 @@ class _Side:
         """Whether it names a choice, or is a vector that does."""
         return alternatives.domain_of(self.expr, self.scope) is not None or any(p.has_choices for p in self.parts)
 
-    def check(self, want: Domain | None = None) -> Value | None:
-        """Return the value beside a neighbour of the domain `want`, the first one if there are two; None when it is broken."""
-        if self.may_be_label:
-            return self.checker.check(self.expr, self.scope, want)
-        if not self._found:
-            self._found.append(self.checker.check(self.expr, self.scope, want))
-        return self._found[0]
-
     def value(self, want: Domain | None = None) -> Value:
-        """Return the same.
+        """Return the value beside a neighbour of the domain `want`, the first one if there are two.
 
         Raises:
             Poisoned: when it is broken.
         """
-        return self.check(want) or self.checker.poison()
+        if self.may_be_label:
+            return self.checker.value(self.expr, self.scope, want)
+        if not self._found:
+            self._found.append(self.checker.check(self.expr, self.scope, want))
+        if self._found[0] is None:
+            raise Poisoned
+        return self._found[0]
 
     def number(self) -> Node:
         return self.checker.number_of(self.value())
@@ -376,23 +342,24 @@ class _Side:
 
 def _link(op: str, left: _Side, right: _Side) -> Node:
     checker = left.checker
+    b = checker.builder
     if op in ("in", "not in"):
         found = _member(left, right)
-        return checker.builder.apply("not", found) if op == "not in" else found
+        return b.apply("not", found) if op == "not in" else found
     if op in ("==", "!=") and _of_choices(left, right):
-        return checker.stack(checker.each(_part_links(op, left, right)), left.expr)
+        parts = [(op, *pair) for pair in zip(left.parts, right.parts, strict=True)]
+        return checker.stack(checker.each(_link, parts), left.expr)
     if op in ("==", "!="):
         one, other = _alike(left, right)
         if one.domain is not None and one.domain == other.domain:
-            return checker.builder.apply(_OPERATORS[op], one.node, other.node)
+            return b.apply(_OPERATORS[op], one.node, other.node)
         check_comparable(one.domain, other.domain)
         nodes = [checker.number_of(one), checker.number_of(other)]
     else:
-        nodes = checker.each([left.number, right.number])
+        nodes = checker.each(_Side.number, [(left,), (right,)])
     if op in _TURNED:
-        nodes.reverse()
-        op = _TURNED[op]
-    return checker.builder.apply(_OPERATORS[op], *nodes)
+        return b.apply(_OPERATORS[_TURNED[op]], nodes[1], nodes[0])
+    return b.apply(_OPERATORS[op], *nodes)
 
 
 def _alike(left: _Side, right: _Side) -> tuple[Value, Value]:
@@ -400,26 +367,19 @@ def _alike(left: _Side, right: _Side) -> tuple[Value, Value]:
     if left.may_be_label and not right.may_be_label:
         other = right.value()
         return left.value(other.domain), other
-    one = left.check()
-    if one is None:
-        if not (right.may_be_label and right.scope.is_label(right.word)):
-            right.check()
-        left.checker.poison()
+    try:
+        one = left.value()
+    except Poisoned:
+        word = right.expr.value if isinstance(right.expr, s.Quoted) else right.expr.place.written
+        if not (right.may_be_label and right.scope.is_label(word)):
+            right.checker.check(right.expr, right.scope)
+        raise
     return one, right.value(one.domain)
 
 
-# -- vectors of choices -------------------------------------------------------------------------------------------
-
-
 def _of_choices(left: _Side, right: _Side) -> bool:
-    """Return whether both are vectors that are written out, with choices among their elements: labels are those of
-    their own element.
-    """
+    """Return whether both are vectors that are written out, with choices among them: labels belong to their own element."""
     return 0 < len(left.parts) == len(right.parts) and (left.has_choices or right.has_choices)
-
-
-def _part_links(op: str, left: _Side, right: _Side) -> list[Callable[[], Node]]:
-    return [partial(_link, op, *parts) for parts in zip(left.parts, right.parts, strict=True)]
 
 
 def _member(left: _Side, right: _Side) -> Node:
@@ -430,29 +390,27 @@ def _member(left: _Side, right: _Side) -> Node:
     items = right.expr.items if isinstance(right.expr, s.SetOf | s.Vector) else ()
     sides = [_Side(checker, item, right.scope) for item in items]
     if not sides or not all(_of_choices(left, side) for side in sides):
-        return member(checker, left.value(), left.expr, right.expr, right.scope)
-    same = checker.each([partial(_link, "==", left, side) for side in sides])
+        return _member_of_values(checker, left.value(), left.expr, right.expr, right.scope)
+    same = checker.each(_link, [("==", left, side) for side in sides])
     return reduce(partial(checker.builder.apply, "or"), [checker.builder.apply("all", node) for node in same])
 
 
 def _member_of_many(left: _Side, right: s.Comprehension, scope: Scope) -> Node:
     """`x in {... for ...}` of a choice, or a vector with choices: labels of each element belong to the choice in its place."""
     checker = left.checker
-    b = left.checker.builder
+    b = checker.builder
     element = right.element
     parts = left.parts or [left]
     items = element.items if left.parts and isinstance(element, s.Vector) else (element,)
     if len(items) != len(parts):
-        return member(checker, left.value(), left.expr, right, scope)
+        return _member_of_values(checker, left.value(), left.expr, right, scope)
     domains = [alternatives.domain_of(part.expr, scope) for part in parts]
     wants = {item.id: domain for item, domain in zip(items, domains, strict=True) if isinstance(item, s.Name)}
 
     def same(inner: Scope) -> Node:
         for item, domain in zip(items, domains, strict=True):
             if not isinstance(checker.value(item, inner, domain).node, Const):
-                checker.fail(
-                    "E312", item, "a set is enumerated before the task runs; it may use parameters and constants only"
-                )
+                checker.fail("E312", item, _ENUMERATED)
         found = _link("==", left, _Side(checker, element, inner))
         return b.apply("all", found) if found.type.shape else found
 

@@ -6,7 +6,7 @@ checker turns them into the typed core of `lang.ir`; the printers turn them back
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -127,6 +127,10 @@ class Call:
     place: Place
     name_place: Place
 
+    @property
+    def written(self) -> str:
+        return self.function
+
 
 @dataclass(frozen=True, slots=True)
 class Slice:
@@ -229,7 +233,7 @@ def alternatives(expr: Expr) -> Iterator[Expr]:
         case Weights(pairs=pairs) | Call(function="Categorical", args=(Weights(pairs=pairs),)):
             parts = tuple(value for value, _ in pairs)
         case Table(rows=rows):
-            parts = tuple(_cells(rows))
+            parts = tuple(cells(rows))
         case _:
             yield expr
             return
@@ -237,10 +241,11 @@ def alternatives(expr: Expr) -> Iterator[Expr]:
         yield from alternatives(part)
 
 
-def _cells(rows: tuple[TableRow, ...]) -> Iterator[Expr]:
+def cells(rows: Sequence[TableRow]) -> Iterator[Expr]:
+    """Yield the cells of a decision table, in written order."""
     for row in rows:
         if isinstance(row.body, tuple):
-            yield from _cells(row.body)
+            yield from cells(row.body)
         else:
             yield row.body
 

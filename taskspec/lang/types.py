@@ -77,6 +77,10 @@ class Type:
             return str(self.kind)
         return f"{self.kind} vector {list(self.shape)}"
 
+    @property
+    def with_article(self) -> str:
+        return f"an {self}" if self.kind is Kind.INT else f"a {self}"
+
 
 BOOL = Type(Kind.BOOL)
 INT = Type(Kind.INT)
@@ -98,6 +102,11 @@ class Domain:
 
     def index(self, label: str) -> int | None:
         return self.labels.index(label) if label in self.labels else None
+
+    @property
+    def listed(self) -> str:
+        """The labels in words, the first few of many."""
+        return ", ".join(self.labels[:6]) + ", ..." * (len(self.labels) > 6)
 
 
 def shape(type_: Type, domain: Domain | None) -> Shape:

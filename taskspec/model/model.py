@@ -83,6 +83,10 @@ class Step:
         """`P`, and `P_end` where there is one."""
         return [self.P] if self.P_end is None else [self.P, self.P_end]
 
+    def with_reward(self, R: Array, lowest: float, highest: float) -> Step:
+        """Return the step with another expected reward (A*S,), and bounds of that of all outcomes."""
+        return replace(self, R=R, rounding=RoundingTerms(self.rounding.terms, lowest, highest))
+
     def same(self, other: Step) -> bool:
         """Return whether two times are alike, so that one can stand for both."""
         if len(self.matrices) != len(other.matrices) or not np.array_equal(self.R, other.R):
@@ -140,9 +144,7 @@ class Model:
 
     def with_reward(self, R: Array, lowest: float, highest: float) -> Model:
         """Return a model whose time does not matter with another expected reward (A*S,), and bounds of that of all outcomes."""
-        step = self.step(0)
-        rounding = RoundingTerms(step.rounding.terms, lowest, highest)
-        return replace(self, steps=(replace(step, R=R, rounding=rounding),))
+        return replace(self, steps=(self.step(0).with_reward(R, lowest, highest),))
 
     # -- names both ways --------------------------------------------------------------------------
 

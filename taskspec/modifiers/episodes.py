@@ -11,8 +11,7 @@ from taskspec.lang.ir import Node, Read, Role, walk
 from taskspec.lang.types import BOOL
 from taskspec.modifiers.core import AddedState, fresh, names_in, paying, present, reads_time, with_state
 from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, as_well
-from taskspec.task.observe import Observed
-from taskspec.task.reach import reach, saturated
+from taskspec.task.reach import Observed, reach, saturated
 from taskspec.task.task import Component, Task
 
 

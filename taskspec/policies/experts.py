@@ -10,14 +10,12 @@ from taskspec.base.arrays import Array
 from taskspec.lang.ir import Read, Role, reads
 from taskspec.lang.types import Kind
 from taskspec.model.model import misused, refuse
-from taskspec.policies.named import decoded, planned, probabilities_of
-from taskspec.policies.policy import Actions
+from taskspec.policies.policy import Actions, decoded, planned, probabilities_of
 from taskspec.registry import load
 from taskspec.rollout.rollout import State, by_expert
 from taskspec.scores.returns import Given, Results
 from taskspec.task import spaces
-from taskspec.task.observe import recall
-from taskspec.task.task import ExpertMemory, Task, TaskLike
+from taskspec.task.task import ExpertMemory, Task, TaskLike, recall
 
 if TYPE_CHECKING:
     import gymnasium

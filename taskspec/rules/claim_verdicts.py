@@ -16,11 +16,10 @@ from taskspec.lang import syntax as s
 from taskspec.model.space import words
 from taskspec.modifiers import modify
 from taskspec.registry import load
-from taskspec.rollout.simulate import EPISODES
+from taskspec.rollout.rollout import EPISODES
 from taskspec.rules.claim_rules import ClaimEvaluator, Reason, Terms
 from taskspec.rules.evaluator import InvalidClaim, Undecidable
-from taskspec.scores.returns import Results
-from taskspec.scores.saved import CLAIMS, OfClaim
+from taskspec.scores.returns import CLAIMS, OfClaim, Results
 from taskspec.source import Path
 from taskspec.task.build import build
 from taskspec.task.merge import merge

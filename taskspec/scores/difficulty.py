@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,9 +12,15 @@ from taskspec.base.diagnostics import SpecError, suggest
 from taskspec.base.display import html_table
 from taskspec.base.limits import tell
 from taskspec.model.model import Model, misused, refuse
-from taskspec.scores.lookahead import effective_horizon, least_lookahead
+from taskspec.scores.measures import (
+    best_chance,
+    effective_horizon,
+    least_lookahead,
+    mean_length,
+    reward_chance,
+    solution_length,
+)
 from taskspec.scores.partial_observability import hidden_bits
-from taskspec.scores.random_success import best_chance, mean_length, reward_chance, solution_length
 from taskspec.scores.returns import Results
 from taskspec.solve.backward import Boltzmann
 from taskspec.solve.enclosure import NoNumber
@@ -52,43 +58,37 @@ def _model(results: Results) -> Model:
     return results.model
 
 
-def _return(results: Results, which: str) -> float:
-    """Return the optimal or random return; raise E712 if it is not known exactly."""
-    _model(results)
-    found = results.enclosure(which)
-    if found is None:
-        refuse(results.unsettled or f"the {which} return is not known")
-    return found.value
-
-
 def _on_model(function: Callable[[Model], float]) -> Callable[[Results], float]:
     return lambda results: function(_model(results))
 
 
 def _branching(model: Model) -> float:
     """Return the mean number of possible next states of states in which episodes act."""
-    step = model.step(0)
-    both = step.P if step.P_end is None else step.P + step.P_end
-    reached = both[: model.n_states]
-    for a in range(1, model.n_actions):
-        reached = reached + both[a * model.n_states : (a + 1) * model.n_states]
+    both = sum(model.step(0).matrices)
+    n = model.n_states
+    reached = sum(both[a * n : (a + 1) * n] for a in range(model.n_actions))
     reached.eliminate_zeros()
     return float(np.diff(reached.indptr)[model.acting].mean())
 
 
 def _hidden_bits(results: Results) -> float:
-    if results.abstraction is not None and not results.task.observation.is_state:
+    if results.task.observation.is_state:
+        return 0.0
+    if results.abstraction is not None:
         refuse("the abstraction does not say what is observed")
-    return 0.0 if results.task.observation.is_state else hidden_bits(_model(results))
+    return hidden_bits(_model(results))
 
 
 def _soft_gap(results: Results) -> float:
-    optimal = _return(results, "optimal")
-    random = _return(results, "random")
-    if optimal == random:
+    _model(results)
+    optimal = results.enclosure("optimal")
+    random = results.enclosure("random")
+    if optimal is None or random is None:
+        refuse(results.unsettled or "the optimal or the random return is not known")
+    if optimal.value == random.value:
         refuse("random actions are optimal")
     soft = results.solvers.of(Boltzmann(1.0)).value(Boltzmann(1.0)).value
-    return (optimal - soft) / (optimal - random)
+    return (optimal.value - soft) / (optimal.value - random.value)
 
 
 def _episodes_to_reward(results: Results) -> float:
@@ -105,11 +105,7 @@ ZIEBART = "B. Ziebart, “Modeling Purposeful Adaptive Behavior with the Princip
 SHANNON = "C. Shannon, “A Mathematical Theory of Communication” (1948)"
 
 
-def _table(measures: Iterable[Measure]) -> dict[str, Measure]:
-    return {measure.name: measure for measure in measures}
-
-
-MEASURES: dict[str, Measure] = _table([
+_MEASURES = [
     Measure(
         "states", "", "The number of reachable states.",
         r"\lvert S \rvert", "", _on_model(lambda model: int(model.entered.sum()))),
@@ -164,7 +160,8 @@ MEASURES: dict[str, Measure] = _table([
         r"\min_k k + \log_{\lvert A \rvert} \max_{t, s}"
         r" \lceil \tfrac{28}{3} v_{t,s} d_{t,s}^{-2} \log(2 T \lvert A \rvert^k) \rceil",
         LAIDLAW, _on_model(effective_horizon)),
-])  # fmt: skip
+]  # fmt: skip
+MEASURES: dict[str, Measure] = {measure.name: measure for measure in _MEASURES}
 """Every measure by name."""
 
 
@@ -213,23 +210,24 @@ def difficulty(task: TaskLike | Results, names: Sequence[str] | None = None) -> 
     Raises:
         SpecError: E713 for a name that is no measure's; E705 without scipy.
     """
-    chosen = MEASURES if names is None else {name: MEASURES[name] for name in names if _is_measure(name)}
+    chosen = list(MEASURES) if names is None else names
+    for name in chosen:
+        if name not in MEASURES:
+            misused(
+                f"there is no measure '{name}'", suggest(name, list(MEASURES)) or f"there are: {', '.join(MEASURES)}"
+            )
     results = task if isinstance(task, Results) else Results(task)
     measured: dict[str, float | None] = {}
     why_not: dict[str, str] = {}
-    for name, measure in chosen.items():
+    for name in chosen:
         tell(f"difficulty: {name.replace('_', ' ')}")
         try:
-            measured[name] = measure.of(results)
-        except (SpecError, NoNumber) as error:
-            if isinstance(error, SpecError) and any(d.code == "E705" for d in error.diagnostics):
+            measured[name] = MEASURES[name].of(results)
+        except NoNumber as error:
+            why_not[name] = str(error)
+        except SpecError as error:
+            if any(d.code == "E705" for d in error.diagnostics):
                 raise
-            measured[name] = None
-            why_not[name] = error.diagnostics[0].message if isinstance(error, SpecError) else str(error)
+            why_not[name] = error.diagnostics[0].message
+        measured.setdefault(name, None)
     return Difficulty(results.task.id, results.task.values, measured, why_not)
-
-
-def _is_measure(name: str) -> bool:
-    if name not in MEASURES:
-        misused(f"there is no measure '{name}'", suggest(name, list(MEASURES)) or f"there are: {', '.join(MEASURES)}")
-    return True

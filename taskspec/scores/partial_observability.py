@@ -11,11 +11,10 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, draws, reads
 from taskspec.model.model import Model, refuse
-from taskspec.model.transitions import TIME, branches, count
-from taskspec.scores.random_success import mean_length, undiscounted
+from taskspec.model.transitions import TIME, count, joint_outcomes
+from taskspec.scores.measures import mean_length, undiscounted
 from taskspec.scores.returns import Results
 from taskspec.solve.enclosure import Enclosure
 from taskspec.solve.infinite_horizon import chain_values
@@ -91,16 +90,20 @@ RATE = 5_000_000
 
 def hidden_bits(model: Model) -> float:
     """Return the conditional entropy H(S | O) of the state given its observation, in bits, over the visits of random actions."""
-    task = model.task
-    if task.observation.is_state:
-        return 0.0
-    nodes = _informative(task)
+    nodes = _informative(model.task)
     is_timed = TIME in reads(nodes)
     if is_timed and model.horizon is None:
         refuse("the observation depends on the time, and there is no horizon")
     visits = _visits_by_time(model) if is_timed else [_visits(model)]
-    _check_size(nodes, sum(int(np.count_nonzero(each)) for each in visits))
-    parts = [part for t, each in enumerate(visits) for part in _observed(model, nodes, t, each)]
+    outcomes = count(draws(nodes), {})
+    if outcomes == np.inf:
+        refuse("the noise on what is seen of a state has infinitely many outcomes")
+    size = sum(np.count_nonzero(each) for each in visits) * outcomes * sum(node.type.size for node in nodes)
+    if size > limits().seconds * RATE:
+        refuse(f"observations have {count_of(int(size))} numbers in all", how_to_raise("seconds", size / RATE))
+    parts = []
+    for t, each in enumerate(visits):
+        parts += _observed(model, nodes, t, each)
     state, rows, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
     _, observation = np.unique(rows, axis=0, return_inverse=True)
     pairs, pair = np.unique(np.stack([observation.reshape(-1), state]), axis=1, return_inverse=True)
@@ -123,36 +126,24 @@ def _informative(task: Task) -> list[Node]:
         nodes = kept
 
 
-def _check_size(nodes: list[Node], states: int) -> None:
-    outcomes = count(draws(nodes), {})
-    if outcomes == np.inf:
-        refuse("the noise on what is seen of a state has infinitely many outcomes")
-    size = states * outcomes * sum(node.type.size for node in nodes)
-    if size > limits().seconds * RATE:
-        refuse(f"observations have {count_of(int(size))} numbers in all", how_to_raise("seconds", size / RATE))
-
-
 def _observed(model: Model, nodes: list[Node], t: int, visits: Array) -> Iterator[tuple[Array, Array, Array]]:
     """Yield states (N,), observations (N, D) and weights (N,) for each outcome of the noise."""
     states = np.flatnonzero(visits)
     given = {k: v if v.shape[-1] == 1 else v[..., states] for k, v in model.reads(t).items()}
-    for branch in branches(draws(nodes), given, len(states)):
-        which = np.arange(len(states)) if branch.origin is None else branch.origin
-        rows = [np.zeros((1, len(which)))]
-        for value in evaluate(nodes, branch.place(given), branch.sample):
-            rows.append(np.broadcast_to(value, (*value.shape[:-1], len(which))).reshape(-1, len(which)))
-        yield states[which], np.concatenate(rows).astype(np.float64).T, visits[states[which]] * branch.weight
+    for values, which, weight in joint_outcomes(nodes, given, len(states)):
+        rows = [np.zeros((1, len(which))), *(value.reshape(-1, len(which)) for value in values)]
+        yield states[which], np.concatenate(rows).astype(np.float64).T, visits[states[which]] * weight
 
 
 def _visits(model: Model) -> Array:
     """Return the expected number of visits (S,) of random actions."""
     plan = uniform_plan(model)
     if model.horizon is not None:
-        return occupancy(undiscounted(model, model.steps), plan)
+        return occupancy(undiscounted(model), plan)
     mean_length(model, plan)  # refuses where episodes may never end
-    shape = (model.n_actions, model.n_states, model.n_states)
+    n = model.n_states
     going = model.step(0).P
-    matrix = sum(going[a * shape[1] : (a + 1) * shape[1]] for a in range(shape[0])) / shape[0]
+    matrix = sum(going[a * n : (a + 1) * n] for a in range(model.n_actions)) / model.n_actions
     return chain_values(matrix.T.tocsr(), model.start, model.acting)
 
 

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from statistics import NormalDist
-from typing import Literal, TypeAlias
+from types import NoneType
+from typing import Any, Literal, NoReturn, TypeAlias
 
 import numpy as np
 
 from taskspec.abstraction.abstraction import Abstraction, abstraction
 from taskspec.abstraction.verify import AbstractionCheck, verify
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import SpecError
+from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.model.extract import extract
-from taskspec.model.model import Model, refuse
+from taskspec.model.model import Model, misused, refuse
 from taskspec.registry import load
-from taskspec.rollout.rollout import Choose, at_random, by_expert, is_bounded
-from taskspec.rollout.simulate import EPISODES, return_range, simulate
+from taskspec.rollout.rollout import EPISODES, Choose, at_random, by_expert, is_bounded, return_range, simulate
 from taskspec.rollout.statistics import CONFIDENCE, mean_interval
-from taskspec.scores.saved import OfNumber
 from taskspec.solve.backward import Greedy, Plan, Rule, Uniform, rule_of
 from taskspec.solve.enclosure import Enclosure, NoNumber, rounded
 from taskspec.solve.plans import tables
@@ -29,8 +30,51 @@ from taskspec.solve.solve import Solvers, why_endless
 from taskspec.task.task import Soft, Task, TaskLike
 
 Given: TypeAlias = Literal["optimal"] | Soft | None
-LARGE = 1e100
-"""Returns larger than this are scaled before they are added up."""
+
+
+# -- words for results ------------------------------------------------------------------------------------------------
+
+OfClaim = Literal["proved", "tested", "undecided", "false", "contradicted", "broken"]
+OfNumber = Literal["exact", "tested", "estimated"]
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """A word with its meaning, the words for it on a page, and the code of the error that it is (None: it is none)."""
+
+    word: str
+    doc: str
+    shown: str
+    code: str | None = None
+
+
+CLAIMS: dict[OfClaim, Status] = {
+    "proved": Status(
+        "proved", "It holds by exact results whose error is computed, or by the form of the equations.", "proved"),
+    "tested": Status(
+        "tested", "Simulated episodes do not contradict it; or it is proved of an abstraction that was tested on episodes.",
+        "tested in {episodes} episodes"),
+    "undecided": Status(
+        "undecided", "It is neither proved nor contradicted: the task has no exact model, or error bounds leave it open.",
+        "not decided", "E602"),
+    "false": Status("false", "Exact results contradict it.", "does not hold", "E601"),
+    "contradicted": Status(
+        "contradicted", "Simulated episodes contradict it at 99.9 % confidence, whatever the distribution of their returns.",
+        "does not hold", "E604"),
+    "broken": Status("broken", "It is not a valid claim.", "does not hold", "E603"),
+}  # fmt: skip
+
+NUMBERS: dict[OfNumber, Status] = {
+    "exact": Status("exact", "Computed from an exact model, with a computed error bound.", ""),
+    "tested": Status(
+        "tested", "Computed from the exact model of an abstraction that was tested on episodes, and not proved.",
+        "tested in {episodes} episodes"),
+    "estimated": Status("estimated", "The mean of simulated episodes, with a 95 % confidence interval.",
+                        "from {episodes} episodes"),
+}  # fmt: skip
+
+
+# -- returns ----------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +96,9 @@ class Return:
 
     @property
     def status(self) -> OfNumber:
-        return "estimated" if self.episodes else "tested" if self.tested else "exact"
+        if self.episodes:
+            return "estimated"
+        return "tested" if self.tested else "exact"
 
     @property
     def exact(self) -> bool:
@@ -74,13 +120,11 @@ class Return:
     def estimated(cls, returns: Sequence[float] | Array) -> Return:
         """Return the mean of the returns (N,) of episodes."""
         found = np.asarray(returns, dtype=np.float64)
-        largest = float(np.abs(found).max(initial=0.0))
-        scale = largest if LARGE < largest < math.inf else 1.0  # squares and sums of large ones would be infinite
-        with np.errstate(invalid="ignore", over="ignore"):  # of infinite returns the mean is one, and the error is nan
-            mean = float((found / scale).mean()) * scale
-            deviation = float((found / scale).std(ddof=1)) * scale if len(found) > 1 else math.inf
+        with np.errstate(invalid="ignore", over="ignore"):  # returns, or their squares, may be infinite
+            mean = float(found.mean())
+            deviation = float(found.std(ddof=1)) if len(found) > 1 else math.inf
         error = deviation / math.sqrt(len(found))
-        return cls(mean, error if error == error else math.inf, len(found))
+        return cls(mean, math.inf if math.isnan(error) else error, len(found))
 
 
 class Results:
@@ -126,9 +170,9 @@ class Results:
 
     @cached_property
     def _extracted(self) -> Model | SpecError:
-        found = self.abstraction
+        task = self.task if self.abstraction is None else self.abstraction.stand_in
         try:
-            return extract(self.task if found is None else found.stand_in, limit=self.limit)
+            return extract(task, limit=self.limit)
         except SpecError as error:
             if any(d.code == "E705" for d in error.diagnostics):
                 raise
@@ -142,15 +186,16 @@ class Results:
     def why_not(self) -> str | None:
         """The reason why there is no exact model, or why some return is unknown; None if there is none."""
         found = self._extracted
-        if isinstance(found, Model):
-            return self.unsettled
-        return " and ".join(filter(None, (found.diagnostics[0].message, self.unsettled)))
+        reasons = [self.unsettled]
+        if isinstance(found, SpecError):
+            reasons.insert(0, found.diagnostics[0].message)
+        return " and ".join(filter(None, reasons)) or None
 
     @property
     def remedy(self) -> str | None:
         """A hint how to get an exact model, where there is none."""
         found = self._extracted
-        return None if isinstance(found, Model) else found.diagnostics[0].hint
+        return found.diagnostics[0].hint if isinstance(found, SpecError) else None
 
     @cached_property
     def solvers(self) -> Solvers:
@@ -221,11 +266,15 @@ class Results:
             return None
         if self.abstraction_check is not None and self.abstraction_check.problem is not None:
             refuse("the abstraction is not faithful")
-        rule: Rule | None = {"random": Uniform(), "expert": self.expert_rule, "optimal": Greedy()}.get(which)
-        if rule is None and which == "expert":
-            return None
-        solver = self.solvers.of(rule, as_written)
-        found = solver.worst() if rule is None else solver.value(rule)
+        if which == "worst":
+            solver = self.solvers.of(None, as_written)
+            found = solver.worst()
+        else:
+            rule = {"random": Uniform(), "expert": self.expert_rule, "optimal": Greedy()}[which]
+            if rule is None:
+                return None
+            solver = self.solvers.of(rule, as_written)
+            found = solver.value(rule)
         if not (math.isfinite(rounded(found.low)) and math.isfinite(rounded(found.high))):
             refuse(why_endless(solver))
         return found
@@ -236,14 +285,13 @@ class Results:
             return self.remembering.sample(which, episodes)
         key = (which, episodes or self.episodes)
         if key not in self._samples:
-            choose = self._chooser(which)
+            choose: Choose | None = None
+            if which == "expert" and isinstance(self.task.expert, tuple) and self.given is None:
+                choose = by_expert(self.task)
+            elif which == "random" and is_bounded(self.task):
+                choose = at_random(self.task)
             self._samples[key] = None if choose is None else self.estimated(choose, episodes)
         return self._samples[key]
-
-    def _chooser(self, which: str) -> Choose | None:
-        if which == "expert":
-            return by_expert(self.task) if isinstance(self.task.expert, tuple) and self.given is None else None
-        return at_random(self.task) if which == "random" and is_bounded(self.task) else None
 
     def interval(self, sample: Return, confidence: float, soundly: bool) -> Enclosure:
         """Return a confidence interval of the expectation; `soundly`: valid for any distribution of the returns."""
@@ -289,3 +337,49 @@ def normalised(value: float, random: float, expert: float, floor: float | None =
         return math.nan
     score = (value - random) / (expert - random)
     return score if floor is None or math.isnan(score) else max(floor, score)
+
+
+def read(path: str | Path, returns: Iterable[str]) -> dict[str, Any]:
+    """Read a file of scores, by name; `returns` are the names of returns.
+
+    Raises:
+        SpecError: E710, E711 when there is no such file, or it cannot be read; E713 when it contains no scores.
+    """
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise SpecError([Diagnostic("E710", None, f"there is no file {str(path)!r}")]) from None
+    except OSError as error:
+        raise SpecError([Diagnostic("E711", None, f"cannot read {str(path)!r}: {error.strerror or error}")]) from None
+    except (ValueError, RecursionError):
+        _damaged(path, "it is not JSON")
+    if not isinstance(data, dict):
+        _damaged(path, "it is not a JSON object")
+    wrong = _wrong_field(data, _SCORES | dict.fromkeys(returns, (dict, NoneType)))
+    for name in returns:
+        if wrong is None and data[name] is not None and _wrong_field(data[name], _RETURN):
+            wrong = name
+    if wrong is None and not all(isinstance(modifier, str) for modifier in data["modifiers"]):
+        wrong = "modifiers"
+    if wrong is not None:
+        _damaged(path, f"`{wrong}` is missing, or wrong")
+    return {name: data[name] for name in (*_SCORES, *returns)}
+
+
+_SCORES = {
+    "id": (str,), "content_hash": (str,), "parameters": (dict,), "why_not_exact": (str, NoneType), "modifiers": (list,),
+    "states": (int, NoneType), "actions": (int, NoneType),
+}  # fmt: skip
+_RETURN = {"value": (int, float), "error": (int, float), "bound": (int, float), "episodes": (int,), "tested": (int,)}
+
+
+def _wrong_field(data: dict[str, Any], types: Mapping[str, tuple[type, ...]]) -> str | None:
+    """Return the first field that is missing, or of another type; None if there is none."""
+    for name, kinds in types.items():
+        if name not in data or type(data[name]) not in kinds:
+            return name
+    return None
+
+
+def _damaged(path: str | Path, why: str) -> NoReturn:
+    misused(f"{str(path)!r} contains no scores: {why}", "compute them again, and save them")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from taskspec.source.document import Document as Document
-from taskspec.source.document import Packed as Packed
 from taskspec.source.document import Path as Path
-from taskspec.source.document import packed as packed
+from taskspec.source.reading import Packed as Packed
+from taskspec.source.reading import packed as packed
 from taskspec.source.reading import read as read
 from taskspec.source.reading import read_file as read_file
 from taskspec.source.reading import read_text as read_text

@@ -1,21 +1,24 @@
-"""A document that has been read: plain data with the place of every value, and the files that it extends."""
+"""A document that has been read: plain data with the place of every value. Places of values in JSON, too."""
 
 from __future__ import annotations
 
-import os
-import pathlib
+import json
+import re
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import field
 from typing import Any, TypeAlias
 
-from taskspec.base.diagnostics import Diagnostic, Origin, Span, SpecError
+from taskspec.base.diagnostics import Origin, Span
 from taskspec.base.records import dataclass
-from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode
-from taskspec.source.scalars import places
+from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode, places
 
 Path: TypeAlias = tuple[str | int, ...]
 """Where a value stands in the data: keys of mappings and indices of lists, from the root down."""
+
+
+EXTENDS = "extends"
+"""The section that takes what is left out from another file."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,11 +91,17 @@ class Document:
         if id(node) not in self._places:
             self._places[id(node)] = places(self.origin.text, node)
         found = self._places[id(node)]
-        first = 0 if start is None else max(0, min(start, len(found)))
-        last = len(found) if end is None else max(first, min(end, len(found)))
+        first = max(0, min(start or 0, len(found)))
+        last = len(found)
+        if end is not None:
+            last = max(first, min(end, last))
         if first < last:
             return found[first][0], found[last - 1][1]
-        where = found[first][0] if first < len(found) else found[-1][1] if found else node.end
+        where = node.end
+        if first < len(found):
+            where = found[first][0]
+        elif found:
+            where = found[-1][1]
         return where, where
 
     def _between(self, start: int, end: int) -> Span:
@@ -107,66 +116,46 @@ def span(origin: Origin, lines: list[int], start: int, end: int) -> Span:
     return Span(origin, line, column, end_line, end_column)
 
 
-# The files that a spec, or a variant of it, extends: read with it, so that a document is whole wherever it goes.
+# -- JSON ---------------------------------------------------------------------------------------------------------
 
-Packed: TypeAlias = tuple[str, str, tuple[tuple[str, Any], ...]]
-"""A document as its text, its name, and the packed documents that it extends by how it names them."""
-Read: TypeAlias = Callable[[str], Document]
-
-KEY = "extends"
+_SPACE = re.compile(r"[ \t\n\r]*")
+_DECODER = json.JSONDecoder()
 
 
-def others(document: Document, read: Read) -> dict[str, Document]:
-    """Return the documents that a document extends, by how it names them.
-
-    Raises:
-        SpecError: for every one that cannot be read, at the place that names it.
-    """
-    found: dict[str, Document] = {}
-    problems: list[Diagnostic] = []
-    for path, name in _named(document.data):
-        try:
-            if name not in found:
-                found[name] = read(_beside(document, name))
-        except SpecError as error:
-            problems += [d if d.span else replace(d, span=document.span(path)) for d in error.diagnostics]
-    if problems:
-        raise SpecError(problems)
-    return found
+def json_span(origin: Origin, path: Path) -> Span:
+    """Return the place of a value in a text that is JSON; where a path leads nowhere, of the last value on its way."""
+    text = origin.text
+    start = _after_space(text, 0)
+    for step in path:
+        found = next((place for key, place in _json_entries(text, start) if key == step), None)
+        if found is None:
+            break
+        start = found
+    end = _DECODER.raw_decode(text, start)[1]
+    lines = [0, *(found.end() for found in re.finditer("\n", text))]
+    return span(origin, lines, start, end)
 
 
-def _named(data: Any) -> Iterator[tuple[Path, str]]:
-    """Yield every mention of another file, with its path."""
-    if not isinstance(data, dict):
+def _json_entries(text: str, start: int) -> Iterator[tuple[str | int, int]]:
+    """Yield the keys of an object, or the indices of a list, each with the place where its value begins."""
+    opening = text[start]
+    if opening not in "{[":
         return
-    variants = data.get("variants")
-    listed: Mapping[str, Any] = variants if isinstance(variants, dict) else {}
-    entries: list[tuple[Path, Any]] = [((), data), *((("variants", key), value) for key, value in listed.items())]
-    for path, entry in entries:
-        if not isinstance(entry, dict):
-            continue
-        if isinstance(entry.get(KEY), str):
-            yield (*path, KEY), entry[KEY]
+    place = _after_space(text, start + 1)
+    index = 0
+    while text[place] not in "}]":
+        key: str | int = index
+        if opening == "{":
+            key, place = _DECODER.raw_decode(text, place)
+            place = _after_space(text, _after_space(text, place) + 1)
+        yield key, place
+        place = _after_space(text, _DECODER.raw_decode(text, place)[1])
+        if text[place] == ",":
+            place = _after_space(text, place + 1)
+        index += 1
 
 
-def _beside(document: Document, name: str) -> str:
-    """Return the path of another file, from where we are: it is named as seen from the document that names it."""
-    if not name.endswith((".yaml", ".yml")):
-        message = f"`{KEY}` names the file of a spec, which ends in .yaml, not {name!r}"
-        raise SpecError([Diagnostic("E711", None, message)])
-    return os.path.normpath(pathlib.Path(document.origin.name).parent / name)
-
-
-def circle(chain: tuple[str, ...], name: str) -> SpecError:
-    """Return the error that a spec extends itself by way of others."""
-    words = " -> ".join(pathlib.Path(each).name for each in (*chain[chain.index(name) :], name))
-    return SpecError([Diagnostic("E212", None, f"these specs extend each other: {words}")])
-
-
-def packed(document: Document) -> Packed:
-    """Return a document as texts, from which `source.unpacked` makes it again."""
-    return (
-        document.origin.text,
-        document.origin.name,
-        tuple((name, packed(other)) for name, other in document.others.items()),
-    )
+def _after_space(text: str, place: int) -> int:
+    found = _SPACE.match(text, place)
+    assert found is not None
+    return found.end()

@@ -1,4 +1,8 @@
-"""The tree of a YAML text, and what its author meant to write at a place."""
+"""The tree of a YAML text, what its author meant to write at a place, and the values of its scalars.
+
+Places of the characters of a scalar follow YAML's rules for each style: folded line breaks, doubled quotes, escapes, the
+indentation of block scalars. They are worked out only when asked for, and checked against the value that the reader gave.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,8 @@ import itertools
 import re
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias
+
+from taskspec.base.limits import Limits
 
 Style = Literal["plain", "'", '"', "|", ">"]
 
@@ -54,7 +60,6 @@ class TextProblem(NamedTuple):
     hint: str | None = None
 
     def covers(self, other: TextProblem) -> bool:
-        """Return whether another problem lies within this one."""
         return self.start <= other.start and other.end <= self.end
 
 
@@ -68,6 +73,11 @@ class Syntax:
     since: int | None
     open: list[MappingNode | SequenceNode]
     last: Node | None
+
+    @property
+    def in_flow(self) -> bool:
+        """Between braces or brackets."""
+        return bool(self.open) and self.open[-1].flow
 
 
 @dataclass(slots=True)
@@ -83,7 +93,6 @@ class Composed:
 # What an author meant to write at a place: where it ends, and how to write it in quotes.
 
 _PAIRS = {"(": ")", "[": "]", "{": "}"}
-_CLOSERS = frozenset(_PAIRS.values())
 _LONGEST = 70  # longer than this, a value is cut in a message
 _PASTED = 500  # longer than this, a value is not repeated in a hint
 
@@ -118,25 +127,16 @@ def value_end(text: str, start: int, in_flow: bool) -> int:
     at = start
     while at < len(text):
         char = text[at]
+        is_comment = char == "#" and text[at - 1 : at] in (" ", "\t")
+        is_end = in_flow and (char in ",)]}" or (char == ":" and text[at + 1 : at + 2] in " \r\n"))
         if char in _PAIRS:
             closers.append(_PAIRS[char])
         elif closers and char == closers[-1]:
             closers.pop()
-        elif _ends_value(text, at, in_flow and not closers, bool(closers)):
+        elif is_comment or (not closers and (is_end or char in "\r\n")):
             break
         at += 1
     return start + len(text[start:at].rstrip())
-
-
-def _ends_value(text: str, at: int, in_entry: bool, in_brackets: bool) -> bool:
-    is_comment = text[at] == "#" and text[at - 1 : at] in (" ", "\t")
-    is_line_end = text[at] in "\r\n" and not in_brackets
-    return is_comment or is_line_end or (in_entry and _ends_entry(text, at))
-
-
-def _ends_entry(text: str, at: int) -> bool:
-    char = text[at]
-    return char == "," or char in _CLOSERS or (char == ":" and text[at + 1 : at + 2] in " \r\n")
 
 
 def is_closed(text: str, start: int) -> bool:
@@ -183,13 +183,8 @@ def special_start(text: str, start: int, in_flow: bool) -> TextProblem:
         message = "this line is not part of the spec: it marks code in Markdown"
         return TextProblem("E102", start, line_end(text, start), message, "remove it")
     end = max(start + 1, value_end(text, start, in_flow and char not in ",]}"))
-    return TextProblem(
-        "E102",
-        start,
-        end,
-        f"a value cannot start with `{char}`: YAML reads it as {SPECIAL.get(char, 'its own')}",
-        in_quotes(text[start:end]),
-    )
+    message = f"a value cannot start with `{char}`: YAML reads it as {SPECIAL.get(char, 'its own')}"
+    return TextProblem("E102", start, end, message, in_quotes(text[start:end]))
 
 
 def line_start(text: str, at: int) -> int:
@@ -201,3 +196,164 @@ def line_end(text: str, at: int) -> int:
     """Return the offset of the line break that ends the line that holds an offset."""
     found = re.compile(r"[\r\n]").search(text, at)
     return found.start() if found else len(text)
+
+
+# -- scalars ------------------------------------------------------------------------------------------------------
+
+Place: TypeAlias = tuple[str, int, int]
+"""A character of a value, and the range of the file that it came from."""
+
+_CONSTANTS: dict[str, bool | None] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
+_INT = re.compile(r"[-+]?[0-9]+")
+_OCT = re.compile(r"0o[0-7]+")
+_HEX = re.compile(r"0x[0-9a-fA-F]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_INF = re.compile(r"[-+]?\.(inf|Inf|INF)")
+_NAN = re.compile(r"\.(nan|NaN|NAN)")
+
+_BREAK = re.compile(r"\r\n|\r|\n")
+_BLANK = re.compile(r"[ \t\r\n]+")
+_JOIN = re.compile(r"\\(?:\r\n|\r|\n)((?:[ \t]*(?:\r\n|\r|\n))*)[ \t]*")
+_ESCAPE = re.compile(r"\\(?:x[0-9a-fA-F]{2}|u[0-9a-fA-F]{4}|U[0-9a-fA-F]{8}|.)", re.DOTALL)
+_ESCAPES = {
+    "0": "\0", "a": "\a", "b": "\b", "t": "\t", "\t": "\t", "n": "\n", "v": "\v", "f": "\f", "r": "\r", "e": "\x1b",
+    "N": "\x85", "_": "\xa0", "L": "\u2028", "P": "\u2029",
+}  # fmt: skip
+
+
+def resolve(text: str) -> str | int | float | bool | None:
+    """Return the value of a plain scalar by YAML 1.2's core schema: null, a truth value, a number, or else the text itself."""
+    if text in _CONSTANTS:
+        return _CONSTANTS[text]
+    if text[0] not in "+-.0123456789" or len(text) > Limits.digits:
+        return text
+    if _INT.fullmatch(text):
+        return int(text)
+    if _OCT.fullmatch(text):
+        return int(text[2:], 8)
+    if _HEX.fullmatch(text):
+        return int(text[2:], 16)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    if _INF.fullmatch(text) or _NAN.fullmatch(text):
+        return float(text.replace(".", ""))
+    return text
+
+
+def is_overlong_number(text: str) -> bool:
+    """Return whether a plain scalar is a number with more digits than anybody needs."""
+    return len(text) > Limits.digits and any(form.fullmatch(text) for form in (_INT, _FLOAT, _HEX))
+
+
+def places(text: str, scalar: ScalarNode) -> list[tuple[int, int]]:
+    """Return for every character of a scalar's value the range of `text` that it was written as."""
+    match scalar.style:
+        case "plain":
+            found = _flow(text, scalar.start, scalar.end, scalar.style)
+        case "'" | '"':
+            found = _flow(text, scalar.start + 1, scalar.end - 1, scalar.style)
+        case "|" | ">":
+            found = _block(text, scalar)
+    found = found[: len(scalar.value)]
+    if "".join(char for char, _, _ in found) != scalar.value:
+        # Some corner of YAML that is not covered: point at the scalar as a whole rather than lie.
+        return [(scalar.start, scalar.end)] * len(scalar.value)
+    return [(start, end) for _, start, end in found]
+
+
+def _flow(text: str, start: int, end: int, style: Style) -> list[Place]:
+    """Return the places in plain and quoted scalars, with folded lines and the escapes of their style."""
+    found: list[Place] = []
+    at = start
+    while at < end:
+        char = text[at]
+        begin = at
+        if char in " \t\r\n":
+            blank = _BLANK.match(text, at, end)
+            assert blank is not None, "the pattern matches this character"
+            at = blank.end()
+            breaks = len(_BREAK.findall(blank.group()))
+            if not breaks:
+                found += [(text[i], i, i + 1) for i in range(begin, at)]
+            elif breaks == 1:
+                found.append((" ", begin, at))
+            else:
+                found += [("\n", begin, at)] * (breaks - 1)
+        elif char == "'" == style:
+            at += 2
+            found.append(("'", begin, at))
+        elif char == "\\" and style == '"':
+            chars, at = _escaped(text, at)
+            found += [(each, begin, at) for each in chars]
+        else:
+            at += 1
+            found.append((char, begin, at))
+    return found
+
+
+def _escaped(text: str, at: int) -> tuple[str, int]:
+    """Return the characters that an escape between double quotes makes, and where it ends."""
+    if join := _JOIN.match(text, at):
+        return "\n" * len(_BREAK.findall(join.group(1))), join.end()
+    escape = _ESCAPE.match(text, at)
+    assert escape is not None, "the YAML reader let a lone backslash through"
+    code = escape.group()[1:]
+    char = chr(int(code[1:], 16)) if len(code) > 1 else _ESCAPES.get(code, code)
+    return char, escape.end()
+
+
+def _block(text: str, scalar: ScalarNode) -> list[Place]:
+    """Return the places in literal (`|`) and folded (`>`) scalars, line by line as in the YAML standard's section 8.1."""
+    header = _BREAK.search(text, scalar.start, scalar.end)
+    if header is None:
+        return []
+    found: list[Place] = []
+    pending: list[Place] = []  # line breaks after the last line of text
+    was_indented = False
+    for content, line_break in _block_lines(text, header.end(), _indentation(text, header.end(), scalar.value)):
+        if not content:
+            pending += line_break
+            continue
+        is_indented = content[0][0] in " \t"
+        if scalar.style == ">" and not was_indented and not is_indented and found and pending:
+            first, *rest = pending
+            pending = rest or [(" ", first[1], content[0][1])]
+        found += pending + content
+        pending = list(line_break)
+        was_indented = is_indented
+    return found + pending
+
+
+def _block_lines(text: str, at: int, indent: int) -> list[tuple[list[Place], list[Place]]]:
+    """Return the characters of each line beyond the indentation, and its line break if it has one."""
+    lines: list[tuple[list[Place], list[Place]]] = []
+    while at < len(text):
+        stop = _BREAK.search(text, at)
+        end = stop.start() if stop else len(text)
+        body = text[at:end]
+        lead = len(body) - len(body.lstrip(" "))
+        if lead < indent and lead < len(body):
+            break
+        start = min(at + indent, end)
+        line_break = [("\n", stop.start(), stop.end())] if stop else []
+        lines.append(([(text[i], i, i + 1) for i in range(start, end)], line_break))
+        at = stop.end() if stop else len(text)
+    return lines
+
+
+def _indentation(text: str, at: int, value: str) -> int:
+    """Return how far a block scalar is indented: its first text in the file, against that in the value."""
+    first = re.compile(r"[^ \r\n]").search(text, at)
+    inner = re.compile(r"[^ \n]").search(value)
+    if first is None or inner is None:
+        return 0
+    return _lead(text, first.start()) - _lead(value, inner.start())
+
+
+def _lead(text: str, at: int) -> int:
+    """Return how many spaces stand directly before a position."""
+    return at - len(text[:at].rstrip(" "))

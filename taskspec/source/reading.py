@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path as FilePath
 from typing import Any, TypeAlias
 
-from taskspec.base.diagnostics import Collector, Origin, Span, SpecError
+from taskspec.base.diagnostics import Collector, Diagnostic, Origin, SpecError, spec_error
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.source.document import Document, Packed, circle, others, span
-from taskspec.source.nodes import FENCE, Composed, MappingNode, Node, ScalarNode, SequenceNode, TextProblem
-from taskspec.source.scalars import resolve
+from taskspec.source.document import EXTENDS, Document, Path, span
+from taskspec.source.nodes import FENCE, Composed, MappingNode, Node, ScalarNode, SequenceNode, TextProblem, resolve
 from taskspec.source.yaml_errors import explain, find
 
 _MAX_FINDINGS = 50
 _BREAKS = re.compile(r"\r\n|\r|\n")
 # Control characters, the line separators that editors do not show, and what is not a character.
 _NOT_TEXT = re.compile("[\0-\x08\x0b-\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]")
+
+
+Packed: TypeAlias = tuple[str, str, tuple[tuple[str, Any], ...]]
+"""A document as its text, its name, and the packed documents that it extends by how it names them."""
+
+_Known: TypeAlias = dict[str, Document]
+"""Files that were read on behalf of one document, so that each is read once."""
 
 
 def read(path_or_text: str | os.PathLike[str], name: str | None = None) -> Document:
@@ -38,20 +44,16 @@ def read_file(path: str | os.PathLike[str], name: str | None = None) -> Document
     return _read_file(path, name or os.fspath(path), (), {})
 
 
-_Known: TypeAlias = dict[str, "Document"]
-"""Files that were read on behalf of one document, so that each is read once."""
-
-
 def _read_file(path: str | os.PathLike[str], name: str, chain: tuple[str, ...], known: _Known) -> Document:
     most = limits().file
     try:
         with FilePath(path).open("rb") as file:
             content = file.read(most + 1)
     except FileNotFoundError:
-        raise _failure(name, "E710", f"there is no file {name!r}") from None
+        raise spec_error("E710", f"there is no file {name!r}") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise _failure(name, "E711", f"cannot read {name!r}: {reason}") from None
+        raise spec_error("E711", f"cannot read {name!r}: {reason}") from None
     return _with_others(_read_text(_decode(content, name), name), chain, known)
 
 
@@ -62,7 +64,15 @@ def read_text(text: str, name: str = "<string>", known: Mapping[str, Document] |
         SpecError: with every problem found.
     """
     found = _read_text(text, name)
-    return _with_others(found, (), {}) if known is None else replace(found, others=known)
+    if known is not None:
+        return replace(found, others=known)
+    return _with_others(found, (), {})
+
+
+def packed(document: Document) -> Packed:
+    """Return a document as texts, from which `unpacked` makes it again."""
+    others = tuple((name, packed(other)) for name, other in document.others.items())
+    return document.origin.text, document.origin.name, others
 
 
 def unpacked(pack: Packed) -> Document:
@@ -72,24 +82,44 @@ def unpacked(pack: Packed) -> Document:
 
 
 def _with_others(document: Document, chain: tuple[str, ...], known: _Known) -> Document:
-    """Return a document with those that it extends; `chain` are the files that led to it, the outermost first."""
+    """Return a document with those that it and its variants extend; `chain` are the files that led to it, the outermost first."""
     here = (*chain, os.path.normpath(document.origin.name))
-
-    def read(path: str) -> Document:
-        if path in here:
-            raise circle(here, path)
-        if path not in known:
-            known[path] = _read_file(path, path, here, known)
-        return known[path]
-
-    found = others(document, read)
+    found: dict[str, Document] = {}
+    problems: list[Diagnostic] = []
+    for path, name in _extended(document.data):
+        try:
+            if not name.endswith((".yaml", ".yml")):
+                raise spec_error("E711", f"`{EXTENDS}` names the file of a spec, which ends in .yaml, not {name!r}")
+            other = os.path.normpath(FilePath(document.origin.name).parent / name)
+            if other in here:
+                circle = [FilePath(each).name for each in (*here[here.index(other) :], other)]
+                raise spec_error("E212", f"these specs extend each other: {' -> '.join(circle)}")
+            if other not in known:
+                known[other] = _read_file(other, other, here, known)
+            found[name] = known[other]
+        except SpecError as error:
+            problems += [d if d.span else replace(d, span=document.span(path)) for d in error.diagnostics]
+    if problems:
+        raise SpecError(problems)
     return replace(document, others=found) if found else document
+
+
+def _extended(data: Any) -> Iterator[tuple[Path, str]]:
+    """Yield every mention of another file, with its path."""
+    if not isinstance(data, dict):
+        return
+    entries: list[tuple[Path, Any]] = [((), data)]
+    if isinstance(data.get("variants"), dict):
+        entries += [(("variants", key), value) for key, value in data["variants"].items()]
+    for path, entry in entries:
+        if isinstance(entry, dict) and isinstance(entry.get(EXTENDS), str):
+            yield (*path, EXTENDS), entry[EXTENDS]
 
 
 def _read_text(text: str, name: str) -> Document:
     text = text.removeprefix("\ufeff")  # a byte-order mark: editors do not count it either
     origin = Origin(name, text)
-    lines = [0, *(found.end() for found in _BREAKS.finditer(text))]
+    lines = _line_starts(text)
     early = list(_before_reading(text))
     root, findings = (None, early) if early else _compose(text)
     collector = Collector()
@@ -113,40 +143,32 @@ def _compose(text: str) -> tuple[Node | None, list[TextProblem]]:
 
 def _before_reading(text: str) -> Iterable[TextProblem]:
     if len(text) > limits().file:
-        yield TextProblem("E114", 0, 0, _too_long(), how_to_raise("file", len(text)))
+        yield TextProblem(
+            "E114", 0, 0, f"the file is larger than {limits().file:,} bytes", how_to_raise("file", len(text))
+        )
     elif found := _NOT_TEXT.search(text):
         code_point = f"U+{ord(found.group()):04X}"
         message = f"the character {code_point} is not allowed in a spec"
         yield TextProblem("E113", found.start(), found.end(), message, "remove it")
 
 
-def _too_long() -> str:
-    return f"the file is larger than {limits().file:,} bytes"
-
-
 def _decode(content: bytes, name: str) -> str:
     if len(content) > limits().file:
-        raise _failure(name, "E114", _too_long())
+        raise spec_error("E114", f"the file is larger than {limits().file:,} bytes")
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError as error:
         text = content.decode("utf-8", errors="replace")
         start = len(content[: error.start].decode("utf-8"))
-        lines = [0, *(found.end() for found in _BREAKS.finditer(text))]
-        place = span(Origin(name, text), lines, start, start + 1)
-        raise _failure(name, "E113", _not_utf8(content, error), place) from None
+        message = f"the byte 0x{content[error.start]:02X} is not UTF-8; save the file as UTF-8"
+        if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            message = "the file is in UTF-16; save it as UTF-8"
+        place = span(Origin(name, text), _line_starts(text), start, start + 1)
+        raise SpecError([Diagnostic("E113", place, message)]) from None
 
 
-def _not_utf8(content: bytes, error: UnicodeDecodeError) -> str:
-    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return "the file is in UTF-16; save it as UTF-8"
-    return f"the byte 0x{content[error.start]:02X} is not UTF-8; save the file as UTF-8"
-
-
-def _failure(name: str, code: str, message: str, span: Span | None = None) -> SpecError:
-    collector = Collector()
-    collector.add(code, span, message)
-    return SpecError(collector.diagnostics)
+def _line_starts(text: str) -> list[int]:
+    return [0, *(found.end() for found in _BREAKS.finditer(text))]
 
 
 def _data(node: Node) -> Any:

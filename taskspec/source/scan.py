@@ -10,12 +10,10 @@ from collections.abc import Iterable
 from typing import Literal, TypeAlias, cast
 
 from taskspec.base.records import dataclass
+from taskspec.source.document import EXTENDS as EXTENDS
 
 REQUIRED = ("state", "action", "initial", "dynamics", "reward", "horizon")
 """Sections without which a spec, or a variant of it, is not a task."""
-
-EXTENDS = "extends"
-"""The section that takes what is left out from another file."""
 
 _ENTRY = re.compile(r" *([^\W\d]\w*):(?: +(.*))?$")
 _NOTHING = re.compile(r"\s*(?:#.*)?$")

@@ -7,9 +7,8 @@ the parser gave up, what it had read last, and the text around; the first that a
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
-from taskspec.source.commas import cut, in_list, in_mapping, is_absent, is_key
 from taskspec.source.nodes import (
     SPECIAL,
     MappingNode,
@@ -20,13 +19,14 @@ from taskspec.source.nodes import (
     TextProblem,
     in_quotes,
     is_closed,
+    is_overlong_number,
     line_end,
     line_start,
+    resolve,
     shown,
     special_start,
     value_end,
 )
-from taskspec.source.scalars import is_overlong_number
 
 _FOREIGN = (
     (r"[^?\n]+\s(\?)\s", "`c ? x : y` is not part of the language", "write `x if c else y`"),
@@ -36,6 +36,14 @@ _FOREIGN = (
 _WORD_LINE = re.compile(r"""[\w']+$|"[^"]*"$""")
 _KEY_LINE = re.compile(r"[\r\n][ \t]*(?:- +)?[\w']+:(?=\s)")
 """The begin of a line below the first that looks like `key: value`."""
+_SPECIAL_CONTEXTS = ("anchor", "alias", "tag", "block scalar", "directive")
+_SPECIAL_PROBLEMS = (
+    "tag",
+    "cannot start any token",
+    "sequence entries are not allowed",
+    "mapping keys are not allowed",
+    "node content",
+)
 
 
 def explain(text: str, syntax: Syntax) -> TextProblem:
@@ -43,49 +51,50 @@ def explain(text: str, syntax: Syntax) -> TextProblem:
     for rule in _RULES:
         if finding := rule(text, syntax):
             return finding
-    return _unknown(text, syntax)
+    at = min(syntax.at, max(len(text.rstrip()) - 1, 0))
+    words = " ".join(filter(None, (syntax.context, syntax.problem)))
+    return TextProblem("E112", at, at + 1, f"YAML cannot read on from here ({words})")
 
 
 def _tab(text: str, syntax: Syntax) -> TextProblem | None:
-    at = syntax.at
-    if _char(text, at) != "\t" and "tab" not in syntax.problem.split():
+    if text[syntax.at : syntax.at + 1] != "\t" and "tab" not in syntax.problem.split():
         return None
-    tab = text.find("\t", line_start(text, at))
-    hint = "replace each tab by spaces"
-    return TextProblem("E105", tab, tab + 1, "a tab where YAML wants spaces", hint)
+    tab = text.find("\t", line_start(text, syntax.at))
+    return TextProblem("E105", tab, tab + 1, "a tab where YAML wants spaces", "replace each tab by spaces")
+
+
+def _escape(text: str, syntax: Syntax) -> TextProblem | None:
+    is_escape = "escape" in syntax.problem or "hexdecimal" in syntax.problem
+    at = text.rfind("\\", 0, syntax.at + 1)
+    if not is_escape or "quoted" not in syntax.context or at + 1 == len(text):
+        return None  # tags have escapes of their own; and after the last character, the quote is never closed
+    message = f"`{text[at : at + 2]}` means nothing between double quotes"
+    return TextProblem("E117", at, at + 2, message, "use single quotes, or write the backslash twice")
+
+
+def _colon_at_end(text: str, syntax: Syntax) -> TextProblem | None:
+    """Return the finding for a colon glued to the comma or bracket after it: `{type:, low: 0}`."""
+    if "unexpected ':'" not in syntax.problem:
+        return None
+    hint = "write a value after the colon, or put text with colons in quotes"
+    return TextProblem("E107", syntax.at, syntax.at + 1, "there is no value after this colon", hint)
 
 
 def _open_quote(text: str, syntax: Syntax) -> TextProblem | None:
-    if "quoted" not in syntax.context or syntax.since is None:
-        return None
-    quote = text[syntax.since]
-    hint = "inside single quotes, a quote is written twice: ''" if quote == "'" else None
-    message = f"this text begins with {quote} and is never closed"
-    return TextProblem("E111", syntax.since, line_end(text, syntax.since), message, hint)
-
-
-def _closed_too_late(text: str, syntax: Syntax) -> TextProblem | None:
-    """Return a quote that is not closed: what closes it is a quote or a prime in a later line, with keys in between."""
+    """Return the finding for a quote that is not closed, or only by a quote or a prime in a later line, with keys in between."""
+    start = syntax.since
     last = syntax.last
+    if "quoted" in syntax.context and start is not None:
+        hint = "inside single quotes, a quote is written twice: ''" if text[start] == "'" else None
+        message = f"this text begins with {text[start]} and is never closed"
+        return TextProblem("E111", start, line_end(text, start), message, hint)
     if not isinstance(last, ScalarNode) or last.style not in ("'", '"') or text[last.end : syntax.at].strip():
         return None
     if not _KEY_LINE.search(text, last.start, last.end):
         return None
-    ends_at = text.count("\n", 0, last.end) + 1
-    message = f"this text begins with {last.style} and is not closed before line {ends_at}"
+    line = text.count("\n", 0, last.end) + 1
+    message = f"this text begins with {last.style} and is not closed before line {line}"
     return TextProblem("E111", last.start, line_end(text, last.start), message, f"close it with another {last.style}")
-
-
-def _escape(text: str, syntax: Syntax) -> TextProblem | None:
-    if "escape" not in syntax.problem and "hexdecimal" not in syntax.problem:
-        return None
-    if "quoted" not in syntax.context:  # tags have escapes of their own
-        return None
-    at = text.rfind("\\", 0, syntax.at + 1)
-    if at + 1 == len(text):
-        return None  # the quote is never closed
-    message = f"`{text[at : at + 2]}` means nothing between double quotes"
-    return TextProblem("E117", at, at + 2, message, "use single quotes, or write the backslash twice")
 
 
 def _no_colon(text: str, syntax: Syntax) -> TextProblem | None:
@@ -100,87 +109,37 @@ def _colon_missing(text: str, start: int) -> TextProblem:
     return TextProblem("E112", start, end, message, "write a colon and a space after the key")
 
 
-def _special(text: str, syntax: Syntax) -> TextProblem | None:
-    if any(word in syntax.context for word in _SPECIAL_CONTEXTS):
-        at = syntax.at if syntax.since is None else syntax.since
-    elif any(word in syntax.problem for word in _SPECIAL_PROBLEMS):
-        at = syntax.at
-    else:
-        return None
-    char = _char(text, at)
-    in_flow = bool(syntax.open) and syntax.open[-1].flow
-    if in_flow and char in (",", ":", "]", "}"):
-        code = "E108" if char == ":" else "E112"
-        return TextProblem(code, at, at + 1, f"there is nothing before this `{char}`")
-    return special_start(text, at, in_flow) if char in SPECIAL else None
-
-
-_SPECIAL_CONTEXTS = ("anchor", "alias", "tag", "block scalar", "directive")
-_SPECIAL_PROBLEMS = (
-    "tag",
-    "cannot start any token",
-    "sequence entries are not allowed",
-    "mapping keys are not allowed",
-    "node content",
-)
-
-
-def _not_closed(text: str, syntax: Syntax) -> TextProblem | None:
-    """Return a bracket without its partner: the parser ran into the end, or into the next key."""
-    if not syntax.open or not syntax.open[-1].flow:
-        return None
-    for node in syntax.open:
-        if node.flow and not is_closed(text, node.start):
-            message = f"this `{text[node.start]}` is never closed"
-            return TextProblem("E111", node.start, node.start + 1, message)
-    return None
-
-
 def _split_by_bracket(text: str, syntax: Syntax) -> TextProblem | None:
-    """Return an index or a call inside a flow collection: `{x: p[0]}`."""
+    """Return the finding for an index or a call between braces or brackets: `{x: p[0]}`."""
     last = syntax.last
-    if not syntax.open or not syntax.open[-1].flow or _char(text, syntax.at) not in ("[", "{"):
+    if not syntax.in_flow or text[syntax.at : syntax.at + 1] not in ("[", "{"):
         return None
     if not isinstance(last, ScalarNode) or last.style != "plain":
         return None
-    return cut(text, last.start, syntax.open)
+    return _cut(text, last.start, syntax.open)
 
 
-def _unmatched(text: str, syntax: Syntax) -> TextProblem | None:
-    char = _char(text, syntax.at)
+def _not_closed(text: str, syntax: Syntax) -> TextProblem | None:
+    """Return the finding for a bracket without its partner: the parser ran into the end, or into the next key."""
+    if syntax.in_flow:
+        for node in syntax.open:
+            if node.flow and not is_closed(text, node.start):
+                message = f"this `{text[node.start]}` is never closed"
+                return TextProblem("E111", node.start, node.start + 1, message)
+    return None
+
+
+def _special(text: str, syntax: Syntax) -> TextProblem | None:
     at = syntax.at
-    if not syntax.open or not syntax.open[-1].flow or char not in ("]", "}"):
+    if any(word in syntax.context for word in _SPECIAL_CONTEXTS):
+        at = at if syntax.since is None else syntax.since
+    elif not any(word in syntax.problem for word in _SPECIAL_PROBLEMS):
         return None
-    opened = text[syntax.open[-1].start]
-    message = f"this `{char}` closes nothing: the last bracket opened is `{opened}`"
-    return TextProblem("E112", at, at + 1, message, "text with brackets in it goes in quotes")
-
-
-def _colon_at_end(text: str, syntax: Syntax) -> TextProblem | None:
-    """Return a colon glued to the comma or bracket after it: `{type:, low: 0}`."""
-    if "unexpected ':'" not in syntax.problem:
-        return None
-    hint = "write a value after the colon, or put text with colons in quotes"
-    return TextProblem("E107", syntax.at, syntax.at + 1, "there is no value after this colon", hint)
-
-
-def _no_comma(text: str, syntax: Syntax) -> TextProblem | None:
-    if not re.search(r"expected ','", syntax.problem) or syntax.at >= len(text):
-        return None
-    end = max(syntax.at + 1, value_end(text, syntax.at, in_flow=True))
-    message = f"a comma is missing before `{shown(text[syntax.at : end])}`"
-    return TextProblem("E112", syntax.at, end, message)
-
-
-def _colon_in_flow(text: str, syntax: Syntax) -> TextProblem | None:
-    last = syntax.last
-    if not syntax.open or not syntax.open[-1].flow or _char(text, syntax.at) != ":":
-        return None
-    if not isinstance(last, ScalarNode):
-        return None
-    message = f"a second colon in one entry, after `{shown(text[last.start : syntax.at])}`"
-    hint = "put a comma before the next key, or the value in quotes"
-    return TextProblem("E104", syntax.at, syntax.at + 1, message, hint)
+    char = text[at : at + 1]
+    if syntax.in_flow and char in (",", ":", "]", "}"):
+        code = "E108" if char == ":" else "E112"
+        return TextProblem(code, at, at + 1, f"there is nothing before this `{char}`")
+    return special_start(text, at, syntax.in_flow) if char in SPECIAL else None
 
 
 def _colon(text: str, syntax: Syntax) -> TextProblem | None:
@@ -196,20 +155,17 @@ def _colon(text: str, syntax: Syntax) -> TextProblem | None:
     this_line = line_start(text, at)
     if begin < this_line and _WORD_LINE.match(text[this_line:at].strip()):
         start = at - len(text[this_line:at].lstrip())
-        key = shown(text[start:at])
-        message = f"`{key}` is indented as if it belonged to the value above"
-        hint = "align it with the keys next to it"
-        return TextProblem("E110", start, at, message, hint)
-    end = value_end(text, at, in_flow=False)
-    message = "a colon followed by a space inside a value"
+        message = f"`{shown(text[start:at])}` is indented as if it belonged to the value above"
+        return TextProblem("E110", start, at, message, "align it with the keys next to it")
     for form, what, hint in _FOREIGN:
         if found := re.match(form, text[begin:at]):
             return TextProblem("E104", begin + found.start(1), at + 1, what, hint)
-    return TextProblem("E104", at, at + 1, message, in_quotes(text[begin:end]))
+    advice = in_quotes(text[begin : value_end(text, at, in_flow=False)])
+    return TextProblem("E104", at, at + 1, "a colon followed by a space inside a value", advice)
 
 
 def _after_value(text: str, syntax: Syntax) -> TextProblem | None:
-    """Return something follows, on the same line, a value that was already complete."""
+    """Return the finding for something that follows, on the same line, a value that was already complete."""
     last = syntax.last
     at = syntax.at
     if last is None or text[last.end : at].strip(" \t") or last.end > at or at == len(text):
@@ -219,55 +175,58 @@ def _after_value(text: str, syntax: Syntax) -> TextProblem | None:
     is_quoted = isinstance(last, ScalarNode) and last.style in "\"'"
     if not is_quoted and not (isinstance(last, SequenceNode) and last.flow):
         return None
-    in_flow = bool(syntax.open) and syntax.open[-1].flow
-    end = max(at + 1, value_end(text, at, in_flow))
+    end = max(at + 1, value_end(text, at, syntax.in_flow))
     if is_quoted and last.end == at and text[at:end].endswith("'") and text[last.start] == "'":
-        return _apostrophe(text, last.start, at, end)
+        message = "the apostrophe ends the text that began with a single quote"
+        return TextProblem("E109", at - 1, at, message, in_quotes(text[last.start + 1 : end - 1]))
     ended = "quote" if is_quoted else "bracket"
-    message = f"`{shown(text[at:end])}` follows the {ended} that ends the value"
+    hint = in_quotes(text[last.start : end])
     if "\n" in text[last.start : last.end]:
         line = text.count("\n", 0, last.start) + 1
         hint = f"the value begins with the {ended} in line {line}: is its other {ended} missing there?"
-        return TextProblem("E109", at, end, message, hint)
-    return TextProblem("E109", at, end, message, in_quotes(text[last.start : end]))
+    return TextProblem("E109", at, end, f"`{shown(text[at:end])}` follows the {ended} that ends the value", hint)
 
 
-def _apostrophe(text: str, start: int, at: int, end: int) -> TextProblem:
-    message = "the apostrophe ends the text that began with a single quote"
-    return TextProblem("E109", at - 1, at, message, in_quotes(text[start + 1 : end - 1]))
-
-
-def _brace(text: str, node: MappingNode) -> TextProblem:
-    end = max(node.end, value_end(text, node.start, in_flow=False))
-    return starts_with_brace(text, node.start, end)
-
-
-def starts_with_brace(text: str, start: int, end: int) -> TextProblem:
+def _brace(text: str, node: MappingNode, in_flow: bool = False) -> TextProblem:
     """Return the finding for an expression that YAML takes for a mapping."""
+    end = max(node.end, value_end(text, node.start, in_flow))
     message = "an expression cannot start with `{`: YAML reads a mapping"
-    return TextProblem("E103", start, end, message, in_quotes(text[start:end]))
+    return TextProblem("E103", node.start, end, message, in_quotes(text[node.start : end]))
+
+
+def _unmatched(text: str, syntax: Syntax) -> TextProblem | None:
+    at = syntax.at
+    if not syntax.in_flow or text[at : at + 1] not in ("]", "}"):
+        return None
+    message = f"this `{text[at]}` closes nothing: the last bracket opened is `{text[syntax.open[-1].start]}`"
+    return TextProblem("E112", at, at + 1, message, "text with brackets in it goes in quotes")
+
+
+def _colon_in_flow(text: str, syntax: Syntax) -> TextProblem | None:
+    at = syntax.at
+    if not syntax.in_flow or text[at : at + 1] != ":" or not isinstance(syntax.last, ScalarNode):
+        return None
+    message = f"a second colon in one entry, after `{shown(text[syntax.last.start : at])}`"
+    return TextProblem("E104", at, at + 1, message, "put a comma before the next key, or the value in quotes")
+
+
+def _no_comma(text: str, syntax: Syntax) -> TextProblem | None:
+    if "expected ','" not in syntax.problem or syntax.at >= len(text):
+        return None
+    end = max(syntax.at + 1, value_end(text, syntax.at, in_flow=True))
+    return TextProblem("E112", syntax.at, end, f"a comma is missing before `{shown(text[syntax.at : end])}`")
 
 
 def _indentation(text: str, syntax: Syntax) -> TextProblem | None:
     at = syntax.at
     if text[line_start(text, at) : at].strip(" -") or at >= len(text.rstrip()):
         return None
-    end = value_end(text, at, in_flow=False)
-    if _char(text, at) == ":":
+    if text[at] == ":":
         return TextProblem("E108", at, at + 1, "there is nothing before this `:`")
+    end = value_end(text, at, in_flow=False)
     message = f"`{shown(text[at:end])}` does not line up with the lines above"
     hint = "keys of one mapping, and the dashes of one list, start in the same column"
     return TextProblem("E110", at, end, message, hint)
-
-
-def _unknown(text: str, syntax: Syntax) -> TextProblem:
-    at = min(syntax.at, max(len(text.rstrip()) - 1, 0))
-    words = " ".join(part for part in (syntax.context, syntax.problem) if part)
-    return TextProblem("E112", at, at + 1, f"YAML cannot read on from here ({words})")
-
-
-def _char(text: str, at: int) -> str:
-    return text[at : at + 1]
 
 
 _RULES: tuple[Callable[[str, Syntax], TextProblem | None], ...] = (
@@ -275,7 +234,6 @@ _RULES: tuple[Callable[[str, Syntax], TextProblem | None], ...] = (
     _escape,
     _colon_at_end,
     _open_quote,
-    _closed_too_late,
     _no_colon,
     _split_by_bracket,
     _not_closed,
@@ -289,53 +247,50 @@ _RULES: tuple[Callable[[str, Syntax], TextProblem | None], ...] = (
 )
 
 
-# Texts that YAML reads without complaint, as something else than their author meant.
+# -- texts that YAML reads without complaint, as something else than their author meant -----------------------------
 
-# An escape that makes a control character, or begins the name of a well-known TeX command.
 _TEX = re.compile(r"\\(?:\\|([abefrv0](?=[A-Za-z])|n(?:u|abla|eq)\b|t(?:heta|au|imes|ilde|frac)))")
+"""An escape that makes a control character, or begins the name of a well-known TeX command."""
+_BRACKETED = re.compile(r"\([^()\[\]{}]*\)|\[[^()\[\]{}]*\]|\{[^()\[\]{}]*\}")
+_FOR = re.compile(r"\sfor\s.+\sin\s", re.DOTALL)
+_THEN_COLON = re.compile(r"\s*:")
+_LISTS = frozenset({"values", "symbols", "shape", "by"})
+"""Keys whose value may be a list of words or numbers."""
 
 
 def find(text: str, root: Node, bad_keys: list[Node]) -> Iterator[TextProblem]:
     """Yield every trap in a tree, in no particular order."""
     for node in bad_keys:
-        if not _inside_split(node, text):
+        if not isinstance(node, ScalarNode):
             yield _bad_key(text, node)
-    for node in walk(root):
+        elif text[node.start : node.start + 1] not in (
+            ",",
+            "}",
+        ):  # else it is left over from a comma: that is the problem
+            yield TextProblem("E108", node.start, node.start + 1, "there is nothing before this `:`")
+    stack = [root]
+    while stack:
+        node = stack.pop()
         match node:
             case ScalarNode():
                 yield from _scalar(text, node)
             case MappingNode():
+                stack += [part for entry in node.entries for part in entry]
                 cuts = list(_flow_mapping(text, node)) if node.flow else []
                 yield from cuts
                 yield from (each for each in _duplicates(node) if not any(cut.covers(each) for cut in cuts))
-            case SequenceNode() if node.flow:
-                yield from in_list(text, node)
-
-
-def walk(node: Node) -> Iterator[Node]:
-    """Yield a node and everything below it, keys included."""
-    stack = [node]
-    while stack:
-        node = stack.pop()
-        yield node
-        if isinstance(node, SequenceNode):
-            stack += node.items
-        elif isinstance(node, MappingNode):
-            stack += [part for entry in node.entries for part in entry]
-
-
-def _inside_split(node: Node, text: str) -> bool:
-    """Return whether an empty key is only what a comma left over: then the comma is the problem."""
-    return isinstance(node, ScalarNode) and text[node.start : node.start + 1] in (",", "}")
+            case SequenceNode():
+                stack += node.items
+                if node.flow:
+                    yield from _cut_items(text, node)
 
 
 def _bad_key(text: str, node: Node) -> TextProblem:
-    if isinstance(node, ScalarNode):
-        return TextProblem("E108", node.start, node.start + 1, "there is nothing before this `:`")
-    kind = "list" if isinstance(node, SequenceNode) else "mapping"
     written = text[node.start : node.end]
-    hint = 'write a vector as text: "(0, 1)"' if kind == "list" else in_quotes(written)
-    return TextProblem("E108", node.start, node.end, f"a {kind} cannot be a key", hint)
+    if isinstance(node, SequenceNode):
+        hint = 'write a vector as text: "(0, 1)"'
+        return TextProblem("E108", node.start, node.end, "a list cannot be a key", hint)
+    return TextProblem("E108", node.start, node.end, "a mapping cannot be a key", in_quotes(written))
 
 
 def _scalar(text: str, node: ScalarNode) -> Iterator[TextProblem]:
@@ -351,21 +306,120 @@ def _scalar(text: str, node: ScalarNode) -> Iterator[TextProblem]:
 
 
 def _duplicates(node: MappingNode) -> Iterator[TextProblem]:
-    if len(node.index) == len(node.entries):
-        return
     for key, _ in node.entries:
-        first = node.index[key.value][0]
-        if first is not key:
+        if node.index[key.value][0] is not key:
             message = f"the key `{shown(key.value)}` occurs twice in this mapping"
             yield TextProblem("E101", key.start, key.end, message, "remove one, or rename it")
 
 
+# Texts between braces or brackets that YAML cuts in pieces, put together again: what to write in quotes.
+
+
+def _cut_items(text: str, node: SequenceNode) -> Iterator[TextProblem]:
+    """Yield items of a list that were one text: a call with a comma in it, or all of a comprehension."""
+    done = 0
+    for item in node.items:
+        if _opens(text, item) and item.start >= done:
+            finding = _cut(text, item.start, [node])
+            done = finding.end
+            yield finding
+
+
 def _flow_mapping(text: str, node: MappingNode) -> Iterator[TextProblem]:
+    """Yield entries of a mapping that were one text, and keys that have no value for another reason."""
     if text[node.start] != "{":
         return  # one pair in a list: `[a: b]`
-    empty = [key for key, value in node.entries if is_absent(value)]
-    if empty and len(empty) == len(node.entries) and not is_key(text, empty[0]):
-        end = max(node.end, value_end(text, node.start, in_flow=True))
-        yield starts_with_brace(text, node.start, end)
-    else:
-        yield from in_mapping(text, node)
+    if node.entries and all(_is_absent(value) for _, value in node.entries) and not _is_key(text, node.entries[0][0]):
+        yield _brace(text, node, in_flow=True)
+        return
+    done = 0
+    for key, value in node.entries:
+        if key.start < done:
+            continue
+        finding: TextProblem | None = None
+        if _opens(text, key):
+            finding = _cut(text, key.start)
+        elif _is_absent(value):
+            glued = f"write a space after the colon: {key.value.replace(':', ': ', 1)}" if _is_glued(key) else None
+            finding = _no_value(key, glued)
+        elif isinstance(value, ScalarNode) and value.style == "plain":
+            finding = _cut_value(text, node, key, value)
+        if finding:
+            done = finding.end
+            yield finding
+
+
+def _cut_value(text: str, node: MappingNode, owner: ScalarNode, value: Node) -> TextProblem | None:
+    """Return the finding for the value of a key that went on behind its comma, if it did; it takes all keys that came of that."""
+    end = value_end(text, value.start, in_flow=True) if _opens(text, value) else value.end
+    is_list = owner.value in _LISTS
+    is_word = isinstance(resolve(text[value.start : value.end]), str)
+    lone: list[ScalarNode] = []
+    for key, other in node.entries:
+        if key.start < end:
+            continue
+        if not (is_word or is_list) or not _is_absent(other) or _is_key(text, key):
+            break
+        end = value_end(text, key.start, in_flow=True) if _opens(text, key) else key.end
+        lone.append(key)
+    if end == value.end:
+        return None
+    if is_list and lone:
+        return _pieces(text, value.start, end, f"a list goes in brackets: [{shown(text[value.start : end])}]")
+    if len(lone) == 1 and lone[0].value.isidentifier() and "(" not in text[value.start : lone[0].start]:
+        advice = in_quotes(
+            text[value.start : lone[0].end]
+        )  # the rest of the text before it, or a key without its value
+        hint = f"if it belongs to the text before the comma, {advice}; or else write `{lone[0].value}: value`"
+        return _no_value(lone[0], hint)
+    return _pieces(text, value.start, end)
+
+
+def _is_absent(value: Node) -> bool:
+    return isinstance(value, ScalarNode) and value.style == "plain" and not value.value
+
+
+def _is_key(text: str, key: ScalarNode) -> bool:
+    """Return whether a text between braces without a value was meant as a key, and not as part of something else."""
+    return _is_glued(key) or _THEN_COLON.match(text, key.end) is not None
+
+
+def _is_glued(key: ScalarNode) -> bool:
+    """Return whether a key without value was meant as `key: value`, and lacks the space."""
+    return key.style == "plain" and re.fullmatch(r"\w+:[^:]+", key.value) is not None
+
+
+def _opens(text: str, node: Node) -> bool:
+    """Return whether a piece of text opens more brackets than it closes."""
+    is_plain = isinstance(node, ScalarNode) and node.style == "plain"
+    return is_plain and text.count("(", node.start, node.end) > text.count(")", node.start, node.end)
+
+
+def _cut(text: str, start: int, within: Sequence[Node] = ()) -> TextProblem:
+    """Return the finding for an expression that YAML cuts in pieces; of a comprehension, all of the list that it is.
+
+    `within` are the collections around it, the innermost last.
+    """
+    end = value_end(text, start, in_flow=True)
+    for parent in reversed(within):
+        if not (isinstance(parent, SequenceNode) and parent.flow and _is_comprehension(text[start:end])):
+            break
+        start = parent.start
+        end = value_end(text, parent.start, in_flow=True)
+    return _pieces(text, start, end)
+
+
+def _is_comprehension(written: str) -> bool:
+    """Return whether `f(i) for i in range(0, 4)` is written, with its `for` outside all brackets."""
+    while (inner := _BRACKETED.sub("", written)) != written:
+        written = inner
+    return _FOR.search(written) is not None
+
+
+def _pieces(text: str, start: int, end: int, hint: str | None = None) -> TextProblem:
+    message = f"YAML splits `{shown(text[start:end])}`, because it is between braces or brackets"
+    return TextProblem("E106", start, end, message, hint or in_quotes(text[start:end]))
+
+
+def _no_value(key: ScalarNode, hint: str | None) -> TextProblem:
+    return TextProblem("E107", key.start, key.end, f"the key `{shown(key.value)}` has no value", hint)

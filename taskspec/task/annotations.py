@@ -1,4 +1,4 @@
-"""The sections that annotate a task: figure, examples and symmetries."""
+"""The sections that annotate a task: figure, examples, symmetries, and what the expert remembers."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ from typing import Any
 from taskspec.base.diagnostics import suggest
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.lang import syntax as s
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node, Role, reads
 from taskspec.lang.scope import Scope, Value
-from taskspec.lang.types import Kind
+from taskspec.lang.types import INT_MAX, Kind
 from taskspec.source import Path
 from taskspec.task import parameters
 from taskspec.task.context import Context
-from taskspec.task.figure_kinds import FIGURE_KINDS
 from taskspec.task.names import Names
-from taskspec.task.observe import what_is_seen
-from taskspec.task.parts import Component, Observation, Symmetry
-from taskspec.task.reach import too_wide, widest
+from taskspec.task.parts import FIGURE_KINDS, Component, ExpertMemory, Observation, Symmetry
+from taskspec.task.reach import kept, too_wide, what_is_seen, widest
 from taskspec.task.task import Example, Figure, Followed
 
 
@@ -34,8 +33,7 @@ def figure(context: Context, scope: Scope) -> Figure | None:
         return None
     for key in FIGURE_KINDS[written["kind"]].keys:
         if written.get(key) is None:
-            span = context.merged.key_span(("figure",))
-            context.collector.add("E203", span, f"a figure of kind `{written['kind']}` needs `{key}`")
+            context.report_key("E203", ("figure",), f"a figure of kind `{written['kind']}` needs `{key}`")
     parts = {key: _node(context, ("figure", key), scope) for key in ("curve", "values") if written.get(key) is not None}
     marks = {name: _node(context, ("figure", "highlight", name), scope) for name in written.get("highlight") or {}}
     sizes = (2, 4) if written["kind"] == "grid" else (2,)
@@ -69,7 +67,7 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
     if shape not in [(n,) for n in sizes]:
         more = ", or four with the way that it faces" if 4 in sizes else ""
         message = f"a place is two numbers{more}, but this has shape {list(shape)}"
-        context.collector.add("E307", context.merged.span(path), message)
+        context.report("E307", path, message)
     return found
 
 
@@ -92,15 +90,14 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
         return ()
     grid = constants[name].get("grid") if isinstance(constants.get(name), dict) else None
     if name not in constants:
-        span = context.merged.span(("figure", "map"))
-        context.collector.add("E302", span, f"there is no constant '{name}'", suggest(name, constants))
+        context.report("E302", ("figure", "map"), f"there is no constant '{name}'", suggest(name, constants))
     elif grid is None:
         value = context.constant(name)
         rows = _digits(value)
         if rows is None and value is not None:
             message = f"the constant '{name}' is neither a grid of letters nor a matrix of conditions or digits"
             hint = f"{name}: {{grid: [...], legend: {{...}}}}"
-            context.collector.add("E204", context.merged.span(("figure", "map")), message, hint)
+            context.report("E204", ("figure", "map"), message, hint)
         return rows or ()
     return tuple(grid.splitlines() if isinstance(grid, str) else grid or ())
 
@@ -155,7 +152,7 @@ def _example(context: Context, entry: Mapping[str, Any], path: Path) -> Example:
     most = limits().claims
     if (number := parameters.size(entry.get("for"))) > most:
         message = f"{number:,} choices of parameter values are too many; the limit is {most:,}"
-        context.collector.add("E314", context.merged.key_span((*path, "for")), message, how_to_raise("claims", number))
+        context.report_key("E314", (*path, "for"), message, how_to_raise("claims", number))
     cases = tuple(islice(parameters.cases(entry.get("for")), most))
     return Example(context.forms.place(path), given, tuple(follows), int(entry.get("t") or 0), chance, cases)
 
@@ -170,7 +167,7 @@ def _named(
         if name not in known:
             what = {"observation": "observation", "action": "action component"}.get(section, "state component")
             hint = suggest(name, known) or f"there are: {', '.join(known)}"
-            context.collector.add("E216", context.merged.key_span(here), f"there is no {what} '{name}'", hint)
+            context.report_key("E216", here, f"there is no {what} '{name}'", hint)
         elif (expr := context.forms.expr(here)) is not None:
             yield name, expr
 
@@ -262,8 +259,9 @@ def _steered(context: Context, name: str, lines: Mapping[str, s.Expr | None]) ->
     """Return the map of the action, whole; empty without one, None for one that is broken (and reported)."""
     known = [c.name for c in context.action]
     for each in (n for n in lines if n not in known):
-        span = context.merged.key_span(("symmetries", name, DONE, each))
-        context.collector.add("E216", span, f"there is no action component '{each}'", suggest(each, known))
+        context.report_key(
+            "E216", ("symmetries", name, DONE, each), f"there is no action component '{each}'", suggest(each, known)
+        )
     if not lines:
         return ()
     nodes = []
@@ -274,3 +272,48 @@ def _steered(context: Context, name: str, lines: Mapping[str, s.Expr | None]) ->
         elif expr is not None and (node := context.assign(expr, context.named_scopes["done"], c)) is not None:
             nodes.append(node)
     return tuple(nodes) if len(nodes) == len(known) else None
+
+
+# What an expert remembers: declared memory that is no part of the task's state.
+#
+# It begins with what is first seen, and changes with each action and what is seen after it; so whoever sees observations alone
+# can keep it, and the state together with it is the state of a larger task, in which the expert remembers nothing
+# (`Task.remembering`).
+
+FIRST = "first memory"
+LATER = "memory"
+"""Scopes of first values and of next values."""
+
+
+def remembered(context: Context, names: Names, observation: Observation) -> ExpertMemory | None:
+    """Return the memory that the expert of a spec keeps; None for none, or for one that is broken (and reported)."""
+    _check_names(context, observation)
+    seen = what_is_seen(context.builder, observation)
+    scopes = {"initial": names.memory_scope(FIRST, seen), "next": names.memory_scope(LATER, seen)}
+    found: dict[str, list[Node]] = {"initial": [], "next": []}
+    for c in context.memory:
+        for key, nodes in found.items():
+            expr = context.forms.expr(("memory", c.name, key))
+            context.exprs.setdefault("memory", {})[c.name + "'" * (key == "next")] = expr
+            node = None if expr is None else context.assign(expr, scopes[key], c)
+            nodes += [] if node is None else [node]
+    if not context.memory or any(len(nodes) < len(context.memory) for nodes in found.values()):
+        return None
+    raw_initial, raw_next = map(tuple, found.values())
+    initial, following = (_fitting(context.builder, context.memory, nodes) for nodes in (raw_initial, raw_next))
+    return ExpertMemory(context.memory, initial, following, raw_initial, raw_next)
+
+
+def _fitting(builder: Builder, components: tuple[Component, ...], nodes: tuple[Node, ...]) -> tuple[Node, ...]:
+    """Return values with ints that keep to their ranges, and to 32 bits where these have no end."""
+    pairs = [(c, kept(builder, c, node)) for c, node in zip(components, nodes, strict=True)]
+    return tuple(builder.within(n, -INT_MAX, INT_MAX) if c.type.kind is Kind.INT else n for c, n in pairs)
+
+
+def _check_names(context: Context, observation: Observation) -> None:
+    """Report (E309) what is remembered under the name of something that is seen: its prime would mean both."""
+    seen = {c.name for c in observation.components}
+    for c in context.memory:
+        if c.name in seen and c.name not in {s.name for s in context.state}:
+            hint = "every name has one meaning in a spec"
+            context.report_key("E309", ("memory", c.name), f"'{c.name}' is an observation already", hint)

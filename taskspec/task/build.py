@@ -18,12 +18,11 @@ from taskspec.lang.ir import Role, reads
 from taskspec.lang.scope import FunctionDef
 from taskspec.lang.types import REAL, Refused
 from taskspec.source import Document, Packed, packed, unpacked
-from taskspec.task import bind, sections
-from taskspec.task.annotations import figure, read_examples, symmetries
+from taskspec.task import declarations, sections
+from taskspec.task.annotations import figure, read_examples, remembered, symmetries
 from taskspec.task.context import Context
 from taskspec.task.merge import Merged, abstracted, merge, stripped
 from taskspec.task.names import Names, check_names, signature
-from taskspec.task.observe import remembered
 from taskspec.task.parameters import Varying
 from taskspec.task.task import Parameter, Task
 
@@ -113,7 +112,7 @@ def bound_parameters(
     validated(merged)
     context = Context(merged, Collector())
     check_names(merged, context.collector)
-    bind.bind_parameters(context, dict(parameters or {}))
+    declarations.bind_parameters(context, dict(parameters or {}))
     context.collector.raise_if_errors()
     return BoundParameters(tuple(context.parameters), content_hash(context))
 
@@ -165,14 +164,14 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
 
     # What the sections stand on.
     check_names(context.merged, collector)
-    bind.bind_parameters(context, given)
-    bind.bind_constants(context)
-    context.state = bind.bind_components(context, "state")
-    context.action = bind.bind_components(context, "action")
-    context.memory = bind.bind_components(context, "memory") if context.data.get("memory") else ()
+    declarations.bind_parameters(context, given)
+    declarations.bind_constants(context)
+    context.state = declarations.bind_components(context, "state")
+    context.action = declarations.bind_components(context, "action")
+    context.memory = declarations.bind_components(context, "memory") if context.data.get("memory") else ()
     context.collect_labels()
-    context.horizon = bind.bind_horizon(context)
-    discount = bind.bind_discount(context)
+    context.horizon = declarations.bind_horizon(context)
+    discount = declarations.bind_discount(context)
     sections.parse_sections(context)
 
     # The process itself. The draws that each part names decide which random words it takes.
@@ -218,7 +217,7 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
         claims=claims, examples=examples, figure=drawn,
         reset_draws=tuple((initial_draws | observation_draws).values()),
         step_draws=tuple((dynamics_draws | observation_draws).values()), merged=context.merged, document=context.merged.document,
-        content_hash=content_hash(context), surface=context.surface(), fixed=bind.fixed_constants(context), memory=memory,
+        content_hash=content_hash(context), surface=context.surface(), fixed=declarations.fixed_constants(context), memory=memory,
         symmetries=mirrors, required=tuple(context.required),
     )  # fmt: skip
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NoReturn
 
 from taskspec.base.diagnostics import Collector
 from taskspec.lang import syntax as s
@@ -139,6 +139,19 @@ class Context:
         if expr is None:
             raise Poisoned
         return expr
+
+    def report(self, code: str, path: Path, message: str, hint: str | None = None) -> None:
+        """Report a mistake in the value at a path."""
+        self.collector.add(code, self.merged.span(path), message, hint)
+
+    def report_key(self, code: str, path: Path, message: str, hint: str | None = None) -> None:
+        """Report a mistake in the key at a path."""
+        self.collector.add(code, self.merged.key_span(path), message, hint)
+
+    def stop(self, code: str, path: Path, message: str, hint: str | None = None) -> NoReturn:
+        """Report a mistake in the value at a path, without which what reads it means nothing."""
+        self.report(code, path, message, hint)
+        raise Poisoned
 
     def place(self, *path: str) -> s.Place:
         """Return a whole section as a place."""

@@ -55,7 +55,8 @@ class Names:
     def __init__(self, context: Context) -> None:
         self.context = context
         self._noise: dict[str, tuple[Value, tuple[Draw, ...]]] = {}
-        self._next: dict[str, Value] = {}
+        self.next: dict[str, Value] = {}
+        """Next values, worked out on first use."""
         self._end: Value | Poisoned | None = None
         self.raw_next: dict[str, Node] = {}
         """Next values as the dynamics have them, in and out of range."""
@@ -281,13 +282,9 @@ class Names:
 
     def next_value(self, name: str, at: s.Name) -> Value:
         """Return the next value of a component, worked out on first use; without a line of `dynamics` it stays as it is."""
-        if name not in self._next:
-            self._next[name] = self._changed(name, at)
-        return self._next[name]
-
-    def set_next(self, name: str, value: Value) -> None:
-        """Give a component another next value than its line says."""
-        self._next[name] = value
+        if name not in self.next:
+            self.next[name] = self._changed(name, at)
+        return self.next[name]
 
     def _changed(self, name: str, at: s.Name) -> Value:
         context = self.context

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from os import PathLike
@@ -12,6 +12,7 @@ from taskspec.base.display import html_table
 from taskspec.base.ids import InstanceId
 from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
+from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, rewrite
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import WordLayout
@@ -343,6 +344,32 @@ class Task:
 
         seen = self.observation.nodes
         return rewrite(seen, later, b.remake_late), rewrite(seen, first, b.remake_late)
+
+
+def recall(
+    task: Task,
+    memory: ExpertMemory,
+    seen: Sequence[tuple[Any, ...]],
+    before: Sequence[tuple[Any, ...]],
+    action: Sequence[tuple[Any, ...]],
+    t: int,
+) -> list[tuple[Any, ...]]:
+    """Return what is remembered once something is seen, as flat values by component.
+
+    Args:
+        seen: what is now observed, by component.
+        before, action: the memory and the action before that; not looked at when `t` is 0.
+        t: steps taken.
+    """
+    reads: dict[tuple[Role, str], Any] = {
+        (Role.NEXT, c.name): flat for c, flat in zip(task.observation.components, seen, strict=True)
+    }
+    if t == 0:
+        return evaluate(memory.initial, reads)
+    reads |= {c.read: flat for c, flat in zip(memory.components, before, strict=True)}
+    reads |= {(Role.ACTION, c.name): flat for c, flat in zip(task.action, action, strict=True)}
+    reads[Role.TIME, "t"] = (t - 1,)
+    return evaluate(memory.next, reads)
 
 
 TaskLike: TypeAlias = Task | str | PathLike[str]

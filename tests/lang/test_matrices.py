@@ -138,13 +138,3 @@ def test_what_does_not_fit_is_said(reward: str, code: str, words: str) -> None:
         build(read_text(text))
     assert [d.code for d in found.value.diagnostics] == [code]
     assert words in found.value.diagnostics[0].message
-
-
-def test_a_vector_of_indices_is_told_from_an_index_for_each_axis() -> None:
-    text = SPEC.replace("observation:\nOBSERVED\n", "").replace(
-        "reward: sum(m[:, i])", "reward: 1 if m[[a, i]] == 2 else 0"
-    )
-    with pytest.raises(SpecError) as found:
-        build(read_text(text))
-    assert found.value.diagnostics[0].hint is not None
-    assert found.value.diagnostics[0].hint.endswith("one element has an index for each axis: `[a, i]`")

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from taskspec.base.records import dataclass
 from taskspec.lang.ir import Apply, Const, Node
-from taskspec.lang.operators.rules import Promote, TypeRule, everything, stays_finite, to_result
+from taskspec.lang.operators.rules import Promote, TypeRule, everything, never, stays_finite, to_result
 from taskspec.lang.types import Args, Interval, Kind, Shape, Type
 
 
@@ -189,10 +189,6 @@ class Kernel:
     real: str | None = None
     whole: str | None = None
     names: tuple[str, ...] = ()
-
-
-def never(below: Sequence[bool]) -> bool:
-    return False
 
 
 class Elements(Enum):

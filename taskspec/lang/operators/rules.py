@@ -1,7 +1,12 @@
-"""Rules that operators share: types, promotion, linearity, and bounds."""
+"""Rules that operators share: types, promotion, linearity, and bounds.
+
+Rounding to nearest never turns the order of two numbers round. So where an operation grows, or falls, with each of its
+arguments, its values at the corners, worked out as the run time does, bound all of its values.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -10,65 +15,54 @@ import numpy as np
 from taskspec.lang.ir import Apply, Const
 from taskspec.lang.types import EVERYTHING, HUGE, INF, Args, Interval, Kind, Range, Type, join
 
-# ---------- signatures
-# Type rules of operators, promotion of their arguments, and where results are linear in them.
-
 TypeRule = Callable[[tuple[Type, ...]], Type | str]
-"""Result type from argument types, or a sentence that says what is wrong."""
+"""Result type from argument types, or a sentence about what is wrong."""
 Promote = Callable[[Sequence[Kind], Kind], Sequence[Kind]]
 """The kinds that an operator works on, from those of its arguments and of its result; nothing is ever demoted."""
+Bounds = Callable[[Args, Apply], Interval]
+_FACTORS = 10_000
+"""Products of more elements are not followed factor by factor."""
 
 
-def broadcast(types: tuple[Type, ...]) -> tuple[int, ...] | None:
-    """Return the common shape of elementwise arguments: all equal, scalars stretching; None when they disagree."""
-    shapes = {t.shape for t in types if t.shape != ()}
-    if len(shapes) > 1:
-        return None
-    return shapes.pop() if shapes else ()
+# -- types --------------------------------------------------------------------------------------------------------
 
 
 def elementwise(kind: Callable[[tuple[Type, ...]], Kind | str]) -> TypeRule:
+    """Apply to elements: all shapes are equal, scalars stretch."""
+
     def rule(types: tuple[Type, ...]) -> Type | str:
-        shape = broadcast(types)
-        if shape is None:
-            shapes = " and ".join(str(list(t.shape)) for t in types if t.shape)
-            return f"the shapes {shapes} do not match element by element"
+        shapes = [t.shape for t in types if t.shape]
+        if len(set(shapes)) > 1:
+            return f"the shapes {' and '.join(str(list(x)) for x in shapes)} do not match element by element"
         result = kind(types)
-        return result if isinstance(result, str) else Type(result, shape)
+        return result if isinstance(result, str) else Type(result, shapes[0] if shapes else ())
 
     return rule
 
 
-def _a(t: Type) -> str:
-    return f"an {t}" if str(t)[0] in "aeiou" else f"a {t}"
+def _conditions_to(result: Kind) -> Callable[[tuple[Type, ...]], Kind | str]:
+    def kind(types: tuple[Type, ...]) -> Kind | str:
+        for t in types:
+            if t.kind is not Kind.BOOL:
+                return f"a condition is needed, not {t.with_article}"
+        return result
 
-
-def _arithmetic(types: tuple[Type, ...]) -> Kind:
-    return join(Kind.INT, *(t.kind for t in types))
-
-
-def _logical(types: tuple[Type, ...]) -> Kind | str:
-    wrong = [t for t in types if t.kind is not Kind.BOOL]
-    return f"a condition is needed, not {_a(wrong[0])}" if wrong else Kind.BOOL
-
-
-def _truth(types: tuple[Type, ...]) -> Kind | str:
-    return Kind.INT if types[0].kind is Kind.BOOL else f"a condition is needed, not {_a(types[0])}"
+    return kind
 
 
 def _choose(types: tuple[Type, ...]) -> Kind | str:
     condition, *branches = types
     if condition.kind is not Kind.BOOL:
-        return f"a condition is needed, not {_a(condition)}"
+        return f"a condition is needed, not {condition.with_article}"
     return join(*(t.kind for t in branches))
 
 
-arithmetic = elementwise(_arithmetic)
+arithmetic = elementwise(lambda types: join(Kind.INT, *(t.kind for t in types)))
 real = elementwise(lambda types: Kind.REAL)
 to_integer = elementwise(lambda types: Kind.INT)
-truth = elementwise(_truth)
+truth = elementwise(_conditions_to(Kind.INT))
 compare = elementwise(lambda types: Kind.BOOL)
-logical = elementwise(_logical)
+logical = elementwise(_conditions_to(Kind.BOOL))
 choose = elementwise(_choose)
 
 
@@ -78,7 +72,7 @@ def reduction(kind: Callable[[Kind], Kind | str], empty: bool = True) -> TypeRul
     def rule(types: tuple[Type, ...]) -> Type | str:
         (t,) = types
         if t.is_scalar:
-            return f"a vector is needed, not {_a(t)}"
+            return f"a vector is needed, not {t.with_article}"
         if not empty and t.size == 0:
             return "a vector of shape [0] has no smallest and no largest element"
         result = kind(t.kind)
@@ -93,7 +87,7 @@ def vector(kind: Callable[[Kind], Kind]) -> TypeRule:
     def rule(types: tuple[Type, ...]) -> Type | str:
         (t,) = types
         if len(t.shape) != 1:
-            return f"a vector is needed, not {_a(t)}" if t.is_scalar else "a vector is needed, not a matrix"
+            return f"a vector is needed, not {t.with_article if t.is_scalar else 'a matrix'}"
         return Type(kind(t.kind), t.shape)
 
     return rule
@@ -105,11 +99,11 @@ def conditions(result: Kind) -> Callable[[Kind], Kind | str]:
 
 
 def number(kind: Kind) -> Kind:
-    """Return a condition counts as 0 or 1."""
+    """Return the kind of a number; a condition counts as 0 or 1."""
     return join(Kind.INT, kind)
 
 
-# -- promotion --------------------------------------------------------------------------------------------------------
+# -- promotion ----------------------------------------------------------------------------------------------------
 
 
 def to_result(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
@@ -132,16 +126,20 @@ def but_the_first(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
     return [kinds[0], *([result] * (len(kinds) - 1))]
 
 
-# Where a value is linear in what its arguments are linear in.
+# -- where a value is linear in what its arguments are linear in -------------------------------------------------------
+
+
+def never(below: Sequence[bool]) -> bool:
+    return False
 
 
 def every(below: Sequence[bool]) -> bool:
-    """Return sums, and what only chooses elements."""
+    """Hold for sums, and for what only chooses elements."""
     return True
 
 
 def one(below: Sequence[bool]) -> bool:
-    """Products: of two dependent factors a square may come."""
+    """Hold for products of a single dependent factor: of two a square may come."""
     return sum(below) == 1
 
 
@@ -153,23 +151,11 @@ def unless_first(below: Sequence[bool]) -> bool:
     return not below[0]
 
 
-# ---------- bounding
-# Bounds that operators share.
-#
-# Rounding to nearest never turns the order of two numbers round. So where an operation grows, or falls, with each of its
-# arguments, its values at the corners, worked out as the run time does, bound all of its values.
-
-Bounds = Callable[[Args, Apply], Interval]
-_FACTORS = 10_000
-"""Products of more elements are not followed factor by factor."""
+# -- bounds -------------------------------------------------------------------------------------------------------
 
 
 def everything(args: Args, node: Apply) -> Interval:
     return EVERYTHING
-
-
-def stays_finite(args: Args, found: Interval) -> bool:
-    return all(a.finite for a in args)
 
 
 def fixed(low: float, high: float) -> Bounds:
@@ -191,52 +177,48 @@ def place(args: Args, node: Apply) -> Interval:
     return 0, max(0, node.args[0].type.size - 1)
 
 
+def _corners(function: Callable[[float, float], float], args: Args) -> Interval:
+    values = [function(a, b) for a, b in itertools.product(args[0][:2], args[1][:2])]
+    return min(values), max(values)
+
+
 def _mul(a: float, b: float) -> float:
     return 0 if a == 0 or b == 0 else a * b
 
 
 def product(args: Args, node: Apply) -> Interval:
-    (a, b), (c, d) = args[0][:2], args[1][:2]
-    corners = [_mul(a, c), _mul(a, d), _mul(b, c), _mul(b, d)]
-    return min(corners), max(corners)
+    return _corners(_mul, args)
 
 
 def quotient(args: Args, node: Apply) -> Interval:
     if args[1].holds_zero() or not args[1].bounded:
         return EVERYTHING
-    (a, b), (c, d) = args[0][:2], args[1][:2]
-    corners = [a / c, a / d, b / c, b / d]
-    return min(corners), max(corners)
+    return _corners(lambda a, b: a / b, args)
 
 
 def floor_quotient(args: Args, node: Apply) -> Interval:
-    (a, b), (c, d) = args[0][:2], args[1][:2]
+    integral = node.type.kind is Kind.INT
     if not (args[0].bounded and args[1].bounded):
         return EVERYTHING
     if args[1].holds_zero():
-        most = max(abs(a), abs(b))
-        return (-most, most) if node.type.kind is Kind.INT else EVERYTHING
-    corners = [a // c, a // d, b // c, b // d]
-    return _loose((min(corners), max(corners))) if node.type.kind is Kind.REAL else (min(corners), max(corners))
-
-
-def _loose(edge: Interval) -> Interval:
-    """Wider by what a quotient that is too large for its last digits may be off."""
-    low, high = edge
-    return (
-        low if abs(low) < 2**50 else low - abs(low) * 2**-50,
-        high if abs(high) < 2**50 else high + abs(high) * 2**-50,
-    )
+        most = max(abs(args[0].low), abs(args[0].high))
+        return (-most, most) if integral else EVERYTHING
+    low, high = _corners(lambda a, b: a // b, args)
+    if not integral:  # wider by what a quotient that is too large for its last digits may be off
+        low -= abs(low) * 2**-50 * (abs(low) >= 2**50)
+        high += abs(high) * 2**-50 * (abs(high) >= 2**50)
+    return low, high
 
 
 def remainder(args: Args, node: Apply) -> Interval:
-    (a, b), (c, d) = args[0][:2], args[1][:2]
-    integral = node.type.kind is Kind.INT
+    a, b = args[0][:2]
+    c, d = args[1][:2]
+    gap = 1 if node.type.kind is Kind.INT else 0
     if c > 0:
-        return (a, b) if integral and a >= 0 and b < c else (0, d - 1 if integral else d)
+        return (a, b) if gap and a >= 0 and b < c else (0, d - gap)
     if d < 0:
-        return (c + 1 if integral else c, 0)
-    return EVERYTHING if not integral else (min(0, c + 1), max(0, d - 1))
+        return c + gap, 0
+    return (min(0, c + 1), max(0, d - 1)) if gap else EVERYTHING
 
 
 def extreme(pick: Callable[[float, float], float]) -> Bounds:
@@ -257,8 +239,8 @@ def extreme(pick: Callable[[float, float], float]) -> Bounds:
 
 
 def magnitude(args: Args, node: Apply) -> Interval:
-    (a, b) = args[0][:2]
-    return (0 if a <= 0 <= b else min(abs(a), abs(b))), max(abs(a), abs(b))
+    ends = (abs(args[0].low), abs(args[0].high))
+    return 0 if args[0].holds_zero() else min(ends), max(ends)
 
 
 def increasing(function: Callable[[float], float], ulps: int = 0) -> Bounds:
@@ -298,8 +280,8 @@ def total(args: Args, node: Apply) -> Interval:
 
 
 def running(args: Args, node: Apply) -> Interval:
-    (a, b), n = args[0][:2], node.type.size
-    return min(a, _sum_of(a, n)), max(b, _sum_of(b, n))
+    low, high = total(args, node)
+    return min(args[0].low, low), max(args[0].high, high)
 
 
 def power(args: Args, node: Apply) -> Interval:
@@ -321,7 +303,11 @@ def power(args: Args, node: Apply) -> Interval:
     return edge
 
 
-# -- when values are finite numbers ---------------------------------------------------------------------------------
+# -- when values are finite numbers -------------------------------------------------------------------------------
+
+
+def stays_finite(args: Args, found: Interval) -> bool:
+    return all(a.finite for a in args)
 
 
 def bounded(args: Args, found: Interval) -> bool:
@@ -333,5 +319,5 @@ def divided(args: Args, found: Interval) -> bool:
 
 
 def nowhere(args: Args, found: Interval) -> bool:
-    """Return where nothing is known."""
+    """Return False: nothing is known."""
     return False

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model, model_validator
 from pydantic.fields import FieldInfo
 
-from taskspec.task.figure_kinds import FIGURE_KINDS
+from taskspec.task.parts import FIGURE_KINDS
 from taskspec.task.schema import problems
 from taskspec.task.schema.problems import Problem
 from taskspec.task.schema.typed import (

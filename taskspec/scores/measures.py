@@ -1,0 +1,354 @@
+"""Measures of difficulty: lengths of episodes, the success of random actions, and how far one has to look ahead of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.limits import count, how_to_raise, limits
+from taskspec.model.model import Model, refuse, scipy_sparse
+from taskspec.model.transitions import Steps, merge_outcomes
+from taskspec.solve.backward import Plan, action_values, all_values, backward, first_values
+from taskspec.solve.bounded import Bound, Bounded
+from taskspec.solve.infinite_horizon import chain_values, fixed_point, leading_to
+from taskspec.solve.plans import optimal_plan, outcome_table
+from taskspec.solve.solve import best, policy_return
+
+# -- lengths: expected returns of the same model with a reward of 1 for each step -----------------------------------------
+
+
+def mean_length(model: Model, plan: Plan) -> float:
+    """Return the expected number of steps of an episode under a policy."""
+    if model.horizon is not None and all(step.P_end is None for step in model.steps):
+        return model.horizon
+    steps = {id(step): step.with_reward(np.ones_like(step.R), 1.0, 1.0) for step in model.steps}
+    paid = replace(undiscounted(model), steps=tuple(steps[id(step)] for step in model.steps))
+    return policy_return(paid, plan)
+
+
+def undiscounted(model: Model) -> Model:
+    """Return the model without a discount."""
+    return replace(model, task=replace(model.task, discount=1.0))
+
+
+def solution_length(model: Model) -> float:
+    """Return the least expected number of steps in which an optimal policy reaches a state without further rewards."""
+    plan = optimal_plan(model)
+    shape = (model.n_actions, model.n_states)
+    if model.horizon is None:  # the shortest path if only optimal actions are allowed
+        P = model.step(0).P
+        busy = leading_to(P, np.asarray(_pays(model, 0).any(axis=0)))
+        allowed = plan(0) > 0
+
+        def image(length: Array) -> Array:
+            q = action_values(P, np.ones(shape), 1.0, length)
+            return np.where(busy, np.where(allowed, q, np.inf).min(axis=0), 0.0)
+
+        return float(model.start @ fixed_point(image, np.zeros(model.n_states), P.nnz))
+
+    def backup(t: int, value: Array) -> Array:
+        """Return (A, S, 2): more than 0 where something may be paid from now on, and the steps from now on."""
+        reward = np.stack([_pays(model, t), np.ones(shape)], axis=-1)
+        return action_values(model.step(t).P, reward, 1.0, value)
+
+    def choose(t: int, q: Array) -> Array:
+        is_busy = (q[..., 0] > 0).any(axis=0)
+        length = np.where(plan(t) > 0, q[..., 1], np.inf).min(axis=0)
+        return np.stack([is_busy, np.where(is_busy, length, 0.0)], axis=-1)
+
+    length = first_values(backward(backup, choose, np.zeros((model.n_states, 2)), model.horizon))[:, 1]
+    return float(model.start @ length)
+
+
+def _pays(model: Model, t: int) -> Array:
+    """Return 1 for actions in states (A, S) that may be paid other than 0 at a time, else 0."""
+    step = model.step(t)
+    paid = step.R != 0
+    if step.rounding.lowest < 0 < step.rounding.highest:  # outcomes of both signs may cancel
+        found = outcome_table(model, t)
+        paid = np.bincount(found.row, found.reward != 0, len(paid)) > 0
+    return np.asarray(paid.reshape(model.n_actions, model.n_states), np.float64)
+
+
+# -- outcomes of one step ---------------------------------------------------------------------------------------------
+
+CHUNK = 65_536
+LISTING_RATE = 1_000_000
+"""Nominal number of outcomes that are listed in a second."""
+
+
+@dataclass(frozen=True)
+class StepOutcomes:
+    """All outcomes (N,) of one step of random actions, sorted by `state` and distinct: next state, reward, end, probability.
+
+    `first` (S + 1,) has the index of the first outcome of each state.
+    """
+
+    state: Array
+    target: Array
+    reward: Array
+    ends: Array
+    weight: Array
+    first: Array
+
+
+class RandomSteps:
+    """Outcomes of random actions at each time, in the states in which episodes act.
+
+    Raises:
+        SpecError: (E712) when there are too many, or infinitely many.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.steps = Steps(model.task, as_paid=True)
+        self.acting = np.flatnonzero(model.acting)
+        self._known: dict[int, StepOutcomes] = {}
+        if self.steps.branching == np.inf:
+            refuse("rewards are drawn from a distribution that has infinitely many outcomes")
+        times = (model.horizon or 1) if self.steps.uses_time else 1
+        size = times * len(self.acting) * model.n_actions * self.steps.branching
+        if size > limits().seconds * LISTING_RATE:
+            refuse(f"random steps have {count(int(size))} outcomes", how_to_raise("seconds", size / LISTING_RATE))
+
+    def at(self, t: int) -> StepOutcomes:
+        time = t if self.steps.uses_time else 0
+        if time not in self._known:
+            self._known[time] = self._listed(time)
+        return self._known[time]
+
+    def _listed(self, t: int) -> StepOutcomes:
+        codes = self.model.codes
+        rows = len(self.acting) * self.model.n_actions
+        size = max(1, int(CHUNK // max(1.0, min(self.steps.branching, CHUNK))))
+        parts = []
+        for low in range(0, rows, size):
+            action, which = np.divmod(np.arange(low, min(rows, low + size)), len(self.acting))
+            state = self.acting[which]
+            for found in self.steps.outcomes(codes[state], action, t):
+                point, code, weight, reward, ends, _ = found.spread(len(state))
+                parts.append((state[point], np.searchsorted(codes, code), ends, reward.astype(np.float64), weight))
+        *keys, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
+        (state, target, ends, reward), weight = merge_outcomes(keys, weight)
+        first = np.searchsorted(state, np.arange(self.model.n_states + 1))
+        return StepOutcomes(state, target, reward, ends, weight / self.model.n_actions, first)
+
+
+# -- probability of a reward ------------------------------------------------------------------------------------------
+
+
+def reward_chance(model: Model) -> float:
+    """Return the probability that an episode of random actions has a reward other than 0."""
+    steps = RandomSteps(model)
+    n = model.n_states
+
+    def backup(t: int, later: Array) -> Array:
+        """Return the probability (S,) of a reward now or, by `later`, after this step."""
+        found = steps.at(t)
+        hit = np.where(found.ends, 0.0, later[found.target])
+        hit[found.reward != 0] = 1.0
+        return np.bincount(found.state, found.weight * hit, n)
+
+    if model.horizon is not None:
+        return float(model.start @ first_values(backward(backup, lambda t, V: V, np.zeros(n), model.horizon)))
+    found = steps.at(0)
+    unpaid = (found.reward == 0) & ~found.ends
+    entries = (found.weight[unpaid], (found.state[unpaid], found.target[unpaid]))
+    matrix = scipy_sparse().csr_array(entries, shape=(n, n))
+    now = backup(0, np.zeros(n))
+    return float(model.start @ chain_values(matrix, now, leading_to(matrix, now > 0)))
+
+
+# -- probability of a best episode ------------------------------------------------------------------------------------
+
+RATE = 2_000_000
+"""Nominal number of outcomes of pairs of a state and a return so far in a second."""
+CLOSE = 1e-9
+"""Relative tolerance for optimality, as a share of the largest return."""
+GRAIN = 2.0**-40
+
+
+def best_chance(model: Model) -> float:
+    """Return the probability that a return of random actions is at least the optimal value of its first state.
+
+    The distribution of random episodes is over pairs of a state and the return still missing to the best one, an integer
+    multiple of `grain`, so that sums do not depend on their order. A pair is dropped once its outcome is decided: `most` and
+    `least`, (S,) for each time, are the largest and the smallest return from there on.
+    """
+    if model.horizon is None:
+        refuse("episodes have no horizon")
+    horizon = model.horizon
+    steps = RandomSteps(model)
+    if 2 * (horizon + 1) * model.n_states * 8 > limits().megabytes * 1e6:
+        refuse("returns from every time on do not fit into memory")
+    most = _extremes(steps, horizon, np.maximum)
+    least = _extremes(steps, horizon, np.minimum)
+    wanted = best(model).value
+    largest = max(float(np.abs(x).max()) for x in (*most, *least, wanted))
+    grain = GRAIN * 2.0 ** np.ceil(np.log2(max(largest, 1e-300)))
+    slack = CLOSE * largest + horizon * grain
+    state = np.flatnonzero(model.start)
+    missing = np.rint(wanted[state] / grain).astype(np.int64)
+    weight = model.start[state]
+    total = 0.0
+    spent = 0
+    factor = 1.0
+    for t in range(horizon):
+        off = missing * grain
+        sure = off <= factor * least[t][state] + slack
+        total += float(weight[sure].sum())
+        is_open = ~sure & (off <= factor * most[t][state] + slack)
+        found = steps.at(t)
+        first = found.first[state[is_open]]
+        counts = found.first[state[is_open] + 1] - first
+        spent += int(counts.sum())
+        if spent > limits().seconds * RATE:
+            refuse("random episodes have too many different returns", how_to_raise("seconds", 10 * limits().seconds))
+        entry = np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
+        missing = np.repeat(missing[is_open], counts) - np.rint(factor * found.reward[entry] / grain).astype(np.int64)
+        weight = np.repeat(weight[is_open], counts) * found.weight[entry]
+        ends = found.ends[entry]
+        total += float(weight[ends & (missing * grain <= slack)].sum())
+        (state, missing), weight = merge_outcomes([found.target[entry][~ends], missing[~ends]], weight[~ends])
+        factor *= model.discount
+    return total + float(weight[missing * grain <= slack].sum())
+
+
+def _extremes(steps: RandomSteps, horizon: int, extreme: np.ufunc) -> list[Array]:
+    """Return the largest or smallest possible return (S,) from each time on."""
+    n = steps.model.n_states
+
+    def backup(t: int, value: Array) -> Array:
+        """Return the return (N,) of each outcome."""
+        found = steps.at(t)
+        later = np.where(found.ends, 0.0, value[found.target])
+        return np.asarray(found.reward + steps.model.discount * later)
+
+    def choose(t: int, outcomes: Array) -> Array:
+        first = steps.at(t).first
+        acting = np.flatnonzero(first[1:] > first[:-1])
+        value = np.zeros(n)
+        value[acting] = extreme.reduceat(outcomes, first[acting])
+        return value
+
+    return all_values(backward(backup, choose, np.zeros(n), horizon))
+
+
+# -- lookahead --------------------------------------------------------------------------------------------------------
+#
+# After C. Laidlaw, S. Russell and A. Dragan, "Bridging RL Theory and Practice with the Effective Horizon" (NeurIPS 2023). Q1 is
+# the action value of uniformly random actions, and Q(k+1) one Bellman backup of Qk. A task is k-QVI-solvable if every policy
+# that is greedy for Qk is optimal. GORP plays the first action of the best of all A^k action sequences, each judged by m
+# episodes that go on at random; the effective horizon is the least k + log_A m by which it is optimal with probability 1/2.
+#
+# The bound on m: let v be the largest Qk less the worst return from the state, times the largest possible return less that,
+# and d the gap of Qk between the best action and those that are not optimal. By Bernstein's inequality the mean of m returns
+# is off by d/2 with probability exp(-m d^2 / 4 / (2 v + v / 3)) at most. There are A^k sequences at each of T times, so that
+# m = 28/3 v / d^2 log(2 T A^k) is enough.
+
+SWEEP_RATE = 1e8
+"""Nominal number of transitions per second, in all backups together."""
+OVERHEAD = 20_000
+BERNSTEIN = 28 / 3
+
+
+class _Lookahead:
+    """Value functions V[t] (S,) for t = 0 to T: of random, best and worst actions."""
+
+    def __init__(self, model: Model) -> None:
+        if model.horizon is None:
+            refuse("episodes have no horizon")
+        self.model = model
+        self.horizon = model.horizon
+        self.numbers = Bounded(model)
+        if 4 * 16 * (self.horizon + 1) * model.n_states > limits().megabytes * 1e6:
+            refuse("the values at every time do not fit into memory")
+        self.spent = 0.0
+        self.random = self._values(lambda q: self.numbers.follow(self.numbers.uniform, q))
+        self.best = self._values(self.numbers.top)
+        self.worst = self._values(self.numbers.bottom)
+
+    def _values(self, choose: Any) -> list[Bound]:
+        end = self.numbers.zero()
+        return [*all_values(backward(self.q, lambda t, q: choose(q), end, self.horizon)), end]
+
+    def q(self, t: int, later: Bound) -> Bound:
+        """Return the action values Q[t] (A, S) from V[t + 1]."""
+        seconds = limits().seconds
+        self.spent += (self.model.entries / len(self.model.steps) + OVERHEAD) / SWEEP_RATE
+        if self.spent > seconds:
+            refuse(f"lookahead takes more than {seconds} seconds", how_to_raise("seconds", 10 * seconds))
+        return self.numbers.backup(t, later)
+
+    def rounds(self) -> Iterator[tuple[int, list[Bound]]]:
+        """Yield k and the value functions V[t] for t = 0 to T from which Qk is backed up."""
+        values = self.random
+        for k in range(1, self.horizon + 1):
+            yield k, values
+            values = [self.numbers.top(self.q(t, values[t + 1])) for t in range(self.horizon)]
+            values.append(self.numbers.zero())
+
+    def optimal(self, t: int) -> Array:
+        """Return which actions bool (A, S) are optimal at a time."""
+        return np.asarray(self.numbers.greedy(self.q(t, self.best[t + 1])).table > 0)
+
+    def onwards(self, t: int, states: Array, taken: Array) -> Array:
+        """Return the states bool (S,) that some actions bool (A, S) lead to from some states bool (S,)."""
+        rows = (taken & states).reshape(-1).astype(np.float64)
+        return np.asarray(self.model.step(t).P.T @ rows > 0)
+
+    def is_solved(self, values: list[Bound]) -> bool:
+        """Return whether every policy that is greedy for Qk is optimal."""
+        states = self.model.start > 0
+        for t in range(self.horizon):
+            taken = self.numbers.greedy(self.q(t, values[t + 1])).table > 0
+            if (taken & states & ~self.optimal(t)).any():
+                return False
+            states = self.onwards(t, states, taken)
+        return True
+
+    def episodes(self, k: int, values: list[Bound]) -> float:
+        """Return the bound on m, the number of episodes for each sequence of k actions; infinite where there is none."""
+        states = self.model.start > 0
+        most = 1.0
+        tries = math.log(2 * self.horizon) + k * math.log(self.model.n_actions)
+        for t in range(self.horizon):
+            q = self.q(t, values[t + 1])
+            optimal = self.optimal(t)
+            wrong = np.where(optimal, -np.inf, q.value + q.error).max(axis=0)
+            clear = optimal & (q.value - q.error > wrong)
+            if (states & ~clear.any(axis=0)).any():
+                return math.inf
+            top = q.value.max(axis=0)
+            spread = (top - self.worst[t].value) * (self.best[t].value - self.worst[t].value)
+            needed = np.ceil(BERNSTEIN * tries * spread[states] / (top - wrong)[states] ** 2)
+            most = max(most, float(needed.max(initial=1.0)))
+            states = self.onwards(t, states, clear)
+        return most
+
+
+def least_lookahead(model: Model) -> int:
+    """Return the least k for which every policy that is greedy for Qk is optimal."""
+    ahead = _Lookahead(model)
+    return next((k for k, values in ahead.rounds() if ahead.is_solved(values)), ahead.horizon)
+
+
+def effective_horizon(model: Model) -> float:
+    """Return an upper bound of the effective horizon of a deterministic task: the least k + log_A m over k."""
+    if model.n_actions == 1:
+        refuse("there is only one action")
+    is_drawn = Steps(model.task).reward is not model.task.reward
+    if is_drawn or np.count_nonzero(model.start) > 1 or any(step.rounding.terms > 1 for step in model.steps):
+        refuse("the bound holds for deterministic tasks with one first state")
+    ahead = _Lookahead(model)
+    least = float(ahead.horizon)  # all sequences of all actions, one episode each
+    for k, values in ahead.rounds():
+        if k >= least:
+            break
+        least = min(least, k + math.log(ahead.episodes(k, values), model.n_actions))
+    return least
