@@ -60,7 +60,7 @@ class Setting:
     Attributes:
         model: the exact model.
         gamma: the learner's discount.
-        clipped, signs: float64 (A, S), expected rewards of which each was clipped to [-1, 1], or replaced by its sign.
+        clipped, signs: float64 (A, S), expected rewards after each was clipped to [-1, 1], or replaced by its sign.
     """
 
     model: Model
@@ -144,7 +144,9 @@ def _right(s: Setting, Q: Array, V: Array) -> Array:
 
 
 def _ends_ignored(s: Setting, Q: Array, V: Array) -> Array:
-    known = np.where(s.model.acting, V, 0.0)  # a state in which no episode acts keeps the value that it was created with
+    known = np.where(
+        s.model.acting, V, 0.0
+    )  # a state in which no episode acts keeps the value that it was created with
     return s.R + s.gamma * (s.following(V) + s.ending(known))
 
 
