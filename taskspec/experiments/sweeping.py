@@ -18,8 +18,8 @@ from taskspec.data.files import write_table
 from taskspec.experiments.instances import Expanded, Instance, expand
 from taskspec.experiments.measure import COLUMNS, Order, Questions, Sent, key, measure
 from taskspec.experiments.reading import ExperimentFile
-from taskspec.jobs.code import code_hash
-from taskspec.jobs.engine import Standing, run
+from taskspec.jobs.code_hash import code_hash
+from taskspec.jobs.running import JobProgress, run
 from taskspec.jobs.store import Job, JobResult, Store
 from taskspec.policies.files import is_function, place_of
 from taskspec.source import packed
@@ -161,7 +161,7 @@ def sweep(
     cluster: str | None = None,
     seconds: float | None = None,
     retry: bool = False,
-    progress: Callable[[Standing], None] | None = None,
+    progress: Callable[[JobProgress], None] | None = None,
 ) -> Swept:
     """Measure every instance that has no result in the store yet.
 
