@@ -55,7 +55,7 @@ Reduce = Callable[[Array], Array]
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What operators are applied to: a finite task whose dynamics do not depend on the time, and the learner's discount.
+    """The setting of operators: a finite task whose dynamics do not depend on the time, and the learner's discount.
 
     Attributes:
         model: the exact model.
@@ -344,7 +344,7 @@ def fixed_point(setting: Setting, operator: Operator, reduce: Reduce) -> Array |
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """How far learned values are from the fixed point of each operator, as a share of the spread of the right values.
+    """Distances of learned values from the fixed point of each operator, as shares of the spread of the right values.
 
     Attributes:
         distances: by operator; those whose fixed point the task cannot show (it is that of the right one, or there is none)
@@ -471,7 +471,7 @@ def _best(Q: Array) -> Array:
 
 
 class _Observed:
-    """What is observed in each state of a model."""
+    """Observations of the states of a model."""
 
     def __init__(self, task: Task, model: Model) -> None:
         reader = ProbabilisticPolicy(task, np.asarray, 0)
