@@ -260,7 +260,7 @@ def thresholds(probabilities: Sequence[Fraction | float]) -> tuple[int, ...]:
     weights = [p if p > 0 else Fraction(0) for p in probabilities]
     if not 0 < sum(weights) < math.inf:
         return (0,) * (len(weights) - 1)
-    cumulative = list(accumulate(map(Fraction, weights)))
+    cumulative = list(accumulate(Fraction(w) for w in weights))
     return tuple(round(NEVER * c / cumulative[-1]) for c in cumulative[:-1])
 
 
