@@ -69,28 +69,33 @@ def explain(value: str, error: Exception) -> NoReturn:
     start = _offset(value, error.lineno or 1, error.offset or 1)
     end = _offset(value, error.end_lineno or error.lineno or 1, error.end_offset or error.offset or 1)
     if start >= len(value):
-        raise SyntaxFailure(
-            max(0, len(value.rstrip()) - 1),
-            len(value.rstrip()),
-            "the expression ends too early here",
-        )
+        end = len(value.rstrip())
+        raise SyntaxFailure(max(0, end - 1), end, "the expression ends too early here")
     message = (error.msg or "invalid syntax").split(". Perhaps")[0]
     product = _PRODUCT.search(value) if message.endswith("literal") else None
     if product:
         hint = f"a product is written `{product[1]} * {product[2]}`"
         raise SyntaxFailure(product.start(), product.end(), f"'{product[0]}' is neither a number nor a name", hint)
+    advice = _advice(value, message, value[start])
     if message.startswith("invalid syntax"):
         message = "this cannot be read as an expression"
-    advice = "a label of several words needs its own quotes" if _WORDS.fullmatch(value) else None
-    if message.startswith("expected 'else'") or value.startswith(("if ", "if(")):
-        advice = "write `x if condition else y`"
-    if value.startswith("|"):
-        advice = "write `abs(x)`"
-    if message.startswith("invalid ") and value[start] in _CHARACTERS:
-        advice = f"write {_CHARACTERS[value[start]]}"
-    if message.startswith("invalid ") and value[start] in _INVISIBLE:
-        advice = "delete this character, which cannot be seen"
     raise SyntaxFailure(start, max(end, start + 1), message, advice)
+
+
+def _advice(value: str, message: str, char: str) -> str | None:
+    """Return the advice for an expression that Python's parser refused at a character."""
+    if message.startswith("invalid ") and not message.startswith("invalid syntax"):
+        if char in _INVISIBLE:
+            return "delete this character, which cannot be seen"
+        if char in _CHARACTERS:
+            return f"write {_CHARACTERS[char]}"
+    if value.startswith("|"):
+        return "write `abs(x)`"
+    if message.startswith("expected 'else'") or value.startswith(("if ", "if(")):
+        return "write `x if condition else y`"
+    if _WORDS.fullmatch(value):
+        return "a label of several words needs its own quotes"
+    return None
 
 
 def _offset(value: str, line: int, column: int) -> int:

@@ -165,7 +165,7 @@ class _Walk:
             yield from self.exchanged(path, one, other)
 
     def expression(self, value: Any, path: Path) -> Iterator[Mutant]:
-        """Changes of an expression in any of its forms."""
+        """Yield changes of an expression in any of its forms."""
         match value:
             case bool():
                 yield self.changed(path, not value, str(value).lower(), str(not value).lower())
