@@ -18,8 +18,7 @@ from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.model import Model
 from taskspec.model.space import plain, words
 from taskspec.modifiers import modify
-from taskspec.rollout.rollout import Choose, State, by_expert, reads_of
-from taskspec.rollout.simulate import simulate
+from taskspec.rollout.rollout import Choose, State, by_expert, reads_of, simulate
 from taskspec.scores.returns import normalised
 from taskspec.solve import solve
 from taskspec.task.task import Component, Task

@@ -23,7 +23,7 @@ from taskspec.model.model import misused
 from taskspec.model.points import Method
 from taskspec.modifiers import is_as_written
 from taskspec.registry import load
-from taskspec.rollout.simulate import EPISODES
+from taskspec.rollout.rollout import EPISODES
 from taskspec.rules.claim_verdicts import Verdict, verdicts
 from taskspec.rules.examples import wrong_examples
 from taskspec.scores.returns import Results, Return, normalised, read

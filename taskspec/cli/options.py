@@ -163,7 +163,7 @@ def complete_limits(incomplete: str) -> Completions:
 
 def complete_policies(incomplete: str) -> Completions:
     """Return names of policies, and files."""
-    from taskspec.policies.named import NAMES
+    from taskspec.policies.policy import NAMES
 
     return starting(incomplete, list(NAMES.items())) + complete_paths(incomplete)
 

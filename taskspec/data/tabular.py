@@ -21,7 +21,7 @@ from taskspec.lang.ir import Role, draws, reads
 from taskspec.model.extract import extract
 from taskspec.model.model import Model, Sparse, Step, misused, refuse, scipy_sparse
 from taskspec.modifiers import modify
-from taskspec.policies.named import named
+from taskspec.policies.policy import named
 from taskspec.registry import load
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task, TaskLike

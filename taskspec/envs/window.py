@@ -33,7 +33,7 @@ LETTERS = 42
 LINES = 2
 """Of a line of a note, and as many lines as there is room for, in every frame."""
 KEPT = 200
-"""Steps of an episode that are kept, to be drawn over time: `figures.values.STEPS`."""
+"""Steps of an episode that are kept, to be drawn over time: `figures.states.STEPS`."""
 Frame = np.ndarray[Any, np.dtype[np.uint8]]
 
 

@@ -16,7 +16,7 @@ from taskspec.lang import syntax as s
 from taskspec.model.space import words
 from taskspec.modifiers import modify
 from taskspec.registry import load
-from taskspec.rollout.simulate import EPISODES
+from taskspec.rollout.rollout import EPISODES
 from taskspec.rules.claim_rules import ClaimEvaluator, Reason, Terms
 from taskspec.rules.evaluator import InvalidClaim, Undecidable
 from taskspec.scores.returns import CLAIMS, OfClaim, Results

@@ -26,8 +26,7 @@ from taskspec.base.limits import Limits, changed, count, how_to_raise, progress_
 from taskspec.exact import check
 from taskspec.experiments.reading import described
 from taskspec.model.extract import extract
-from taskspec.rollout.rollout import at_random
-from taskspec.rollout.simulate import simulate
+from taskspec.rollout.rollout import at_random, simulate
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
