@@ -350,7 +350,7 @@ class Builder:
         square = self.apply("mul", half, half)
         return self.apply("mul", square, base) if count % 2 else square
 
-    def _identity(self, name: str, args: tuple[Node, ...], type: Type) -> Node | None:
+    def _identity(self, name: str, args: tuple[Node, ...], type: Type) -> Node | None:  # noqa: C901, PLR0912
         """Return a simpler node of the same value, where one is plain to see."""
         match name, args:
             case "where", (Const(value=bool(c)), a, b):

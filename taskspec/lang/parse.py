@@ -343,7 +343,7 @@ class _Reader:
         place = self.place(node)
         raise SyntaxFailure(place.start, place.end, message, hint, "E316")
 
-    def expr(self, node: ast.expr) -> s.Expr:
+    def expr(self, node: ast.expr) -> s.Expr:  # noqa: C901, PLR0912
         place = self.place(node)
         match node:
             case ast.Constant():

@@ -164,7 +164,7 @@ class _Walk:
         for one, other in pairwise(keys):
             yield from self.exchanged(path, one, other)
 
-    def expression(self, value: Any, path: Path) -> Iterator[Mutant]:
+    def expression(self, value: Any, path: Path) -> Iterator[Mutant]:  # noqa: C901
         """Yield changes of an expression in any of its forms."""
         match value:
             case bool():
