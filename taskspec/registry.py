@@ -124,7 +124,7 @@ def load(
 
 
 def listed(modifiers: Any) -> tuple[Written, ...]:
-    """Modifiers as a list, for a text and a mapping are iterables of something else.
+    """Return modifiers as a list, for a text and a mapping are iterables of something else.
 
     Raises:
         SpecError: E718 for anything but a list or its like.
@@ -141,9 +141,10 @@ def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) ->
 
     if not isinstance(source, Task | str | os.PathLike):
         raise spec_error("E701", f"a task is named by its id or a path, not by {source!r}")
-    if variant is not None and not isinstance(variant, str):
-        hint = f"the number of environments is `num_envs={variant}`" if type(variant) is int else None
-        raise spec_error("E211", f"a variant is named by a text, not by {variant!r}", hint)
+    given: object = variant
+    if not isinstance(given, str | None):
+        hint = f"the number of environments is `num_envs={given}`" if type(given) is int else None
+        raise spec_error("E211", f"a variant is named by a text, not by {given!r}", hint)
     if isinstance(source, Task):
         return _changed(source, variant, parameters)
     asked = instance(source) if isinstance(source, str) else ids.InstanceId(str(Path(source)), {})

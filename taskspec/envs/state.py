@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import gymnasium
 import numpy as np
 
-from taskspec.backends.vector_program import Engine
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import suggest
 from taskspec.envs import window
@@ -138,6 +137,9 @@ def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str,
     found = {"old_state": before, "new_state": after}
     return {key: value for name in task.info for key, value in ((name, found[name]), (f"_{name}", stepped))}
 
+
+if TYPE_CHECKING:
+    from taskspec.backends.vector_program import Engine
 
 RENDER_MODES: tuple[RenderMode, ...] = ("ansi", "rgb_array")
 """What lanes render: a window would be one too many for each."""

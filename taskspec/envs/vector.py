@@ -239,7 +239,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             return {"final_obs": self._last, "_final_obs": b.ended, "final_info": {}, "_final_info": b.ended}
         final = b.final.view(copy=True)
         rows = np.full(self.num_envs, None, dtype=object)  # as Gymnasium's own environments give them
-        for lane in np.flatnonzero(b.ended):
+        for lane in np.flatnonzero(b.ended).tolist():
             rows[lane] = of_lane(final, lane)
         return {"final_obs": rows, "_final_obs": b.ended.copy(), "final_info": {}, "_final_info": b.ended.copy()}
 

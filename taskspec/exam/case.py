@@ -13,8 +13,8 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import TaskspecError
 from taskspec.data import Demonstrations, demonstrations
+from taskspec.data.episodes import mapped
 from taskspec.data.preferences import WORDS, Teacher, return_ends
-from taskspec.data.transitions import mapped
 from taskspec.envs.metered import Metered
 from taskspec.source import Document
 from taskspec.task.merge import Merged

@@ -19,7 +19,7 @@ from taskspec.abstraction.abstraction import abstraction
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.data import Tabular, tabular
-from taskspec.data.transitions import mapped
+from taskspec.data.episodes import mapped
 from taskspec.model.model import misused, refuse
 from taskspec.policies.policy import greedy
 from taskspec.registry import load

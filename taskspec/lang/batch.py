@@ -24,7 +24,7 @@ UNSORTED = 16
 
 @cache
 def network(n: int) -> list[tuple[int, int]]:
-    """Comparators of Batcher's odd-even merge sort (Knuth, TAOCP 3, algorithm 5.2.2M)."""
+    """Return the comparators of Batcher's odd-even merge sort (Knuth, TAOCP 3, algorithm 5.2.2M)."""
     pairs = []
     t = max(1, (n - 1).bit_length())
     p = 1 << (t - 1)

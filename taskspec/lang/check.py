@@ -57,7 +57,7 @@ class Checker(BaseChecker):
             pass  # said below, where the stack has room again
         self.fail("E314", expr, "this is nested too deeply, with the definitions that it uses")
 
-    def _value(self, expr: s.Expr, scope: Scope, want: Domain | None) -> Value:
+    def _value(self, expr: s.Expr, scope: Scope, want: Domain | None) -> Value:  # noqa: C901, PLR0912
         match expr:
             case s.Number(value=number):
                 return self._number(number, want)

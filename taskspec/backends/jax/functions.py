@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -131,8 +131,8 @@ def _space(layout: SpaceLayout) -> Any:
                 if c.is_finite and c.type.is_scalar:
                     made[c.name] = spaces.Discrete(c.counts[0])
                 else:
-                    low, high = (tuple(map(single, bound)) for bound in (c.low, c.high))
-                    made[c.name] = _box(spaces, low, high, c.type.shape)
+                    lows = tuple(map(single, c.low))
+                    made[c.name] = _box(spaces, lows, tuple(map(single, c.high)), c.type.shape)
             return spaces.Dict(made)
         case "box":
             return _box(spaces, layout.low, layout.high, layout.shape)
@@ -180,26 +180,21 @@ class OpenParameters:
         return _params(self)(INT_MAX if task.horizon is None else task.horizon, *(p.value for p in self.varying))
 
     def values(self, params: Any) -> tuple[AnyArray, ...]:
-        """Return the parameters as arrays (N,) or (1,), lanes last; those that the task was loaded with where none are
-        given.
-        """
+        """Return the parameters as arrays (N,) or (1,), lanes last; those that the task was loaded with unless given."""
         given: Mapping[str, Any] = {p.name: p.value for p in self.varying} if params is None else params._asdict()
         return tuple(jnp.atleast_1d(jnp.asarray(given[p.name], _DTYPES[p.kind])) for p in self.varying)
 
     def paid(self, reward: AnyArray, given: Sequence[AnyArray]) -> AnyArray:
-        """Return the reward (N,), nan where the spec does not allow the parameters: all that can be done once a program is
-        compiled.
-        """
-        for allowed in (*self._ranges(given), *self.conditions(*given)):
-            reward = jnp.where(allowed, reward, jnp.nan)
-        return reward
-
-    def _ranges(self, given: Sequence[AnyArray]) -> Iterator[AnyArray]:
+        """Return the reward (N,), nan where the spec does not allow the parameters: compiled programs cannot do more."""
+        allowed = list(self.conditions(*given))
         for p, value in zip(self.varying, given, strict=True):
             if p.low is not None:
-                yield value >= jnp.asarray(p.low, value.dtype)
+                allowed.append(value >= jnp.asarray(p.low, value.dtype))
             if p.high is not None:
-                yield value <= jnp.asarray(p.high, value.dtype)
+                allowed.append(value <= jnp.asarray(p.high, value.dtype))
+        for each in allowed:
+            reward = jnp.where(each, reward, jnp.nan)
+        return reward
 
     def check(self, params: Any) -> None:
         """Refuse (E704) values that the spec does not allow together, as far as they are known."""
