@@ -54,8 +54,8 @@ Reduce = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
-    """The setting of operators: a finite task whose dynamics do not depend on the time, and the learner's discount.
+class Dynamics:
+    """The dynamics that operators are applied to: a finite task whose dynamics do not depend on the time, and the learner's discount.
 
     Attributes:
         model: the exact model.
@@ -113,12 +113,12 @@ class Setting:
 
 # -- operators --------------------------------------------------------------------------------------------------------
 
-Backup = Callable[[Setting, Array, Array], Array]
-"""From a setting, Q (A, S) and V (S,) to the next Q (A, S)."""
+Backup = Callable[[Dynamics, Array, Array], Array]
+"""From dynamics, Q (A, S) and V (S,) to the next Q (A, S)."""
 
 
 @dataclass(frozen=True)
-class Operator:
+class BellmanOperator:
     """A Bellman operator, and the mistake that makes a learner apply it.
 
     Attributes:
@@ -135,22 +135,22 @@ class Operator:
     mistake: str
     code: str
     fix: str
-    reduce: Callable[[Setting, Array], Array] | None = None
+    reduce: Callable[[Dynamics, Array], Array] | None = None
     on_policy: bool = False
 
 
-def _right(s: Setting, Q: Array, V: Array) -> Array:
+def _right(s: Dynamics, Q: Array, V: Array) -> Array:
     return s.R + s.gamma * s.following(V)
 
 
-def _ends_ignored(s: Setting, Q: Array, V: Array) -> Array:
+def _ends_ignored(s: Dynamics, Q: Array, V: Array) -> Array:
     known = np.where(
         s.model.acting, V, 0.0
     )  # a state in which no episode acts keeps the value that it was created with
     return s.R + s.gamma * (s.following(V) + s.ending(known))
 
 
-def _next_episode(s: Setting, Q: Array, V: Array) -> Array:
+def _next_episode(s: Dynamics, Q: Array, V: Array) -> Array:
     first = float(s.model.start @ V)
     last = s.last_share(_behaviour(Q))
     ones = np.ones_like(V)
@@ -160,45 +160,45 @@ def _next_episode(s: Setting, Q: Array, V: Array) -> Array:
     return found
 
 
-def _limit_is_end(s: Setting, Q: Array, V: Array) -> Array:
+def _limit_is_end(s: Dynamics, Q: Array, V: Array) -> Array:
     return s.R + s.gamma * (1 - s.last_share(_behaviour(Q))) * s.following(V)
 
 
-def _same_state(s: Setting, Q: Array, V: Array) -> Array:
+def _same_state(s: Dynamics, Q: Array, V: Array) -> Array:
     goes_on = s.following(np.ones_like(V))
     found: Array = s.R + s.gamma * goes_on * V
     return found
 
 
-def _reward_discounted(s: Setting, Q: Array, V: Array) -> Array:
+def _reward_discounted(s: Dynamics, Q: Array, V: Array) -> Array:
     return s.gamma * (s.R + s.following(V))
 
 
-def _discounted_twice(s: Setting, Q: Array, V: Array) -> Array:
+def _discounted_twice(s: Dynamics, Q: Array, V: Array) -> Array:
     return s.R + s.gamma**2 * s.following(V)
 
 
-def _undiscounted(s: Setting, Q: Array, V: Array) -> Array:
+def _undiscounted(s: Dynamics, Q: Array, V: Array) -> Array:
     return s.R + s.following(V)
 
 
-def _immediate(s: Setting, Q: Array, V: Array) -> Array:
+def _immediate(s: Dynamics, Q: Array, V: Array) -> Array:
     return s.R
 
 
-def _clipped(s: Setting, Q: Array, V: Array) -> Array:
+def _clipped(s: Dynamics, Q: Array, V: Array) -> Array:
     return s.clipped + s.gamma * s.following(V)
 
 
-def _signs(s: Setting, Q: Array, V: Array) -> Array:
+def _signs(s: Dynamics, Q: Array, V: Array) -> Array:
     return s.signs + s.gamma * s.following(V)
 
 
-def _negated(s: Setting, Q: Array, V: Array) -> Array:
+def _negated(s: Dynamics, Q: Array, V: Array) -> Array:
     return -s.R + s.gamma * s.following(V)
 
 
-def _action_before(s: Setting, Q: Array, V: Array) -> Array:
+def _action_before(s: Dynamics, Q: Array, V: Array) -> Array:
     n = s.model.n_states
     P = s.model.step(0).P
     following = np.stack([P[a * n : (a + 1) * n] @ Q[a] for a in range(s.model.n_actions)])
@@ -210,87 +210,87 @@ def _behaviour(Q: Array, exploration: float = EXPLORATION) -> Array:
     return (1 - exploration) * greedy(Q.T).T + exploration / len(Q)
 
 
-def _mean(s: Setting, Q: Array) -> Array:
+def _mean(s: Dynamics, Q: Array) -> Array:
     found: Array = Q.mean(axis=0)
     return found
 
 
-def _least(s: Setting, Q: Array) -> Array:
+def _least(s: Dynamics, Q: Array) -> Array:
     found: Array = Q.min(axis=0)
     return found
 
 
-def _all_states(s: Setting, Q: Array) -> Array:
+def _all_states(s: Dynamics, Q: Array) -> Array:
     return np.full(Q.shape[1], Q[:, s.model.acting].max())
 
 
 OPERATORS = {
     operator.name: operator
     for operator in (
-        Operator("right", _right, "without a mistake in its targets", "r + gamma * (1 - terminated) * V(s')", ""),
-        Operator(
+        BellmanOperator("right", _right, "without a mistake in its targets", "r + gamma * (1 - terminated) * V(s')", ""),
+        BellmanOperator(
             "on policy", _right, "that learns the values of what it does, exploration included (SARSA)",
             "target = r + gamma * Q(s', a')", "Nothing, if that is meant; else take the maximum over actions.",
             on_policy=True,
         ),
-        Operator(
+        BellmanOperator(
             "ends ignored", _ends_ignored, "that bootstraps past the end of an episode",
             "target = r + gamma * V(s')", "Multiply V(s') by (1 - terminated).",
         ),
-        Operator(
+        BellmanOperator(
             "next episode", _next_episode, "for which an episode continues with the first state of the next one",
             "next_obs taken after the environment was reset",
             "Take the last observation of the episode (final_obs), and mask its value where it is terminal.",
         ),
-        Operator(
+        BellmanOperator(
             "limit is an end", _limit_is_end, "for which the time limit ends the world",
             "done = terminated or truncated", "Mask V(s') by terminated alone; truncated episodes keep their value.",
         ),
-        Operator(
+        BellmanOperator(
             "same state", _same_state, "that takes the state it left for the one it reached",
             "next_obs = obs, or a buffer that shares memory", "Store the observation that step() returned, as a copy.",
         ),
-        Operator(
+        BellmanOperator(
             "mean of actions", _right, "that averages over the next actions instead of choosing the best",
             "q(s').mean(axis=-1)", "Take the maximum over actions.", _mean,
         ),
-        Operator(
+        BellmanOperator(
             "least action", _right, "that expects the worst of the next actions",
             "q(s').min(axis=-1), or a minimum over the wrong axis", "Take the maximum over actions.", _least,
         ),
-        Operator(
+        BellmanOperator(
             "all states", _right, "that takes the best value of any state for the next one",
             "q.max() without an axis", "Take the maximum over the axis of actions.", _all_states,
         ),
-        Operator(
+        BellmanOperator(
             "action before", _action_before, "that looks up the next state with the action that was just taken",
             "q[s', a]", "Update the action before the look-up, or take the maximum.",
         ),
-        Operator(
+        BellmanOperator(
             "reward discounted", _reward_discounted, "that discounts the reward, too",
             "gamma * (r + V(s'))", "Move the parenthesis: r + gamma * V(s').",
         ),
-        Operator(
+        BellmanOperator(
             "discounted twice", _discounted_twice, "that discounts twice a step",
             "gamma in the buffer and in the target", "Apply gamma once.",
         ),
-        Operator(
+        BellmanOperator(
             "undiscounted", _undiscounted, "that does not discount", "target = r + V(s')",
             "Multiply V(s') by gamma.",
         ),
-        Operator(
+        BellmanOperator(
             "immediate reward", _immediate, "that sees no further than the next reward",
             "target = r, or gamma = 0", "Add gamma * V(s'), and check that its mask is not inverted.",
         ),
-        Operator(
+        BellmanOperator(
             "rewards clipped", _clipped, "whose rewards are clipped to [-1, 1]",
             "a wrapper or option for Atari was left on", "Remove it.",
         ),
-        Operator(
+        BellmanOperator(
             "signs of rewards", _signs, "that sees the signs of rewards alone",
             "np.sign(r), as wrappers for Atari do", "Remove it.",
         ),
-        Operator(
+        BellmanOperator(
             "reward negated", _negated, "that takes rewards for costs", "target = -r + ...", "Remove the minus sign.",
         ),
     )
@@ -304,7 +304,7 @@ GOOD = ("right", "on policy")
 
 
 @lru_cache(maxsize=32)
-def _setting(task: Task, gamma: float) -> Setting:
+def _dynamics(task: Task, gamma: float) -> Dynamics:
     model = extract(task)
     if model.is_timed:
         refuse(f"{task.id} depends on the time, which values of states leave out", "add the time to the state")
@@ -313,7 +313,7 @@ def _setting(task: Task, gamma: float) -> Setting:
     clipped = extract(_paid(task, lambda b, r: b.apply("min2", b.apply("max2", r, b.scalar(-1)), b.scalar(1))))
     signs = extract(_paid(task, lambda b, r: b.apply("sign", r)))
     shape = (model.n_actions, model.n_states)
-    return Setting(model, gamma, clipped.step(0).R.reshape(shape), signs.step(0).R.reshape(shape))
+    return Dynamics(model, gamma, clipped.step(0).R.reshape(shape), signs.step(0).R.reshape(shape))
 
 
 def _paid(task: Task, change: Callable[[Builder, Node], Node]) -> Task:
@@ -322,17 +322,17 @@ def _paid(task: Task, change: Callable[[Builder, Node], Node]) -> Task:
     return paying(b, task, b.cast(change(b, task.reward), REAL.kind))
 
 
-def fixed_point(setting: Setting, operator: Operator, reduce: Reduce) -> Array | None:
+def fixed_point(dynamics: Dynamics, operator: BellmanOperator, reduce: Reduce) -> Array | None:
     """Return Q, float64 (A, S), that an operator does not change; None if it grows without a bound, or does not settle.
 
     Args:
         reduce: Q to V, for operators without a reduction of their own.
     """
-    Q = np.zeros_like(setting.R)
-    size = max(1e-9, float(np.abs(setting.R).max()))
+    Q = np.zeros_like(dynamics.R)
+    size = max(1e-9, float(np.abs(dynamics.R).max()))
     for _ in range(SWEEPS):
-        V = reduce(Q) if operator.reduce is None else operator.reduce(setting, Q)
-        following = operator.backup(setting, Q, V)
+        V = reduce(Q) if operator.reduce is None else operator.reduce(dynamics, Q)
+        following = operator.backup(dynamics, Q, V)
         change = float(np.abs(following - Q).max())
         Q = following
         if change <= PRECISION * size:
@@ -405,26 +405,26 @@ def fingerprint(
     if values is not None and policy is None:
         misused("values are those of a policy", "give its probabilities of actions as `policy`")
     task = load(task)
-    setting = _setting(task, task.discount if discount is None else float(discount))
-    model = setting.model
+    dynamics = _dynamics(task, task.discount if discount is None else float(discount))
+    model = dynamics.model
     rows = _Observed(task, model)
     reduce: Reduce = _best
     pi = np.full((model.n_actions, model.n_states), 1 / model.n_actions)
     if policy is not None:
         pi = rows.read(policy, model.n_actions).T
         reduce = _Expected(pi)
-    visits = setting.visits(pi).sum(axis=0)
+    visits = dynamics.visits(pi).sum(axis=0)
     weights = visits / visits.sum()
     learned = rows.read(q, model.n_actions).T if values is None else rows.read(values, None)
     if not np.isfinite(learned[..., weights > 0]).all():
         misused("the learned values are not finite numbers")
     shown: dict[str, Array] = {}
-    right_q = fixed_point(setting, OPERATORS["right"], reduce)
+    right_q = fixed_point(dynamics, OPERATORS["right"], reduce)
     if right_q is None:
-        refuse(f"values of {task.id} have no bound at discount {setting.gamma:g}", "give the learner's `discount`")
+        refuse(f"values of {task.id} have no bound at discount {dynamics.gamma:g}", "give the learner's `discount`")
     scale = _spread(right_q, weights)
     for name, operator in OPERATORS.items():
-        found = [fixed_point(setting, operator, each) for each in _reductions(operator, reduce)]
+        found = [fixed_point(dynamics, operator, each) for each in _reductions(operator, reduce)]
         known = [Q if values is None else (pi * Q).sum(axis=0) for Q in found if Q is not None]
         if known:
             shown[name] = min(known, key=lambda Q: _distance(learned, Q, weights))
@@ -436,7 +436,7 @@ def fingerprint(
     return Fingerprint(distances, same)
 
 
-def _reductions(operator: Operator, reduce: Reduce) -> list[Reduce]:
+def _reductions(operator: BellmanOperator, reduce: Reduce) -> list[Reduce]:
     """Return the reductions of Q to V with which an operator is tried."""
     if not operator.on_policy:
         return [reduce]
