@@ -25,7 +25,7 @@ from taskspec.envs.window import Frames
 from taskspec.model.model import misused
 from taskspec.policies.experts import Expert
 from taskspec.registry import load
-from taskspec.task.parameters import RenderMode
+from taskspec.task.parts import RenderMode
 from taskspec.task.spaces import space
 from taskspec.task.task import Task, TaskLike
 

@@ -23,7 +23,7 @@ from taskspec.task.annotations import figure, read_examples, remembered, symmetr
 from taskspec.task.context import Context
 from taskspec.task.merge import Merged, abstracted, merge, stripped
 from taskspec.task.names import Names, check_names, signature
-from taskspec.task.parameters import Varying
+from taskspec.task.parts import Varying
 from taskspec.task.task import Parameter, Task
 
 SEMANTIC = (

@@ -15,9 +15,9 @@ from taskspec.base.limits import how_to_raise, limits
 from taskspec.source import Document, Path
 from taskspec.source.scan import EXTENDS
 from taskspec.task.merge import Merged, statement, variant_names
-from taskspec.task.schema import problems, typed
+from taskspec.task.schema import typed, values
 from taskspec.task.schema.models import CHANGES, FORMAT, LIST, Extension, Spec
-from taskspec.task.schema.problems import Problem, advice
+from taskspec.task.schema.values import Problem, advice
 
 # What belongs where pydantic found something else, by the type of its error.
 _EXPECTED = {
@@ -70,7 +70,7 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
             add_problem(collector, document, problem)
         validate(document, collector, Extension if EXTENDS in document.data else Spec)
     else:
-        message = f"a spec is a mapping of sections, not {problems.kind(document.data)}"
+        message = f"a spec is a mapping of sections, not {values.kind(document.data)}"
         collector.add("E201", document.span(()), message, "start it with `taskspec: 1`")
     return collector.diagnostics
 
@@ -130,7 +130,7 @@ def problems_of(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Probl
             yield _missing_key(loc)
         case "extra_forbidden":
             known = _keys_at(model, loc[:-1])
-            yield problems.unknown_key(str(loc[-1]), tuple(known)).below(*loc)
+            yield values.unknown_key(str(loc[-1]), tuple(known)).below(*loc)
         case "literal_error":
             yield _not_an_option(error["input"], error["ctx"]["expected"], loc[-1:]).below(*loc)
         case other:
@@ -158,22 +158,22 @@ def _not_an_option(value: object, expected: str, key: Path) -> Problem:
         if isinstance(value, str)
         else None
     )
-    message = f"{problems.kind(value)} is not one of {', '.join(options)}"
+    message = f"{values.kind(value)} is not one of {', '.join(options)}"
     return Problem("E218" if value is None else "E206", (), message, hint)
 
 
 def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
     value = error["input"]
     if error_type in _MAPPINGS:
-        problem = problems.wrong_kind("named entries (`name: ...`)", value, _entry_meant(error["loc"], value))
+        problem = values.wrong_kind("named entries (`name: ...`)", value, _entry_meant(error["loc"], value))
         return problem if value is None else problem._replace(code="E201")
     if error_type == "greater_than_equal":
         return Problem("E204", (), f"{value} is too small: at least {error['ctx']['ge']}")
     if expected := _EXPECTED.get(error_type):
         is_number = isinstance(value, int | float)
         hint = "put it in quotes" if expected == "text" and is_number else None
-        return problems.wrong_kind(expected, value, hint)
-    return Problem("E204", (), f"{problems.kind(value)} is not allowed here: {error['msg']}")
+        return values.wrong_kind(expected, value, hint)
+    return Problem("E204", (), f"{values.kind(value)} is not allowed here: {error['msg']}")
 
 
 def _entry_meant(loc: Path, value: Any) -> str | None:

@@ -9,11 +9,12 @@ from pydantic import Field, TypeAdapter, WithJsonSchema, model_validator
 
 from taskspec.base.diagnostics import Collector, Diagnostic
 from taskspec.source import Document
-from taskspec.task.schema import problems, values
+from taskspec.task.schema import values
+from taskspec.task.schema import values as problems
 from taskspec.task.schema.check import add_problem, validate
 from taskspec.task.schema.models import Source
-from taskspec.task.schema.problems import Problem, wrong_kind
 from taskspec.task.schema.typed import Name, Strict, checked, fail
+from taskspec.task.schema.values import Problem, wrong_kind
 
 FORMAT = 1
 """The version of the format that is read here."""

@@ -19,9 +19,9 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from taskspec.task.schema import problems, values
-from taskspec.task.schema.problems import Problem
-from taskspec.task.schema.values import Kind
+from taskspec.task.schema import values
+from taskspec.task.schema import values as problems
+from taskspec.task.schema.values import Kind, Problem
 
 PROBLEMS = "taskspec_problems"
 FORM = "x-form"  # pydantic follows every `$ref` it meets, so forms are linked afterwards
