@@ -10,7 +10,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.policies.files import is_function
 from taskspec.registry import tasks_root
 from taskspec.source import Document, read_file
-from taskspec.task.schema.experiments import Experiment, check_experiment
+from taskspec.task.schema.experiments import Experiment, check_document
 
 FOLDER = "experiments"
 """The folder of a suite that holds the experiments that come with it."""
@@ -53,7 +53,7 @@ def described(document: Document) -> ExperimentFile:
     Raises:
         SpecError: with every mistake in its shape.
     """
-    found, problems = check_experiment(document)
+    found, problems = check_document(document, Experiment)
     if found is None:
         raise SpecError(problems)
     return ExperimentFile(found, document)

@@ -259,32 +259,17 @@ def _bases(document: Document) -> Iterator[Problem]:
         there = {} if other is None or not isinstance(other.data, dict) else other.data.get("variants")
         if other is not None and isinstance(base, str) and base not in (there or {}):
             yield _unknown_variant(base, list(there or {})).below(*path, "base")
-    bases = {k: v.get("base") for k, v in entries.items() if EXTENDS not in v}
-    circular = _circles(bases)
+    bases = {k: str(v["base"]) for k, v in entries.items() if EXTENDS not in v and isinstance(v.get("base"), str)}
     for key, base in bases.items():
         path = ("variants", key, "base")
-        if isinstance(base, str) and base not in entries:
+        if base not in entries:
             yield _unknown_variant(base, list(entries)).below(*path)
-        elif key in circular:
-            yield Problem("E212", path, f"these variants are based on each other: {circular[key]}")
-
-
-def _circles(bases: dict[str, Any]) -> dict[str, str]:
-    """Variants that are based on themselves by way of others, each with the circle in words."""
-    found: dict[str, str] = {}
-    done: set[str] = set()
-    for start in bases:
-        way: list[str] = []
-        key: Any = start
-        while isinstance(key, str) and key in bases and key not in done:
-            done.add(key)
-            way.append(key)
-            key = bases[key]
-        if key in way:
-            circle = way[way.index(key) :]
-            turns = [circle[i:] + circle[: i + 1] for i in range(len(circle))]
-            found |= {turn[0]: " -> ".join(turn) for turn in turns}
-    return found
+        circle = [key]
+        while bases.get(circle[-1]) not in (None, *circle):
+            circle.append(bases[circle[-1]])
+        if bases.get(circle[-1]) == key:
+            message = f"these variants are based on each other: {' -> '.join([*circle, key])}"
+            yield Problem("E212", path, message)
 
 
 def _unknown_variant(name: str, variants: list[str]) -> Problem:

@@ -409,17 +409,13 @@ def grid(value: Any) -> Iterator[Problem]:
                 yield from (problem.below(*path, key) for problem in setting(values))
 
 
-def observation(value: Any) -> Iterator[Problem]:
-    """Named expressions, and under `space` which kind of space to make of them."""
-    yield from _observation(value, nullable=False)
-
-
 def partial_observation(value: Any) -> Iterator[Problem]:
-    """Yield the same in a variant, where nothing after a name removes it."""
-    yield from _observation(value, nullable=True)
+    """Yield the problems of an observation in a variant, where nothing after a name removes it."""
+    yield from observation(value, nullable=True)
 
 
-def _observation(value: Any, nullable: bool) -> Iterator[Problem]:
+def observation(value: Any, nullable: bool = False) -> Iterator[Problem]:
+    """Yield the problems of named expressions, and under `space` of the kind of space to make of them."""
     if not isinstance(value, dict):
         yield wrong_kind("named observations (`name: expression`)", value)
         return
@@ -427,8 +423,7 @@ def _observation(value: Any, nullable: bool) -> Iterator[Problem]:
         if part is None and nullable:
             continue
         if key == "space" and part not in SPACES:
-            hint = "one of: " + ", ".join(SPACES)
-            yield Problem("E206", (key,), f"{kind(part)} is not a kind of space", hint)
+            yield Problem("E206", (key,), f"{kind(part)} is not a kind of space", "one of: " + ", ".join(SPACES))
         elif key != "space":
             yield from name(key, (key,))
             yield from (problem.below(key) for problem in _observed(part))
