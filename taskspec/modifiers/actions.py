@@ -12,7 +12,7 @@ from taskspec import draws
 from taskspec.base.limits import Limits
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
-from taskspec.lang.ir import Node, Read, Role, walk
+from taskspec.lang.ir import Node, Role, reads
 from taskspec.lang.types import BOOL, Kind
 from taskspec.modifiers.core import (
     MOST,
@@ -40,7 +40,9 @@ from taskspec.task.task import Component, Task
 def _sticky(b: Builder, task: Task, given: Arguments) -> Task:
     name, *names_kept = fresh(["acted", *(f"last_{c.name}" for c in task.action)], names_in(task))
     begun = b.read(Role.STATE, name, BOOL, 0, 1)
-    kept = [_previous(c, last) for c, last in zip(task.action, names_kept, strict=True)]
+    kept = []
+    for c, last_name in zip(task.action, names_kept, strict=True):
+        kept.append(replace(c, name=last_name, symbol=None, doc=f"`{c.name}` as it was executed last"))
     with b.written(apart=True) as drawn:
         repeated = DISTS["Bernoulli"].build(b, {"p": b.scalar(given["probability"])}, ())
     again = b.apply("and", begun, repeated)
@@ -52,11 +54,6 @@ def _sticky(b: Builder, task: Task, given: Arguments) -> Task:
     flag = Component(name, BOOL, (0,), (1,), doc="whether an action was taken before")
     begins = AddedState(flag, b.scalar(False), b.scalar(True))
     return drawing(with_state(acting(b, task, executed), [*added, begins]), drawn)
-
-
-def _previous(c: Component, name: str) -> Component:
-    """Return what keeps an action."""
-    return replace(c, name=name, symbol=None, doc=f"`{c.name}` as it was executed last")
 
 
 def _random(b: Builder, task: Task, given: Arguments) -> Task:
@@ -182,20 +179,16 @@ def _longer(b: Builder, task: Task, steps: int) -> Task:
     reached = reach(task.state, task.initial, following, steps)
     seen = Observed(b, task.state, reached)
     endless = {c.name for c in task.state if not all(map(math.isfinite, (*c.low, *c.high)))}
-    components = tuple(
-        _wider(c, seen.edges(n)) if _names(n) & endless else c
-        for c, n in zip(task.observation.components, task.observation.nodes, strict=True)
+    components = []
+    for c, node in zip(task.observation.components, task.observation.nodes, strict=True):
+        if endless & {name for role, name in reads([node]) if role is Role.STATE}:
+            edges = seen.edges(node)
+            low = tuple(min(v, edge[0]) for v, edge in zip(c.low, edges, strict=True))
+            c = replace(c, low=low, high=tuple(max(v, edge[1]) for v, edge in zip(c.high, edges, strict=True)))
+        components.append(c)
+    return replace(
+        task, horizon=steps, next=following, observation=replace(task.observation, components=tuple(components))
     )
-    return replace(task, horizon=steps, next=following, observation=replace(task.observation, components=components))
-
-
-def _wider(c: Component, edges: list[tuple[float, float]]) -> Component:
-    low = tuple(min(v, edge[0]) for v, edge in zip(c.low, edges, strict=True))
-    return replace(c, low=low, high=tuple(max(v, edge[1]) for v, edge in zip(c.high, edges, strict=True)))
-
-
-def _names(node: Node) -> set[str]:
-    return {n.name for n in walk([node]) if isinstance(n, Read) and n.role is Role.STATE}
 
 
 def _says_horizon(task: Task, given: Arguments) -> str:
