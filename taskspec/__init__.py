@@ -78,4 +78,4 @@ def __dir__() -> list[str]:
 
 # Gymnasium learns the ids of the shipped tasks where it was imported before.
 if "gymnasium.envs.registration" in sys.modules:
-    __getattr__("register")()
+    __import__("taskspec.making").making.register()  # by name, since an import would put the package above its layers

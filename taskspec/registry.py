@@ -135,27 +135,25 @@ def listed(modifiers: Any) -> tuple[Written, ...]:
     return tuple(modifiers)
 
 
-def _check_variant(variant: object) -> None:
-    if variant is not None and not isinstance(variant, str):
-        hint = f"the number of environments is `num_envs={variant}`" if type(variant) is int else None
-        raise spec_error("E211", f"a variant is named by a text, not by {variant!r}", hint)
-
-
 def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) -> Task:
     """Return what `load` gives before any more modifiers."""
     from taskspec.task.task import Task
 
     if not isinstance(source, Task | str | os.PathLike):
         raise spec_error("E701", f"a task is named by its id or a path, not by {source!r}")
-    _check_variant(variant)
+    given: object = variant
+    if not isinstance(given, str | None):
+        hint = f"the number of environments is `num_envs={given}`" if type(given) is int else None
+        raise spec_error("E211", f"a variant is named by a text, not by {given!r}", hint)
     if isinstance(source, Task):
         return _changed(source, variant, parameters)
-    if isinstance(source, os.PathLike):
-        return _load_file(Path(source), variant, parameters)
-    asked = instance(source)
-    parameters = _together(asked, parameters)
-    if is_path(asked.name):
-        return _load_file(Path(asked.name), variant, parameters)
+    asked = instance(source) if isinstance(source, str) else ids.InstanceId(str(Path(source)), {})
+    for name in parameters:
+        if name in asked.parameters:
+            raise spec_error("E713", f"'{name}' is given in the id and separately; give it once")
+    parameters = {**asked.parameters, **parameters}
+    if not isinstance(source, str) or is_path(asked.name):
+        return _built(document(asked.name), variant, parameters, suite_of(Path(asked.name)))
     entry = find(asked.name)
     is_shipped = shipped().get(entry.id) is entry
     return _built(document(str(entry.path)), variant or entry.variant, parameters, entry.suite, is_shipped)
@@ -169,14 +167,6 @@ def instance(source: str) -> ids.InstanceId:
         SpecError: E713 for something else than values behind it.
     """
     return ids.InstanceId(source, {}) if is_path(source) else ids.parse(source)
-
-
-def _together(asked: ids.InstanceId, parameters: dict[str, Any]) -> dict[str, Any]:
-    """Return the values that an id gives, and those given beside it."""
-    twice = next((name for name in parameters if name in asked.parameters), None)
-    if twice is not None:
-        raise spec_error("E713", f"'{twice}' is given in the id and separately; give it once")
-    return {**asked.parameters, **parameters}
 
 
 def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Task:
@@ -217,10 +207,6 @@ def find(task_id: str) -> Entry:
     near = suggest(_VERSION.sub("", task_id), [f"{e.suite}/{e.name}" for e in entries.values()])
     hint = near or "`taskspec list` shows the tasks; a path ends in .yaml"
     raise spec_error("E701", f"there is no task '{task_id}'", hint)
-
-
-def _load_file(path: Path, variant: str | None, parameters: dict[str, Any]) -> Task:
-    return _built(document(str(path)), variant, parameters, suite_of(path))
 
 
 def document(path: str) -> Document:

@@ -137,14 +137,9 @@ def _files(target: str) -> list[File]:
     suite = [e for e in registry.known().values() if e.suite == target]
     if suite:
         return _of_entries(suite, whole=True)
-    if _looks_like_path(target):
+    if target.startswith((".", "/", "~")) or target.endswith("/"):
         raise spec_error("E710", f"there is no file or folder '{target}'")
     return _of_entries([registry.find(target)], whole=False)
-
-
-def _looks_like_path(target: str) -> bool:
-    """Return whether a target that does not exist starts or ends like a path."""
-    return target.startswith((".", "/", "~")) or target.endswith("/")
 
 
 def _of_folder(folder: Path) -> list[File]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 _ENTRY = re.compile(r"@(\w+)\s*\{\s*([\w:.+/-]+)\s*,")
-_FIELD = re.compile(r"(\w+)\s*=\s*")
+_FIELD = re.compile(r"[\s,]*(\w+)\s*=\s*")
+_BARE = re.compile(r"[^,}\s]*")
 _ACCENTS = re.compile(r"\\['`^\"~=.uvHtcdb]\s*\{?(\w)\}?")
 NAME = "references.bib"
 
@@ -55,32 +56,26 @@ def read(text: str) -> dict[str, Reference]:
     return found
 
 
-def _fields(text: str, at: int) -> Iterable[tuple[str, str]]:
-    while True:
-        found = re.compile(r"[\s,]*").match(text, at)
-        match = _FIELD.match(text, found.end() if found else at)
-        if match is None:
-            return
-        value, at = _value(text, match.end())
-        yield match[1].lower(), value
-
-
-def _value(text: str, at: int) -> tuple[str, int]:
-    """Return a value in braces, in quotes, or bare; and where it ends."""
-    if text[at : at + 1] == '"':
-        end = text.find('"', at + 1)
-        return (text[at + 1 : end], end + 1) if end > 0 else (text[at + 1 :], len(text))
-    if text[at : at + 1] != "{":
-        bare = re.compile(r"[^,}\s]*").match(text, at)
-        return (bare[0], bare.end()) if bare else ("", len(text))
-    depth = 0
-    end = at
-    while end < len(text):
-        depth += {"{": 1, "}": -1}.get(text[end], 0)
-        end += 1
-        if depth == 0:
-            break
-    return text[at + 1 : end - 1], end
+def _fields(text: str, at: int) -> Iterator[tuple[str, str]]:
+    """Yield the fields of the entry whose key ends at an offset; values stand in braces, in quotes, or bare."""
+    while match := _FIELD.match(text, at):
+        start = match.end()
+        opening = text[start : start + 1]
+        at = start
+        if opening == "{":
+            depth = 0
+            while at < len(text):
+                depth += {"{": 1, "}": -1}.get(text[at], 0)
+                at += 1
+                if depth == 0:
+                    break
+        elif opening == '"':
+            at = text.find('"', start + 1) + 1 or len(text)
+        else:
+            bare = _BARE.match(text, start)
+            at = bare.end() if bare else start
+        value = text[start:at]
+        yield match[1].lower(), value[1:-1] if opening in ("{", '"') else value
 
 
 def beside(specs: Iterable[str | Path]) -> dict[str, Reference]:

@@ -27,10 +27,11 @@ def safe_name(text: str) -> str:
     is added: different texts have different names.
     """
     clean = _KEPT.sub("-", text).encode(errors="replace")[:LONGEST].decode(errors="ignore").strip("-. ")
-    if clean == text and not _RESERVED.fullmatch(clean) and clean:
+    is_reserved = _RESERVED.fullmatch(clean) is not None
+    if clean == text and clean and not is_reserved:
         return clean
     digest = hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:8]
-    return f"{'_' if _RESERVED.fullmatch(clean) else ''}{clean or 'unnamed'}-{digest}"
+    return f"{'_' * is_reserved}{clean or 'unnamed'}-{digest}"
 
 
 def write_text(place: Path, text: str, new: bool = False) -> None:
@@ -80,9 +81,10 @@ def whole_folder(place: Path, mark: str) -> Iterator[Path]:
     with refused(place):
         place = place.resolve()
         if place.exists() and not (place.is_dir() and ((place / mark).is_file() or not any(place.iterdir()))):
-            raise _failure(f"{str(place)!r} already exists; it was not changed", "give another place")
+            raise _already_exists(place)
         place.parent.mkdir(parents=True, exist_ok=True)
-        made, old = (place.with_name(f".{os.urandom(8).hex()}") for _ in range(2))
+        made = place.with_name(f".{os.urandom(8).hex()}")
+        old = place.with_name(f".{os.urandom(8).hex()}")
         made.mkdir()
         try:
             yield made
@@ -104,7 +106,7 @@ def refused(place: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise _failure(f"cannot write {str(place)!r}: {error.strerror or error}") from error
+        raise spec_error("E716", f"cannot write {str(place)!r}: {error.strerror or error}") from error
 
 
 class Unfinished:
@@ -118,7 +120,10 @@ class Unfinished:
         self._new = new
         self._place.parent.mkdir(parents=True, exist_ok=True)
         if new:
-            self._reserve()
+            try:
+                self._place.touch(exist_ok=False)
+            except FileExistsError:
+                raise _already_exists(self._place) from None
         self._direct = self._place.exists() and not self._place.is_file()
         self.path = self._place if self._direct else self._place.with_name(f".{os.urandom(8).hex()}{place.suffix}")
         if not self._direct:
@@ -140,16 +145,9 @@ class Unfinished:
         if self._new:
             self._place.unlink(missing_ok=True)
 
-    def _reserve(self) -> None:
-        try:
-            self._place.touch(exist_ok=False)
-        except FileExistsError:
-            message = f"{str(self._place)!r} already exists; it was not changed"
-            raise _failure(message, "give another place") from None
 
-
-def _failure(message: str, hint: str | None = None) -> SpecError:
-    return spec_error("E716", message, hint)
+def _already_exists(place: Path) -> SpecError:
+    return spec_error("E716", f"{str(place)!r} already exists; it was not changed", "give another place")
 
 
 def near(path: Path) -> Path:

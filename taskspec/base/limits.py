@@ -10,27 +10,25 @@ from dataclasses import field, fields, replace
 from functools import lru_cache
 from typing import TypeAlias, TypeVar
 
-from taskspec.base.diagnostics import SpecError, spec_error, suggest
+from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.records import dataclass
 
-# Limits on the cost of a spec, in one table, checked before the cost is spent.
-#
-# The environment variable `TASKSPEC_LIMITS` changes them, `TASKSPEC_LIMITS=seconds=60,candidates=1e7`; the message of
-# each says so.
-# Where something is refused for want of time, the time is worked out beforehand from how much there is to do, at a nominal
-# rate: what is refused does not depend on the machine.
-
 VARIABLE = "TASKSPEC_LIMITS"
+"""The environment variable that changes limits: `TASKSPEC_LIMITS=seconds=60,candidates=1e7`.
+
+Where something is refused for want of time, the time is worked out beforehand from how much there is to do, at a nominal
+rate: what is refused does not depend on the machine.
+"""
 HOPELESS = 1e12
 
 
-def _limit(value: int, what: str, fixed: bool = False) -> int:
-    return field(default=value, metadata={"what": what, "fixed": fixed})
+def _limit(value: int, what: str) -> int:
+    return field(default=value, metadata={"what": what, "fixed": False})
 
 
 def _fixed(value: int, what: str) -> int:
     """Declare a limit that programs rest on, which cannot be changed."""
-    return _limit(value, what, fixed=True)
+    return field(default=value, metadata={"what": what, "fixed": True})
 
 
 @dataclass(frozen=True)
@@ -111,30 +109,21 @@ def _set(text: str) -> None:
 
 def changed(present: Limits, text: str) -> Limits:
     """Return limits with those replaced that a text names: `seconds=60,candidates=1e7`."""
-    known = [row.name for row in table() if not row.fixed]
+    fixed = {row.name: row.fixed for row in table()}
+    known = [name for name, is_fixed in fixed.items() if not is_fixed]
     found = {}
-    for part in filter(None, (p.strip() for p in text.split(","))):
-        name, _, value = (p.strip() for p in part.partition("="))
+    for part in filter(None, map(str.strip, text.split(","))):
+        name, _, value = map(str.strip, part.partition("="))
         if name not in known:
-            is_fixed = any(row.name == name for row in table())
-            message = f"the limit '{name}' cannot be changed" if is_fixed else f"there is no limit '{name}'"
-            raise _misused(message, suggest(name, known) or f"there are: {', '.join(known)}")
-        found[name] = _number(value)
+            message = f"the limit '{name}' cannot be changed" if name in fixed else f"there is no limit '{name}'"
+            raise spec_error("E713", f"{VARIABLE}: {message}", suggest(name, known) or f"there are: {', '.join(known)}")
+        try:
+            found[name] = int(float(value))
+        except (ValueError, OverflowError):
+            found[name] = -1
         if found[name] < 0:
-            raise _misused(f"'{part}' gives no number", f"{name}={getattr(present, name)}")
+            raise spec_error("E713", f"{VARIABLE}: '{part}' gives no number", f"{name}={getattr(present, name)}")
     return replace(present, **found)
-
-
-def _number(text: str) -> int:
-    """Return a whole number, which may be written `1e7`; -1 for anything else."""
-    try:
-        return int(float(text))
-    except (ValueError, OverflowError):
-        return -1
-
-
-def _misused(message: str, hint: str) -> SpecError:
-    return spec_error("E713", f"{VARIABLE}: {message}", hint)
 
 
 @dataclass(frozen=True)
@@ -154,15 +143,13 @@ def table() -> tuple[LimitRow, ...]:
 
 def how_to_raise(name: str, needed: float) -> str | None:
     """Return the hint of a message about a limit: the setting that allows this much; None above `HOPELESS`."""
-    return None if needed > HOPELESS else f"{VARIABLE}={name}={_rounded(needed)} allows it"
-
-
-def _rounded(needed: float) -> str:
-    """Return a number of two digits, rounded up."""
-    if needed < 1000:
-        return str(int(-(-needed // 1)))
-    digits = len(str(int(needed))) - 2
-    return f"{-int(-needed // 10**digits)}e{digits}"
+    if needed > HOPELESS:
+        return None
+    value = str(int(-(-needed // 1)))
+    if needed >= 1000:  # two digits, rounded up
+        digits = len(str(int(needed))) - 2
+        value = f"{-int(-needed // 10**digits)}e{digits}"
+    return f"{VARIABLE}={name}={value} allows it"
 
 
 def count(number: int) -> str:

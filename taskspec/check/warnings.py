@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError
-from taskspec.check import expression_warnings, model_warnings, name_warnings, observation_warnings
+from taskspec.check import model_warnings, observation_warnings, text_warnings
 from taskspec.check.warning_context import Doubt, LintContext
 from taskspec.registry import load
 from taskspec.scores.returns import Results
@@ -34,26 +34,26 @@ KINDS: tuple[WarningKind, ...] = (
     WarningKind("W503", model_warnings.same_reward),
     WarningKind("W504", model_warnings.indifferent),
     WarningKind("W505", model_warnings.inert),
-    WarningKind("W506", name_warnings.unused_names),
+    WarningKind("W506", text_warnings.unused_names),
     WarningKind("W507", model_warnings.expert),
     WarningKind("W508", observation_warnings.leak),
     WarningKind("W509", observation_warnings.hidden_goal),
-    WarningKind("W510", expression_warnings.moved),
-    WarningKind("W512", expression_warnings.certain, for_all=True),
-    WarningKind("W513", expression_warnings.whole, for_all=True),
-    WarningKind("W514", expression_warnings.past_the_end, for_all=True),
-    WarningKind("W515", expression_warnings.uneven, for_all=True),
+    WarningKind("W510", text_warnings.moved),
+    WarningKind("W512", text_warnings.certain, for_all=True),
+    WarningKind("W513", text_warnings.whole, for_all=True),
+    WarningKind("W514", text_warnings.past_the_end, for_all=True),
+    WarningKind("W515", text_warnings.uneven, for_all=True),
     WarningKind("W516", observation_warnings.constant),
     WarningKind("W517", observation_warnings.duplicate),
     WarningKind("W518", observation_warnings.hidden),
     WarningKind("W519", model_warnings.unread),
     WarningKind("W519", model_warnings.forgotten),
     WarningKind("W520", model_warnings.twins),
-    WarningKind("W521", name_warnings.idle_errata),
+    WarningKind("W521", text_warnings.idle_errata),
     WarningKind("W522", observation_warnings.infinite_abstraction),
-    WarningKind("W524", name_warnings.printed_alike),
+    WarningKind("W524", text_warnings.printed_alike),
     WarningKind("W525", observation_warnings.idle_symmetry),
-    WarningKind("W527", name_warnings.foreign_letters),
+    WarningKind("W527", text_warnings.foreign_letters),
 )
 
 
@@ -70,7 +70,9 @@ def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic
     text = Collector()
     _collect(task, results, text, for_all=True)
     found = text.diagnostics
-    for values in cases(task) if found else ():
+    for values in cases(task):
+        if not found:
+            break
         try:
             other = build(task.document, task.variant, values, task.suite)
         except SpecError:
@@ -86,7 +88,9 @@ def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic
 def _collect(task: Task, results: Results, collector: Collector, for_all: bool) -> None:
     context = LintContext(task, results)
     for kind in KINDS:
-        for problem in kind.find(context) if kind.for_all is for_all else ():
+        if kind.for_all is not for_all:
+            continue
+        for problem in kind.find(context):
             context.codes.add(kind.code)
             collector.add(kind.code, problem.place, problem.message, problem.hint, problem.notes)
 

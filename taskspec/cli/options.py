@@ -91,7 +91,7 @@ def complete_paths(incomplete: str) -> Completions:
 
 def complete_experiments(incomplete: str) -> Completions:
     """Return the experiments that come with the suites, and files on disk."""
-    from taskspec.experiments.reading import shipped
+    from taskspec.experiments.experiment_file import shipped
 
     known = [(name, path.name) for name, path in shipped().items()]
     return starting(incomplete, known) + complete_paths(incomplete)
@@ -163,7 +163,7 @@ def complete_limits(incomplete: str) -> Completions:
 
 def complete_policies(incomplete: str) -> Completions:
     """Return names of policies, and files."""
-    from taskspec.policies.named import NAMES
+    from taskspec.policies.policy import NAMES
 
     return starting(incomplete, list(NAMES.items())) + complete_paths(incomplete)
 

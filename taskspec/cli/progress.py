@@ -19,7 +19,7 @@ from taskspec.base.limits import progress_listener
 from taskspec.cli.console import say
 
 if TYPE_CHECKING:
-    from taskspec.jobs.engine import Standing
+    from taskspec.jobs.running import JobProgress
 
 PATIENCE = 1.0
 """Seconds before the line is shown."""
@@ -52,21 +52,21 @@ def progress(name: str) -> Iterator[None]:
 
 
 @contextmanager
-def job_progress(name: str) -> Iterator[Callable[[Standing], None]]:
+def job_progress(name: str) -> Iterator[Callable[[JobProgress], None]]:
     """Yield a function that shows on standard error how far jobs are."""
     display = ProgressLine(name)
     due = time.monotonic() + BETWEEN_LINES
 
-    def show(standing: Standing) -> None:
+    def show(reached: JobProgress) -> None:
         nonlocal due
-        words = f"{standing.over}/{standing.total}"
-        if standing.failed:
-            words += f", {standing.failed} failed"
+        words = f"{reached.over}/{reached.total}"
+        if reached.failed:
+            words += f", {reached.failed} failed"
         if is_terminal():
-            display.show(f"{name} {words}", standing.over / max(standing.total, 1))
+            display.show(f"{name} {words}", reached.over / max(reached.total, 1))
         elif time.monotonic() >= due:
-            if standing.left is not None:
-                words += f", {standing.rate:.3g}/s, {timedelta(seconds=round(standing.left))} left"
+            if reached.left is not None:
+                words += f", {reached.rate:.3g}/s, {timedelta(seconds=round(reached.left))} left"
             say(f"{name}: {words}", err=True)
             due = time.monotonic() + BETWEEN_LINES
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from taskspec.exam import Exam
     from taskspec.exam.findings import FindingsResult
-    from taskspec.exam.report.rows import SeedCell
+    from taskspec.exam.score_rows import SeedCell
     from taskspec.experiments import LearnersExamined
     from taskspec.task.schema.experiments import Experiment
 
@@ -99,7 +99,7 @@ def _exams_in(folder: Path) -> list[Path]:
 
 def print_exam(exam: Mapping[str, Any], out: Console | None = None) -> None:
     """Print verdicts, a heat map of scores, diagnoses and flags of an exam, as `exam.json` holds it."""
-    from taskspec.exam.report import rows
+    from taskspec.exam import score_rows as rows
 
     out = out or console()
     out.print(line((exam["learner"], "title"), (f"  {rows.headline(exam)}", "quiet")))
@@ -133,7 +133,7 @@ def _beside(head: str, text: VisibleText, width: int) -> Table:
 
 def _exam_table(exam: Mapping[str, Any]) -> Table:
     """Return a row for each capability with its verdict, and under it its tasks with their mean scores on their colours."""
-    from taskspec.exam.report.rows import SIGNS, SeedCell, interval, rows
+    from taskspec.exam.score_rows import SIGNS, SeedCell, interval, rows
 
     table = columns("", "score", "95 %", "twins", "drawn", "constant", right=range(1, 6), styles=("name", "", "quiet"))
     found = rows(exam)
@@ -154,7 +154,7 @@ def _exam_table(exam: Mapping[str, Any]) -> Table:
 
 def _shaded(cell: SeedCell) -> VisibleText:
     """Return a mean score on its colour."""
-    from taskspec.exam.report.rows import colour
+    from taskspec.exam.score_rows import colour
     from taskspec.figures import chart
 
     if cell.mean is None:
@@ -169,7 +169,7 @@ def _shaded(cell: SeedCell) -> VisibleText:
 def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -> None:
     """Show the exams of an experiment, and write the report of each, and pictures of them all."""
     from taskspec.exam.report import write, write_several
-    from taskspec.exam.report.rows import named
+    from taskspec.exam.score_rows import named
     from taskspec.experiments.picture import draw
 
     out = console(wide=True)
@@ -190,7 +190,7 @@ def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -
 
 def _heat_map(exams: Mapping[str, Mapping[str, Any]]) -> Table:
     """Return mean scores: a row for each task, a column for each learner, each number on its colour."""
-    from taskspec.exam.report.rows import SeedCell, rows
+    from taskspec.exam.score_rows import SeedCell, rows
 
     found = [{row.id: row for row in rows(exam)} for exam in exams.values()]
     tasks = {task: row.name for each in found for task, row in each.items()}
@@ -239,7 +239,7 @@ def _merged(exams: Mapping[Path, Exam]) -> dict[str, dict[str, dict[str, Any]]]:
 
 def _setups(exams: Sequence[Exam]) -> list[str]:
     """Return how results were obtained, in lines: one for each that differs."""
-    from taskspec.exam.report.rows import duration
+    from taskspec.exam.score_rows import duration
 
     seeds = ", ".join(str(n) for n in sorted({len(exam["seeds"]) for exam in exams}))
     steps = ", ".join(f"{n:,}" for n in sorted({exam["steps"] for exam in exams}))

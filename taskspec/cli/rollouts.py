@@ -16,8 +16,7 @@ from taskspec.lang.batch import DTYPES
 from taskspec.lang.types import BOOLEAN_LABELS, Kind
 from taskspec.policies.adapters import ObservationPolicy, policy_of
 from taskspec.policies.files import ScriptedPolicy, ScriptEnd, is_function, is_script
-from taskspec.policies.named import is_name, unknown
-from taskspec.policies.policy import EpisodeBatch, SharedDraws, TaskPolicy, observation_of
+from taskspec.policies.policy import EpisodeBatch, SharedDraws, TaskPolicy, is_name, observation_of, unknown
 from taskspec.task.spaces import pack, unpack
 from taskspec.task.task import Component, Task, recall
 

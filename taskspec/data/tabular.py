@@ -15,13 +15,13 @@ from taskspec.backends.vector_program import Values
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need
-from taskspec.data.transitions import EXTRA, Seen, mapped
+from taskspec.data.episodes import EXTRA, Seen, mapped
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Role, draws, reads
 from taskspec.model.extract import extract
 from taskspec.model.model import Model, Sparse, Step, misused, refuse, scipy_sparse
 from taskspec.modifiers import modify
-from taskspec.policies.named import named
+from taskspec.policies.policy import named
 from taskspec.registry import load
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task, TaskLike

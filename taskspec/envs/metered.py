@@ -52,17 +52,12 @@ class Metered(gymnasium.Env[Any, Any]):
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         self._meter.spend(1)
         after, reward, terminated, truncated, told = self._inside.step(action)
-        rewards = self._meter.paid(_one(self._before), [action], _one(after), np.array([reward]))
+        rewards = self._meter.paid(_batch(self._before), [action], _batch(after), np.array([reward]))
         self._before = after
         return after, float(rewards[0]), terminated, truncated, told
 
     def close(self) -> None:
         self._inside.close()
-
-
-def _one(seen: Any) -> Any:
-    """Return an observation as a batch of one."""
-    return {name: [part] for name, part in seen.items()} if isinstance(seen, dict) else [seen]
 
 
 class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
@@ -73,14 +68,10 @@ class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
     """
 
     def __init__(self, task: Task, lanes: int, meter: Meter, seed: int, **options: Any) -> None:
-        inside = VectorEnvironment(task, positive("lanes", lanes), **options)
-        self._inside = inside
-        self.num_envs = inside.num_envs
-        self.observation_space = inside.observation_space
-        self.action_space = inside.action_space
-        self.single_observation_space = inside.single_observation_space
-        self.single_action_space = inside.single_action_space
-        self.metadata = inside.metadata
+        self._inside = VectorEnvironment(task, positive("lanes", lanes), **options)
+        spaces = ("observation_space", "action_space", "single_observation_space", "single_action_space")
+        for name in ("num_envs", "metadata", *spaces):
+            setattr(self, name, getattr(self._inside, name))
         self._meter = meter
         self._before: Any = None
         self._seed: int | None = seed
@@ -98,7 +89,14 @@ class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._meter.spend(self.num_envs)
         before = copy.deepcopy(self._before)  # with `reuse` the step writes over it
         after, rewards, terminated, truncated, told = self._inside.step(actions)
-        paid = self._meter.paid(before, actions, _led_to(after, told, terminated | truncated), rewards)
+        led_to = after
+        if "final_obs" in told and not isinstance(
+            after, dict
+        ):  # where an episode has begun within the step, its last one
+            led_to = np.array(after)
+            for lane in np.flatnonzero(terminated | truncated):
+                led_to[lane] = told["final_obs"][lane]
+        paid = self._meter.paid(before, actions, led_to, rewards)
         self._before = after
         return after, paid, terminated, truncated, told
 
@@ -106,12 +104,6 @@ class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._inside.close()
 
 
-def _led_to(after: Any, told: dict[str, Any], ended: Array) -> Any:
-    """Return the observations that steps led to: of episodes that have begun anew within the step, the last one."""
-    final = told.get("final_obs")
-    if final is None or isinstance(after, dict):
-        return after
-    led = np.array(after)
-    for lane in np.flatnonzero(ended):
-        led[lane] = final[lane]
-    return led
+def _batch(seen: Any) -> Any:
+    """Return an observation as a batch of one."""
+    return {name: [part] for name, part in seen.items()} if isinstance(seen, dict) else [seen]

@@ -20,7 +20,7 @@ from taskspec.backends.backend_table import BackendName
 from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Options
 from taskspec.base.extras import need
 from taskspec.envs.options import ActionError, NotRunningError, positive, seed_of, uncopied
-from taskspec.envs.state import RENDER_MODES, LaneView, ask_lane, lane_render_mode, refuse_to_set
+from taskspec.envs.state import RENDER_MODES, LaneView, ask_lane, lane_render_mode, of_lane, refuse_to_set
 from taskspec.envs.window import Frames
 from taskspec.model.model import misused
 from taskspec.policies.experts import Expert
@@ -96,15 +96,11 @@ class Sb3VecEnv(VecEnv):
         b = self._engine.buffers
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if ended:
-            self._describe_ends(infos)
+            final = b.final.view(copy=True)
+            for lane in np.flatnonzero(b.ended).tolist():
+                infos[lane]["terminal_observation"] = of_lane(final, lane)
+                infos[lane]["TimeLimit.truncated"] = bool(b.truncated[lane] and not b.terminated[lane])
         return self._seen(), b.reward.astype(np.float32), b.ended.copy(), infos
-
-    def _describe_ends(self, infos: list[dict[str, Any]]) -> None:
-        b = self._engine.buffers
-        final = b.final.view()
-        for lane in np.flatnonzero(b.ended).tolist():
-            infos[lane]["terminal_observation"] = _of_lane(final, lane)
-            infos[lane]["TimeLimit.truncated"] = bool(b.truncated[lane] and not b.terminated[lane])
 
     def _seen(self) -> Any:
         return self._engine.buffers.seen.view(copy=True)
@@ -175,10 +171,3 @@ class Sb3Expert(BasePolicy):
     def _predict(self, observation: Any, deterministic: bool = False) -> Any:
         """Refused (E713): the steps taken so far go through `predict` alone."""
         misused("an expert is asked with `predict`, which is told how many steps were taken")
-
-
-def _of_lane(view: Any, lane: int) -> Any:
-    """Return the observation of one lane, copied."""
-    if isinstance(view, dict):
-        return {name: np.array(part[lane]) for name, part in view.items()}
-    return np.array(view[lane])

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import gymnasium
 import numpy as np
 
-from taskspec.backends.vector_program import Engine
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import suggest
 from taskspec.envs import window
@@ -63,19 +62,19 @@ def _flat(c: Component, value: Any) -> Any:
     if not fits or array.dtype.kind not in "biuf":
         raise StateError(f"E709: {c.name} needs {_needs(c)}, not {value!r}")
     flat = array.ravel().tolist()
-    items = tuple(_element(c, item, low, high) for item, low, high in zip(flat, c.low, c.high, strict=True))
-    if None in items:
-        raise StateError(f"E709: {c.name} needs {_needs(c)}, not {value!r}")
-    return items if c.type.shape else items[0]
-
-
-def _element(c: Component, item: Any, low: float, high: float) -> Any:
-    """Return an element as a number of its kind, or None where it is outside; bounds hold to float32, as spaces have them."""
-    if c.type.kind is Kind.REAL:
-        return min(max(float(item), low), high) if single(low) <= single(item) <= single(high) else None
-    if not float(item).is_integer() or not low <= item <= high:
-        return None
-    return bool(item) if c.type.kind is Kind.BOOL else int(item)
+    items: list[Any] = []
+    for item, low, high in zip(flat, c.low, c.high, strict=True):
+        if c.type.kind is Kind.REAL:  # bounds hold to float32, as spaces have them
+            inside = single(low) <= single(item) <= single(high)
+            items.append(min(max(float(item), low), high))
+        else:
+            inside = float(item).is_integer() and low <= item <= high
+            items.append(item)
+        if not inside:
+            raise StateError(f"E709: {c.name} needs {_needs(c)}, not {value!r}")
+    if c.type.kind is not Kind.REAL:
+        items = list(map(bool if c.type.kind is Kind.BOOL else int, items))
+    return tuple(items) if c.type.shape else items[0]
 
 
 def _label(c: Component, domain: Domain | None, value: str) -> int:
@@ -139,6 +138,9 @@ def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str,
     return {key: value for name in task.info for key, value in ((name, found[name]), (f"_{name}", stepped))}
 
 
+if TYPE_CHECKING:
+    from taskspec.backends.vector_program import Engine
+
 RENDER_MODES: tuple[RenderMode, ...] = ("ansi", "rgb_array")
 """What lanes render: a window would be one too many for each."""
 
@@ -190,6 +192,11 @@ class LaneView:
 
 
 KNOWN = ("task", "state", "time", "observation_space", "action_space", "render_mode", "render", "get_keys_to_action")
+
+
+def of_lane(seen: Any, lane: int) -> Any:
+    """Return the observation of one lane from those of all."""
+    return {name: part[lane] for name, part in seen.items()} if isinstance(seen, dict) else seen[lane]
 
 
 def ask_lane(lane: LaneView, name: str, *args: Any, **options: Any) -> Any:

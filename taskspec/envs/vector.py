@@ -33,7 +33,16 @@ from taskspec.envs.options import (
     uncopied,
     with_horizon,
 )
-from taskspec.envs.state import RENDER_MODES, LaneView, ask_lane, lane_render_mode, refuse_to_set, state_rows, states
+from taskspec.envs.state import (
+    RENDER_MODES,
+    LaneView,
+    ask_lane,
+    lane_render_mode,
+    of_lane,
+    refuse_to_set,
+    state_rows,
+    states,
+)
 from taskspec.envs.window import Frames
 from taskspec.modifiers import with_options
 from taskspec.registry import load
@@ -160,11 +169,14 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             ActionError: the actions are not in the batched action space.
             NotRunningError: before the first reset; without autoreset, where an episode is over.
         """
-        before = self._before() if self._has_infos else None
+        before = None
+        if self._has_infos:  # the states that a step leaves, and in which lanes one will be taken, instead of a reset
+            before = (state_rows(self.task, self._engine.buffers.state), ~self._engine.buffers.ended)
         try:
             ended = self._engine.step(actions)
         except BadActionError:
-            raise self._bad_actions(actions) from None
+            message = f"E706: {actions!r} are not actions of {self.task.id}; it needs {self.action_space}"
+            raise ActionError(message) from None
         except LanesNotRunningError:
             raise self._not_running() from None
         infos = self._final() if ended and self._same_step else {}
@@ -174,11 +186,6 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             return (self._seen, *self._results, infos)
         reward, terminated, truncated = self._results
         return self._observation(), reward.copy(), terminated.copy(), truncated.copy(), infos
-
-    def _before(self) -> tuple[Array, Array]:
-        """Return the states that a step leaves, and in which lanes one will be taken, instead of a reset."""
-        b = self._engine.buffers
-        return state_rows(self.task, b.state), ~b.ended
 
     def render(self) -> tuple[Any, ...] | None:
         """Return the present state of every lane: texts, or pixels (480, 640, 3) of uint8. None without a render mode."""
@@ -230,7 +237,10 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         b = self._engine.buffers
         if self._reuse and self._last is not None:
             return {"final_obs": self._last, "_final_obs": b.ended, "final_info": {}, "_final_info": b.ended}
-        rows = _rows(b.final.view(copy=True), b.ended)
+        final = b.final.view(copy=True)
+        rows = np.full(self.num_envs, None, dtype=object)  # as Gymnasium's own environments give them
+        for lane in np.flatnonzero(b.ended).tolist():
+            rows[lane] = of_lane(final, lane)
         return {"final_obs": rows, "_final_obs": b.ended.copy(), "final_info": {}, "_final_info": b.ended.copy()}
 
     # -- seeds ----------------------------------------------------------------------------------------------------
@@ -276,11 +286,6 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Return the present state of a lane by component: labels for choices, numbers, arrays for vectors."""
         return self._lane(lane).state
 
-    # -- errors ---------------------------------------------------------------------------------------------------
-
-    def _bad_actions(self, actions: Any) -> ActionError:
-        return ActionError(f"E706: {actions!r} are not actions of {self.task.id}; it needs {self.action_space}")
-
     def _not_running(self) -> NotRunningError:
         if not self._seeded:
             return NotRunningError("E707: step() before the first reset(); call reset() first")
@@ -297,14 +302,6 @@ def _reset_mask(options: Any) -> Any:
         if name != "reset_mask":
             raise invalid(f"{name!r} is not an option of reset; the only one is 'reset_mask'")
     return options.get("reset_mask")
-
-
-def _rows(seen: Any, ended: Array) -> Array:
-    """Return the observation of every lane that has ended, None for the others: what Gymnasium's own environments give."""
-    rows = np.full(len(ended), None, dtype=object)
-    for lane in np.flatnonzero(ended):
-        rows[lane] = {name: part[lane] for name, part in seen.items()} if isinstance(seen, dict) else seen[lane]
-    return rows
 
 
 class InstanceLanes(VectorEnvironment):

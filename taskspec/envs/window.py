@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import itertools
 import math
@@ -10,6 +9,7 @@ import re
 import string
 import warnings
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
@@ -33,7 +33,7 @@ LETTERS = 42
 LINES = 2
 """Of a line of a note, and as many lines as there is room for, in every frame."""
 KEPT = 200
-"""Steps of an episode that are kept, to be drawn over time: `figures.values.STEPS`."""
+"""Steps of an episode that are kept, to be drawn over time: `figures.states.STEPS`."""
 Frame = np.ndarray[Any, np.dtype[np.uint8]]
 
 
@@ -56,20 +56,20 @@ def labels(c: Component, value: Any) -> Any:
 def text(task: Task, state: dict[str, Any], time: int) -> str:
     """Return one line a component, and the time."""
     width = max(len(name) for name in state)
-    return "\n".join(
-        [heading(task, time), *(f"  {name:<{width}} = {_shown_value(value)}" for name, value in state.items())]
-    )
+    lines = [heading(task, time)]
+    for name, value in state.items():
+        shown = visible(str(value), keep="")
+        if isinstance(value, np.ndarray):
+            shown = np.array2string(value, precision=4, suppress_small=True, threshold=32)
+        elif isinstance(value, float):
+            shown = f"{value:.6g}"
+        lines.append(f"  {name:<{width}} = {shown}")
+    return "\n".join(lines)
 
 
 def heading(task: Task, time: int) -> str:
     """Return the task and the time."""
     return f"{task.name}, step {time}" + ("" if task.horizon is None else f" of {task.horizon}")
-
-
-def _shown_value(value: Any) -> str:
-    if isinstance(value, np.ndarray):
-        return np.array2string(value, precision=4, suppress_small=True, threshold=32)
-    return f"{value:.6g}" if isinstance(value, float) else visible(str(value), keep="")
 
 
 class Frames:
@@ -159,7 +159,7 @@ class Window:
         self._image = axes.imshow(pixels)
         manager = self._figure.canvas.manager
         manager.set_window_title(self._title)
-        with contextlib.suppress(importlib.import_module("matplotlib.backend_bases").NonGuiException):
+        with suppress(importlib.import_module("matplotlib.backend_bases").NonGuiException):
             manager.show()
 
 
@@ -208,15 +208,13 @@ def keys_to_action(task: Task) -> dict[tuple[int, ...], Any]:
 
 def names(task: Task) -> list[str]:
     """Return the actions in words, in the order of `actions`."""
-    layout = task.action_layout
-
-    def name(action: Any) -> str:
-        values = unpack(layout, action)
-        return ", ".join(
-            str(labels(c, np.ravel(v)[0] if c.type.is_scalar else v)) for c, v in zip(task.action, values, strict=True)
-        )
-
-    return [name(action) for action in actions(task)]
+    found = []
+    for action in actions(task):
+        words = []
+        for c, value in zip(task.action, unpack(task.action_layout, action), strict=True):
+            words.append(str(labels(c, np.ravel(value)[0] if c.type.is_scalar else value)))
+        found.append(", ".join(words))
+    return found
 
 
 def legend(task: Task) -> list[tuple[str, str]]:
@@ -238,18 +236,13 @@ def play(env: gymnasium.Env[Any, Any], callback: Step | None = None, fps: int | 
     except pygame.error as error:
         message = f"there is no display to play on ({error})"
         raise spec_error("E717", message, "`taskspec run --render gif` makes a film") from None
-    _needs_patience()
+    if int(gymnasium.__version__.split(".")[0]) < 1:  # its window goes on without keys, with the first action
+        message = f"play needs Gymnasium 1.0 or later; this is {gymnasium.__version__}"
+        raise spec_error("E705", message, install_package("gymnasium>=1.0"))
     with warnings.catch_warnings():  # it says that matplotlib is missing where that is only without windows of its own
         warnings.simplefilter("ignore", UserWarning)
         window = need("gymnasium.utils.play", "play")
     window.play(env, callback=callback, fps=fps, wait_on_player=True)
-
-
-def _needs_patience() -> None:
-    """Refuse a Gymnasium whose window goes on without keys, with the first action."""
-    if int(gymnasium.__version__.split(".")[0]) < 1:
-        message = f"play needs Gymnasium 1.0 or later; this is {gymnasium.__version__}"
-        raise spec_error("E705", message, install_package("gymnasium>=1.0"))
 
 
 HOLD = 1.0
@@ -280,14 +273,22 @@ class Film:
         self._imageio = need("imageio.v2", "figures")
         if kind == "mp4":
             self._ffmpeg = need("imageio_ffmpeg", "figures")
-            _find_ffmpeg(self._ffmpeg)
+            try:
+                self._ffmpeg.get_ffmpeg_exe()
+            except RuntimeError as error:
+                hint = "install ffmpeg, or make a GIF"
+                raise spec_error("E705", "an MP4 needs ffmpeg, which was not found", hint) from error
 
     def __enter__(self) -> Film:
         return self
 
     def __call__(self, env: Any, note: str, last: bool) -> None:
         """Add the state of the environment; the last state of an episode stays for a second."""
-        self._tell(env)
+        horizon = env.task.horizon  # progress without one: which episode is shown
+        self._begun += env.time == 0
+        part = 0.0 if horizon is None else env.time / horizon
+        what = f"{self._path}, episode {self._begun:,} of {self._episodes:,}, step {env.time:,}"
+        tell(what, (self._begun - 1 + part) / self._episodes)
         fps = env.metadata["render_fps"]
         writer = self._writer or self._open(fps)
         picture = self._drawing.draw(env.task, env.state, env.time, note or "start")
@@ -296,17 +297,10 @@ class Film:
                 writer.append_data(picture)
             self.frames += 1
 
-    def _tell(self, env: Any) -> None:
-        """Report progress: for episodes without a horizon, which of them is shown."""
-        horizon = env.task.horizon
-        self._begun += env.time == 0
-        part = 0.0 if horizon is None else env.time / horizon
-        what = f"{self._path}, episode {self._begun:,} of {self._episodes:,}, step {env.time:,}"
-        tell(what, (self._begun - 1 + part) / self._episodes)
-
     def _open(self, fps: float) -> Any:
-        if self._kind == "gif":
-            self._writer = self._imageio.get_writer(self._target, format="GIF", mode="I", duration=1000 / fps, loop=0)
+        if isinstance(self._target, BytesIO) and self._kind == "gif":
+            options: dict[str, Any] = {"format": "GIF", "duration": 1000 / fps, "loop": 0}
+            self._writer = self._imageio.get_writer(self._target, mode="I", **options)
             return self._writer
         with refused(self._path):
             self._target = file = Unfinished(self._path)
@@ -327,22 +321,10 @@ class Film:
     def _finish(self) -> None:
         if isinstance(self._target, BytesIO):
             write_bytes(self._path, self._target.getvalue())
-        else:
-            self._check(self._target.path)
-            self._target.finish()
-
-    def _check(self, path: Path) -> None:
-        """Check that ffmpeg, which does not report failures, wrote all frames."""
-        try:
-            frames, _ = self._ffmpeg.count_frames_and_secs(str(path))
-        except RuntimeError:
-            frames = 0
+            return
+        frames = 0  # ffmpeg does not report failures
+        with suppress(RuntimeError):
+            frames, _ = self._ffmpeg.count_frames_and_secs(str(self._target.path))
         if frames != self.frames:
             raise OSError(f"ffmpeg wrote {frames} of {self.frames} frames")
-
-
-def _find_ffmpeg(module: Any) -> None:
-    try:
-        module.get_ffmpeg_exe()
-    except RuntimeError as error:
-        raise spec_error("E705", "an MP4 needs ffmpeg, which was not found", "install ffmpeg, or make a GIF") from error
+        self._target.finish()

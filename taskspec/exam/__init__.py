@@ -1,4 +1,4 @@
-"""The exam: what is wrong with a learner, told from its scores on a suite of tasks."""
+"""The exam: verdicts, flags and diagnoses of a learner from its scores on a suite of tasks."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from taskspec.exam.examining import examine as examine
     from taskspec.exam.results import Exam as Exam
     from taskspec.exam.results import read as read
-    from taskspec.exam.rewards import Learned as Learned
-    from taskspec.exam.rewards import RewardDistance as RewardDistance
-    from taskspec.exam.rewards import reward_distance as reward_distance
+    from taskspec.exam.starc import Learned as Learned
+    from taskspec.exam.starc import RewardDistance as RewardDistance
+    from taskspec.exam.starc import reward_distance as reward_distance
     from taskspec.learners import CannotLearn as CannotLearn
 
 __getattr__ = on_demand(__name__, {
@@ -27,11 +27,11 @@ __getattr__ = on_demand(__name__, {
     "learns_from": "taskspec.exam.case",
     "Running": "taskspec.exam.examining",
     "examine": "taskspec.exam.examining",
-    "Learned": "taskspec.exam.rewards",
+    "Learned": "taskspec.exam.starc",
     "Exam": "taskspec.exam.results",
     "read": "taskspec.exam.results",
-    "RewardDistance": "taskspec.exam.rewards",
-    "reward_distance": "taskspec.exam.rewards",
+    "RewardDistance": "taskspec.exam.starc",
+    "reward_distance": "taskspec.exam.starc",
     "CannotLearn": "taskspec.learners",
 })  # fmt: skip
 

@@ -1,10 +1,10 @@
-"""What a learner is given: one task without what is withheld, a budget of steps, and answers about preferences."""
+"""Cases for learners: one task without what is withheld, a budget of steps, and answers about preferences."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
 
@@ -13,6 +13,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import TaskspecError
 from taskspec.data import Demonstrations, demonstrations
+from taskspec.data.episodes import mapped
 from taskspec.data.preferences import WORDS, Teacher, return_ends
 from taskspec.envs.metered import Metered
 from taskspec.source import Document
@@ -22,8 +23,6 @@ from taskspec.task.task import Task
 if TYPE_CHECKING:
     from taskspec.envs.metered import MeteredVector
 
-# The task as a learner gets it: without its reward, unless that is granted, and without its expert.
-
 _EXPERT = ("expert", "memory", "claims", "examples")
 """Sections of a spec that say what an expert does, and what it earns."""
 _REWARD = ("reward", "absorbing_reward")
@@ -31,7 +30,7 @@ _REWARD = ("reward", "absorbing_reward")
 
 
 def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Task:
-    """Return a task without what a learner is not granted, of which nothing is left in its spec and in the task as written.
+    """Return a task without what a learner is not granted; nothing of it is in its spec and in the task as written either.
 
     Demonstrations come from an expert who is never part of the task: who may see them sees so many, and no more.
 
@@ -50,7 +49,10 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
     elif "reward" not in learns_from:
         reward = builder.apply("mul", builder.scalar(sign), reward)
         absorbing_reward = builder.apply("mul", builder.scalar(sign), absorbing_reward)
-    as_written = None if task.written_as is None else withheld(task.written_as, learns_from, sign)
+    as_written = None
+    if task.written_as is not None:
+        as_written = withheld(task.written_as, learns_from, sign)
+    data = _sections(task.merged.data, names)
     changed = f"{task.content_hash} without {', '.join(names)}, {sign:g}"
     return replace(
         task,
@@ -60,7 +62,7 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
         memory=None,
         claims=(),
         examples=(),
-        merged=_merged(task.merged, document, names),
+        merged=Merged(document, task.merged.name, task.merged.variant, data, {}),
         surface=replace(
             task.surface,
             sections={name: part for name, part in task.surface.sections.items() if name not in names},
@@ -72,39 +74,36 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
     )
 
 
-def _merged(merged: Merged, document: Document, names: Collection[str]) -> Merged:
-    """Return the sections of a task without some."""
-    data = _sections(merged.data, names)
-    if "reward" in names:
-        data["reward"] = 0
-    return Merged(document, merged.name, merged.variant, data, {})
-
-
 def _document(document: Document, names: Collection[str]) -> Document:
     """Return a document, and those that it extends, without some sections."""
     others = {name: _document(other, names) for name, other in document.others.items()}
     data = document.data
     if isinstance(data, Mapping):
         data = _sections(data, names)
-        if "reward" in names:
-            data["reward"] = 0
     return replace(document, data=data, others=others)
 
 
 def _sections(data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
-    """Return the sections of a spec, or of a variant, without some."""
-    found = {key: value for key, value in data.items() if key not in names}
-    if isinstance(found.get("abstraction"), Mapping):
-        found["abstraction"] = _sections(found["abstraction"], names)
-    if isinstance(found.get("variants"), Mapping):
-        variants = found["variants"].items()
-        found["variants"] = {
-            key: _sections(entry, names) if isinstance(entry, Mapping) else entry for key, entry in variants
-        }
+    """Return the sections of a spec without some, and with a reward of 0 if that is one of them."""
+    found = _without(data, names)
+    if "reward" in names:
+        found["reward"] = 0
     return found
 
 
-# Who says which of two trajectories is better, although the rewards of neither are told.
+def _without(data: Any, names: Collection[str]) -> Any:
+    """Return the sections of a spec, an abstraction or a variant without some."""
+    if not isinstance(data, Mapping):
+        return data
+    found = {key: value for key, value in data.items() if key not in names}
+    if "abstraction" in found:
+        found["abstraction"] = _without(found["abstraction"], names)
+    if isinstance(found.get("variants"), Mapping):
+        found["variants"] = {key: _without(entry, names) for key, entry in found["variants"].items()}
+    return found
+
+
+# Preferences between trajectories, although the rewards of neither are shown.
 
 Key = tuple[Hashable, Hashable, Hashable]
 KEPT = 250_000
@@ -112,27 +111,23 @@ KEPT = 250_000
 
 
 class Oracle:
-    """Remembers what the steps that a learner saw were worth, and compares by that.
+    """Remembers the rewards of the steps that a learner saw, and compares by them.
 
     A trajectory is recognised by its observations and actions: where two steps look alike and pay differently, the last one
     seen counts.
-
-    Args:
-        task: by whose rewards it goes.
-        seed: of its mistakes.
     """
 
     def __init__(self, task: Task, seed: int) -> None:
         self.task = task
         self.rng = np.random.default_rng([seed, 0x7EAC4])
-        self.seen, self.done = (_dtype(layout.form) for layout in (task.observation_layout, task.action_layout))
         self.rewards: dict[Key, float] = {}
         self.older: dict[Key, float] = {}
 
     def keep(self, before: Any, actions: Any, after: Any, rewards: Array) -> None:
         """Remember steps; each argument is a batch of N. What was not seen for long is forgotten."""
         if len(self.rewards) >= KEPT:
-            self.rewards, self.older = {}, self.rewards
+            self.older = self.rewards
+            self.rewards = {}
         for key, reward in zip(self._keys(before, actions, after), rewards.tolist(), strict=True):
             self.rewards[key] = reward
 
@@ -148,7 +143,8 @@ class Oracle:
     def _value(self, trajectory: Any) -> float:
         obs = trajectory.obs
         discount = self.task.discount
-        keys = self._keys(_rows(obs, slice(None, -1)), trajectory.acts, _rows(obs, slice(1, None)))
+        before = mapped(obs, lambda seen: seen[:-1])
+        keys = self._keys(before, trajectory.acts, mapped(obs, lambda seen: seen[1:]))
         try:
             rewards = [self.rewards[key] if key in self.rewards else self.older[key] for key in keys]
         except KeyError:
@@ -160,26 +156,26 @@ class Oracle:
         return sum(discount**t * reward for t, reward in enumerate(rewards))
 
     def _keys(self, before: Any, actions: Any, after: Any) -> Iterator[Key]:
-        return zip(_each(before, self.seen), _each(actions, self.done), _each(after, self.seen), strict=True)
+        seen = self.task.observation_layout.form
+        done = self.task.action_layout.form
+        return zip(_each(before, seen), _each(actions, done), _each(after, seen), strict=True)
 
 
-def _dtype(form: str) -> type[np.generic]:
-    return np.int64 if form in ("discrete", "multi_discrete") else np.float32
-
-
-def _rows(seen: Any, which: slice) -> Any:
-    return {name: part[which] for name, part in seen.items()} if isinstance(seen, dict) else seen[which]
-
-
-def _each(batch: Any, dtype: type[np.generic]) -> Iterator[Hashable]:
-    """Return each of a batch of observations or actions, as something that a dictionary finds again."""
+def _each(batch: Any, form: str) -> Iterator[Hashable]:
+    """Yield each of a batch of observations or actions, as something that a dictionary finds again."""
     if isinstance(batch, dict):
-        return zip(*(_each(batch[name], np.float64) for name in sorted(batch)), strict=True)
+        yield from zip(*(_each(batch[name], "float64") for name in sorted(batch)), strict=True)
+        return
+    dtype = {"discrete": np.int64, "multi_discrete": np.int64, "float64": np.float64}.get(form, np.float32)
     array = np.ascontiguousarray(batch, dtype)
-    return iter(array.tolist()) if array.ndim == 1 else (row.tobytes() for row in array)
+    if array.ndim == 1:
+        yield from array.tolist()
+        return
+    for row in array:
+        yield row.tobytes()
 
 
-# What a learner is given: one task, what it may learn from, and a budget of steps.
+# The case: one task, its grants, and a budget of steps.
 
 Source = Literal["reward", "demonstrations", "preferences"]
 SOURCES: tuple[Source, ...] = get_args(Source)
@@ -190,7 +186,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def learns_from(*sources: Source) -> Callable[[F], F]:
-    """Say what a learner is entitled to, as a decorator of `train`: some of "reward", "demonstrations" and "preferences"."""
+    """Grant a learner what it is entitled to, as a decorator of `train`: some of "reward", "demonstrations" and "preferences"."""
 
     def mark(train: F) -> F:
         train.learns_from = sources  # type: ignore[attr-defined]
@@ -209,7 +205,7 @@ class BudgetSpent(TaskspecError, RuntimeError):
 
 @dataclass
 class Spent:
-    """What a learner has used so far."""
+    """The costs of a learner so far."""
 
     steps: int = 0
     demonstrations: int = 0
@@ -218,7 +214,7 @@ class Spent:
 
 @dataclass(frozen=True)
 class ExamTerms:
-    """What holds for every task of an exam.
+    """Terms that are the same for every task of an exam.
 
     Args:
         steps: of the environment, that a learner may take on each task.
@@ -254,8 +250,6 @@ class Case:
         self.curve: list[tuple[int, list[Any]]] = []
         """Policies, one for each seed, that the learner showed on its way, with the steps that it had taken."""
 
-    # -- what it is ---------------------------------------------------------------------------------------------------
-
     @property
     def seed(self) -> int:
         return self.seeds[0]
@@ -266,7 +260,7 @@ class Case:
 
     @property
     def learns_from(self) -> tuple[Source, ...]:
-        """What is granted: some of "reward", "demonstrations", "preferences"."""
+        """Grants: some of "reward", "demonstrations", "preferences"."""
         return self.terms.learns_from
 
     @property
@@ -289,8 +283,6 @@ class Case:
         alone = self.each[i].spent if "each" in vars(self) else Spent()
         return Spent(**{name: value + vars(alone)[name] for name, value in vars(self.spent).items()})
 
-    # -- steps --------------------------------------------------------------------------------------------------------
-
     def env(self) -> Metered:
         """Return an environment. Its steps are counted; where the reward is not granted, it pays 0."""
         return Metered(self._judge, self._meter, self._next_seed())
@@ -302,7 +294,7 @@ class Case:
         return MeteredVector(self._judge, lanes, self._meter, self._next_seed(), **options)
 
     def count(self, steps: int = 0, comparisons: int = 0) -> None:
-        """Tell of steps, and of comparisons, that were made elsewhere than in `env`, `make_vec` and `prefer`: of each seed.
+        """Count steps, and comparisons, that were made elsewhere than in `env`, `make_vec` and `prefer`: of each seed.
 
         Raises:
             BudgetSpent: when the steps are more than there are left.
@@ -316,7 +308,7 @@ class Case:
         self.spent.comparisons += comparisons
 
     def _next_seed(self) -> int:
-        """Return seeds of environments are far apart from each other, and from those that policies are scored on."""
+        """Return a seed far from those of other environments, and from those that policies are scored on."""
         self._made += 1
         return (self.seed + 1 << 32) + (self._made << 20)
 
@@ -324,11 +316,9 @@ class Case:
     def _meter(self) -> _Meter:
         return _Meter(self)
 
-    # -- what is learned from -----------------------------------------------------------------------------------------
-
     @cached_property
     def demonstrations(self) -> Demonstrations:
-        """Whole episodes of the expert, where the spec says that it acts. Rewards are 0 where they are not granted.
+        """Whole episodes of the expert, in the variant in which it acts. Rewards are 0 where they are not granted.
 
         Raises:
             NotGranted: when the learner is not entitled to them.
@@ -385,8 +375,6 @@ class Case:
                 f'`@learns_from("{wanted}")` or `--learns-from {wanted}` grants it'
             )
 
-    # -- on the way ---------------------------------------------------------------------------------------------------
-
     def show(self, *policies: Any) -> None:
         """Show what has been learned so far, a policy for each seed: a point of the learning curve. Costs no steps."""
         if len(policies) != len(self.seeds):
@@ -394,22 +382,16 @@ class Case:
         self.curve.append((self.spent.steps, list(policies)))
 
 
-@dataclass
 class _Meter:
     """Counts the steps of a case, and withholds its rewards."""
 
-    case: Case
-    pays: bool = field(init=False)
-    keeps: bool = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.pays = "reward" in self.case.learns_from
-        self.keeps = "preferences" in self.case.learns_from
+    def __init__(self, case: Case) -> None:
+        self.case = case
 
     def spend(self, steps: int) -> None:
         self.case.count(steps)
 
     def paid(self, before: Any, actions: Any, after: Any, rewards: Array) -> Array:
-        if self.keeps:
+        if "preferences" in self.case.learns_from:
             self.case._oracle.keep(before, actions, after, rewards)
-        return rewards if self.pays else np.zeros_like(rewards)
+        return rewards if "reward" in self.case.learns_from else np.zeros_like(rewards)

@@ -8,31 +8,39 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from taskspec.base.diagnostics import Diagnostic, SpecError
+import numpy as np
+
+from taskspec import registry
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.extras import machine
+from taskspec.base.ids import InstanceId
 from taskspec.base.limits import written
-from taskspec.exam import baselines
+from taskspec.data import demonstrations
 from taskspec.exam.case import ExamTerms
+from taskspec.exam.examinee import Examinee, learner_of
 from taskspec.exam.findings import diagnose
-from taskspec.exam.learners import Examinee, learner_of
 from taskspec.exam.results import FORMAT, Exam, Examined, Score, read, write
-from taskspec.exam.trial import LearnerFailed, Row, Trial, run_trial
-from taskspec.exam.twins import Modifiers, exam_id, tasks_of, twins_of
+from taskspec.exam.trial import LearnerFailed, Row, Trial, baselines, key_of, run_trial, score
 from taskspec.exam.verdicts import check_comparable, flags, verdicts
-from taskspec.jobs.engine import Standing, run
-from taskspec.jobs.store import Job, JobResult, Store
-from taskspec.modifiers import modify
+from taskspec.jobs.running import JobProgress, run
+from taskspec.jobs.store import Job, Store
+from taskspec.modifiers import keeps_observers, modify
+from taskspec.rules.rule_books import EXAM, file_of, read_exam
 from taskspec.task.task import Task, TaskLike
 
 WIDEST = 16
 """Seeds of a block, for learners that train many together."""
 PROBED = 5
-"""Seeds on which it is tried whether a withheld reward makes a difference."""
+"""Seeds that are tried with a withheld reward negated."""
 EPISODES = 1000
 """For scores that cannot be computed."""
+
+Modifiers = tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -45,19 +53,21 @@ class Planned:
 
     @property
     def name(self) -> str:
-        what = " negated" if self.trial.negated else "" if self.twin is None else f"+{'+'.join(self.twin)}"
-        return f"{self.task.instance_id}{what}, seeds {self.trial.seeds[0]} to {self.trial.seeds[-1]}"
+        kind = "" if self.twin is None else f"+{'+'.join(self.twin)}"
+        if self.trial.negated:
+            kind = " negated"
+        return f"{self.task.instance_id}{kind}, seeds {self.trial.seeds[0]} to {self.trial.seeds[-1]}"
 
 
 @dataclass(frozen=True)
 class Running:
-    """How jobs are run: see `taskspec.jobs.run`."""
+    """How jobs are run: see `taskspec.jobs.running.run`."""
 
     workers: int | None = None
     cluster: str | None = None
     seconds: float | None = None
     retry: bool = False
-    progress: Callable[[Standing], None] | None = None
+    progress: Callable[[JobProgress], None] | None = None
 
 
 def examine(
@@ -87,77 +97,150 @@ def examine(
         Interrupted: Ctrl-C; what is done is kept.
     """
     numbers = tuple(range(seeds)) if isinstance(seeds, int) else tuple(seeds)
-    _check(seeds=len(numbers), steps=steps, transitions=transitions)
+    for name, number in {"seeds": len(numbers), "steps": steps, "transitions": transitions}.items():
+        if number < 1:
+            raise SpecError([Diagnostic("E713", None, f"an exam needs 1 or more {name}, not {number}")])
     who = learner_of(learner, learns_from)
-    asked = tasks_of(suite, tasks)
+    asked = {exam_id(task): task for task in tasks_of(suite, tasks)}
     terms = ExamTerms(steps, who.learns_from, transitions)
-    baseline = None if against is None else _baseline(against, asked, terms)
-    plan = _plan(asked, who, numbers, terms, twins, probes)
+    baseline = None
+    if against is not None:
+        baseline = read(against)
+        hashes = {name: task.content_hash for name, task in asked.items()}
+        check_comparable(baseline, str(against), hashes, {"steps": steps, "transitions": transitions})
+    plan = _plan(asked.values(), who, numbers, terms, twins, probes)
     folder = None if out is None else Path(out)
-    rows, measures = _trained(plan, asked, who, folder, running or Running())
-    found = _exam(who, suite, plan, rows, {exam_id(t): _examined(t, measures[exam_id(t)]) for t in asked})
-    return _concluded(found, suite, baseline, folder)
-
-
-def _baseline(folder: Path | str, asked: Sequence[Task], terms: ExamTerms) -> Exam:
-    """Return an earlier exam that this one can be compared with."""
-    found = read(folder)
-    hashes = {exam_id(task): task.content_hash for task in asked}
-    check_comparable(found, str(folder), hashes, {"steps": terms.steps, "transitions": terms.transitions})
+    if who.place is None:
+        rows = [_trained_here(planned, who) for planned in plan]
+        measured = {name: baselines(task, EPISODES, written()) for name, task in asked.items()}
+    else:
+        with tempfile.TemporaryDirectory() as scratch, Store((folder or Path(scratch)) / "exam.sqlite") as store:
+            measured = _measured(asked, store, running or Running())
+            rows = _trained(plan, store, running or Running())
+    found = _exam(who, suite, plan, rows, {name: _examined(task, measured[name]) for name, task in asked.items()})
+    found["verdicts"] = verdicts(found["tasks"], found["scores"])
+    found["flags"] = flags(found["tasks"], found["scores"], baseline)
+    found["diagnoses"] = diagnose(found, suite)
+    if folder is not None:
+        write(found, folder)
     return found
 
 
-def _check(**numbers: int) -> None:
-    for name, number in numbers.items():
-        if number < 1:
-            raise SpecError([Diagnostic("E713", None, f"an exam needs 1 or more {name}, not {number}")])
+# The tasks that an exam asks.
 
 
-# -- the plan -----------------------------------------------------------------------------------------------------
+def tasks_of(suite: str, wanted: Sequence[TaskLike] | None) -> list[Task]:
+    """Return the tasks of an exam, in the variants in which a learner acts.
+
+    Args:
+        wanted: those to ask, by their names in the suite, or as anything that `taskspec.load` takes; None for those that the
+            suite's `exam.yaml` names, or all where it names none.
+
+    Raises:
+        SpecError: E701 for what is none; E713 for an unknown suite.
+    """
+    known = {e.name: e.id for e in registry.known().values() if e.suite == suite}
+    if wanted is None:
+        if not known:
+            suites = {e.suite for e in registry.known().values()}
+            raise SpecError([Diagnostic("E713", None, f"there is no suite '{suite}'", suggest(suite, suites))])
+        path = file_of(suite, EXAM)
+        wanted = (read_exam(path).described.tasks if path is not None else ()) or tuple(known)
+    found = [registry.load(known.get(task, task) if isinstance(task, str) else task) for task in wanted]
+    ids = [exam_id(task) for task in found]
+    for i, name in enumerate(ids):
+        if name in ids[:i]:
+            raise SpecError([Diagnostic("E713", None, f"{name} is given twice", "an exam has each task once")])
+    return found
+
+
+def exam_id(task: Task) -> str:
+    """Return the name of a task in results: its id, with modifiers and those parameters that are not at their defaults."""
+    values = {p.name: p.value for p in task.parameters if p.value != p.default}
+    return str(InstanceId(task.id, dict(sorted(values.items())), tuple(map(str, task.modifiers))))
+
+
+# Twins: the same task in other words, where a learner that is right earns the same, and one that is right by luck does not.
+
+TRIED = 16
+"""Seeds that twins are chosen from, at least."""
+WAYS = ("permuted_actions={seed},per_state=true", "permuted_actions={seed}")
+"""How actions are permuted: the first way is taken that keeps what those can earn who see observations alone."""
+SHOWN = 8
+"""Episodes of the expert that show its actions in the states that it visits."""
+
+
+@lru_cache(maxsize=64)
+def twins_of(task: Task, wanted: int) -> tuple[Modifiers, ...]:
+    """Return the modifiers of each twin; none where the task has no twins.
+
+    In finite tasks observations are renamed, and the actions of each state are permuted, by a seed; in all states by the same
+    permutation where two states look alike, so that those who see observations alone can earn what they could. Seeds are chosen
+    among the first ones: such that no constant action is the expert's, where that can be, and that from twin to twin its actions
+    differ in as many states as possible. Other tasks are seen and steered by the symmetries that they declare.
+    """
+    way = _way(task)
+    if way is None:
+        return tuple((f"symmetry={each.name}",) for each in task.symmetries[:wanted])
+    if not wanted:
+        return ()
+    known = {seed: _expert_actions(task, way, seed) for seed in range(1, max(TRIED, 2 * wanted) + 1)}
+    varied = [seed for seed, actions in known.items() if (actions != actions[0]).any()]
+    left = varied if len(varied) >= wanted else list(known)
+    chosen = [left[0]]
+    while len(chosen) < wanted:
+        others = [seed for seed in left if seed not in chosen]
+        chosen.append(max(others, key=lambda seed: min(int((known[seed] != known[c]).sum()) for c in chosen)))
+    return tuple(_modifiers(way, seed) for seed in chosen)
+
+
+def _way(task: Task) -> str | None:
+    """Return how the actions of a task are permuted; None where they or what is observed cannot be renamed."""
+    try:
+        return next((way for way in WAYS if keeps_observers(task, *_modifiers(way, 1))), None)
+    except SpecError as error:
+        if {d.code for d in error.diagnostics} <= {"E720"}:
+            return None
+        raise
+
+
+def _modifiers(way: str, seed: int) -> Modifiers:
+    return way.format(seed=seed), f"relabelled={seed}"
+
+
+def _expert_actions(task: Task, way: str, seed: int) -> Array:
+    """Return the names of the expert's actions, (steps,), in some episodes, which are the same under every seed."""
+    twin = modify(task, way.format(seed=seed))
+    policy = "optimal" if twin.expert is None else "expert"
+    return np.asarray(demonstrations(twin, policy, episodes=SHOWN).acts)
+
+
+# The plan, and the jobs that it consists of.
 
 
 def _plan(
-    asked: Sequence[Task], who: Examinee, seeds: tuple[int, ...], terms: ExamTerms, twins: int, probes: bool
+    asked: Iterable[Task], who: Examinee, seeds: tuple[int, ...], terms: ExamTerms, twins: int, probes: bool
 ) -> list[Planned]:
     width = WIDEST if who.together else 1
     blocks = [seeds[i : i + width] for i in range(0, len(seeds), width)]
+    probed = blocks[: max(1, PROBED // width)] if probes and "reward" not in who.learns_from else []
     plan = []
+
+    def add(task: Task, twin: Modifiers | None, block: tuple[int, ...], negated: bool = False) -> None:
+        about = modify(task, *(twin or ()))
+        trial = Trial(about, negated, who.place or "", who.content, terms, block, EPISODES, written())
+        plan.append(Planned(task, twin, trial))
+
     for task in asked:
         for twin in (None, *twins_of(task, twins)):
-            plan += [_place(task, twin, who, terms, block) for block in blocks]
-        if probes and "reward" not in who.learns_from:
-            probed = blocks[: max(1, PROBED // width)]
-            plan += [_place(task, None, who, terms, block, negated=True) for block in probed]
+            for block in blocks:
+                add(task, twin, block)
+        for block in probed:
+            add(task, None, block, negated=True)
     return plan
 
 
-def _place(
-    task: Task, twin: Modifiers | None, who: Examinee, terms: ExamTerms, seeds: tuple[int, ...], negated: bool = False
-) -> Planned:
-    trial = Trial(modify(task, *(twin or ())), negated, who.place or "", who.content, terms, seeds, EPISODES, written())
-    return Planned(task, twin, trial)
-
-
-# -- trials -------------------------------------------------------------------------------------------------------
-
-Rows = list[list[Row]]
-"""For each place of the plan, a row for each seed; those of a learner that failed have an `error` alone."""
-
-
-Measures = dict[str, dict[str, Any]]
-"""The yardsticks of each task."""
-
-
-def _trained(
-    plan: Sequence[Planned], asked: Sequence[Task], who: Examinee, folder: Path | None, running: Running
-) -> tuple[Rows, Measures]:
-    if who.place is None:
-        return [_here(planned, who) for planned in plan], {exam_id(t): baselines.measured(t, EPISODES) for t in asked}
-    with tempfile.TemporaryDirectory() as scratch, Store((folder or Path(scratch)) / "exam.sqlite") as store:
-        return _elsewhere(plan, asked, store, running)
-
-
-def _here(planned: Planned, who: Examinee) -> list[Row]:
+def _trained_here(planned: Planned, who: Examinee) -> list[Row]:
     try:
         return run_trial(planned.trial, who.train)
     except LearnerFailed as error:
@@ -168,67 +251,61 @@ def _failed(planned: Planned, message: str) -> list[Row]:
     return [{"seed": seed, "error": message} for seed in planned.trial.seeds]
 
 
-def _elsewhere(plan: Sequence[Planned], asked: Sequence[Task], store: Store, running: Running) -> tuple[Rows, Measures]:
-    measures = {exam_id(task): _measuring(task) for task in asked}
-    known = run(measures.values(), store, workers=running.workers, cluster=running.cluster, retry_failed=True).rows
-    for job in measures.values():
+def _measured(asked: dict[str, Task], store: Store, running: Running) -> dict[str, Any]:
+    """Return the baselines of each task."""
+    jobs = {}
+    for name, task in asked.items():
+        key = key_of("baselines", task.content_hash, EPISODES, written())
+        jobs[name] = Job(key, task.instance_id, baselines, (task, EPISODES, written()))
+    known = run(jobs.values(), store, workers=running.workers, cluster=running.cluster, retry_failed=True).rows
+    for job in jobs.values():
         if known[job.key].status != "done":
             raise SpecError([Diagnostic("E713", None, f"{job.name} cannot be examined: {known[job.key].message}")])
-    trials = [Job(planned.trial.key, planned.name, run_trial, (planned.trial,)) for planned in plan]
+    return {name: known[job.key].value for name, job in jobs.items()}
+
+
+def _trained(plan: Sequence[Planned], store: Store, running: Running) -> list[list[Row]]:
+    """Return rows for each line of the plan; those of a learner that failed have an `error` alone."""
+    keys = [planned.trial.key for planned in plan]
+    jobs = [Job(key, each.name, run_trial, (each.trial,)) for key, each in zip(keys, plan, strict=True)]
     done = run(
-        trials, store, workers=running.workers, cluster=running.cluster, seconds=running.seconds,
+        jobs, store, workers=running.workers, cluster=running.cluster, seconds=running.seconds,
         retry_failed=running.retry, progress=running.progress,
     ).rows  # fmt: skip
-    rows = [_rows(planned, done[job.key]) for planned, job in zip(plan, trials, strict=True)]
-    return rows, {task: known[job.key].value for task, job in measures.items()}
+    rows = []
+    for key, planned in zip(keys, plan, strict=True):
+        result = done[key]
+        failed = _failed(planned, result.message or result.status)
+        rows.append(result.value if result.status == "done" else failed)
+    return rows
 
 
-def _measuring(task: Task) -> Job:
-    """Return the job that works out the yardsticks of a task."""
-    limits = written()
-    key = baselines.key(task.content_hash, EPISODES, limits)
-    return Job(key, task.instance_id, baselines.measured_within, (task, EPISODES, limits))
+# Scores.
 
 
-def _rows(planned: Planned, result: JobResult) -> list[Row]:
-    if result.status == "done":
-        found: list[Row] = result.value
-        return found
-    return _failed(planned, result.message or result.status)
-
-
-# -- what was found -----------------------------------------------------------------------------------------------
-
-
-def _exam(who: Examinee, suite: str, plan: Sequence[Planned], rows: Rows, tasks: dict[str, Examined]) -> Exam:
-    pairs = [(p, row) for p, block in zip(plan, rows, strict=True) for row in block]
-    for planned, row in pairs:
-        if planned.twin is None and not planned.trial.negated:
-            tasks[exam_id(planned.task)]["cannot"] = row.get("cannot")
-    scores = [_score(p, row, tasks[exam_id(p.task)]) for p, row in pairs if "cannot" not in row]
+def _exam(
+    who: Examinee, suite: str, plan: Sequence[Planned], rows: list[list[Row]], tasks: dict[str, Examined]
+) -> Exam:
+    scores: list[Score] = []
+    for planned, block in zip(plan, rows, strict=True):
+        about = tasks[exam_id(planned.task)]
+        for row in block:
+            if planned.twin is None and not planned.trial.negated:
+                about["cannot"] = row.get("cannot")
+            if "cannot" not in row:
+                scores.append(_score(planned, row, about))
     terms = plan[0].trial.terms
     seeds = list(dict.fromkeys(seed for p in plan for seed in p.trial.seeds))
-    cost = {
-        name: float(sum(s[name] or 0 for s in scores)) for name in ("steps", "demonstrations", "comparisons", "seconds")
-    }
+    cost: dict[str, float] = {}
+    for name in ("steps", "demonstrations", "comparisons", "seconds"):
+        cost[name] = float(sum(s[name] or 0 for s in scores))  # type: ignore[literal-required]
     where = machine()
     return Exam(
         exam=FORMAT, learner=who.name, learns_from=list(who.learns_from), suite=suite, steps=terms.steps,
         transitions=terms.transitions, seeds=seeds, versions=where.pop("versions"), machine=where,
         command=shlex.join(["taskspec", *sys.argv[1:]]) if Path(sys.argv[0]).name == "taskspec" else "",
-        tasks=tasks, scores=scores, verdicts={}, flags=[],
-        diagnoses=[], cost=cost,
+        tasks=tasks, scores=scores, verdicts={}, flags=[], diagnoses=[], cost=cost,
     )  # fmt: skip
-
-
-def _concluded(found: Exam, suite: str, baseline: Exam | None, folder: Path | None) -> Exam:
-    """Return what follows from the scores; kept in the folder."""
-    found["verdicts"] = verdicts(found["tasks"], found["scores"])
-    found["flags"] = flags(found["tasks"], found["scores"], baseline)
-    found["diagnoses"] = diagnose(found, suite)
-    if folder is not None:
-        write(found, folder)
-    return found
 
 
 def _examined(task: Task, found: dict[str, Any]) -> Examined:
@@ -246,21 +323,22 @@ def _finite(value: float | None) -> float | None:
 
 def _score(planned: Planned, row: Row, about: Examined) -> Score:
     """Return a row of results on the scale of its task. Twins have the scale of the task: every return is the same."""
-    ends = about["random"], about["expert"]
+    random = about["random"]
+    expert = about["expert"]
 
     def scaled(value: float | None) -> float | None:
-        return None if value is None else baselines.score(value, *ends)
+        return None if value is None else score(value, random, expert)
 
-    unit = abs((ends[1] or 0) - (ends[0] or 0)) or 1.0
+    unit = abs((expert or 0) - (random or 0)) or 1.0
     curve = row.get("curve")
-    half = _finite(row.get("deterministic_half"))
+    lost = row.get("reward_regret")
     return {
         "task": exam_id(planned.task), "twin": None if planned.twin is None else "+".join(planned.twin),
         "probe": "negated" if planned.trial.negated else None, "seed": row["seed"],
         "deterministic": scaled(row.get("deterministic")), "stochastic": scaled(row.get("stochastic")),
-        "half": (half or 0.0) / unit, "return": _finite(row.get("deterministic")), "error": row.get("error"),
-        "steps": row.get("steps", 0), "demonstrations": row.get("demonstrations", 0),
+        "half": (_finite(row.get("deterministic_half")) or 0.0) / unit, "return": _finite(row.get("deterministic")),
+        "error": row.get("error"), "steps": row.get("steps", 0), "demonstrations": row.get("demonstrations", 0),
         "comparisons": row.get("comparisons", 0), "seconds": row.get("seconds"), "starc": row.get("starc"),
-        "reward_regret": None if (lost := row.get("reward_regret")) is None else lost / unit,
+        "reward_regret": None if lost is None else lost / unit,
         "curve": None if curve is None else [[steps, scaled(value)] for steps, value in curve],
     }  # fmt: skip

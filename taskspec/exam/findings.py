@@ -17,8 +17,6 @@ from taskspec.rules.rule_books import EXAM, FINDINGS, RuleBook, file_of, read_ex
 from taskspec.rules.score_rules import ONE, Comparison, ScoreEvaluator, SeedScores
 from taskspec.task.schema.experiments import DiagnosisEntry, FindingEntry, FindingsDocument
 
-# -- findings ---------------------------------------------------------------------------------------------------------
-
 Outcome = Literal["confirmed", "refuted", "undecided", "not run"]
 OUTCOMES: tuple[Outcome, ...] = ("confirmed", "refuted", "undecided", "not run")
 _WORDS: dict[bool | None, Outcome] = {True: "confirmed", False: "refuted", None: "undecided"}

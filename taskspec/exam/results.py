@@ -1,4 +1,4 @@
-"""What an exam found, as plain data: what `exam.json` holds."""
+"""Results of an exam as plain data: the content of `exam.json`."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Examined(TypedDict):
     cannot: str | None
 
 
-class Told(TypedDict):
+class MeanScore(TypedDict):
     """A mean score over seeds with its 95 % interval, and what follows from it."""
 
     verdict: Grade
@@ -65,12 +65,12 @@ class Told(TypedDict):
     high: float | None
 
 
-class CapabilityVerdict(Told):
-    """What is known of a capability: the worst verdict of its tasks and twins, and the numbers of its worst task."""
+class CapabilityVerdict(MeanScore):
+    """Verdict on a capability: the worst verdict of its tasks and twins, and the numbers of its worst task."""
 
     tasks: list[str]
     seeds: int
-    twins: Told | None
+    twins: MeanScore | None
 
 
 class Flag(TypedDict):
@@ -90,11 +90,11 @@ Diagnosis = TypedDict(
         "name": str, "message": str, "cause": str, "try": str, "source": str, "tasks": list[str], "evidence": list[str],
     },
 )  # fmt: skip
-"""What a pattern of scores usually means: see `taskspec.exam.findings.diagnose`."""
+"""The usual meaning of a pattern of scores: see `taskspec.exam.findings.diagnose`."""
 
 
 class Exam(TypedDict):
-    """What an exam found."""
+    """Results of an exam."""
 
     exam: int
     learner: str
@@ -115,7 +115,7 @@ class Exam(TypedDict):
 
 
 def folder_name(learner: str) -> str:
-    """Return what the folder of a learner's exam is called: `bc`, `paper/gail_im`, `mine-train` for `some/mine.py:train`."""
+    """Return the name of the folder of a learner's exam: `bc`, `paper/gail_im`, `mine-train` for `some/mine.py:train`."""
     family, slash, name = learner.partition("/")
     if slash and family in FAMILIES and name in BUILT_IN:
         return learner
@@ -123,7 +123,7 @@ def folder_name(learner: str) -> str:
 
 
 def write(exam: Exam, folder: Path) -> Path:
-    """Keep what was found as `exam.json` in a folder.
+    """Write results as `exam.json` into a folder.
 
     Raises:
         SpecError: E716, it cannot be written.
@@ -134,7 +134,7 @@ def write(exam: Exam, folder: Path) -> Path:
 
 
 def read(folder: Path | str) -> Exam:
-    """Return what an exam left in a folder, or one that comes with a suite, such as `derail/bc`.
+    """Return the results of an exam in a folder, or one that comes with a suite, such as `derail/bc`.
 
     Raises:
         SpecError: E710, E711 when there is nothing, or it cannot be read; E721 when it is something else.
@@ -187,8 +187,8 @@ def _words(path: tuple[str | int, ...]) -> str:
     """Return a path as a programmer writes it: `scores[3].half`."""
     found = ""
     for step in path:
-        found += f"[{step}]" if isinstance(step, int) else f".{step}" if found else step
-    return found or "the exam"
+        found += f"[{step}]" if isinstance(step, int) else f".{step}"
+    return found.removeprefix(".") or "the exam"
 
 
 def _place(given: Path) -> Path:

@@ -4,29 +4,107 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import itertools
 import json
+import math
+import pickle
 import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 import taskspec
 from taskspec.base.diagnostics import TaskspecError
 from taskspec.base.limits import also
-from taskspec.exam.baselines import results_of
 from taskspec.exam.case import Case, ExamTerms
-from taskspec.exam.learners import train_at
-from taskspec.exam.rewards import Learned, told
+from taskspec.exam.examinee import train_at
+from taskspec.exam.starc import Learned, reward_fields
 from taskspec.learners import CannotLearn
-from taskspec.policies.values import ObservedValue, observed_value
-from taskspec.scores.returns import Results, Return
+from taskspec.policies.values import ObservedValue, observed_value, policy_value
+from taskspec.scores.returns import Results, normalised
 from taskspec.task.task import Task
 
 Row = dict[str, Any]
-"""What came of one seed: returns, costs, and points of the learning curve, as JSON data."""
+"""The result of one seed: returns, costs, and points of the learning curve, as JSON data."""
 _OURS = str(Path(taskspec.__file__).parent)
+
+
+# Baselines: the returns of random actions, the expert and the optimum, by which scores are normalised.
+
+MOST_CONSTANT = 64
+"""Constant actions that are tried."""
+
+
+def results_of(task: Task, episodes: int) -> Results:
+    """Return the results of a task, computed once a process; `episodes` for what has to be simulated."""
+    return _results(pickle.dumps(task), episodes)
+
+
+@lru_cache(maxsize=16)
+def _results(task: bytes, episodes: int) -> Results:
+    return Results(pickle.loads(task), episodes)
+
+
+def key_of(*content: Any) -> str:
+    """Return a hash of JSON data and of the version of this package."""
+    return hashlib.sha256(json.dumps([*content, taskspec.__version__]).encode()).hexdigest()
+
+
+def baselines(task: Task, episodes: int, limits: str) -> dict[str, Any]:
+    """Return returns of random actions, the expert and the optimum, and the score of the best constant action, as JSON data.
+
+    Args:
+        limits: that hold, as `taskspec.base.limits.also` takes them.
+    """
+    with also(limits):
+        results = results_of(task, episodes)
+        found: dict[str, Any] = {}
+        for name in ("random", "expert", "optimal", "worst"):
+            value = getattr(results, name)
+            found[name] = None if value is None else value.value
+        if found["expert"] is None:
+            found["expert"] = found["optimal"]
+        constant = max(policy_value(results, _Constant(a), True).value.value for a in _constant_actions(task))
+        return found | {"constant": score(constant, found["random"], found["expert"])}
+
+
+def score(value: float, random: float | None, expert: float | None) -> float | None:
+    """Return a return on the scale random 0, expert 1; None where the task has no such scale."""
+    if random is None or expert is None:
+        return None
+    found = normalised(value, random, expert, floor=None)
+    return found if math.isfinite(found) else None
+
+
+def _constant_actions(task: Task) -> list[Any]:
+    """Return actions as the environment takes them: all, or some of many; the ends and the middle of ranges."""
+    layout = task.action_layout
+    if layout.form == "discrete":
+        return list(range(layout.starts[0], layout.starts[0] + min(layout.counts[0], MOST_CONSTANT)))
+    if layout.form == "multi_discrete":
+        combinations = itertools.product(*map(range, layout.counts))
+        return [np.array(each) for each in itertools.islice(combinations, MOST_CONSTANT)]
+    low, high = np.clip(np.array(layout.limits).T, -1e6, 1e6).reshape(2, *layout.shape)
+    return [(low + share * (high - low)).astype(np.float32) for share in (0.0, 0.5, 1.0)]
+
+
+class _Constant:
+    """A policy that takes one action always."""
+
+    def __init__(self, action: Any) -> None:
+        self.action = action
+
+    def predict(self, observations: Any) -> Any:
+        first = next(iter(observations.values())) if isinstance(observations, dict) else observations
+        return np.array([self.action] * len(first))
+
+
+# Trials.
 
 
 class LearnerFailed(TaskspecError):
@@ -56,21 +134,19 @@ class Trial:
 
     @property
     def key(self) -> str:
-        """Return a hash of all that the result depends on; the block is part of it, as its width may change results."""
-        told = [
-            self.about.content_hash, self.negated, self.content, vars(self.terms), self.seeds, self.episodes, self.limits,
-            taskspec.__version__,
-        ]  # fmt: skip
-        return hashlib.sha256(json.dumps(told).encode()).hexdigest()
+        """A hash of all that the result depends on; the block is part of it, as its width may change results."""
+        return key_of(
+            self.about.content_hash,
+            self.negated,
+            self.content,
+            vars(self.terms),
+            self.seeds,
+            self.episodes,
+            self.limits,
+        )
 
 
 def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[Row]:
-    """Do `_run` within the limits of a trial."""
-    with also(trial.limits):
-        return _run(trial, train)
-
-
-def _run(trial: Trial, train: Callable[[Any], Any] | None) -> list[Row]:
     """Train, and score what was learned: a row for each seed of the block, with `cannot` alone where it is not for this task.
 
     Args:
@@ -80,44 +156,45 @@ def _run(trial: Trial, train: Callable[[Any], Any] | None) -> list[Row]:
         LearnerFailed: it, or a policy of it, raised an error.
         SpecError: where the learner cannot be found again.
     """
-    train = train_at(trial.place, trial.content) if train is None else train
-    results = results_of(trial.about, trial.episodes)
-    task = results.task
-    case = Case(task, trial.seeds, trial.terms, trial.negated)
-    begin = time.perf_counter()
-    try:
-        learned = train(case)
-        trained = time.perf_counter()
-        policies = _policies(learned, len(case.seeds), train)
-        rows = [_scored(policy, results, seed) for policy, seed in zip(policies, case.seeds, strict=True)]
-        curves = _curves(case, results)
-    except CannotLearn as error:
-        return [{"seed": seed, "cannot": error.message} for seed in trial.seeds]
-    except Exception as error:
-        raise LearnerFailed(_words(error, train)) from error
-    shared = {"seconds": (trained - begin) / len(rows), "scoring": (time.perf_counter() - trained) / len(rows)}
-    return [
-        row | vars(case.spent_by(i)) | shared | {"curve": curve}
-        for i, (row, curve) in enumerate(zip(rows, curves, strict=True))
-    ]
+    with also(trial.limits):
+        train = train_at(trial.place, trial.content) if train is None else train
+        results = results_of(trial.about, trial.episodes)
+        case = Case(results.task, trial.seeds, trial.terms, trial.negated)
+        begin = time.perf_counter()
+        try:
+            learned = train(case)
+            trained = time.perf_counter()
+            policies = _policies(learned, len(case.seeds), train)
+            rows = [_scored(policy, results, seed) for policy, seed in zip(policies, case.seeds, strict=True)]
+            _add_curves(rows, case, results)
+        except CannotLearn as error:
+            return [{"seed": seed, "cannot": error.message} for seed in trial.seeds]
+        except Exception as error:
+            raise LearnerFailed(_words(error, train)) from error
+    for i, row in enumerate(rows):
+        row |= vars(case.spent_by(i)) | {"seconds": (trained - begin) / len(rows)}
+    return rows
 
 
 def _policies(learned: Any, seeds: int, train: Any) -> Sequence[Any]:
     if not getattr(train, "together", False):
         return [learned]
     if not isinstance(learned, list | tuple) or len(learned) != seeds:
-        told = f"{len(learned)} policies" if isinstance(learned, list | tuple) else type(learned).__name__
-        raise TypeError(f"`train.together` promises a list of {seeds} policies, one for each seed; this is {told}")
+        given = f"{len(learned)} policies" if isinstance(learned, list | tuple) else type(learned).__name__
+        raise TypeError(f"`train.together` promises a list of {seeds} policies, one for each seed; this is {given}")
     return learned
 
 
 def _scored(policy: Any, results: Results, seed: int) -> Row:
     if policy is None:
         raise TypeError("`train` returned no policy: does it end with `return`?")
-    found = _value(policy, results, seed)
-    row = {"seed": seed, **_told("deterministic", found.deterministic), **_told("stochastic", found.stochastic)}
+    value = _value(policy, results, seed)
+    row = {
+        "seed": seed, "curve": None, "deterministic": value.deterministic.value,
+        "deterministic_half": value.deterministic.half, "stochastic": value.stochastic.value,
+    }  # fmt: skip
     if getattr(policy, "reward", None) is not None:
-        row |= told(results.task, policy.reward)
+        row |= reward_fields(results.task, policy.reward)
     return row
 
 
@@ -125,16 +202,11 @@ def _value(policy: Any, results: Results, seed: int) -> ObservedValue:
     return observed_value(results, policy.policy if isinstance(policy, Learned) else policy, seed)
 
 
-def _told(name: str, value: Return) -> Row:
-    return {name: value.value, f"{name}_half": value.half}
-
-
-def _curves(case: Case, results: Results) -> list[list[list[float]] | None]:
-    """For each seed, points of steps and returns; None where the learner showed nothing."""
-    if not case.curve:
-        return [None] * len(case.seeds)
-    points = [(steps, [_value(p, results, 0).deterministic.value for p in shown]) for steps, shown in case.curve]
-    return [[[steps, found[i]] for steps, found in points] for i in range(len(case.seeds))]
+def _add_curves(rows: Sequence[Row], case: Case, results: Results) -> None:
+    """Add points of steps and returns to each row, if the learner showed policies on its way."""
+    for steps, shown in case.curve:
+        for row, policy in zip(rows, shown, strict=True):
+            row["curve"] = [*(row["curve"] or ()), [steps, _value(policy, results, 0).deterministic.value]]
 
 
 def _words(error: Exception, train: Any) -> str:
@@ -147,5 +219,6 @@ def _words(error: Exception, train: Any) -> str:
         own = [f for f in frames if f.filename == inspect.getsourcefile(inspect.unwrap(train))]
     except TypeError:
         own = []
-    at = (own or frames)[-1:]
-    return words + "".join(f"\n  at {f.filename}:{f.lineno}, in {f.name}" for f in at)
+    for frame in (own or frames)[-1:]:
+        words += f"\n  at {frame.filename}:{frame.lineno}, in {frame.name}"
+    return words

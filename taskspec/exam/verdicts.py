@@ -1,16 +1,16 @@
-"""Verdicts: which capabilities a learner masters; and flags: what is wrong whatever the scores are."""
+"""Verdicts: which capabilities a learner masters; and flags: what is wrong at any scores."""
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from statistics import NormalDist
 from typing import Literal
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.exam.results import CapabilityVerdict, Exam, Examined, Flag, Grade, Score, Told
-from taskspec.rollout.statistics import ALARM, CONFIDENCE, Difference, estimate, mean, paired, unpaired
+from taskspec.exam.results import CapabilityVerdict, Exam, Examined, Flag, Grade, MeanScore, Score
+from taskspec.rollout.statistics import ALARM, CONFIDENCE, estimate, mean, paired, unpaired
 from taskspec.rules.score_rules import side
 
 # Verdicts: which capabilities a learner masters, from the interval of its mean score and not from the mean.
@@ -33,16 +33,18 @@ def grade(low: float | None, high: float | None) -> Grade:
     """Return the verdict from an interval of the mean score."""
     if low is None or high is None:
         return "unsure"
-    return "masters" if low >= MASTERED else "fails" if high < MASTERED else "unsure"
+    if low >= MASTERED:
+        return "masters"
+    return "fails" if high < MASTERED else "unsure"
 
 
-def told(values: Sequence[float], key: str) -> Told:
+def mean_score(values: Sequence[float], key: str) -> MeanScore:
     """Return the mean of the scores of seeds, its interval, and the verdict."""
     if not values:
-        return Told(verdict="unsure", mean=None, low=None, high=None)
+        return MeanScore(verdict="unsure", mean=None, low=None, high=None)
     found = estimate(values, mean, key)
     low, high = (end if math.isfinite(end) else None for end in found.interval)
-    return Told(verdict=grade(low, high), mean=found.value, low=low, high=high)
+    return MeanScore(verdict=grade(low, high), mean=found.value, low=low, high=high)
 
 
 def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> dict[str, CapabilityVerdict]:
@@ -52,29 +54,36 @@ def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> dict[str
         names = [task for task, about in tasks.items() if about["capability"] == capability and not about.get("cannot")]
         if not names:
             continue
-        printed = [told(list(by_seed(scores, task, "printed").values()), task) for task in names]
-        known = {task: list(by_seed(scores, task, "twin").values()) for task in names}
-        twins = [told(values, task) for task, values in known.items() if values]
-        seeds = min(len(by_seed(scores, task, "printed")) for task in names)
+        printed = []
+        twins = []
+        seeds = []
+        for task in names:
+            own = by_seed(scores, task, "printed")
+            other = by_seed(scores, task, "twin")
+            seeds.append(len(own))
+            printed.append(mean_score(list(own.values()), task))
+            if other:
+                twins.append(mean_score(list(other.values()), task))
         worst = _worst(printed)
         verdict = _worst([*printed, *twins])["verdict"]
         found[capability] = CapabilityVerdict(
-            verdict=verdict, mean=worst["mean"], low=worst["low"], high=worst["high"], tasks=names, seeds=seeds,
+            verdict=verdict, mean=worst["mean"], low=worst["low"], high=worst["high"], tasks=names, seeds=min(seeds),
             twins=_worst(twins) if twins else None,
         )  # fmt: skip
     return found
 
 
-def _worst(found: Sequence[Told]) -> Told:
-    return min(found, key=lambda t: (WORST_FIRST.index(t["verdict"]), -math.inf if t["mean"] is None else t["mean"]))
+def _worst(found: Sequence[MeanScore]) -> MeanScore:
+    def rank(each: MeanScore) -> tuple[int, float]:
+        return WORST_FIRST.index(each["verdict"]), -math.inf if each["mean"] is None else each["mean"]
+
+    return min(found, key=rank)
 
 
-# Flags: what is wrong whatever the scores are, and what has become worse.
+# Flags: what is wrong at any scores, and what has become worse.
 
 ROUNDING = 1e-4
 """What a return may be above the optimum, as a share of it, because probabilities that a policy gives are rounded."""
-Found = tuple[str, Difference]
-"""A task and a difference of scores on it."""
 
 
 def flags(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam | None) -> list[Flag]:
@@ -85,9 +94,8 @@ def flags(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam 
     what even a learner without mistakes does there.
     """
     found = [*_failed(tasks, scores), *_impossible(tasks, scores)]
-    twins = list(_compared(tasks, scores, "twin"))
-    found += _real("twin", twins, _of_twins)
-    found += _real("peeks", list(_compared(tasks, scores, "negated")), _of_peeking)
+    found += _apart(tasks, scores, "twin", "twin")
+    found += _apart(tasks, scores, "peeks", "negated")
     if against is None:
         return found
     known = {flag["task"] for flag in against["flags"] if flag["kind"] == "twin"}
@@ -133,73 +141,62 @@ def _impossible(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> Itera
             yield Flag(kind="impossible", task=task, message=message, effect=most / unit, low=None, high=None)
 
 
-def _compared(tasks: Mapping[str, Examined], scores: Sequence[Score], which: str) -> Iterable[Found]:
-    """Yield how much higher each task as printed is than another side of it, on the seeds of both."""
+def _apart(
+    tasks: Mapping[str, Examined], scores: Sequence[Score], kind: Literal["twin", "peeks"], which: str
+) -> Iterable[Flag]:
+    """Flag tasks whose scores as printed differ from those of another side, on the seeds of both."""
+    differences = {}
     for task in tasks:
-        printed, other = (by_seed(scores, task, side) for side in ("printed", which))
-        seeds = printed.keys() & other.keys()
-        apart = paired([printed[s] for s in sorted(seeds)], [other[s] for s in sorted(seeds)], f"{task}, {which}")
+        printed = by_seed(scores, task, "printed")
+        other = by_seed(scores, task, which)
+        seeds = sorted(printed.keys() & other.keys())
+        apart = paired([printed[s] for s in seeds], [other[s] for s in seeds], f"{task}, {which}")
         if apart is not None:
-            yield task, apart
+            differences[task] = apart
+    for task, d in differences.items():
+        if not d.is_real(len(differences)):
+            continue
+        size = f"{abs(d.effect):.2f}"
+        message = f"the score changes by {size} when a reward is negated that the learner is not to see: it looks at it"
+        if kind == "twin":
+            way = "lower" if d.effect > 0 else "higher"
+            message = (
+                f"on twins, where every return is the same, the score is {size} {way}: it depends on what states and "
+                "actions are called"
+            )
+        yield Flag(kind=kind, task=task, message=message, effect=d.effect, low=d.low, high=d.high)
 
 
-def _real(
-    kind: Literal["twin", "peeks", "regression"], found: Sequence[Found], says: Callable[[Difference], str]
-) -> list[Flag]:
-    """Flags for the differences that stand out among all of their kind."""
-    return [
-        Flag(kind=kind, task=task, message=says(d), effect=d.effect, low=d.low, high=d.high)
-        for task, d in found
-        if d.is_real(len(found))
-    ]
-
-
-def _of_twins(apart: Difference) -> str:
-    told = "lower" if apart.effect > 0 else "higher"
-    return (
-        f"on twins, where every return is the same, the score is {abs(apart.effect):.2f} {told}: it depends on what states and "
-        "actions are called"
-    )
-
-
-def _of_peeking(apart: Difference) -> str:
-    return f"the score changes by {abs(apart.effect):.2f} when a reward is negated that the learner is not to see: it looks at it"
-
-
-# -- against a baseline -------------------------------------------------------------------------------------------
+# Comparison with an earlier exam.
 
 
 def _regressions(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam) -> list[Flag]:
-    found = []
+    """Flag tasks on which scores are below those of an earlier exam, on the twins that both have."""
+    before = against["scores"]
+    places = set(map(_place, scores)) & set(map(_place, before))
+    new = [each for each in scores if _place(each) in places]
+    old = [each for each in before if _place(each) in places]
+    differences = []
     for task, about in tasks.items():
-        before = against["tasks"].get(task)
-        if before is None or before["content_hash"] != about["content_hash"]:
+        known = against["tasks"].get(task)
+        if known is None or known["content_hash"] != about["content_hash"]:
             continue
-        for which in ("printed", "twin"):
-            now, then = (by_seed(_common(s, o), task, which) for s, o in _both(scores, against["scores"]))
-            apart = unpaired(list(now.values()), list(then.values()), f"{task}, {which}, against")
+        for which, where in (("printed", ""), ("twin", " on twins")):
+            now = list(by_seed(new, task, which).values())
+            then = list(by_seed(old, task, which).values())
+            apart = unpaired(now, then, f"{task}, {which}, against")
             if apart is not None:
-                found.append((task, which, apart))
-    worse = [(task, which, d) for task, which, d in found if d.effect < 0 and d.is_real(len(found))]
-    return [
-        Flag(kind="regression", task=task, message=_of_regression(which, d), effect=d.effect, low=d.low, high=d.high)
-        for task, which, d in worse
-    ]
+                differences.append((task, where, apart))
+    found = []
+    for task, where, d in differences:
+        if d.effect < 0 and d.is_real(len(differences)):
+            message = f"the score{where} is {-d.effect:.2f} below that of the baseline"
+            found.append(Flag(kind="regression", task=task, message=message, effect=d.effect, low=d.low, high=d.high))
+    return found
 
 
-def _both(now: Sequence[Score], then: Sequence[Score]) -> tuple[tuple[Sequence[Score], Sequence[Score]], ...]:
-    return (now, then), (then, now)
-
-
-def _common(scores: Sequence[Score], others: Sequence[Score]) -> list[Score]:
-    """Return the scores on twins that both exams have."""
-    known = {(score["task"], score["twin"]) for score in others}
-    return [score for score in scores if (score["task"], score["twin"]) in known]
-
-
-def _of_regression(which: str, apart: Difference) -> str:
-    where = "" if which == "printed" else " on twins"
-    return f"the score{where} is {-apart.effect:.2f} below that of the baseline"
+def _place(score: Score) -> tuple[str, str | None]:
+    return score["task"], score["twin"]
 
 
 def check_comparable(against: Exam, folder: str, tasks: Mapping[str, str], terms: Mapping[str, int]) -> None:

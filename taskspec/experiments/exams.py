@@ -10,16 +10,16 @@ from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam import Exam, Running, examine
+from taskspec.exam.examining import exam_id
 from taskspec.exam.results import folder_name
-from taskspec.exam.twins import exam_id
-from taskspec.exam.verdicts import by_seed, told
+from taskspec.exam.verdicts import by_seed, mean_score
+from taskspec.experiments.experiment_file import ExperimentFile
 from taskspec.experiments.instances import Instance, expand
-from taskspec.experiments.reading import ExperimentFile
 from taskspec.experiments.sweeping import Measured
-from taskspec.jobs.engine import Standing
+from taskspec.jobs.running import JobProgress
 from taskspec.task.task import Task
 
-Bar = Callable[[str], AbstractContextManager[Callable[[Standing], None]]]
+Bar = Callable[[str], AbstractContextManager[Callable[[JobProgress], None]]]
 """For the name of a learner, a place that shows how far its exam is."""
 
 
@@ -40,7 +40,7 @@ class LearnersExamined:
         name = exam_id(task)
         values = dict[str, Any]()
         for learner, exam in self.exams.items():
-            found = told(list(by_seed(exam["scores"], name, "printed").values()), name)
+            found = mean_score(list(by_seed(exam["scores"], name, "printed").values()), name)
             low = found["low"]
             high = found["high"]
             half = None if low is None or high is None else (high - low) / 2

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from taskspec.base.display import number
 from taskspec.experiments.sweeping import Measured
 from taskspec.figures import chart, save
 from taskspec.figures.chart import Axes, LegendEntry, Scale
@@ -219,7 +220,7 @@ def _x_axis(panel: _Panel, experiment: Experiment, xs: Sequence[float], labels: 
         found = chart.axis(xs, name)
         turned = 30.0 if max(map(len, labels), default=0) > 6 else 0.0
         return replace(found, ticks=tuple(dict.fromkeys(zip(xs, labels, strict=True))), angle=turned)
-    at_values = tuple((x, chart.number(x)) for x in dict.fromkeys(xs))
+    at_values = tuple((x, number(x)) for x in dict.fromkeys(xs))
     if min(xs) > 0 and (panel.x in experiment.plot.log or _is_geometric(xs)):
         return replace(chart.axis(xs, name, log=True), ticks=at_values)
     found = chart.axis(xs, name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -18,14 +18,15 @@ from taskspec.figures.overlays import OVERLAYS as OVERLAYS
 from taskspec.figures.overlays import PARTS
 from taskspec.figures.overlays import Overlay as Overlay
 from taskspec.figures.overlays import overlay as overlay
+from taskspec.figures.scene import Label
 from taskspec.figures.scene import Scene as Scene
-from taskspec.figures.scene import not_drawn, with_legend
 from taskspec.figures.series import episode_series
+from taskspec.figures.states import not_drawn, state_table
 from taskspec.figures.svg import svg as svg
 from taskspec.figures.tikz import colors as tikz_colors
 from taskspec.figures.tikz import tikz as tikz
-from taskspec.figures.values import state_table
 from taskspec.model.model import NoModel
+from taskspec.printers.tree import Words
 from taskspec.registry import load
 from taskspec.soundness.soundness import soundness
 from taskspec.task.merge import merge
@@ -61,14 +62,19 @@ def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
         drawn = not_drawn(task, FIGURE_KINDS[task.figure.kind].needs)
     if drawn is None:
         return None
-    return with_legend(keyed(drawn), tuple(_legend(task, drawn, over)))
+    lines = list(_legend(task, drawn, over))
+    drawn = keyed(drawn)
+    words = []
+    for i, line in enumerate(lines):
+        words.append(Label((0.0, drawn.height + 0.25 + 0.45 * i), Words(line), 0.26, "start", "muted"))
+    return drawn.extended(words, "; ".join((drawn.alt, *lines))) if words else drawn
 
 
 def _legend(task: Task, drawn: Scene, over: Overlay) -> Iterator[str]:
     """Yield a line for each overlay: how it is drawn, its value at the state shown, or that it is not drawn."""
     if not over.legend:
         return
-    bare = _drawn(task, over.only(None))
+    bare = _drawn(task, over.only())
     values = {} if drawn.state is None or over.at_state is None else over.at_state(drawn.state)
     for part, (scale, what) in over.legend.items():
         with_part = _drawn(task, over.only(part)) if part in PARTS else None
@@ -87,21 +93,17 @@ def _drawn(task: Task, over: Overlay) -> Scene | None:
         SpecError: with the mistakes of an unsound task, if they are why it cannot be drawn.
     """
     kind = DEFAULT if task.figure is None else task.figure.kind
-    try:
-        drawn = _drawer(kind)(task, over)
-        if drawn is None and task.figure is not None and kind == "graph":
-            drawn = _drawer("matrix")(task, over)
-        return drawn
-    except NoModel:
-        raise_if_errors(soundness(task))
-        return None
-
-
-def _drawer(kind: str) -> Callable[[Task, Overlay], Scene | None]:
-    """Return the function that draws a kind of figure."""
-    module, _, name = FIGURE_KINDS[kind].draw.partition(":")
-    found: Callable[[Task, Overlay], Scene | None] = getattr(import_module(module), name)
-    return found
+    kinds = [kind, "matrix"] if task.figure is not None and kind == "graph" else [kind]
+    for name in kinds:
+        module, _, function = FIGURE_KINDS[name].draw.partition(":")
+        try:
+            drawn: Scene | None = getattr(import_module(module), function)(task, over)
+        except NoModel:
+            raise_if_errors(soundness(task))
+            return None
+        if drawn is not None:
+            return drawn
+    return None
 
 
 @dataclass(frozen=True)

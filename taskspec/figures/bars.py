@@ -1,4 +1,4 @@
-"""A vector as bars or cells, and any state as a table with a line for each component."""
+"""A vector as bars, or as cells with the moves of their elements."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.figures.marks import SIGNS, marked, sign
+from taskspec.base.display import fixed
+from taskspec.figures.marks import HIGHLIGHTS, SIGNS, marked, sign, signed
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.scene import Box, Color, Item, Label, Line, Scene, fitted, shifted, text_width
-from taskspec.figures.values import State, at_states, expert_path, reads_of
+from taskspec.figures.states import State, at_state, at_states, expert_path, reads_of
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Read
 from taskspec.lang.types import Kind
@@ -28,7 +29,6 @@ LONGEST = 100
 MOST_BARS = 400
 BELOW = 2.5
 LETTERS = 0.28
-_COLORS: dict[str, Color] = {"first": "accent", "second": "second", "good": "good", "bad": "bad"}
 
 
 def bars(task: Task, overlay: Overlay) -> Scene | None:
@@ -40,57 +40,56 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
     node = _vector(task)
     if node is None:
         return None
-    steps = min(LONGEST, LONGEST if task.horizon is None else task.horizon)
     here = overlay.here
-    paths = [expert_path(task, steps, seed) for seed in range(SEEDS)] if here is None else [[dict(here)]]
-    states, state = max(((_changes(task, node, path), path[0]) for path in paths), key=lambda found: len(found[0]))
-    rows = [_row(task, node, each) for each in states]
-    colors = [_colors(task, node, each) for each in states]
-    alt = f"A state of {task.name} as {len(rows[0])}"
-    if len(rows[0]) <= CELLS_UP_TO:
-        drawn = list(zip(rows, colors, strict=True))
-        shown = drawn if len(drawn) <= ROWS else [*drawn[: ROWS - 1], drawn[-1]]
-        moves = "" if len(rows) == 1 else ", and how the expert changes it"
-        return fitted(
-            [*_cells(shown, len(rows) - len(shown)), *_sums(rows, colors[0], 1.0, 1.05)],
-            f"{alt} cells{moves}",
-            state=state,
-        )
-    items = [*_bars(rows[0], colors[0], None if here is None else _bound(node))]
+    paths = [[dict(here)]] if here is not None else [expert_path(task, LONGEST, seed) for seed in range(SEEDS)]
+    states = max((_changes(task, node, path) for path in paths), key=len)
+    rows = [at_state(task, node, state) for state in states]
+    colors = [_colors(task, node, state) for state in states]
+    count = node.type.size
+    items: list[Item] = []
     notes: tuple[str, ...] = ()
-    if len(rows) > 1:
-        items += [x for item in _bars(rows[-1], colors[-1]) for x in [shifted(item, 0.0, BELOW)]]
-        notes = (f"Above a first state, below what the expert has made of it after {len(rows) - 1} changes.",)
-    return fitted([*items, *_sums(rows, colors[0], _step(len(rows[0])), 0.35)], f"{alt} bars", notes, state=state)
-
-
-def _row(task: Task, node: Node, state: State) -> Array:
-    """Return the vector in a state."""
-    found: Array = at_states(task, node, reads_of(task, state), 1)[0].astype(float)
-    return found
+    if count <= CELLS_UP_TO:
+        shown = list(zip(rows, colors, strict=True))
+        if len(rows) > ROWS:
+            shown[ROWS - 1 : -1] = []
+        moves = "" if len(rows) == 1 else ", and how the expert changes it"
+        items += _cells(shown, len(rows) - len(shown))
+        alt = f"{count} cells{moves}"
+        step = 1.0
+        sums_at = 1.05
+    else:
+        items += _bars(rows[0], colors[0], None if here is None else _bound(node))
+        alt = f"{count} bars"
+        if len(rows) > 1:
+            items += [shifted(item, 0.0, BELOW) for item in _bars(rows[-1], colors[-1])]
+            notes = (f"Above a first state, below what the expert has made of it after {len(rows) - 1} changes.",)
+        step = _step(count)
+        sums_at = 0.35
+    if len(rows) == 1:
+        items += _sums(rows[0], colors[0], step, sums_at)
+    return fitted(items, f"A state of {task.name} as {alt}", notes, state=states[0])
 
 
 def _changes(task: Task, node: Node, path: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return the states of a path in which the vector has another value than in the one before."""
-    rows = [_row(task, node, state) for state in path]
+    rows = [at_state(task, node, state) for state in path]
     return [state for i, state in enumerate(path) if i == 0 or not np.array_equal(rows[i], rows[i - 1])]
 
 
-def _sums(rows: list[Array], colors: list[Color], step: float, y: float) -> Iterator[Label]:
+def _sums(row: Array, colors: list[Color], step: float, y: float) -> Iterator[Label]:
     """Yield the sums of two parts with colours of their own, and how they compare."""
-    parts = [[i for i, color in enumerate(colors) if color == role] for role in ("accent", "second")]
-    if len(rows) > 1 or not all(parts):
-        return
+    first, second = ([i for i, color in enumerate(colors) if color == role] for role in ("accent", "second"))
     with np.errstate(over="ignore"):
-        first, second = (float(rows[0][part].sum()) for part in parts)
-    if not math.isfinite(first) or not math.isfinite(second):
+        totals = (float(row[first].sum()), float(row[second].sum()))
+    if not (first and second and math.isfinite(sum(map(abs, totals)))):
         return
-    relation = "=" if first == second else "<" if first < second else ">"
-    middles = [(min(part) + max(part) + 1) / 2 * step for part in parts]
+    relation = ("=", ">", "<")[int(np.sign(totals[0] - totals[1]))]
+    middles = [(min(part) + max(part) + 1) / 2 * step for part in (first, second)]
     between = sum(middles) / 2
-    texts = [m.Row((m.Words("sum "), m.Num(f"{x:.4g}".replace("-", "−")))) for x in (first, second)]
-    if middles[1] - middles[0] < sum(text_width(t, LETTERS) for t in texts) / 2 + 0.6:
-        middles = [between - 0.4 - text_width(texts[0], LETTERS) / 2, between + 0.4 + text_width(texts[1], LETTERS) / 2]
+    texts = [m.Row((m.Words("sum "), signed(total))) for total in totals]
+    halves = [text_width(text, LETTERS) / 2 for text in texts]
+    if middles[1] - middles[0] < sum(halves) + 0.6:
+        middles = [between - 0.4 - halves[0], between + 0.4 + halves[1]]
     for at, text in zip(middles, texts, strict=True):
         yield Label((at, y), text, LETTERS)
     yield Label((between, y), m.Sym(relation), LETTERS)
@@ -98,12 +97,11 @@ def _sums(rows: list[Array], colors: list[Color], step: float, y: float) -> Iter
 
 def _vector(task: Task) -> Node | None:
     """Return the vector that the figure names, else the first component of the state that is one."""
-    if task.figure is not None and task.figure.values is not None:
-        node = task.figure.values
-        return node if len(node.type.shape) == 1 and node.type.size else None
     b = Builder()
-    vectors = (b.read(*c.read, c.type, c.least, c.most) for c in task.state if len(c.type.shape) == 1 and c.type.size)
-    return next(vectors, None)
+    nodes: list[Node] = [b.read(*c.read, c.type, c.least, c.most) for c in task.state]
+    if task.figure is not None and task.figure.values is not None:
+        nodes = [task.figure.values]
+    return next((node for node in nodes if len(node.type.shape) == 1 and node.type.size), None)
 
 
 def _colors(task: Task, node: Node, state: State) -> list[Color]:
@@ -115,18 +113,17 @@ def _colors(task: Task, node: Node, state: State) -> list[Color]:
     colors: list[Color] = ["accent"] * count
     reads = reads_of(task, state)
     for name, part in ({} if task.figure is None else task.figure.highlight).items():
-        if name not in _COLORS:
+        if name not in HIGHLIGHTS:
             continue
         if part.type.kind is Kind.BOOL and part.type.shape in ((), (count,)):
-            holds = np.broadcast_to(at_states(task, part, reads, 1)[0], count)
-            chosen = np.flatnonzero(holds)
+            chosen = np.flatnonzero(np.broadcast_to(at_states(task, part, reads)[0], count))
         elif isinstance(node, Read) and len(part.type.shape) == 1 and part.type.kind in (node.type.kind, Kind.INT):
             own = {(node.role, node.name): np.arange(count, dtype=float)[:, None]}
-            chosen = at_states(task, part, reads | own, 1)[0].astype(int)
+            chosen = at_states(task, part, reads | own)[0].astype(int)
         else:
             continue
         for i in chosen[(chosen >= 0) & (chosen < count)].tolist():
-            colors[i] = _COLORS[name]
+            colors[i] = HIGHLIGHTS[name]
     return colors
 
 
@@ -146,7 +143,7 @@ def _bars(values: Array, colors: list[Color], most: float | None = None) -> Iter
     for i, (value, color) in enumerate(zip(values.tolist(), colors, strict=True)):
         top = -scale * max(value, 0.0)
         yield Box((i * step, top), step * 0.8, max(0.01, scale * abs(value)), color, None)
-    for role, run in groupby(range(len(colors)), key=lambda i: colors[i]):
+    for role, run in groupby(range(len(colors)), key=colors.__getitem__):
         places = list(run)
         if role in SIGNS:
             yield from sign(role, ((sum(places) / len(places) + 0.4) * step, 0.2), 0.2)
@@ -156,9 +153,14 @@ def _bars(values: Array, colors: list[Color], most: float | None = None) -> Iter
 def _binned(values: Array, colors: list[Color]) -> tuple[Array, list[Color]]:
     """Return at most about `MOST_BARS` values: means of as many neighbours each, which share a colour."""
     size = -(-len(values) // MOST_BARS)
-    runs = [list(run) for _, run in groupby(range(len(values)), key=lambda i: colors[i])]
-    bins = [run[i : i + size] for run in runs for i in range(0, len(run), size)]
-    return np.array([values[b].mean() for b in bins]), [colors[b[0]] for b in bins]
+    means = []
+    shared = []
+    for color, group in groupby(range(len(values)), key=colors.__getitem__):
+        run = list(group)
+        for i in range(0, len(run), size):
+            means.append(values[run[i : i + size]].mean())
+            shared.append(color)
+    return np.array(means), shared
 
 
 def _step(count: int) -> float:
@@ -178,16 +180,11 @@ def _cells(shown: list[tuple[Array, list[Color]]], left_out: int) -> Iterator[It
             box = Box((i * 1.0, r * 1.5), 1.0, 0.8, colors[i], "paper", shade=shade)
             yield box
             yield from marked(box, 0.3)
-            yield Label((i + 0.5, r * 1.5 + 0.4), m.Num(f"{value:.{digits}f}".replace("-", "−")), LETTERS)
+            yield Label((i + 0.5, r * 1.5 + 0.4), m.Num(fixed(value, digits)), LETTERS)
         if left_out and r + 2 == len(rows):
             yield Label((len(row) / 2, r * 1.5 + 1.15), m.Words("⋮"), 0.42)
         elif r + 1 < len(rows):
             for i, value in enumerate(row.tolist()):
-                j = _where(rows[r + 1], value)
-                if j is not None and j != i:
-                    yield Line(((i + 0.5, r * 1.5 + 0.84), (j + 0.5, r * 1.5 + 1.46)), arrow=True)
-
-
-def _where(row: Array, value: float) -> int | None:
-    found = np.flatnonzero(row == value)
-    return int(found[0]) if len(found) else None
+                for j in np.flatnonzero(rows[r + 1] == value)[:1].tolist():
+                    if j != i:
+                        yield Line(((i + 0.5, r * 1.5 + 0.84), (j + 0.5, r * 1.5 + 1.46)), arrow=True)

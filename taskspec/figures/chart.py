@@ -9,24 +9,10 @@ from typing import Literal
 
 import numpy as np
 
+from taskspec.base.display import number
+from taskspec.figures import scene as sc
 from taskspec.figures.marks import signed
-from taskspec.figures.scene import (
-    BROAD,
-    Anchor,
-    Area,
-    Box,
-    Circle,
-    Dash,
-    Hex,
-    Item,
-    Label,
-    Line,
-    Paint,
-    Point,
-    Scene,
-    fitted,
-    text_width,
-)
+from taskspec.figures.scene import Area, Box, Circle, Dash, Hex, Item, Label, Line, Paint, Point
 from taskspec.printers import tree as m
 
 SMALL = 0.25
@@ -50,6 +36,12 @@ CIVIDIS = (
 """The colour map of Nuñez, Anderton and Renslow (2018), at equal distances."""
 Shape = Literal["circle", "square", "diamond", "up", "down"]
 SHAPES: tuple[Shape, ...] = ("circle", "square", "diamond", "up", "down")
+CORNERS: dict[Shape, tuple[Point, ...]] = {
+    "square": ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)),
+    "diamond": ((0.0, -1.35), (1.35, 0.0), (0.0, 1.35), (-1.35, 0.0)),
+    "up": ((0.0, -1.2), (1.2, 0.9), (-1.2, 0.9), (0.0, -1.2)),
+    "down": ((0.0, 1.2), (1.2, -0.9), (-1.2, -0.9), (0.0, 1.2)),
+}
 TICK = 0.1
 """The length of a tick."""
 GAP = 0.15
@@ -57,9 +49,6 @@ SYMBOL = 0.3
 TICKS = 0.25
 """Of axes that are arrows: their distance from the plane, and the sizes of symbols and numbers."""
 Rgb = tuple[int, int, int]
-
-
-# -- numbers and colours
 
 
 def nice_ticks(low: float, high: float, most: int = 6) -> list[float]:
@@ -85,12 +74,6 @@ def log_ticks(low: float, high: float) -> list[float]:
     return [tick for tick in ticks if low * (1 - 1e-9) <= tick <= high * (1 + 1e-9)] or [low, high]
 
 
-def number(value: float) -> str:
-    """Return a number as the label of a tick, with a real minus sign."""
-    text = f"{value:.6g}"
-    return ("0" if text == "-0" else text).replace("-", "−")
-
-
 def blend(colors: Sequence[str | Rgb], share: float) -> Rgb:
     """Return the colour at `share` in [0, 1] of the way through colours at equal distances."""
     stops = [bytes.fromhex(c[1:]) if isinstance(c, str) else c for c in colors]
@@ -111,9 +94,6 @@ def ink(background: Rgb) -> Hex:
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares]
     luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
     return Hex("#ffffff" if luminance < 0.1791 else "#000000")
-
-
-# -- axes
 
 
 @dataclass(frozen=True)
@@ -140,14 +120,14 @@ def axis(values: Iterable[float], label: str = "", log: bool = False, most: int 
     low = min(known)
     high = max(known)
     if log:
-        grow = (high / low) ** margin if high > low else 2.0
-        low = low / grow
-        high = high * grow
+        factor = (high / low) ** margin if high > low else 2.0
+        low /= factor
+        high *= factor
         ticks = log_ticks(low, high)
     else:
-        grow = (high - low) * margin if high > low else max(abs(low) * margin, 0.5)
-        low = low - grow
-        high = high + grow
+        room = (high - low) * margin if high > low else max(abs(low) * margin, 0.5)
+        low -= room
+        high += room
         ticks = nice_ticks(low, high, most)
     return Scale(low, high, tuple((tick, number(tick)) for tick in ticks), label, log)
 
@@ -180,7 +160,7 @@ class Axes:
         return all(math.isfinite(v) and (v > 0 or not a.log) for v, a in ((x, self.x), (y, self.y)))
 
 
-def words(text: str, at: Point, size: float = FONT, anchor: Anchor = "middle", color: Paint = "ink", angle: float = 0.0,
+def words(text: str, at: Point, size: float = FONT, anchor: sc.Anchor = "middle", color: Paint = "ink", angle: float = 0.0,
           bold: bool = False) -> Iterator[Label]:  # fmt: skip
     """Yield a label for each line of a text, around a point."""
     lines = text.split("\n")
@@ -194,7 +174,7 @@ def words(text: str, at: Point, size: float = FONT, anchor: Anchor = "middle", c
 
 def breadth(text: str, size: float = FONT) -> float:
     """Return how much room the longest line of a text needs."""
-    return max(BROAD * text_width(m.Words(line), size) for line in text.split("\n"))
+    return max(sc.BROAD * sc.text_width(m.Words(line), size) for line in text.split("\n"))
 
 
 def frame(plot: Axes, grid: bool = False, size: float = SMALL) -> Iterator[Item]:
@@ -205,7 +185,7 @@ def frame(plot: Axes, grid: bool = False, size: float = SMALL) -> Iterator[Item]
             yield Line(((place, plot.top), (place, plot.bottom)), color=GRID, width=0.015)
         yield Line(((place, plot.bottom), (place, plot.bottom + TICK)), color=EDGE, width=0.02)
         below = plot.bottom + TICK + 0.2 + 0.6 * size * text.count("\n")
-        anchor: Anchor = "end" if plot.x.angle else "middle"
+        anchor: sc.Anchor = "end" if plot.x.angle else "middle"
         yield from words(text, (place, below), size, anchor, angle=plot.x.angle)
     for y, text in plot.y.ticks:
         height = plot.bottom - plot.height * plot.y.share(y)
@@ -224,26 +204,21 @@ def frame(plot: Axes, grid: bool = False, size: float = SMALL) -> Iterator[Item]
 
 def arrow_axes(plot: Axes, symbols: Sequence[m.Math]) -> Iterator[Item]:
     """Yield axes as arrows with the numbers at their ends, and fine lines through zero, as figures of tasks have them."""
-    left = plot.left
-    right = plot.right
-    top = plot.top
-    bottom = plot.bottom
     if plot.x.low < 0 < plot.x.high:
-        x, _ = plot.at(0.0, plot.y.low)
-        yield Line(((x, bottom), (x, top)), color="faint", width=0.02)
+        yield upright(plot, 0.0, "faint", "solid", 0.02)
     if plot.y.low < 0 < plot.y.high:
-        _, y = plot.at(plot.x.low, 0.0)
-        yield Line(((left, y), (right, y)), color="faint", width=0.02)
-    corner = (left - GAP, bottom + GAP)
-    yield Line((corner, (right + GAP, bottom + GAP)), arrow=True, color="muted", width=0.02)
-    yield Line((corner, (left - GAP, top - GAP)), arrow=True, color="muted", width=0.02)
-    ends = ((right + GAP + 0.22, bottom + GAP), (left - GAP, top - GAP - 0.25))
+        yield level(plot, 0.0, "faint", "solid", 0.02)
+    left = plot.left - GAP
+    below = plot.bottom + GAP
+    yield Line(((left, below), (plot.right + GAP, below)), arrow=True, color="muted", width=0.02)
+    yield Line(((left, below), (left, plot.top - GAP)), arrow=True, color="muted", width=0.02)
+    ends = ((plot.right + GAP + 0.22, below), (left, plot.top - GAP - 0.25))
     for symbol, place in zip(symbols, ends, strict=False):
         yield Label(place, symbol, SYMBOL)
     for x in (plot.x.low, plot.x.high):
-        yield Label((plot.at(x, plot.y.low)[0], bottom + GAP + 0.25), signed(x), TICKS, color="muted")
+        yield Label((plot.at(x, plot.y.low)[0], below + 0.25), signed(x), TICKS, color="muted")
     for y in (plot.y.low, plot.y.high):
-        yield Label((left - GAP - 0.1, plot.at(plot.x.low, y)[1]), signed(y), TICKS, "end", color="muted")
+        yield Label((left - 0.1, plot.at(plot.x.low, y)[1]), signed(y), TICKS, "end", color="muted")
 
 
 def below_axis(axis: Scale, size: float = SMALL) -> float:
@@ -252,9 +227,6 @@ def below_axis(axis: Scale, size: float = SMALL) -> float:
     lines = max((text.count("\n") + 1 for _, text in axis.ticks), default=1)
     longest = max((breadth(text, size) for _, text in axis.ticks), default=0.0)
     return TICK + 0.2 + 1.25 * size * lines + longest * sin
-
-
-# -- what is plotted
 
 
 def polyline(plot: Axes, xs: Sequence[float], ys: Sequence[float], color: Paint, width: float = 0.05,
@@ -277,20 +249,21 @@ def level(plot: Axes, y: float, color: Paint = RULE, dash: Dash = "dashed", widt
 
 def upright(plot: Axes, x: float, color: Paint = RULE, dash: Dash = "dashed", width: float = 0.03) -> Line:
     """Return a line from the bottom of the plot to its top."""
-    return Line((plot.at(x, plot.y.high), plot.at(x, plot.y.low)), color=color, width=width, dash=dash)
+    return Line((plot.at(x, plot.y.low), plot.at(x, plot.y.high)), color=color, width=width, dash=dash)
 
 
 def band(
     plot: Axes, xs: Sequence[float], lows: Sequence[float], highs: Sequence[float], color: Paint
 ) -> Iterator[Area]:
     """Yield the area between two curves, where both can be drawn."""
-    shown = [
-        (x, low, high) for x, low, high in zip(xs, lows, highs, strict=True) if plot.has(x, low) and plot.has(x, high)
-    ]
-    if len(shown) > 1:
-        there = [plot.at(x, high) for x, _, high in shown]
-        back = [plot.at(x, low) for x, low, _ in reversed(shown)]
-        yield Area((*there, *back), color, shade=0.2)
+    there = []
+    back = []
+    for x, low, high in zip(xs, lows, highs, strict=True):
+        if plot.has(x, low) and plot.has(x, high):
+            there.append(plot.at(x, high))
+            back.append(plot.at(x, low))
+    if len(there) > 1:
+        yield Area((*there, *reversed(back)), color, shade=0.2)
 
 
 def error_bar(plot: Axes, x: float, low: float, high: float, color: Paint) -> Iterator[Line]:
@@ -298,7 +271,8 @@ def error_bar(plot: Axes, x: float, low: float, high: float, color: Paint) -> It
     low = max(low, plot.y.low)
     if not (plot.has(x, low) and plot.has(x, high) and high > low):
         return
-    (place, bottom), (_, top) = plot.at(x, low), plot.at(x, high)
+    place, bottom = plot.at(x, low)
+    _, top = plot.at(x, high)
     yield Line(((place, bottom), (place, top)), color=color)
     for y in (bottom, top):
         yield Line(((place - 0.07, y), (place + 0.07, y)), color=color)
@@ -306,20 +280,10 @@ def error_bar(plot: Axes, x: float, low: float, high: float, color: Paint) -> It
 
 def mark(at: Point, shape: Shape, color: Paint, size: float = 0.075, filled: bool = False) -> Circle | Area:
     """Return the mark of a point, `size` from its centre to its edge."""
-    x, y = at
     fill: Paint = color if filled else "paper"
-    match shape:
-        case "circle":
-            return Circle(at, size, fill, color)
-        case "square":
-            corners = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
-        case "diamond":
-            corners = ((0.0, -1.35), (1.35, 0.0), (0.0, 1.35), (-1.35, 0.0))
-        case "up":
-            corners = ((0.0, -1.2), (1.2, 0.9), (-1.2, 0.9), (0.0, -1.2))
-        case "down":
-            corners = ((0.0, 1.2), (1.2, -0.9), (-1.2, -0.9), (0.0, 1.2))
-    return Area(tuple((x + size * dx, y + size * dy) for dx, dy in corners), fill, color)
+    if shape == "circle":
+        return Circle(at, size, fill, color)
+    return Area(tuple((at[0] + size * dx, at[1] + size * dy) for dx, dy in CORNERS[shape]), fill, color)
 
 
 @dataclass(frozen=True)
@@ -397,9 +361,6 @@ def color_bar(plot: Axes, colors: Sequence[str]) -> Iterator[Item]:
         yield from words(text, (plot.right + TICK + 0.08, y), SMALL, "start")
 
 
-# -- legends and scenes
-
-
 @dataclass(frozen=True)
 class LegendEntry:
     """A line of a legend: a stroke, a mark, or both."""
@@ -429,6 +390,6 @@ def legend(entries: Sequence[LegendEntry], left: float, top: float, room: float,
         x += needed
 
 
-def chart(items: Iterable[Item], alt: str, margin: float = 0.2) -> Scene:
+def chart(items: Iterable[Item], alt: str, margin: float = 0.2) -> sc.Scene:
     """Return the items as a scene in the font of charts."""
-    return replace(fitted(items, alt, margin=margin), font="sans")
+    return replace(sc.fitted(items, alt, margin=margin), font="sans")

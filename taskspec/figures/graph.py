@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
-from taskspec.figures.captions import Captions
 from taskspec.figures.layout import DOTS, DX, DY, Arc, Drawing, Vertex, drawings, ordered, whole
-from taskspec.figures.machine import Machine, explore
-from taskspec.figures.marks import RADIUS, marked, shape
+from taskspec.figures.machine import Captions, Machine, explore
+from taskspec.figures.marks import RADIUS, chance, equal, marked, shape
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.route import ARROW, STATE, Spot, along, at_loop, beside, loops, placed, routed, stubs, ways
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Point, Scene, fitted, text_width
-from taskspec.figures.values import reads_of
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
@@ -32,10 +30,10 @@ DRAWN = {"values": "V", "policy": "thick arrows", "occupancy": "shade, {0}"}
 def graph(task: Task, overlay: Overlay) -> Scene | None:
     """Draw the graph of a task's transitions; None if it has none that can be drawn and read."""
     machine = explore(task)
-    if machine is not None and all(t.source == t.target for t in machine.transitions):
-        return None  # nothing leads anywhere
-    plan = None if machine is None else plan_of(machine, overlay)
-    return None if machine is None or plan is None else _Graph(machine, plan, overlay).scene()
+    if machine is None or all(t.source == t.target for t in machine.transitions):
+        return None
+    plan = plan_of(machine, overlay)
+    return None if plan is None else _scene(machine, plan, overlay)
 
 
 @dataclass(frozen=True)
@@ -70,29 +68,54 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
     says = Captions(machine)
     best: Plan | None = None
     least: tuple[int, int] | None = None
-    for found in drawings(machine, says.kept) if overlay.here is None else whole(machine):
-        if len(found.arcs) > (MOST_ARROWS if overlay.here is None else 2 * MOST_ARROWS):
+    is_frame = overlay.here is not None
+    for found in whole(machine) if is_frame else drawings(machine, says.kept):
+        if len(found.arcs) > (2 * MOST_ARROWS if is_frame else MOST_ARROWS):
             continue
         vertices = [v for v in found.vertices if isinstance(v, int)]
         request = _Request(
             found,
             machine.ending.intersection(vertices),
             tuple(v for v in machine.start if v in vertices),
-            says.good.intersection(vertices),
+            frozenset(v for v in vertices if says.fills.get(v) == "good"),
             not found.elided and len(machine.states) <= LOOPS_UP_TO,
             tuple((v, text_width(says.labels[v], STATE)) for v in vertices),
-            tuple(says.arrow(arc) for arc in found.arcs),
-            tuple((v, tuple(says.state(v, overlay))) for v in vertices),
+            tuple(_on_arrow(says, arc) for arc in found.arcs),
+            tuple((v, word) for v in vertices for word in _at_state(says, v, overlay)),
         )
         plan = _planned(request)
-        if plan is not None and overlay.here is None and plan.width > WIDEST:
+        if plan is None or (plan.width > WIDEST and not is_frame):
             continue
-        if plan is not None:
-            cost = (len(says.kept.difference(vertices)), plan.cost)
-            best, least = (plan, cost) if least is None or cost < least else (best, least)
-        if least == (0, 0):
+        cost = (len(says.kept.difference(vertices)), plan.cost)
+        if least is None or cost < least:
+            best = plan
+            least = cost
+        if cost == (0, 0):
             break
     return best
+
+
+def _at_state(says: Captions, v: int, overlay: Overlay) -> Iterator[m.Math]:
+    """Yield who starts in a state, its reward and its value, which are written beside it."""
+    if v in says.machine.starters:
+        yield m.Words(says.machine.starters[v])
+    reward = says.rewards[1].get(v)
+    if reward:
+        yield equal("r", reward)
+    if v in overlay.values:
+        yield equal("V", overlay.values[v])
+
+
+def _on_arrow(says: Captions, arc: Arc) -> m.Math | None:
+    """Return action and probability of an arrow, and its reward where states do not decide it."""
+    parts: list[m.Math] = []
+    if arc.probability is not None:
+        parts.append(chance(arc.probability))
+    elif len(arc.actions) < says.machine.n_actions:
+        parts += [says.actions[a] for a in arc.actions]
+    if says.rewards[0] == "arrow" and arc.reward:
+        parts.append(equal("r", arc.reward))
+    return m.joined(parts) if parts else None
 
 
 @dataclass(frozen=True)
@@ -105,8 +128,8 @@ class _Request:
     good: frozenset[int]
     shows_loops: bool
     widths: tuple[tuple[Vertex, float], ...]
-    texts: tuple[m.Math | None, ...]
-    words: tuple[tuple[Vertex, tuple[m.Math, ...]], ...]
+    texts: tuple[m.Math | None, ...]  # by arc
+    words: tuple[tuple[Vertex, m.Math], ...]
 
 
 @lru_cache(maxsize=16)
@@ -114,7 +137,7 @@ def _planned(request: _Request) -> Plan | None:
     request = replace(request, drawing=ordered(request.drawing))
     best: Plan | None = None
     for stretch in STRETCHES:
-        plan = _Layout(request, stretch).plan()
+        plan = _laid_out(request, stretch)
         if plan.crossings > MOST_CROSSINGS:  # more room changes little here
             break
         if plan.faults == 0 and (best is None or plan.cost < best.cost):
@@ -124,92 +147,77 @@ def _planned(request: _Request) -> Plan | None:
     return best
 
 
-@dataclass(frozen=True)
-class _Layout:
-    request: _Request
-    stretch: float
+def _laid_out(request: _Request, stretch: float) -> Plan:
+    spots = _spots(request, stretch)
+    rank = {v: i for i, v in enumerate(spots)}
+    arcs: list[Arc] = []
+    texts: list[m.Math | None] = []
+    for arc, text in zip(request.drawing.arcs, request.texts, strict=True):
+        if arc.source != arc.target or request.shows_loops:
+            arcs.append(arc)
+            texts.append(text)
+    pairs = {(arc.source, arc.target) for arc in arcs}
+    options = []
+    for arc in arcs:
+        a = spots[arc.source]
+        b = spots[arc.target]
+        if arc.source == arc.target:
+            options.append(loops(a))
+            continue
+        others = [spot for v, spot in spots.items() if v not in (arc.source, arc.target)]
+        both = (arc.target, arc.source) in pairs
+        options.append(ways(a, b, both, others, not _is_chance(arc.target), stretch))
+    options += [stubs(spots[v]) for v in request.start]
+    ends = [(rank[arc.source], rank[arc.target]) for arc in arcs] + [(rank[v], rank[v]) for v in request.start]
+    way = routed(options, ends, list(spots.values()))
+    labels: list[list[Label]] = []
+    own = [i for i, text in enumerate(texts) if text is not None]
+    for i in own:
+        arc = arcs[i]
+        is_loop = arc.source == arc.target
+        text = texts[i] or m.Row(())
+        labels.append(at_loop(way.lines[i], text, spots[arc.source]) if is_loop else along(way.lines[i], text))
+    looped = {arc.source for arc in arcs if arc.source == arc.target}
+    rows: dict[Vertex, int] = {}
+    for v, word in request.words:
+        rows[v] = rows.get(v, -1) + 1
+        labels.append(beside(spots[v], word, rows[v], v in looped))
+    done = placed(labels, own, way.lines, list(spots.values()))
+    told = dict(zip(own, done.labels, strict=False))
+    words: dict[Vertex, tuple[Label, ...]] = {}
+    for (v, _), label in zip(request.words, done.labels[len(own) :], strict=True):
+        words[v] = (*words.get(v, ()), label)
+    count = len(arcs)
+    return Plan(
+        request.drawing, spots, tuple(arcs), way.lines[:count], way.lines[count:], tuple(map(told.get, range(count))),
+        words, way.crossings, way.over + done.overlaps, done.covered, request.shows_loops,
+    )  # fmt: skip
 
-    @property
-    def drawing(self) -> Drawing:
-        return self.request.drawing
 
-    def plan(self) -> Plan:
-        shown = [
-            (arc, text) for arc, text in zip(self.drawing.arcs, self.request.texts, strict=True)
-            if arc.source != arc.target or self.request.shows_loops
-        ]  # fmt: skip
-        spots = self.spots
-        vertices = list(self.spots)
-        rank = {v: i for i, v in enumerate(vertices)}
-        pairs = {(arc.source, arc.target) for arc, _ in shown}
-        options = []
-        for arc, _ in shown:
-            a = spots[arc.source]
-            b = spots[arc.target]
-            others = [spots[v] for v in vertices if v not in (arc.source, arc.target)]
-            arrow = not _is_chance(arc.target)
-            options.append(
-                loops(a) if a is b else ways(a, b, (arc.target, arc.source) in pairs, others, arrow, self.stretch)
-            )
-        ends = [(rank[arc.source], rank[arc.target]) for arc, _ in shown]
-        for v in self.request.start:
-            options.append(stubs(spots[v]))
-            ends.append((rank[v], rank[v]))
-        way = routed(options, ends, list(spots.values()))
-        looped = {a.source for a, _ in shown if a.source == a.target}
-        labels: list[list[Label]] = []
-        own: list[int] = []
-        for i, ((arc, text), line) in enumerate(zip(shown, way.lines, strict=False)):
-            if text is not None:
-                labels.append(at_loop(line, text, spots[arc.source]) if arc.source == arc.target else along(line, text))
-                own.append(i)
-        of = [(v, row, word) for v, words in self.request.words for row, word in enumerate(words)]
-        labels += [beside(spots[v], word, row, v in looped) for v, row, word in of]
-        done = placed(labels, own, way.lines, list(spots.values()))
-        told = dict(zip(own, done.labels, strict=False))
-        words: dict[Vertex, tuple[Label, ...]] = {}
-        for (v, _, _), label in zip(of, done.labels[len(own) :], strict=True):
-            words[v] = (*words.get(v, ()), label)
-        return Plan(
-            self.drawing, spots, tuple(arc for arc, _ in shown), way.lines[: len(shown)], way.lines[len(shown) :],
-            tuple(told.get(i) for i in range(len(shown))), words,
-            way.crossings, way.over + done.overlaps, done.covered, self.request.shows_loops,
-        )  # fmt: skip
+def _spots(request: _Request, stretch: float) -> dict[Vertex, Spot]:
+    """Return vertices in columns far enough apart for the longest label of an arrow and the widest vertices.
 
-    @cached_property
-    def spots(self) -> Mapping[Vertex, Spot]:
-        widths = dict(self.request.widths)
-        last = set(self.drawing.layers[-1])
-        found = {}
-        for v, at in self._straight(self._places(widths)).items():
-            half, radius = _size(v, widths)
-            found[v] = Spot(at, half, radius, RIM if v in self.request.ending else 0.0, v in last)
-        return found
-
-    def _places(self, widths: Mapping[Vertex, float]) -> dict[Vertex, Point]:
-        """Return columns far enough apart for the longest label of an arrow and the widest vertices."""
-        arcs = zip(self.drawing.arcs, self.request.texts, strict=True)
-        text = max((text_width(t, ARROW) for a, t in arcs if a.source != a.target and t), default=0.0)
-        step = max(DX, text + 2 * max(_size(v, widths)[0] for v in self.drawing.vertices) + 0.35) * self.stretch
-        layers = self.drawing.layers
-        return {
-            v: (step * i, DY * self.stretch * (k - (len(layer) - 1) / 2))
-            for i, layer in enumerate(layers) for k, v in enumerate(layer)
-        }  # fmt: skip
-
-    def _straight(self, places: dict[Vertex, Point]) -> dict[Vertex, Point]:
-        """Put vertices on one line if one vertex of each column leads on."""
-        on = {a.source for a in self.drawing.arcs if a.source != a.target}
-        good = self.request.good
-        layers = self.drawing.layers
-        mains = [[v for v in layer if v in on or (v in good and v == layer[-1])] for layer in layers]
-        if any(len(main) > 1 for main in mains):
-            return places
-        moved: dict[Vertex, Point] = {}
-        for layer, main in zip(layers, mains, strict=True):
-            shift = -places[main[0]][1] if main else 0.0
-            moved |= {v: (places[v][0], places[v][1] + shift) for v in layer}
-        return moved
+    They are on one line if one vertex of each column leads on.
+    """
+    drawing = request.drawing
+    widths = dict(request.widths)
+    sizes = {v: _size(v, widths) for v in drawing.vertices}
+    arcs = zip(drawing.arcs, request.texts, strict=True)
+    longest = max((text_width(t, ARROW) for a, t in arcs if a.source != a.target and t), default=0.0)
+    step = max(DX, longest + 2 * max(half for half, _ in sizes.values()) + 0.35) * stretch
+    on = {a.source for a in drawing.arcs if a.source != a.target}
+    mains = [[v for v in layer if v in on or (v in request.good and v == layer[-1])] for layer in drawing.layers]
+    straight = all(len(main) <= 1 for main in mains)
+    found = {}
+    for i, layer in enumerate(drawing.layers):
+        heights = {v: DY * stretch * (k - (len(layer) - 1) / 2) for k, v in enumerate(layer)}
+        shift = heights[mains[i][0]] if straight and mains[i] else 0.0
+        for v in layer:
+            half, radius = sizes[v]
+            rim = RIM if v in request.ending else 0.0
+            at: Point = (step * i, heights[v] - shift)
+            found[v] = Spot(at, half, radius, rim, i == len(drawing.layers) - 1)
+    return found
 
 
 def _is_chance(v: Vertex) -> bool:
@@ -223,74 +231,43 @@ def _size(v: Vertex, widths: Mapping[Vertex, float]) -> tuple[float, float]:
     return (0.12, 0.12) if _is_chance(v) else (0.26, 0.26)
 
 
-@dataclass(frozen=True)
-class _Graph:
-    machine: Machine
-    plan: Plan
-    overlay: Overlay
+def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> Scene:
+    says = Captions(machine)
+    items: list[Item] = []
+    for arc, line, label in zip(plan.arcs, plan.lines, plan.told, strict=True):
+        chosen = isinstance(arc.source, int) and any(overlay.chosen(arc.source, a) for a in arc.actions)
+        items.append(replace(line, width=0.065) if chosen else line)
+        if label is not None:
+            items.append(label)
+    items += plan.starts
+    present = says.code_of(overlay)
+    for v, spot in plan.spots.items():
+        if present is not None:  # room for it around each of them, so that all frames have one size
+            items.append(Circle(spot.at, spot.half + 0.16, "accent" if v == present else None, None))
+        items += _vertex(v, spot, plan, says, overlay)
+    shown = [v for v in plan.spots if isinstance(v, int)]
+    notes = (*says.notes(plan.shows_loops, shown), *says.unmarked(shown))
+    if plan.drawing.elided and (overlay.values or overlay.policy or overlay.occupancy):
+        notes += ("Results of the states left out are not shown.",)
+    elided = ", elided" if plan.drawing.elided else ""
+    size = f"{len(machine.states)} states{elided}, {machine.n_actions} actions"
+    focus = None if present is None else plan.spots[present].at
+    return fitted(items, f"Transition graph of {machine.task.name}: {size}", notes, focus=focus, drawn=DRAWN)
 
-    @property
-    def task(self) -> Task:
-        return self.machine.task
 
-    @cached_property
-    def says(self) -> Captions:
-        return Captions(self.machine)
-
-    def scene(self) -> Scene:
-        nodes = [x for v in self.plan.spots for x in self.vertex(v)]
-        shown = [v for v in self.plan.spots if isinstance(v, int)]
-        notes = (*self.says.notes(self.plan.shows_loops, shown), *self.says.unmarked(shown))
-        laid = self.overlay.values or self.overlay.policy or self.overlay.occupancy
-        if laid and self.plan.drawing.elided:
-            notes += ("Results of the states left out are not shown.",)
-        focus = None if self.present is None else self.plan.spots[self.present].at
-        return fitted([*self.arrows(), *self.plan.starts, *nodes], self.alt, notes, focus=focus, drawn=DRAWN)
-
-    @property
-    def alt(self) -> str:
-        count = len(self.machine.states)
-        some = ", elided" if self.plan.drawing.elided else ""
-        return f"Transition graph of {self.task.name}: {count} states{some}, {self.machine.n_actions} actions"
-
-    def arrows(self) -> Iterator[Item]:
-        for arc, line, label in zip(self.plan.arcs, self.plan.lines, self.plan.told, strict=True):
-            yield replace(line, width=0.065) if self._chosen(arc) else line
-            if label is not None:
-                yield label
-
-    def _chosen(self, arc: Arc) -> bool:
-        return isinstance(arc.source, int) and any(self.overlay.chosen(arc.source, a) for a in arc.actions)
-
-    @cached_property
-    def present(self) -> Vertex | None:
-        """The vertex of the present state of a frame."""
-        if self.overlay.here is None:
-            return None
-        space = self.says.space
-        arrays = [reads_of(self.task, self.overlay.here)[c.read] for c in self.task.state]
-        return int(space.encode(arrays, 1)[0][0])
-
-    def vertex(self, v: Vertex) -> Iterator[Item]:
-        spot = self.plan.spots[v]
-        x, y = spot.at
-        if self.overlay.here is not None:  # room for it around each of them, so that all frames have one size
-            yield Circle((x, y), spot.half + 0.16, "accent" if v == self.present else None, None)
-        if isinstance(v, int):
-            yield from self._body(v, spot)
-            yield Label((x, y), self.says.labels[v], STATE)
-            yield from self.plan.words.get(v, ())
-        elif isinstance(v, tuple) and v[0] == DOTS:
-            yield Label((x, y), m.Words("⋮") if v[1] != 2 else m.Sym("…"), 0.42)
-        else:
-            yield Box((x - 0.1, y - 0.1), 0.2, 0.2, "paper")
-
-    def _body(self, v: int, spot: Spot) -> Iterator[Item]:
-        (x, y), fill = spot.at, self.says.fills.get(v, "paper")
+def _vertex(v: Vertex, spot: Spot, plan: Plan, says: Captions, overlay: Overlay) -> Iterator[Item]:
+    x, y = spot.at
+    if isinstance(v, tuple) and v[0] == DOTS:
+        yield Label((x, y), m.Sym("…") if v[1] == 2 else m.Words("⋮"), 0.42)
+    elif isinstance(v, int):
         if spot.rim:
-            yield shape(x, y, spot.half + RIM, RADIUS + RIM, "paper", 1.0)
-        body = shape(x, y, spot.half, RADIUS, fill, 1.0)
+            yield shape(x, y, spot.half + RIM, RADIUS + RIM, "paper")
+        body = shape(x, y, spot.half, RADIUS, says.fills.get(v, "paper"))
         yield body
-        if v in self.overlay.occupancy:
-            yield shape(x, y, spot.half, RADIUS, "accent", min(1.0, self.overlay.occupancy[v]))
-        yield from marked(body, min(RADIUS / 2, text_width(self.says.labels[v], STATE) / 2))
+        if v in overlay.occupancy:
+            yield shape(x, y, spot.half, RADIUS, "accent", min(1.0, overlay.occupancy[v]))
+        yield from marked(body, min(RADIUS / 2, text_width(says.labels[v], STATE) / 2))
+        yield Label((x, y), says.labels[v], STATE)
+        yield from plan.words.get(v, ())
+    else:
+        yield Box((x - 0.1, y - 0.1), 0.2, 0.2, "paper")

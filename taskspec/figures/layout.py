@@ -1,15 +1,13 @@
-"""Which part of a transition graph is drawn, and in which order vertices stand in their columns."""
+"""The part of a transition graph that is drawn, and the order of vertices in their columns."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator
+from collections.abc import Collection, Hashable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from taskspec.figures.machine import Machine, Transition
-
-# -- the part of a graph that is drawn
 
 Vertex = Hashable
 DOTS = "dots"
@@ -64,13 +62,19 @@ def drawings(machine: Machine, marked: Collection[Vertex] = ()) -> Iterator[Draw
     """
     arcs = _arcs(machine)
     usual = _layers(machine.start, arcs)
-    ones = [_layers([v], arcs) for v in list(machine.start)[:FIRSTS]] if len(machine.start) > 1 else []
-    for layers in (*ones, usual) if machine.starters else (usual, *ones):
-        if _is_small(layers) and set(machine.start) <= {v for layer in layers for v in layer}:
-            yield Drawing(tuple(map(tuple, layers)), tuple(arcs))
+    choices = [usual]
+    if len(machine.start) > 1:
+        ones = [_layers([v], arcs) for v in list(machine.start)[:FIRSTS]]
+        choices = [*ones, usual] if machine.starters else [usual, *ones]
+    for layers in choices:
+        drawing = _drawing(layers, arcs)
+        if _is_small(layers) and set(machine.start) <= set(drawing.vertices):
+            yield drawing
     if not _is_small(usual):
-        outlines = (_elided(usual, arcs, kept) for kept in dict.fromkeys((frozenset(marked), frozenset[Vertex]())))
-        yield from (x for x in outlines if x is not None)
+        for kept in dict.fromkeys((frozenset(marked), frozenset[Vertex]())):
+            outline = _elided(usual, arcs, kept)
+            if outline is not None:
+                yield outline
 
 
 def whole(machine: Machine) -> Iterator[Drawing]:
@@ -78,7 +82,11 @@ def whole(machine: Machine) -> Iterator[Drawing]:
     arcs = _arcs(machine)
     layers = _layers(machine.start, arcs)
     if len(machine.states) <= WHOLE and len(layers) <= WHOLE_LONG and max(map(len, layers)) <= WHOLE_WIDE:
-        yield Drawing(tuple(map(tuple, layers)), tuple(arcs))
+        yield _drawing(layers, arcs)
+
+
+def _drawing(layers: list[list[Vertex]], arcs: list[Arc], elided: bool = False) -> Drawing:
+    return Drawing(tuple(map(tuple, layers)), tuple(arcs), elided)
 
 
 def _is_small(layers: list[list[Vertex]]) -> bool:
@@ -86,30 +94,26 @@ def _is_small(layers: list[list[Vertex]]) -> bool:
 
 
 def _arcs(machine: Machine) -> list[Arc]:
-    """Return arrows, those of several actions with one outcome merged."""
+    """Return arrows, those of several actions with one outcome merged, by source and action."""
     outcomes: dict[tuple[int, int], list[Transition]] = {}
     for t in machine.transitions:
         outcomes.setdefault((t.source, t.action), []).append(t)
     direct: dict[tuple[int, int], list[Transition]] = {}
-    arcs: list[Arc] = []
+    arcs: list[tuple[int, Arc]] = []  # with the state that they come from
     for (source, action), found in outcomes.items():
         if len(found) == 1:
             direct.setdefault((source, found[0].target), []).append(found[0])
             continue
         chance = ("chance", source, action)
-        arcs.append(Arc(source, chance, (action,)))
-        arcs += [Arc(chance, t.target, (), t.probability, t.reward) for t in found]
+        arcs.append((source, Arc(source, chance, (action,))))
+        arcs += [(source, Arc(chance, t.target, (), t.probability, t.reward)) for t in found]
     for (source, target), found in direct.items():
         rewards = {t.reward for t in found}
-        arcs.append(
-            Arc(source, target, tuple(t.action for t in found), None, rewards.pop() if len(rewards) == 1 else None)
-        )
+        reward = rewards.pop() if len(rewards) == 1 else None
+        arcs.append((source, Arc(source, target, tuple(t.action for t in found), None, reward)))
     order = {v: i for i, v in enumerate(machine.states)}
-    return sorted(arcs, key=lambda a: (order.get(_state(a.source), 0), a.actions[:1] or (-1,)))
-
-
-def _state(vertex: Vertex) -> int:
-    return vertex if isinstance(vertex, int) else int(vertex[1])  # type: ignore[index]
+    arcs.sort(key=lambda found: (order.get(found[0], 0), found[1].actions[:1] or (-1,)))
+    return [arc for _, arc in arcs]
 
 
 def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:
@@ -117,69 +121,61 @@ def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:
     outgoing: dict[Vertex, list[Vertex]] = {}
     for arc in arcs:
         outgoing.setdefault(arc.source, []).append(arc.target)
-    layers: list[list[Vertex]] = [list(start)]
-    seen: set[Vertex] = set(layers[0])
-    while True:
-        new = dict.fromkeys(t for v in layers[-1] for t in outgoing.get(v, ()) if t not in seen)
-        if not new:
-            return layers
+    new = list(start)
+    layers: list[list[Vertex]] = []
+    seen: set[Vertex] = set()
+    while new:
+        layers.append(new)
         seen |= set(new)
-        layers.append(list(new))
+        new = list(dict.fromkeys(t for v in new for t in outgoing.get(v, ()) if t not in seen))
+    return layers
 
 
 def _elided(layers: list[list[Vertex]], arcs: list[Arc], marked: Collection[Vertex]) -> Drawing | None:
     """Return the first and the last two layers, each cut to a few vertices and marked ones, with dots for the rest."""
-    leaves_on = {a.source for a in arcs if a.target != a.source}
-
-    def goes_on(v: Vertex) -> bool:
-        return v in leaves_on
-
+    on = {a.source for a in arcs if a.target != a.source}  # what leads on
     if len(layers) <= LONG:
-        kept = [_narrow(layer, goes_on, marked) for layer in layers]
+        kept = [_narrow(layer, on, marked) for layer in layers]
         return _cut(kept, arcs) if sum(map(len, kept)) <= 2 * MANY else None
-    depth = len(layers) - 1
+    first, second, third, *_, last = layers
     dots = (DOTS, 2)
-    to_last = {a.source for a in arcs if a.target in layers[depth]}
-    before = [v for v in layers[depth - 1] if v in to_last]
-    if len(before) > WIDE or not before or len(layers[1]) > 3 * WIDE:
+    to_last = {a.source for a in arcs if a.target in last}
+    before = [v for v in layers[-2] if v in to_last]
+    if len(before) > WIDE or not before or len(second) > 3 * WIDE:
         return None
-    inner = [v for layer in layers[2:depth] for v in layer if v in marked and v not in before]
-    middle = [v for v in layers[2] if not goes_on(v) and v not in inner]
-    through = [v for v in inner if goes_on(v)]
-    ends = [v for v in inner if not goes_on(v)]
-    kept = [_narrow(layers[0], goes_on, marked), _narrow(layers[1], goes_on, marked),
-            [*_narrow([*middle, dots], lambda v: v == dots), *through],
-            _narrow(before, goes_on, marked), [*_narrow(layers[depth], goes_on, marked), *ends]]  # fmt: skip
+    inner = [v for layer in layers[2:-1] for v in layer if v in marked and v not in before]
+    middle = [v for v in third if v not in on and v not in inner]
+    through = [v for v in inner if v in on]
+    ends = [v for v in inner if v not in on]
+    kept = [_narrow(first, on, marked), _narrow(second, on, marked), [*_narrow([*middle, dots], {dots}), *through],
+            _narrow(before, on, marked), [*_narrow(last, on, marked), *ends]]  # fmt: skip
     shown = {v for layer in (*kept, middle, before) for v in layer}  # or stood for by the dots of a column
-    gone = {v: i for i, layer in enumerate(layers[2:depth]) for v in layer if v not in shown}
+    gone = {v: i for i, layer in enumerate(layers[2:-1]) for v in layer if v not in shown}
     if any(a.source in gone and a.target in gone and gone[a.target] < gone[a.source] - BACK for a in arcs):
         return None
-    out = (Arc(a.source, dots) for a in arcs if a.source in shown and a.target in gone)
-    back = (Arc(dots, a.target) for a in arcs if a.source in gone and a.target in shown)
-    return _cut(kept, arcs, list(dict.fromkeys((*out, *back))))
+    links = [Arc(a.source, dots) for a in arcs if a.source in shown and a.target in gone]
+    links += [Arc(dots, a.target) for a in arcs if a.source in gone and a.target in shown]
+    return _cut(kept, arcs, list(dict.fromkeys(links)))
 
 
-def _narrow(layer: list[Vertex], goes_on: Callable[[Vertex], bool], marked: Collection[Vertex] = ()) -> list[Vertex]:
+def _narrow(layer: list[Vertex], on: Collection[Vertex], marked: Collection[Vertex] = ()) -> list[Vertex]:
     """Return a layer of a few vertices: those that lead on, the first and the last of the others, and what is marked."""
-    if len(layer) <= WIDE - 1:
-        return layer
-    main = [v for v in layer if goes_on(v)][:2]
+    main = [v for v in layer if v in on][:2]
     others = [v for v in layer if v not in main]
     held = [v for v in others[1:-1] if v in marked]
-    if len(others) - len(held) <= 2:
+    if len(layer) <= WIDE - 1 or len(others) - len(held) <= 2:
         return layer
     return [others[0], *held, (DOTS, "column", layer[0]), others[-1], *main]
 
 
-def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: list[Arc] | None = None) -> Drawing | None:
+def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: Iterable[Arc] = ()) -> Drawing | None:
     """Return the drawing of some vertices; None if one of them would wrongly seem to lead nowhere."""
     shown = {v for layer in kept for v in layer}
-    inside = [a for a in arcs if a.source in shown and a.target in shown and a.source != a.target]
-    inside += links or ()
-    leading = {a.source for a in arcs if a.source in shown and a.source != a.target}
-    if not leading <= {a.source for a in inside}:
-        return None
-    return Drawing(tuple(map(tuple, kept)), tuple(inside), elided=True)
+    leaving = [a for a in arcs if a.source in shown and a.source != a.target]
+    inside = [*(a for a in leaving if a.target in shown), *links]
+    if {a.source for a in leaving} <= {a.source for a in inside}:
+        return _drawing(kept, inside, elided=True)
+    return None
 
 
 # Barycentre sweeps (Sugiyama, Tagawa, Toda 1981), then exchanges within a column while they help. Arrows count as straight.
@@ -197,7 +193,7 @@ def ordered(drawing: Drawing) -> Drawing:
     """Return the drawing with its columns reordered to cross fewer arrows."""
     cost = _Cost(drawing)
     best = drawing.layers
-    least = cost(drawing.layers)
+    least = cost(best)
     if least < 1.0:
         return drawing
     for layers in _sweeps(drawing):
@@ -231,9 +227,8 @@ class _Cost:
 
         def side(p: np.ndarray) -> np.ndarray:
             """Return on which side of each arrow (rows) points (columns) lie."""
-            return np.sign(
-                np.round(d[:, None, 0] * (p[:, 1] - a[:, None, 1]) - d[:, None, 1] * (p[:, 0] - a[:, None, 0]), 9)
-            )
+            cross = d[:, None, 0] * (p[:, 1] - a[:, None, 1]) - d[:, None, 1] * (p[:, 0] - a[:, None, 0])
+            return np.sign(np.round(cross, 9))
 
         opposite = side(a) * side(b) < 0
         length = np.hypot(d[:, 0], d[:, 1])
@@ -251,19 +246,17 @@ def _free(layer: tuple[Vertex, ...]) -> bool:
 
 def _sweeps(drawing: Drawing) -> Iterator[Layers]:
     """Yield columns ordered by the mean height of their neighbours, there and back."""
-    around: dict[Vertex, list[Vertex]] = {}
+    around: dict[Vertex, list[Vertex]] = {v: [v] for v in drawing.vertices}
     for arc in drawing.arcs:
-        around.setdefault(arc.source, []).append(arc.target)
-        around.setdefault(arc.target, []).append(arc.source)
+        around[arc.source].append(arc.target)
+        around[arc.target].append(arc.source)
     layers = list(drawing.layers)
     for sweep in range(SWEEPS):
         for i in range(len(layers)) if sweep % 2 == 0 else reversed(range(len(layers))):
-            height = {v: k - (len(layer) - 1) / 2 for layer in layers for k, v in enumerate(layer)}
             if _free(layers[i]):
-                mean = {
-                    v: sum(height[w] for w in (v, *around.get(v, ()))) / (1 + len(around.get(v, ()))) for v in layers[i]
-                }
-                layers[i] = tuple(sorted(layers[i], key=lambda v, mean=mean: mean[v]))  # type: ignore[misc]
+                height = {v: k - (len(layer) - 1) / 2 for layer in layers for k, v in enumerate(layer)}
+                mean = {v: sum(height[w] for w in around[v]) / len(around[v]) for v in layers[i]}
+                layers[i] = tuple(sorted(layers[i], key=mean.__getitem__))
         yield tuple(layers)
 
 

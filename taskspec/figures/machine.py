@@ -1,24 +1,37 @@
-"""The part of a finite task that episodes visit, as transitions: what a graph of it shows."""
+"""The part of a finite task that episodes visit, as transitions, and what a graph or table of them says in words and colours."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
 from taskspec.base.diagnostics import SpecError
+from taskspec.base.display import number
 from taskspec.base.limits import limits
-from taskspec.lang.ir import Node, Read, Role, walk
+from taskspec.figures.marks import HIGHLIGHTS
+from taskspec.figures.overlays import Overlay
+from taskspec.figures.scene import Color
+from taskspec.figures.states import at_states, reads_of
+from taskspec.lang.ir import Read, Role, walk
+from taskspec.model.space import Space
 from taskspec.model.transitions import Steps
+from taskspec.printers import tree as m
+from taskspec.printers.names import Notation, of_task
+from taskspec.printers.text import plain
 from taskspec.registry import load
-from taskspec.task.task import Task
+from taskspec.task.task import Component, Task
 
 MAX_STATES = 1500
 MAX_TRANSITIONS = 20_000
 MAX_ACTIONS = 100
 MAX_CONSIDERED = 200_000
 """Outcomes that are looked at in one go: many more than a graph could show, and few enough to take a second."""
+FEW = 3
+"""As many states of one colour are always shown, and named where they are not, if there is room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +61,7 @@ class Machine:
 
 def explore(task: Task) -> Machine | None:
     """Return the states that episodes visit; None if they are many, or if dynamics or rewards depend on the time."""
-    if not task.is_finite or any(is_time(node) for root in (*task.next, task.reward) for node in walk([root])):
+    if not task.is_finite or any(isinstance(x, Read) and x.role is Role.TIME for x in walk((*task.next, task.reward))):
         return None
     try:
         steps = Steps(task)
@@ -57,37 +70,38 @@ def explore(task: Task) -> Machine | None:
         starts = _starts(task, steps)
     except SpecError:
         return None
-    first = {code: p for by in starts.values() for code, p in by.items()}
-    found = _walk(steps, np.array(list(first)))
+    start: dict[int, float] = {}
+    starters: dict[int, str] = {}
+    for who, probabilities in starts.items():
+        start |= probabilities
+        if who:
+            starters |= dict.fromkeys(probabilities, f"{who} starts")
+    found = _walk(steps, np.array(list(start)))
     if found is None:
         return None
     states, transitions, last = found
     ending = frozenset(t.target for t in transitions if t.ends)
-    starters = {code: f"{who} starts" for who, by in starts.items() if who for code in by}
-    return Machine(
-        task, first, states, transitions, ending, steps.actions.size, starters, steps.uses_time, _cut(steps, last)
-    )
-
-
-def is_time(node: Node) -> bool:
-    return isinstance(node, Read) and node.role is Role.TIME
+    cut: frozenset[int] = frozenset()
+    if last and len(last) * steps.actions.size * steps.branching <= MAX_CONSIDERED:
+        cut = _left(steps, last)
+    return Machine(task, start, states, transitions, ending, steps.actions.size, starters, steps.uses_time, cut)
 
 
 def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
     """Return probabilities of first states by role, or under "" if roles differ in more than where episodes start."""
-    own = _weights(steps)
+    own = _start_distribution(steps)
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
     found: dict[str, dict[int, float]] = {}
     for who, key in task.roles.items():
         other = task if key == task.variant else load(task, key, **given)
         if (other.state, other.spec.dynamics) != (task.state, task.spec.dynamics):
             return {"": own}
-        found[who] = own if other is task else _weights(Steps(other))
-    codes = [code for by in found.values() for code in by]
+        found[who] = own if other is task else _start_distribution(Steps(other))
+    codes = [code for probabilities in found.values() for code in probabilities]
     return found if len(set(codes)) == len(codes) and own in found.values() else {"": own}
 
 
-def _weights(steps: Steps) -> dict[int, float]:
+def _start_distribution(steps: Steps) -> dict[int, float]:
     start, weights = steps.starts()
     return dict(zip(start.tolist(), weights.tolist(), strict=True))
 
@@ -96,57 +110,160 @@ def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Trans
     """Search breadth first up to the horizon; return states, transitions, and the states first reached at the horizon."""
     seen: dict[int, None] = dict.fromkeys(start.tolist())
     level = list(seen)
-    transitions = []
+    transitions: list[Transition] = []
     depth = 0
     while level and (steps.task.horizon is None or depth < steps.task.horizon):
         if len(seen) > MAX_STATES or len(level) * steps.actions.size * steps.branching > MAX_CONSIDERED:
             return None
-        new: dict[int, None] = {}
-        for t in _from(steps, level):
-            transitions.append(t)
-            if t.target not in seen and not t.ends:
-                new[t.target] = None
-        ends = [t.target for t in transitions if t.ends]
-        seen |= new | dict.fromkeys(e for e in ends if e not in seen)
+        found = _from(steps, level)
+        transitions += found
+        new = dict.fromkeys(t.target for t in found if t.target not in seen and not t.ends)
+        seen |= new
+        seen |= dict.fromkeys(t.target for t in found if t.ends and t.target not in seen)
         if len(transitions) > MAX_TRANSITIONS:
             return None
         level = list(new)
-        depth = depth + 1
+        depth += 1
     return (tuple(seen), tuple(transitions), level) if len(seen) <= MAX_STATES else None
 
 
-def _cut(steps: Steps, last: list[int]) -> frozenset[int]:
+def _left(steps: Steps, last: list[int]) -> frozenset[int]:
     """Return those states that some step leaves."""
-    if not last or len(last) * steps.actions.size * steps.branching > MAX_CONSIDERED:
-        return frozenset()
     try:
         return frozenset(t.source for t in _from(steps, last) if t.source != t.target)
     except SpecError:
         return frozenset()
 
 
-def _from(steps: Steps, level: list[int]) -> Iterator[Transition]:
-    """Return transitions out of some states, state by state and action by action."""
+def _from(steps: Steps, level: list[int]) -> list[Transition]:
+    """Return transitions out of some states, state by state and action by action; equal outcomes are one."""
     actions = steps.actions.size
     sources = np.repeat(level, actions)
     choices = np.tile(np.arange(actions), len(level))
-    found: list[Transition] = []
+    total: dict[tuple[int, int, float, bool], float] = {}
     for o in steps.outcomes(sources, choices, 0):
         origin = np.arange(len(sources)) if o.origin is None else o.origin
-        columns = (o.code, o.weight, o.reward, o.terminal)
-        code, p, reward, ends = (np.broadcast_to(x, origin.shape) for x in columns)
-        for i, point in enumerate(origin.tolist()):
-            if p[i] > 0:
-                found.append(Transition(int(sources[point]), int(choices[point]), int(code[i]),
-                                        float(p[i]), float(reward[i]), bool(ends[i])))  # fmt: skip
-    rank = {code: i for i, code in enumerate(level)}
-    return iter(sorted(_merged(found), key=lambda t: (rank[t.source], t.action)))
+        columns = [np.broadcast_to(x, origin.shape).tolist() for x in (o.code, o.weight, o.reward, o.terminal)]
+        for point, code, p, reward, ends in zip(origin.tolist(), *columns, strict=True):
+            if p > 0:
+                key = (point, int(code), float(reward), bool(ends))
+                total[key] = total.get(key, 0.0) + p
+    found = []
+    for (point, code, reward, ends), p in sorted(total.items(), key=lambda item: item[0][0]):
+        found.append(Transition(int(sources[point]), int(choices[point]), code, p, reward, ends))
+    return found
 
 
-def _merged(found: list[Transition]) -> list[Transition]:
-    """Return equal outcomes of one action, with their probabilities added."""
-    total: dict[tuple[int, int, int, float, bool], float] = {}
-    for t in found:
-        key = (t.source, t.action, t.target, t.reward, t.ends)
-        total[key] = total.get(key, 0.0) + t.probability
-    return [Transition(a, b, c, p, reward, ends) for (a, b, c, reward, ends), p in total.items()]
+@dataclass(frozen=True)
+class Captions:
+    """Names of states and actions, rewards, colours and notes of a machine."""
+
+    machine: Machine
+
+    @cached_property
+    def space(self) -> Space:
+        return Space(self.machine.task.state, Role.STATE)
+
+    @cached_property
+    def labels(self) -> Mapping[int, m.Math]:
+        """States as mathematics, by code."""
+        return {code: self._combination(self.space, self.machine.task.state, code) for code in self.machine.states}
+
+    @cached_property
+    def actions(self) -> tuple[m.Math, ...]:
+        space = Space(self.machine.task.action, Role.ACTION)
+        return tuple(self._combination(space, self.machine.task.action, code) for code in range(space.size))
+
+    @cached_property
+    def notation(self) -> Notation:
+        return of_task(self.machine.task)
+
+    def _combination(self, space: Space, components: tuple[Component, ...], code: int) -> m.Math:
+        """Return the values of some components: labels by their symbols, numbers as digits."""
+        values = space.values_of(code)
+        parts: list[m.Math] = []
+        for c in components:
+            written = str(values[c.name])
+            if c.domain is not None and not c.type.shape:
+                parts.append(self.notation.labels[c.name][written])
+            else:
+                parts.append(m.Num(written.replace("-", "−")))
+        return m.joined(parts)
+
+    @cached_property
+    def marks(self) -> Mapping[str, tuple[int, ...]]:
+        """States in which the conditions under `figure: highlight:` hold, by colour."""
+        task = self.machine.task
+        found = {}
+        codes = np.array(self.machine.states)
+        for name, node in ({} if task.figure is None else task.figure.highlight).items():
+            if not node.type.shape and name in HIGHLIGHTS:
+                holds = at_states(task, node, dict(self.space.decode(codes)), len(codes))
+                found[name] = tuple(codes[holds.astype(bool)].tolist())
+        return found
+
+    @cached_property
+    def fills(self) -> Mapping[int, Color]:
+        """Colours of states; the last of several."""
+        return {code: HIGHLIGHTS[name] for name, codes in self.marks.items() for code in codes}
+
+    @property
+    def kept(self) -> frozenset[int]:
+        """Coloured states that a graph must show: those of rare colours."""
+        return frozenset(c for codes in self.marks.values() if len(codes) <= FEW for c in codes)
+
+    def unmarked(self, shown: Collection[int]) -> Iterator[str]:
+        """Yield notes on what a figure of some states does not show of `figure: highlight:`."""
+        for name, codes in self.marks.items():
+            left = [c for c in codes if c not in shown]
+            if not codes:
+                yield f"Not shown: {name}, which holds in no state that episodes reach."
+            elif left:
+                yield f"Not shown: {name} ({self.named(left)})."
+        for (one, codes), (other, others) in combinations(self.marks.items(), 2):
+            if both := [c for c in codes if c in others and c in shown]:
+                yield f"Marked {other}, but {one} as well: {self.named(both)}."
+
+    def named(self, codes: Sequence[int]) -> str:
+        """Return a few states by name, or how many there are."""
+        if len(codes) > FEW:
+            return f"{len(codes):,} states"
+        form = "({})"
+        if len(self.machine.task.state) == 1:
+            (c,) = self.machine.task.state
+            form = "{}" if c.domain else f"{plain(self.notation.symbol(c.name))} = {{}}"
+        return ", ".join(form.format(plain(self.labels[c])) for c in codes)
+
+    @cached_property
+    def rewards(self) -> tuple[str, Mapping[int, float]]:
+        """Rewards by state "reached" or "left", or "all" if they are equal; by "arrow" where states do not decide them."""
+        if len({t.reward for t in self.machine.transitions}) == 1:
+            return "all", {}
+        for how, end in (("reached", "target"), ("left", "source")):
+            found: dict[int, set[float]] = {}
+            for t in self.machine.transitions:
+                found.setdefault(getattr(t, end), set()).add(t.reward)
+            if all(len(rewards) == 1 for rewards in found.values()):
+                return how, {code: rewards.pop() for code, rewards in found.items()}
+        return "arrow", {}
+
+    def notes(self, shows_loops: bool, shown: Collection[int]) -> Iterator[str]:
+        how, _ = self.rewards
+        if how == "all":
+            yield f"Every step pays {number(self.machine.transitions[0].reward, 4)}."
+        if how == "left":
+            yield "Rewards are paid for the state left."
+        if not shows_loops and any(t.source == t.target and not t.ends for t in self.machine.transitions):
+            yield "Where no arrow leads on, the state stays."
+        if self.machine.timed:
+            yield "The time ends episodes, too."
+        if last := [v for v in shown if v in self.machine.cut]:
+            yield f"No arrow leads on from {self.named(last)}, as the time is up there."
+
+    def code_of(self, overlay: Overlay) -> int | None:
+        """Return the code of the present state of a frame."""
+        if overlay.here is None:
+            return None
+        task = self.machine.task
+        state = reads_of(task, overlay.here)
+        return int(self.space.encode([state[c.read] for c in task.state], 1)[0][0])

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec.figures.captions import Captions
-from taskspec.figures.machine import Machine, explore
-from taskspec.figures.marks import marked, signed
+from taskspec.figures.machine import Captions, explore
+from taskspec.figures.marks import equal, marked
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted, text_width
-from taskspec.figures.values import reads_of
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
@@ -21,20 +19,19 @@ NAMED = 30
 ROOM = 0.36
 """As many states are all named, and the height of a row with a name, in centimetres."""
 GAP = 0.08
-"""Between numbers beside one another, in centimetres."""
 CLEAR = 0.25
-"""The same between names, which may have spaces in them."""
+"""Between numbers beside one another, in centimetres, and between names, which may have spaces in them."""
 STRIP = 0.3
 """Width of the column that says which states are good, bad or an end, in centimetres."""
 MOST = 300
 """States whose cells can still be seen."""
 LEAST_SHADE = 0.12
+HEAD_ROOM = 0.13
+"""Height of a row, in centimetres, beside which an arrow head has room."""
 DRAWN = {
     "values": "V", "policy": "frames where they lead", "occupancy": "shade, {0}, in the column on the right",
 }  # fmt: skip
 """How results are drawn."""
-HEAD_ROOM = 0.13
-"""Height of a row, in centimetres, beside which an arrow head has room."""
 
 
 def matrix(task: Task, overlay: Overlay) -> Scene | None:
@@ -42,54 +39,48 @@ def matrix(task: Task, overlay: Overlay) -> Scene | None:
     machine = explore(task)
     if machine is None or len(machine.states) > MOST:
         return None
-    return _Matrix(machine, overlay).scene()
+    drawn = _Matrix(Captions(machine), overlay)
+    notes = ["Shade: how likely a uniformly random action leads from the state of a row to that of a column."]
+    if machine.timed:
+        notes.append("The time ends episodes, too.")
+    notes += drawn.says.unmarked(machine.states)
+    alt = f"Transitions of {task.name} as a table: {len(machine.states)} states, {machine.n_actions} actions"
+    items = [*drawn.cells(), *drawn.results(), *drawn.labels(), *drawn.starts()]
+    return fitted(items, alt, tuple(notes), drawn=DRAWN)
 
 
 class _Matrix:
-    def __init__(self, machine: Machine, overlay: Overlay) -> None:
-        self.machine = machine
+    def __init__(self, says: Captions, overlay: Overlay) -> None:
+        self.says = says
         self.overlay = overlay
-        self.says = Captions(machine)
-        self.place = {code: i for i, code in enumerate(sorted(machine.states))}
+        self.place = {code: i for i, code in enumerate(sorted(says.machine.states))}
         self.named = len(self.place) <= NAMED
         self.cell = min(LARGEST_CELL, max(SIDE / len(self.place), ROOM if self.named else 0.0))
         self.side = self.cell * len(self.place)
-        self.strip = STRIP if self.says.fills else 0.0
+        self.strip = STRIP if says.fills else 0.0
         self.right = self.side + (GAP + STRIP if overlay.occupancy else 0.0)  # of all columns
 
-    def scene(self) -> Scene:
-        count = len(self.place)
-        name = self.machine.task.name
-        told = "Shade: how likely a uniformly random action leads from the state of a row to that of a column."
-        timed = ("The time ends episodes, too.",) if self.machine.timed else ()
-        notes = (told, *timed, *self.says.unmarked(self.machine.states))
-        alt = f"Transitions of {name} as a table: {count} states, {self.machine.n_actions} actions"
-        return fitted([*self.cells(), *self.results(), *self.labels(), *self.starts()], alt, notes, drawn=DRAWN)
-
     def cells(self) -> Iterator[Item]:
+        machine = self.says.machine
         total: dict[tuple[int, int], float] = {}
-        for t in self.machine.transitions:
+        for t in machine.transitions:
             key = (self.place[t.source], self.place[t.target])
-            total[key] = total.get(key, 0.0) + t.probability / self.machine.n_actions
+            total[key] = total.get(key, 0.0) + t.probability / machine.n_actions
         for (row, column), p in total.items():
-            corner = (column * self.cell, row * self.cell)
             shade = min(1.0, LEAST_SHADE + (1 - LEAST_SHADE) * p)
-            yield Box(corner, self.cell, self.cell, "ink", None, shade=shade)
+            yield Box((column * self.cell, row * self.cell), self.cell, self.cell, "ink", None, shade=shade)
         yield Box((0, 0), self.side, self.side, None, "faint")
         for code, role in self.says.fills.items():
             box = Box((-self.strip, self.place[code] * self.cell), self.strip, self.cell, role, "faint")
             yield box
             yield from marked(box)
-        if self.overlay.here is not None:
-            space = self.says.space
-            state = reads_of(self.machine.task, self.overlay.here)
-            here = self.place.get(int(space.encode([state[c.read] for c in self.machine.task.state], 1)[0][0]))
-            if here is not None:
-                yield Box((0, here * self.cell), self.side, self.cell, "accent", None, shade=0.4)
+        here = self.says.code_of(self.overlay)
+        if here is not None and here in self.place:
+            yield Box((0, self.place[here] * self.cell), self.side, self.cell, "accent", None, shade=0.4)
 
     def results(self) -> Iterator[Item]:
         """Yield frames around where the chosen actions lead, and on the right how often states are visited."""
-        chosen = (t for t in self.machine.transitions if self.overlay.chosen(t.source, t.action))
+        chosen = (t for t in self.says.machine.transitions if self.overlay.chosen(t.source, t.action))
         for row, column in dict.fromkeys((self.place[t.source], self.place[t.target]) for t in chosen):
             yield Box((column * self.cell, row * self.cell), self.cell, self.cell, None, "accent")
         for code, share in self.overlay.occupancy.items():
@@ -103,22 +94,26 @@ class _Matrix:
         """Yield names of states on the left, with numbers where columns have no room for names, and values on the right."""
         texts = [self.says.labels[code] for code in self.place]
         widest = max(text_width(text, LETTERS) for text in texts)
-        apart = GAP if all(isinstance(text, m.Num) for text in texts) else CLEAR
-        numbered = self.named and widest + apart > self.cell and not all(isinstance(text, m.Num) for text in texts)
-        numbers = [m.Num(str(i)) for i in range(len(texts))] if numbered else None
+        all_numbers = all(isinstance(text, m.Num) for text in texts)
+        room = widest + (GAP if all_numbers else CLEAR)
         left = -0.12 - self.strip
-        beside = left if numbers is None else left - text_width(numbers[-1], LETTERS) - 2 * GAP
+        beside = left
+        heads = texts
+        if self.named and room > self.cell and not all_numbers:
+            heads = [m.Num(str(i)) for i in range(len(texts))]
+            beside = left - text_width(heads[-1], LETTERS) - 2 * GAP
+            room = self.cell
         for i in self._spaced(ROOM):
             y = (i + 0.5) * self.cell
             yield Label((beside, y), texts[i], LETTERS, "end", "muted")
-            if numbers is not None:
-                yield Label((left, y), numbers[i], LETTERS, "end", "muted")
-        for i in self._spaced(self.cell if numbers else widest + apart):
-            yield Label(((i + 0.5) * self.cell, -0.22), (numbers or texts)[i], LETTERS, "middle", "muted")
+            if heads is not texts:
+                yield Label((left, y), heads[i], LETTERS, "end", "muted")
+        for i in self._spaced(room):
+            yield Label(((i + 0.5) * self.cell, -0.22), heads[i], LETTERS, "middle", "muted")
         for code, value in self.overlay.values.items() if self.named else ():
             if code in self.place:
-                text = m.Row((m.Ident("V"), m.Sym("="), signed(value)))
-                yield Label((self.right + 0.6, (self.place[code] + 0.5) * self.cell), text, LETTERS, "start", "muted")
+                y = (self.place[code] + 0.5) * self.cell
+                yield Label((self.right + 0.6, y), equal("V", value), LETTERS, "start", "muted")
         yield Label((self.side / 2, -0.65), m.Words("to"), LETTERS)
         yield Label((beside - widest - 0.23, self.side / 2), m.Words("from"), LETTERS, "end")
 
@@ -129,7 +124,7 @@ class _Matrix:
 
     def starts(self) -> Iterator[Item]:
         """Yield arrows to the rows in which episodes start, or dots where there is no room."""
-        for code in self.machine.start:
+        for code in self.says.machine.start:
             y = (self.place[code] + 0.5) * self.cell
             if self.cell > HEAD_ROOM:
                 yield Line(((self.right + 0.5, y), (self.right + 0.06, y)), arrow=True, color="muted")

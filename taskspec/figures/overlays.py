@@ -5,26 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from taskspec.abstraction.abstraction import Abstraction, abstraction, extract
+from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.display import number
 from taskspec.exact import Model
-from taskspec.figures.marks import decimal
-from taskspec.figures.values import reads_of
+from taskspec.figures.states import State, reads_of
 from taskspec.registry import load
 from taskspec.solve import plans, solve
 from taskspec.task.task import Task, TaskLike
 
-State = Mapping[str, Any]
 PARTS = ("values", "policy", "occupancy")
+OVERLAYS = ("values", "policy", "expert", "occupancy")
+"""Names of overlays."""
+MOST_NAMED = 3
+"""Actions that are named."""
 
 
 @dataclass(frozen=True)
 class Overlay:
-    """Results by code of the state (`exact.space.Space` of the state's components).
+    """Results by code of the state (`model.space.Space` of the state's components).
 
     `values` are written beside states; `policy` gives the indices of the actions taken, whose
     transitions stand out; `occupancy` in [0, 1] shades the states that are visited. `legend` gives the scale of each of
@@ -43,17 +46,9 @@ class Overlay:
     def chosen(self, code: int, action: int) -> bool:
         return action in self.policy.get(code, ())
 
-    def only(self, part: str | None) -> Overlay:
-        """Return one part alone, or only the present state."""
-        return Overlay(here=self.here, seen=self.seen, **({} if part is None else {part: getattr(self, part)}))
-
-
-# -- overlays from exact analysis
-
-OVERLAYS = ("values", "policy", "expert", "occupancy")
-"""Names of what can be laid over a figure."""
-MOST_TOLD = 3
-"""Actions that are named."""
+    def only(self, *parts: str) -> Overlay:
+        """Return some parts alone, with the present state."""
+        return Overlay(here=self.here, seen=self.seen, **{part: getattr(self, part) for part in parts})
 
 
 def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
@@ -80,28 +75,30 @@ def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
         message = "a figure shows a task without its modifiers, and results with them cannot be laid over it"
         raise SpecError((Diagnostic("E713", None, message),))
     known = _Known(task, extract(task), abstraction(task), wanted)
-    shown = {} if known.abstraction is not None else {part: getattr(known, part) for part in PARTS}
-    return Overlay(**shown, legend=dict(_legend(task, known)), at_state=known.at_state)
+    shown = PARTS if known.abstraction is None else ()
+    return Overlay(
+        **{part: getattr(known, part) for part in shown}, legend=dict(_legend(task, known)), at_state=known.at_state
+    )
 
 
 def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
     """Yield for each overlay its name, its scale if it has one, and its description."""
-    left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
     wanted = known.wanted
+    left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
     whose = "an optimal policy's" if task.expert is None else "the expert's"
-    lacks = (
-        "" if not wanted & {"expert", "occupancy"} or known.acting is not None else ", for which there is no exact plan"
-    )
+    lacks = ""
+    if wanted & {"expert", "occupancy"} and known.acting is None:
+        lacks = ", for which there is no exact plan"
     if "values" in wanted:
         yield "values", ("", f"best return{left}")
     if "policy" in wanted:
         yield "policy", ("", f"best actions{left}")
-    if "expert" in wanted and not ("policy" in wanted and task.expert is None):
+    if "expert" in wanted and ("policy" not in wanted or task.expert is not None):
         memory = "" if task.memory is None else ", whatever it remembers"
         beside = ", as the best ones are" if "policy" in wanted and not lacks else ""
         yield "expert" if "policy" in wanted else "policy", ("", f"{whose} actions at first{lacks or memory}{beside}")
     if "occupancy" in wanted:
-        scale = f"up to {decimal(max(known.visits.values(), default=0.0))} per episode"
+        scale = f"up to {number(max(known.visits.values(), default=0.0), 4)} per episode"
         yield "occupancy", (scale, f"{whose} {'' if task.discount == 1 else 'discounted '}visits{lacks}")
 
 
@@ -116,12 +113,17 @@ class _Known:
 
     @cached_property
     def values(self) -> Mapping[int, float]:
-        return _values(self.model) if "values" in self.wanted else {}
+        """Optimal values of the states in which some episode acts."""
+        if "values" not in self.wanted:
+            return {}
+        acting = self.model.acting
+        values = solve.solve(self.model).value[acting]
+        return dict(zip(self.model.codes[acting].tolist(), values.tolist(), strict=True))
 
     @cached_property
     def policy(self) -> Mapping[int, tuple[int, ...]]:
         if "policy" in self.wanted:
-            return _policy(self.model, self.optimal(0))
+            return _policy(self.model, plans.optimal_plan(self.model)(0))
         if "expert" not in self.wanted or self.acting is None:
             return {}
         whole, plan = self.acting
@@ -150,17 +152,13 @@ class _Known:
         return {code: often / most for code, often in self.visits.items()}
 
     @cached_property
-    def optimal(self) -> plans.Plan:
-        return plans.optimal_plan(self.model)
-
-    @cached_property
     def acting(self) -> tuple[Model, plans.Plan] | None:
         """The plan of the expert, or of an optimal policy if there is none, and its model.
 
         They are those of the task with the memory of an expert that has one. None where the expert has no plan on a model.
         """
         if self.task.expert is None:
-            return self.model, self.optimal
+            return self.model, plans.optimal_plan(self.model)
         try:
             whole = self.model if self.task.memory is None else extract(self.task.remembering())
         except SpecError:  # too many states with the memory
@@ -184,19 +182,15 @@ class _Known:
         if outside is not None and outside.any():
             return found
         if code in self.values:
-            found["values"] = decimal(self.values[code])
+            found["values"] = number(self.values[code], 4)
         if code in self.policy:
             some = [self.model.action_name(a) for a in self.policy[code]]
-            found["policy"] = "; ".join(some[:MOST_TOLD]) + ("; …" if len(some) > MOST_TOLD else "")
+            if len(some) > MOST_NAMED:
+                some[MOST_NAMED:] = ["…"]
+            found["policy"] = "; ".join(some)
         return found
 
 
-def _values(model: Model) -> dict[int, float]:
-    """Return optimal values by code of the states in which some episode acts."""
-    values = solve.solve(model).value
-    return dict(zip(model.codes[model.acting].tolist(), values[model.acting].tolist(), strict=True))
-
-
-def _policy(model: Model, table: np.ndarray[Any, Any]) -> dict[int, tuple[int, ...]]:
+def _policy(model: Model, table: Array) -> dict[int, tuple[int, ...]]:
     """Return actions (A, S) of positive probability, by code of the states in which some episode acts."""
     return {int(model.codes[i]): tuple(np.flatnonzero(table[:, i] > 0).tolist()) for i in np.flatnonzero(model.acting)}

@@ -33,12 +33,19 @@ OVERLAP = 2.5
 
 def save(scene: Scene, path: Path, kind: str) -> None:
     """Write a PNG or PDF file; the same scene gives the same bytes."""
-    figure = _figure(scene)
     metadata: dict[str, Any] = {"CreationDate": None} if kind == "pdf" else {"Software": None}
     picture = BytesIO()
     with _quiet():
-        figure.savefig(picture, format=kind, dpi=DPI, metadata=metadata)
+        _figure(scene).savefig(picture, format=kind, dpi=DPI, metadata=metadata)
     write_bytes(path, picture.getvalue())
+
+
+def _figure(scene: Scene) -> Any:
+    figure, axes = _canvas(scene.width, scene.height)
+    axes.set_xlim(0, scene.width)
+    axes.set_ylim(scene.height, 0)
+    _draw_all(axes, scene, 1.0)
+    return figure
 
 
 def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[Any, np.dtype[np.uint8]]:
@@ -46,26 +53,26 @@ def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[A
 
     If its words would be too small to read, the part of it is shown that holds its focus.
     """
-    agg = need("matplotlib.backends.backend_agg", "figures")
     width, height = (n * INCH / DPI for n in size)
     room = height - (TITLE + LINE * len(title.split("\n")) if title else 0.0)
     scale = min(width / scene.width, room / scene.height, LARGEST_SCALE)
-    scale = scale if scene.focus is None else max(scale, LEAST_SCALE)
+    x = 0.0
+    y = 0.0
+    if scene.focus is not None:
+        x, y = scene.focus
+        scale = max(scale, LEAST_SCALE)
     figure, axes = _canvas(width, height)
-    x, y = scene.focus or (0.0, 0.0)
     left = _first(width / scale, scene.width, x)
     top = _first(room / scale, scene.height, y) - (height - room) / scale
     axes.set_xlim(left, left + width / scale)
     axes.set_ylim(top + height / scale, top)
     _draw_all(axes, scene, scale)
     if title:
-        axes.text(
-            0.02, 0.98, title, transform=axes.transAxes, ha="left", va="top", fontsize=9, family=FONTS, parse_math=False
-        )
-    canvas = agg.FigureCanvasAgg(figure)
+        place = {"transform": axes.transAxes, "ha": "left", "va": "top"}
+        axes.text(0.02, 0.98, title, fontsize=9, family=FONTS, parse_math=False, **place)
     with _quiet():
-        canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+        figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()
 
 
 def _first(room: float, size: float, focus: float) -> float:
@@ -85,20 +92,10 @@ def _quiet() -> Iterator[None]:
         yield
 
 
-def _figure(scene: Scene) -> Any:
-    figure, axes = _canvas(scene.width, scene.height)
-    axes.set_xlim(0, scene.width)
-    axes.set_ylim(scene.height, 0)
-    _draw_all(axes, scene, 1.0)
-    return figure
-
-
 def _canvas(width: float, height: float) -> tuple[Any, Any]:
     """Return a figure of a size in centimetres, with axes that fill it."""
-    module = need("matplotlib.figure", "figures")
-    backend = need("matplotlib.backends.backend_agg", "figures")
-    figure = module.Figure(figsize=(width / INCH, height / INCH), dpi=DPI)
-    backend.FigureCanvasAgg(figure)
+    figure = need("matplotlib.figure", "figures").Figure(figsize=(width / INCH, height / INCH), dpi=DPI)
+    need("matplotlib.backends.backend_agg", "figures").FigureCanvasAgg(figure)
     axes = figure.add_axes((0, 0, 1, 1))
     axes.axis("off")
     return figure, axes

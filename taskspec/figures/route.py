@@ -1,20 +1,18 @@
-"""Where the labels of a graph go, and which way its arrows take."""
+"""The lines of a graph's arrows, and the places of its labels."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate
-from typing import Literal, TypeVar
+from itertools import accumulate, pairwise
+from typing import TypeVar
 
 import numpy as np
 
-from taskspec.figures.marks import RADIUS, ROUND, beside_line, near, outline
-from taskspec.figures.scene import BROAD, Label, Line, Point, bezier, head, text_width
+from taskspec.figures.marks import RADIUS, ROUND
+from taskspec.figures.scene import BROAD, Anchor, Label, Line, Point, head, text_width
 from taskspec.printers import tree as m
-
-# -- lines of arrows: straight, bent, or loops
 
 T = TypeVar("T")
 BENDS = (0.0, 0.32, -0.32, 0.75, -0.75, 1.2, -1.2)
@@ -29,6 +27,8 @@ CHUNK = 2000
 OVER = 5.0
 BEND = 0.03
 """What passing over a vertex and another way than the first cost, in crossings."""
+LOOP_OUT = 0.62
+LOOP_WIDE = 0.42
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,29 +42,55 @@ class Spot:
     last: bool = False  # in the last column
 
     @property
+    def is_round(self) -> bool:
+        return self.half <= self.radius + 0.02
+
+    @property
     def core(self) -> tuple[float, float, float]:
         """Half the sides of the rectangle inside the shape, and how far the shape reaches beyond it everywhere."""
-        if self.half <= self.radius + 0.02:
+        if self.is_round:
             return 0.0, 0.0, self.radius + self.rim
         return self.half - ROUND, self.radius - ROUND, ROUND + self.rim
 
     def touched(self, towards: Point, gap: float = 0.0) -> Point:
         """Return where an arrow to or from a point meets the outline."""
-        return outline(self.at, towards, self.half + gap, self.radius + gap)
-
-
-@dataclass(frozen=True, slots=True)
-class Routed:
-    lines: tuple[Line, ...]
-    crossings: int
-    over: int  # pairs of an arrow and a vertex that it passes over, or of arrows that run into one
+        x, y = self.at
+        dx = towards[0] - x
+        dy = towards[1] - y
+        length = math.hypot(dx, dy) or 1.0
+        ux = dx / length
+        uy = dy / length
+        if self.is_round:
+            return x + ux * (self.radius + gap), y + uy * (self.radius + gap)
+        inside = 0.0
+        outside = self.half + self.radius + 2 * gap
+        for _ in range(40):  # bisection
+            t = (inside + outside) / 2
+            qx = abs(ux) * t - (self.half + gap - ROUND)
+            qy = abs(uy) * t - (self.radius + gap - ROUND)
+            if math.hypot(max(qx, 0.0), max(qy, 0.0)) + min(max(qx, qy), 0.0) > ROUND:
+                outside = t
+            else:
+                inside = t
+        return x + ux * inside, y + uy * inside
 
 
 def ways(a: Spot, b: Spot, both: bool, others: Sequence[Spot], arrow: bool, stretch: float) -> list[Line]:
     """Return lines from one vertex to another, the usual one first; others bend around a returning arrow or a vertex."""
-    blocked = any(near(a.at, b.at, o.at) for o in others)
-    usual = 0.32 if both else 0.75 if blocked else 0.0
+    usual = 0.0
+    if both:
+        usual = 0.32
+    elif any(_near(a.at, b.at, o.at) for o in others):
+        usual = 0.75
     return [_bent(a, b, bend, arrow) for bend in dict.fromkeys((usual, *(stretch * x for x in BENDS)))]
+
+
+def _near(a: Point, b: Point, p: Point) -> bool:
+    """Return whether a vertex is in the way of a straight arrow."""
+    dx = b[0] - a[0]
+    dy = b[1] - a[1]
+    t = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / ((dx * dx + dy * dy) or 1.0)
+    return 0.05 < t < 0.95 and math.hypot(a[0] + t * dx - p[0], a[1] + t * dy - p[1]) < RADIUS + 0.05
 
 
 def _bent(a: Spot, b: Spot, bend: float, arrow: bool) -> Line:
@@ -84,40 +110,45 @@ def _bent(a: Spot, b: Spot, bend: float, arrow: bool) -> Line:
     end = b.touched(c2, 0.02 + b.rim)
     if not bend:
         return Line((start, end), arrow=arrow)
-    if max(a.half - a.radius, b.half - b.radius) > 0.02:  # wide boxes reach as far as the points that bend the arrow
+    if not (a.is_round and b.is_round):  # wide boxes reach as far as the points that bend the arrow
         c1, c2 = between(start, end)
     return Line((start, c1, c2, end), arrow=arrow, curved=True)
 
 
-LOOP_OUT = 0.62
-LOOP_WIDE = 0.42
-
-
 def loops(v: Spot) -> list[Line]:
     """Return loops above, below, right and left of a vertex; in the last column, the one on the right first."""
-    (x, y), d, out, wide = v.at, 0.2, LOOP_OUT, LOOP_WIDE
+    x, y = v.at
+    d = 0.2
+    inset = 0.85 if v.is_round else 1.0
     found = []
     for sign in (1.0, -1.0):
-        r = v.half * 0.85 if v.half - v.radius <= 0.02 else v.half
-        far = x + sign * (v.half + out)
-        foot = x + sign * r
-        found.append(((foot, y - d), (far, y - wide), (far, y + wide), (foot, y + d)))
+        far = x + sign * (v.half + LOOP_OUT)
+        foot = x + sign * v.half * inset
+        found.append(((foot, y - d), (far, y - LOOP_WIDE), (far, y + LOOP_WIDE), (foot, y + d)))
     for sign in (-1.0, 1.0):
-        far = y + sign * (v.radius + out)
-        foot = y + sign * v.radius * (0.85 if v.half - v.radius <= 0.02 else 1.0)
-        found.append(((x - d, foot), (x - wide, far), (x + wide, far), (x + d, foot)))
-    right, left, above, below = found
-    order = (right, above, below, left) if v.last else (above, below, right, left)
-    return [Line(points, arrow=True, curved=True) for points in order]
+        far = y + sign * (v.radius + LOOP_OUT)
+        foot = y + sign * v.radius * inset
+        found.append(((x - d, foot), (x - LOOP_WIDE, far), (x + LOOP_WIDE, far), (x + d, foot)))
+    right, left, above, below = (Line(points, arrow=True, curved=True) for points in found)
+    return [right, above, below, left] if v.last else [above, below, right, left]
 
 
 def stubs(v: Spot) -> list[Line]:
     """Return short arrows to a state in which episodes start: from the left, or from elsewhere."""
-    (x, y), out = v.at, 0.55
-    left = ((x - v.half - out, y), (x - v.half, y))
-    above, below = (((x, y + s * (v.radius + out)), (x, y + s * v.radius)) for s in (-1, 1))
-    right = ((x + v.half + out, y), (x + v.half, y))
-    return [Line(points, arrow=True, color="muted") for points in (left, above, below, right)]
+    x, y = v.at
+    found = []
+    for dx, dy in ((-1, 0), (0, -1), (0, 1), (1, 0)):
+        foot = (x + dx * v.half, y + dy * v.radius)
+        tail = (x + dx * (v.half + 0.55), y + dy * (v.radius + 0.55))
+        found.append(Line((tail, foot), arrow=True, color="muted"))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Routed:
+    lines: tuple[Line, ...]
+    crossings: int
+    over: int  # pairs of an arrow and a vertex that it passes over, or of arrows that run into one
 
 
 def routed(options: Sequence[Sequence[Line]], ends: Sequence[tuple[int, int]], spots: Sequence[Spot]) -> Routed:
@@ -128,28 +159,29 @@ def routed(options: Sequence[Sequence[Line]], ends: Sequence[tuple[int, int]], s
         ends: the indices in `spots` of each arrow's ends.
         spots: the vertices.
     """
-    flat, groups = flattened(options)
-    if not flat:
+    if not options:
         return Routed((), 0, 0)
+    flat, groups, of, place = _flattened(options)
     paths = np.array([sampled(line) for line in flat])
-    of = np.array([i for i, g in enumerate(groups) for _ in g])
-    crossings, along = _meetings(paths, of)
+    crossings, close = _meetings(paths, of)
     over = _over(paths, [ends[i] for i in of], spots)
-    preference = np.concatenate([BEND * np.arange(len(g)) for g in groups])
-    chosen = descend(groups, OVER * over + preference, crossings + OVER * along)
+    chosen = _descend(groups, OVER * over + BEND * place, crossings + OVER * close)
     inside = np.ix_(chosen, chosen)
-    crossed, close = (int(np.triu(found[inside], 1).sum()) for found in (crossings, along))
-    return Routed(tuple(flat[i] for i in chosen), crossed, int(over[chosen].sum()) + close)
+    crossed = int(np.triu(crossings[inside], 1).sum())
+    faults = int(over[chosen].sum() + np.triu(close[inside], 1).sum())
+    return Routed(tuple(flat[i] for i in chosen), crossed, faults)
 
 
-def flattened(options: Sequence[Sequence[T]]) -> tuple[list[T], list[range]]:
-    """Return all options in one list, and where those of each group are."""
+def _flattened(options: Sequence[Sequence[T]]) -> tuple[list[T], list[range], np.ndarray, np.ndarray]:
+    """Return all options in one list, where those of each group are, and of each its group and its place there."""
     flat = [x for found in options for x in found]
-    ends = list(accumulate(map(len, options)))
-    return flat, [range(end - len(found), end) for end, found in zip(ends, options, strict=True)]
+    ends = [0, *accumulate(map(len, options))]
+    groups = [range(a, b) for a, b in pairwise(ends)]
+    of = np.repeat(np.arange(len(groups)), [len(g) for g in groups])
+    return flat, groups, of, np.arange(len(flat)) - np.array(ends)[of]
 
 
-def descend(groups: Sequence[range], alone: np.ndarray, pair: np.ndarray) -> list[int]:
+def _descend(groups: Sequence[range], alone: np.ndarray, pair: np.ndarray) -> list[int]:
     """Choose one option of each group by coordinate descent from the first of each.
 
     Args:
@@ -170,10 +202,7 @@ def descend(groups: Sequence[range], alone: np.ndarray, pair: np.ndarray) -> lis
 
 def sampled(line: Line) -> list[Point]:
     """Return points along a line, PIECES + 1 of them."""
-    if line.curved:
-        return [bezier(line.points, i / PIECES) for i in range(PIECES + 1)]
-    (x0, y0), (x1, y1) = line.points[0], line.points[-1]
-    return [(x0 + (x1 - x0) * i / PIECES, y0 + (y1 - y0) * i / PIECES) for i in range(PIECES + 1)]
+    return [line.at(i / PIECES) for i in range(PIECES + 1)]
 
 
 def _meetings(paths: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -184,13 +213,13 @@ def _meetings(paths: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray
     apart = (low[:, None] > high[None]) | (low[None] > high[:, None])
     first, second = np.nonzero(np.triu(~apart.any(2) & (of[:, None] != of[None])))
     crossings = np.zeros((n, n), dtype=np.int64)
-    along = np.zeros((n, n), dtype=bool)
+    close = np.zeros((n, n), dtype=bool)
     for k in range(0, len(first), CHUNK):
         i = first[k : k + CHUNK]
         j = second[k : k + CHUNK]
         crossings[i, j] = _crossed(paths[i], paths[j])
-        along[i, j] = _close(paths[i], paths[j])
-    return crossings + crossings.T, along | along.T
+        close[i, j] = _runs_along(paths[i], paths[j]) | _runs_along(paths[j], paths[i])
+    return crossings + crossings.T, close | close.T
 
 
 def _crossed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -208,21 +237,13 @@ def _crossed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.asarray(((s > 0) & (s <= 1) & (t > 0) & (t <= 1)).sum((1, 2)))
 
 
-def _close(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return whether the middle of one of two paths (pairs, points, 2) runs along the other."""
-    found = np.zeros(len(a), dtype=bool)
-    for one, other in ((a, b), (b, a)):
-        p = other[:, None, :-1]
-        d = np.diff(other, axis=1)[:, None]
-        to = one[:, 3 : PIECES - 2, None] - p
-        x = to[..., 0]
-        y = to[..., 1]
-        dx = d[..., 0]
-        dy = d[..., 1]
-        u = np.clip((x * dx + y * dy) / np.maximum(dx * dx + dy * dy, 1e-12), 0, 1)
-        off = (x - u * dx) ** 2 + (y - u * dy) ** 2
-        found |= (off.min(2) < TOUCH**2).sum(1) >= 2
-    return found
+def _runs_along(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return whether the middle of paths (pairs, points, 2) runs along others."""
+    d = np.diff(other, axis=1)[:, None]
+    to = one[:, 3 : PIECES - 2, None] - other[:, None, :-1]
+    u = np.clip((to * d).sum(-1) / np.maximum((d * d).sum(-1), 1e-12), 0, 1)
+    off = ((to - u[..., None] * d) ** 2).sum(-1)
+    return np.asarray((off.min(2) < TOUCH**2).sum(1) >= 2)
 
 
 def _over(paths: np.ndarray, ends: Sequence[tuple[int, int]], spots: Sequence[Spot]) -> np.ndarray:
@@ -239,7 +260,7 @@ def _over(paths: np.ndarray, ends: Sequence[tuple[int, int]], spots: Sequence[Sp
     return np.asarray(hit.sum(1))
 
 
-# -- places of labels
+# Places of labels.
 
 ARROW = 0.25
 STATE = 0.28
@@ -264,7 +285,8 @@ class Placement:
 
 def box(label: Label) -> tuple[float, float, float, float]:
     """Return left, top, right, bottom of a label's letters."""
-    (x, y), w = label.at, text_width(label.text, label.size)
+    x, y = label.at
+    w = text_width(label.text, label.size)
     left = {"start": x, "middle": x - w / 2, "end": x - w}[label.anchor]
     return left, y - 0.5 * label.size, left + w, y + 0.5 * label.size
 
@@ -282,8 +304,7 @@ def placed(
     """
     if not options:
         return Placement((), 0, 0)
-    flat, groups = flattened(options)
-    of = np.array([i for i, g in enumerate(groups) for _ in g])
+    flat, groups, of, place = _flattened(options)
     boxes = np.array([box(label) for label in flat])
     centre = (boxes[:, 2:] + boxes[:, :2]) / 2
     half = (boxes[:, 2:] - boxes[:, :2]) / 2
@@ -293,7 +314,7 @@ def placed(
     shapes = np.array(_shapes(lines, spots))
     gap = np.maximum(np.abs(centre[:, None] - shapes[None, :, :2]) - half[:, None] - shapes[None, :, 2:4], 0.0)
     hard = (np.hypot(gap[..., 0], gap[..., 1]) < shapes[:, 4]).sum(1)
-    arrow = np.array([own[i] if i < len(own) else -1 for i in of])
+    arrow = np.array([*own, *[-1] * (len(options) - len(own))])[of]
     others = np.arange(len(lines)) != arrow[:, None]
 
     def result(chosen: list[int], covered: np.ndarray) -> Placement:
@@ -305,9 +326,8 @@ def placed(
         return usual
     hidden = _hidden(centre, half + np.array([0.0, PAPER]), lines)
     covered = ((hidden > 0) & others).sum(1)
-    alone = OVERLAP * hard + COVER * (covered + ((hidden > MUCH) & ~others).any(1))
-    alone += FAR * np.concatenate([np.arange(len(g)) for g in groups])
-    return result(descend(groups, alone, OVERLAP * pair), covered)
+    alone = OVERLAP * hard + COVER * (covered + ((hidden > MUCH) & ~others).any(1)) + FAR * place
+    return result(_descend(groups, alone, OVERLAP * pair), covered)
 
 
 def _shapes(lines: Sequence[Line], spots: Sequence[Spot]) -> list[tuple[float, float, float, float, float]]:
@@ -322,9 +342,7 @@ def _shapes(lines: Sequence[Line], spots: Sequence[Spot]) -> list[tuple[float, f
 
 def _hidden(centre: np.ndarray, half: np.ndarray, lines: Sequence[Line]) -> np.ndarray:
     """Return which part of each line (columns) each label (rows) covers, by points along it."""
-    if not lines:
-        return np.zeros((len(centre), 0))
-    coarse = np.array([sampled(line) for line in lines])
+    coarse = np.array([sampled(line) for line in lines]).reshape(-1, PIECES + 1, 2)
     paths = np.concatenate([coarse, (coarse[:, 1:] + coarse[:, :-1]) / 2], axis=1)
     off = np.abs(centre[:, None, None] - paths[None]) - half[:, None, None]
     return np.asarray((off < 0).all(3).mean(2))
@@ -332,44 +350,32 @@ def _hidden(centre: np.ndarray, half: np.ndarray, lines: Sequence[Line]) -> np.n
 
 def along(line: Line, text: m.Math) -> list[Label]:
     """Return places of an arrow's label: above its middle, then on either side of it and further along."""
-
-    def label(at: Point) -> Label:
-        return Label(at, text, ARROW, color="muted", halo=True)
-
-    found = [label(beside_line(line))]
+    (x0, y0), *_, (x1, y1) = line.points
+    length = math.hypot(x1 - x0, y1 - y0) or 1.0
+    side = 1.0 if line.curved or x1 >= x0 else -1.0
+    x, y = line.at(0.5)
+    points = [(x + side * (y1 - y0) / length * 0.18, y - side * (x1 - x0) / length * 0.18)]
     w = text_width(text, ARROW) / 2
     h = ARROW / 2
     for t in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8):
-        x, y, nx, ny = _normal(line, t)
+        x, y = line.at(t)
+        (x0, y0), (x1, y1) = line.at(t - 0.01), line.at(t + 0.01)
+        length = math.hypot(x1 - x0, y1 - y0) or 1.0
+        nx = (y1 - y0) / length
+        ny = -(x1 - x0) / length
         off = abs(nx) * w + abs(ny) * h + 0.06
-        found += [label((x + nx * off, y + ny * off)), label((x - nx * off, y - ny * off)), label((x, y))]
-    return found
-
-
-def _normal(line: Line, t: float) -> tuple[float, float, float, float]:
-    """Return a point of a line and the unit normal there."""
-
-    def at(t: float) -> Point:
-        if line.curved:
-            return bezier(line.points, t)
-        (x0, y0), (x1, y1) = line.points[0], line.points[-1]
-        return x0 + (x1 - x0) * t, y0 + (y1 - y0) * t
-
-    (x, y), (x0, y0), (x1, y1) = at(t), at(t - 0.01), at(t + 0.01)
-    length = math.hypot(x1 - x0, y1 - y0) or 1.0
-    return x, y, (y1 - y0) / length, -(x1 - x0) / length
+        points += [(x + nx * off, y + ny * off), (x - nx * off, y - ny * off), (x, y)]
+    return [Label(point, text, ARROW, color="muted", halo=True) for point in points]
 
 
 def at_loop(line: Line, text: m.Math, v: Spot) -> list[Label]:
     """Return places of a loop's label: outside it, then along it."""
-    (x0, y0), (x1, y1) = line.points[1], line.points[2]
+    _, (x0, y0), (x1, y1), _ = line.points
     x = (x0 + x1) / 2
     y = (y0 + y1) / 2
-    ux = x - v.at[0]
-    uy = y - v.at[1]
-    length = math.hypot(ux, uy)
-    ux = ux / length
-    uy = uy / length
+    length = math.hypot(x - v.at[0], y - v.at[1])
+    ux = (x - v.at[0]) / length
+    uy = (y - v.at[1]) / length
     w = text_width(text, ARROW) / 2
     outside = (x + ux * (w - 0.08), y + uy * 0.02)
     return [Label(outside, text, ARROW, color="muted", halo=True), *along(line, text)[1:]]
@@ -377,22 +383,22 @@ def at_loop(line: Line, text: m.Math, v: Spot) -> list[Label]:
 
 def beside(v: Spot, text: m.Math, row: int, looped: bool) -> list[Label]:
     """Return places of a word on a state: below it, in the last column on its right; then all around."""
-    (x, y), down = v.at, 0.4 * row
+    x, y = v.at
+    down = 0.4 * row
     side = v.half + v.rim + 0.1
-    above = RADIUS + v.rim + 0.26
-    right = v.half + 0.16 + (LOOP_OUT - 0.2 if looped else 0.0)
-    usual = (
-        Label((x + right, y + down), text, STATE, "start")
-        if v.last
-        else Label((x, y + RADIUS + 0.26 + down), text, STATE)
-    )
     corner = side - 0.12
-    return [usual,
-            Label((x, y + above + down), text, STATE), Label((x, y - above - down), text, STATE),
-            Label((x + side, y + down), text, STATE, "start"), Label((x - side, y + down), text, STATE, "end"),
-            *(Label((x + sx * corner, y + sy * (RADIUS + down)), text, STATE, anchor) for sy in (1, -1)
-              for sx, anchor in _SIDES),
-            Label((x + side + LOOP_OUT, y + down), text, STATE, "start")]  # fmt: skip
-
-
-_SIDES: tuple[tuple[int, Literal["start", "end"]], ...] = ((1, "start"), (-1, "end"))
+    above = RADIUS + v.rim + 0.26
+    places: list[tuple[float, float, Anchor]] = [
+        (x, y + RADIUS + 0.26 + down, "middle"),
+        (x, y + above + down, "middle"),
+        (x, y - above - down, "middle"),
+        (x + side, y + down, "start"),
+        (x - side, y + down, "end"),
+    ]
+    for sy in (1, -1):
+        places += [(x + corner, y + sy * (RADIUS + down), "start"), (x - corner, y + sy * (RADIUS + down), "end")]
+    places.append((x + side + LOOP_OUT, y + down, "start"))
+    if v.last:
+        right = v.half + 0.16 + (LOOP_OUT - 0.2 if looped else 0.0)
+        places[0] = (x + right, y + down, "start")
+    return [Label((px, py), text, STATE, anchor) for px, py, anchor in places]

@@ -1,4 +1,4 @@
-"""Figures as data, in centimetres, y downwards: circles, boxes, areas, lines and labels; and frames in place of missing figures.
+"""Figures as data, in centimetres, y downwards: circles, boxes, areas, lines and labels.
 
 Colours are roles, so that a page can show the same scene on light and dark paper; charts have colours of their own.
 """
@@ -6,18 +6,11 @@ Colours are roles, so that a page can show the same scene on light and dark pape
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NewType, assert_never
 
-import numpy as np
-
-from taskspec.lang.ir import Role
-from taskspec.lang.types import Kind
-from taskspec.model.space import Space
 from taskspec.printers import tree as m
-from taskspec.task.task import Task
 
 BROAD = 1.15
 """How much wider labels may be in the broadest of the fonts that figures are shown in."""
@@ -85,6 +78,13 @@ class Line:
     dash: Dash = "solid"
     shade: float = 1.0  # opacity
 
+    def at(self, t: float) -> Point:
+        """Return the point at t in [0, 1] on a curve, or between the ends of a line."""
+        if self.curved:
+            return bezier(self.points, t)
+        (x0, y0), *_, (x1, y1) = self.points
+        return x0 + (x1 - x0) * t, y0 + (y1 - y0) * t
+
 
 @dataclass(frozen=True, slots=True)
 class Label:
@@ -131,6 +131,11 @@ class Scene:
         """Return whether another scene, maybe of a task with another name, looks the same."""
         return other is not None and (self.items, self.notes) == (other.items, other.notes)
 
+    def extended(self, more: Iterable[Item], alt: str | None = None) -> Scene:
+        """Return the scene with more items."""
+        items = (*self.items, *more)
+        return fitted(items, alt or self.alt, self.notes, state=self.state, focus=self.focus, drawn=self.drawn)
+
 
 def text_width(tree: m.Math, size: float = 0.36) -> float:
     """Return about how wide a label is, in centimetres."""
@@ -148,31 +153,13 @@ def fitted(
 ) -> Scene:
     """Return a scene just large enough for its items."""
     items = tuple(items)
-    boxes = [_extent(item) for item in items] or [(0.0, 0.0, 1.0, 1.0)]
-    left = min(b[0] for b in boxes) - margin
-    top = min(b[1] for b in boxes) - margin
-    right = max(b[2] for b in boxes) + margin
-    bottom = max(b[3] for b in boxes) + margin
+    lefts, tops, rights, bottoms = zip(*(map(_extent, items) if items else [(0.0, 0.0, 1.0, 1.0)]), strict=True)
+    left = min(lefts) - margin
+    top = min(tops) - margin
     moved = tuple(shifted(item, -left, -top) for item in items)
-    seen = None if focus is None else (focus[0] - left, focus[1] - top)
-    return Scene(right - left, bottom - top, moved, alt, notes, state, seen, drawn or {})
-
-
-def extended(scene: Scene, more: Iterable[Item], alt: str | None = None) -> Scene:
-    """Return the scene with more items."""
-    items = (*scene.items, *more)
-    return fitted(items, alt or scene.alt, scene.notes, state=scene.state, focus=scene.focus, drawn=scene.drawn)
-
-
-def with_legend(scene: Scene, lines: Sequence[str]) -> Scene:
-    """Return the scene with lines of words below it, on its left."""
-    if not lines:
-        return scene
-    words = [
-        Label((0.0, scene.height + 0.25 + 0.45 * i), m.Words(line), 0.26, "start", "muted")
-        for i, line in enumerate(lines)
-    ]
-    return extended(scene, words, f"{scene.alt}; {'; '.join(lines)}")
+    if focus is not None:
+        focus = (focus[0] - left, focus[1] - top)
+    return Scene(max(rights) + margin - left, max(bottoms) + margin - top, moved, alt, notes, state, focus, drawn or {})
 
 
 def _extent(item: Item) -> tuple[float, float, float, float]:
@@ -182,8 +169,8 @@ def _extent(item: Item) -> tuple[float, float, float, float]:
             return x - r, y - r, x + r, y + r
         case Box(corner=(x, y), width=w, height=h):
             return x, y, x + w, y + h
-        case Line(points=points, curved=True):
-            return _around([bezier(points, i / 8) for i in range(9)])
+        case Line(curved=True):
+            return _around([item.at(i / 8) for i in range(9)])
         case Line(points=points) | Area(points=points):
             return _around(points)
         case Label(at=(x, y), text=text, size=size, anchor=anchor, angle=angle):
@@ -194,7 +181,7 @@ def _extent(item: Item) -> tuple[float, float, float, float]:
                 return x + left, y - half, x + left + w, y + half
             cos = math.cos(math.radians(angle))
             sin = math.sin(math.radians(angle))
-            corners = [(a, b) for a in (left, left + w) for b in (-half, half)]
+            corners = ((left, -half), (left, half), (left + w, -half), (left + w, half))
             return _around([(x + a * cos + b * sin, y - a * sin + b * cos) for a, b in corners])
         case _:
             assert_never(item)
@@ -232,7 +219,8 @@ HEAD = 0.17
 
 def head(line: Line) -> tuple[Point, Point, Point]:
     """Return the triangle at the end of an arrow."""
-    (x0, y0), (x1, y1) = (bezier(line.points, 0.9) if line.curved else line.points[-2]), line.points[-1]
+    x0, y0 = line.at(0.9) if line.curved else line.points[-2]
+    x1, y1 = line.points[-1]
     length = math.hypot(x1 - x0, y1 - y0) or 1.0
     ux = (x1 - x0) / length
     uy = (y1 - y0) / length
@@ -246,33 +234,5 @@ def shaft(line: Line) -> tuple[Point, ...]:
     """Return the points of an arrow's line, short of its tip so that the tip stays sharp."""
     if not line.arrow:
         return line.points
-    _, a, b = head(line)
-    return (*line.points[:-1], ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2))
-
-
-_FRAME_LETTERS = 44
-_FRAME_FONT = 0.3
-_FRAME_LINE = 0.5
-
-
-def not_drawn(task: Task, needs: str) -> Scene:
-    """Return the frame in place of a figure that does not fit: the size of the task and what a figure of its kind needs."""
-    size = f"{_count(task, 'state')} and {_count(task, 'action')}"
-    kind = "" if task.figure is None else task.figure.kind
-    reason = f"No {kind} is drawn: {needs.replace('`', '')}"
-    lines = [size, *textwrap.wrap(reason, _FRAME_LETTERS)]
-    words = [
-        Label((0.0, _FRAME_LINE * i), m.Words(line), _FRAME_FONT, "start", "muted" if i else "ink")
-        for i, line in enumerate(lines)
-    ]
-    inside = fitted(words, "", margin=0.3)
-    frame = Box((0, 0), inside.width, inside.height, None, "faint", round=0.1)
-    return fitted([frame, *inside.items], f"{task.name}: {size}, not drawn")
-
-
-def _count(task: Task, what: str) -> str:
-    """Return how many states or actions there are, or how many numbers one has: `48 states`, `states of 4 numbers`."""
-    components, role = (task.state, Role.STATE) if what == "state" else (task.action, Role.ACTION)
-    if all(c.type.kind is not Kind.REAL for c in components) and (what == "action" or task.is_finite):
-        return f"{Space(components, role).size:,} {what}s"
-    return f"{what}s of {int(sum(np.prod(c.type.shape, dtype=int) for c in components)):,} numbers"
+    _, (ax, ay), (bx, by) = head(line)
+    return (*line.points[:-1], ((ax + bx) / 2, (ay + by) / 2))

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from taskspec.figures.chart import GAP, SYMBOL, TICKS
-from taskspec.figures.curve import WIDTH, runs, turn
-from taskspec.figures.marks import decimal, signed
-from taskspec.figures.overlays import Overlay, State
+from taskspec.figures.marks import signed
+from taskspec.figures.overlays import Overlay
+from taskspec.figures.plane import WIDTH, runs, turn
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted
-from taskspec.figures.values import STEPS, at_states, expert_path, reads_of
+from taskspec.figures.states import STEPS, State, at_state, expert_path
 from taskspec.lang import interval
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
@@ -47,16 +46,17 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
     """Draw components of the state (or the elements of `values`) over an episode of the expert, or the present one so far."""
     if overlay.here is not None:
         return _so_far(task, overlay.seen)
-    path = expert_path(task, min(task.horizon or STEPS, STEPS))
-    found = _measured(task, path) if len(path) > 1 else []
+    path = expert_path(task)
+    steps = len(path) - 1
+    found = _measured(task, path) if steps > 0 else []
     if not _is_finite(found):
         return None
-    panels = [
-        _panel(number, number.symbol, _wide(min(number.values), max(number.values)), len(path) - 1, i * APART)
-        for i, number in enumerate(found)
-    ]
-    items = [*(item for panel in panels for item in panel), *_time(0, len(path) - 1, len(found))]
-    return fitted(items, f"An episode of the expert in {task.name} over time, {len(path) - 1} steps", state=path[0])
+    items: list[Item] = []
+    for i, number in enumerate(found):
+        ends = _wide(min(number.values), max(number.values))
+        items += _panel(number, number.symbol, ends, steps, i * APART, range(len(path)))
+    items += _time(0, steps, len(found))
+    return fitted(items, f"An episode of the expert in {task.name} over time, {steps} steps", state=path[0])
 
 
 def episode_series(task: Task, overlay: Overlay) -> Scene | None:
@@ -77,12 +77,10 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
     if not _is_finite(found):
         return None
     items: list[Item] = [*_time(first, first + span, len(found))]
+    points = [t - first for t in times]
     for i, number in enumerate(found):
-        top = i * APART
-        value = number.values[-1]
-        label = m.Row((number.symbol, m.Sym("="), m.Num(decimal(value))))
-        points = [t - first for t in times]
-        items += _panel(number, label, _scale(number), span, top, points)
+        label = m.Row((number.symbol, m.Sym("="), signed(number.values[-1])))
+        items += _panel(number, label, _scale(number), span, i * APART, points, is_frame=True)
     items.append(Box((-BEFORE, 0.0), BEFORE + WIDTH + AFTER, PANEL, None, None))
     return fitted(items, f"{task.name} over time, {now} steps", state=seen[now])
 
@@ -96,18 +94,13 @@ def _scale(number: _Number) -> tuple[float, float]:
     """Return the bounds of a number; if it has none, round numbers around its values, symmetric around 0."""
     low, high = number.ends
     if not math.isfinite(high - low):
-        size = _round(max(map(abs, number.values))) or 1.0
+        size = max(map(abs, number.values)) or 1.0
+        if 1e-300 < size < 1e300:  # the next one of 1, 2, 5 times a power of ten
+            unit = 10.0 ** math.floor(math.log10(size))
+            size = next(n * unit for n in (1, 2, 5, 10) if n * unit >= size or n == 10)
         low = -size if low < 0 else 0.0
         high = size if high > 0 else 0.0
     return _wide(low, high)
-
-
-def _round(size: float) -> float:
-    """Return the smallest of 1, 2, 5, 10, ... times a power of ten that is not below a positive number."""
-    if not 1e-300 < size < 1e300:
-        return size
-    unit = 10.0 ** math.floor(math.log10(size))
-    return next((n * unit for n in (1, 2, 5) if n * unit >= size), 10 * unit)
 
 
 def _wide(low: float, high: float) -> tuple[float, float]:
@@ -121,19 +114,17 @@ def _panel(
     ends: tuple[float, float],
     span: int,
     top: float,
-    times: Sequence[int] | None = None,
+    times: Sequence[int],
+    is_frame: bool = False,
 ) -> Iterator[Item]:
-    """Yield one number over time, on a scale of its own; times are those of steps unless they are given."""
-    (low, high), values = ends, number.values
-    points = tuple(
-        (WIDTH * t / span, top + PANEL * (high - v) / (high - low))
-        for t, v in zip(times or range(len(values)), values, strict=True)
-    )
+    """Yield one number over time, on a scale of its own; a frame has a dot at the present."""
+    low, high = ends
+    heights = [top + PANEL * (high - value) / (high - low) for value in number.values]
+    points = [(WIDTH * t / span, y) for t, y in zip(times, heights, strict=True)]
     yield Box((0.0, top), WIDTH, PANEL, None, "faint")
-    for run in runs([(v,) for v in values], (number.turn,)):
-        if len(points[run]) > 1:
-            yield Line(points[run], color="accent", width=0.05)
-    if times is not None:
+    for run in runs([(v,) for v in number.values], (number.turn,)):
+        yield Line(tuple(points[run]), color="accent", width=0.05)
+    if is_frame:
         yield Circle(points[-1], 0.08, "ink", None)
     yield Label((WIDTH + 0.2, top + PANEL / 2), label, SYMBOL, "start")
     for value, y in ((high, top), (low, top + PANEL)):
@@ -151,38 +142,32 @@ def _time(first: int, last: int, panels: int) -> Iterator[Item]:
 
 def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
     """Return the first numbers to follow, along the path."""
-    names = of_task(task)
     node = None if task.figure is None else task.figure.values
+    found = []
     if node is None:
-        shown = [c for c in task.state if not c.type.shape and c.domain is None][:MOST]
-        return [
-            _Number(
-                names.symbol(c.name),
-                [float(state[c.name]) for state in path],
-                (float(min(c.low)), float(max(c.high))),
-                turn(task, Builder().read(*c.read, c.type, c.least, c.most)),
-            )
-            for c in shown
-        ]
-    rows: Any = np.array([at_states(task, node, reads_of(task, s), 1)[0].reshape(-1) for s in path], dtype=float)
+        names = of_task(task)
+        for c in [c for c in task.state if not c.type.shape and c.domain is None][:MOST]:
+            values = [float(state[c.name]) for state in path]
+            step = turn(task, Builder().read(*c.read, c.type, c.least, c.most))
+            found.append(_Number(names.symbol(c.name), values, (float(min(c.low)), float(max(c.high))), step))
+        return found
+    rows = np.array([at_state(task, node, state).reshape(-1) for state in path])
     parts = node.args if isinstance(node, Apply) and node.op == "vector" else (node,) * node.type.size
-    return [
-        _Number(symbol, rows[:, i].tolist(), interval.bounds(part, {}), turn(task, part))
-        for i, (symbol, part) in enumerate(zip(_symbols(task, node)[:MOST], parts, strict=False))
-    ]
+    for i, (symbol, part) in enumerate(zip(_symbols(task, node)[:MOST], parts, strict=False)):
+        found.append(_Number(symbol, rows[:, i].tolist(), interval.bounds(part, {}), turn(task, part)))
+    return found
 
 
 def _symbols(task: Task, node: Node) -> list[m.Math]:
     """Return the symbol of each element of a node, as it is written."""
     names = of_task(task)
     written = None if task.spec.figure is None else task.spec.figure.values
-    if written is None:
-        return [m.Ident("v")] * node.type.size
-    whole = expression(written)
+    whole = expression("v" if written is None else written)
     if isinstance(whole, s.Vector) and len(whole.items) == node.type.size:
         return [mathematics(item, names) for item in whole.items]
     base = mathematics(whole, names)
     if not node.type.shape:
         return [base]
-    base = base if isinstance(node, Read) else m.brackets(base)
+    if not isinstance(node, Read):
+        base = m.brackets(base)
     return [m.Script(base, sub=m.Num(str(i))) for i in range(node.type.size)]

@@ -6,21 +6,8 @@ from html import escape
 from typing import assert_never
 
 from taskspec.base.display import ON_PAGES, visible
-from taskspec.figures.scene import (
-    Area,
-    Box,
-    Circle,
-    Dash,
-    Item,
-    Label,
-    Line,
-    Paint,
-    Point,
-    Scene,
-    head,
-    hex_color,
-    shaft,
-)
+from taskspec.figures import scene as sc
+from taskspec.figures.scene import Area, Box, Circle, Item, Label, Line, hex_color
 from taskspec.printers import tree as m
 from taskspec.printers.text import plain
 
@@ -30,13 +17,13 @@ _FONTS = {
     "serif": "'Latin Modern Math','STIX Two Math','Cambria Math','DejaVu Serif',serif",
     "sans": "'DejaVu Sans',Verdana,'Segoe UI',Helvetica,Arial,sans-serif",
 }
-_DASHES: dict[Dash, tuple[float, ...]] = {
+_DASHES: dict[sc.Dash, tuple[float, ...]] = {
     "solid": (), "dashed": (0.1, 0.08), "dotted": (0.03, 0.06), "dashdot": (0.14, 0.06, 0.03, 0.06),
 }  # fmt: skip
 """Lengths of strokes and gaps in centimetres."""
 
 
-def svg(scene: Scene, css: bool = False, kind: str = "figure") -> str:
+def svg(scene: sc.Scene, css: bool = False, kind: str = "figure") -> str:
     """Return an SVG picture.
 
     Args:
@@ -48,7 +35,7 @@ def svg(scene: Scene, css: bool = False, kind: str = "figure") -> str:
     height = _n(scene.height)
     body = "".join(_item(item) for item in scene.items)
     paper = "" if css else f'<rect width="{width}" height="{height}" fill="{hex_color("paper")}"/>'
-    font = escape(_FONTS[scene.font], quote=True)
+    font = escape(_FONTS[scene.font])
     text = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" '
         f'class="{kind}" font-family="{font}"><title>{escape(scene.alt)}</title>{paper}{body}</svg>'
@@ -60,7 +47,7 @@ def _n(value: float) -> str:
     return f"{value * SCALE:.1f}".removesuffix(".0")
 
 
-def _point(p: Point) -> str:
+def _point(p: sc.Point) -> str:
     return f"{_n(p[0])},{_n(p[1])}"
 
 
@@ -82,8 +69,7 @@ def _item(item: Item) -> str:
             assert_never(item)
 
 
-def _class(part: str, paint: Paint) -> str:
-    """Return the class of a role, or "" for a colour of its own."""
+def _class(part: str, paint: sc.Paint) -> str:
     return "" if paint.startswith("#") else f"{part}-{paint}"
 
 
@@ -96,7 +82,7 @@ def _paint(item: Circle | Box | Area) -> str:
 
 
 def _line(line: Line) -> str:
-    first, *others = map(_point, shaft(line))
+    first, *others = map(_point, sc.shaft(line))
     path = f"M{first} C{' '.join(others)}" if line.curved else f"M{first} {' '.join(f'L{p}' for p in others)}"
     dashes = " ".join(_n(length) for length in _DASHES[line.dash])
     dash = f' stroke-dasharray="{dashes}"' if dashes else ""
@@ -104,7 +90,7 @@ def _line(line: Line) -> str:
     color = f'class="{_class("line", line.color)}" stroke="{hex_color(line.color)}"'
     out = f'<path d="{path}" fill="none" {color} stroke-width="{_n(line.width)}" stroke-linejoin="round"{dash}{faded}/>'
     if line.arrow:
-        tip = " ".join(map(_point, head(line)))
+        tip = " ".join(map(_point, sc.head(line)))
         out += f'<polygon points="{tip}" class="{_class("fill", line.color)}" fill="{hex_color(line.color)}"/>'
     return out
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import assert_never
 
-from taskspec.figures.scene import COLORS, Area, Box, Circle, Item, Label, Line, Paint, Point, Scene, head, shaft
+from taskspec.figures import scene as sc
+from taskspec.figures.scene import Area, Box, Circle, Item, Label, Line
 from taskspec.printers.latex import latex
 
 
-def tikz(scene: Scene, scale: float = 1.0) -> str:
+def tikz(scene: sc.Scene, scale: float = 1.0) -> str:
     """Return a `tikzpicture`; the names of its colours are those of `colors`."""
     body = "\n".join(f"  {_item(item)}" for item in scene.items)
     options = f"x={scale:g}cm, y=-{scale:g}cm, line width=0.7pt, line join=round"
@@ -17,14 +18,14 @@ def tikz(scene: Scene, scale: float = 1.0) -> str:
 
 def colors() -> str:
     """Return definitions of the named colours."""
-    return "\n".join(rf"\definecolor{{task{role}}}{{HTML}}{{{code[1:].upper()}}}" for role, code in COLORS.items())
+    return "\n".join(rf"\definecolor{{task{role}}}{{HTML}}{{{code[1:].upper()}}}" for role, code in sc.COLORS.items())
 
 
 def _n(value: float) -> str:
     return f"{value:.3f}".rstrip("0").rstrip(".")
 
 
-def _point(p: Point) -> str:
+def _point(p: sc.Point) -> str:
     return f"({_n(p[0])}, {_n(p[1])})"
 
 
@@ -51,7 +52,7 @@ def _item(item: Item) -> str:
             assert_never(item)
 
 
-def _color(paint: Paint) -> str:
+def _color(paint: sc.Paint) -> str:
     """Return the name of a role's colour, or a colour by its parts."""
     if not paint.startswith("#"):
         return f"task{paint}"
@@ -70,7 +71,7 @@ def _paint(item: Circle | Box | Area) -> str:
 
 
 def _line(line: Line) -> str:
-    points = shaft(line)
+    points = sc.shaft(line)
     dash = "" if line.dash == "solid" else f", {line.dash.replace('dashdot', 'dash dot')}"
     thick = f", line width={_n(line.width * 23)}pt"
     if line.curved:
@@ -80,5 +81,5 @@ def _line(line: Line) -> str:
         path = " -- ".join(map(_point, points))
     out = rf"\draw[{_color(line.color)}{dash}{thick}] {path};"
     if line.arrow:
-        out += rf" \fill[{_color(line.color)}] {' -- '.join(map(_point, head(line)))} -- cycle;"
+        out += rf" \fill[{_color(line.color)}] {' -- '.join(map(_point, sc.head(line)))} -- cycle;"
     return out

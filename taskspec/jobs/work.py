@@ -1,25 +1,23 @@
-"""What a process does that works for others: one call at a time, with an eye on the clock and on who waits for it."""
+"""The work of a process that does calls for another one, one at a time, each within its time limit."""
 
 from __future__ import annotations
 
 import faulthandler
+import importlib
 import json
 import os
 import pickle
-import platform
 import signal
 import threading
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from queue import Empty, Queue
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal, NamedTuple
 
-from taskspec.base import __version__
 from taskspec.base.diagnostics import TaskspecError
-from taskspec.jobs.store import Ending, unpacked
 
 IDLE = 60.0
 """Seconds after which a process that has nothing to do ends."""
@@ -27,14 +25,35 @@ GRACE = 1.0
 """Seconds after its limit in which a call may still stop by itself."""
 
 
+class Ending(NamedTuple):
+    """How a call ended, in the words of its process; the process that waited for it reports those that `died`."""
+
+    status: Literal["done", "failed", "timed_out", "quarantined", "died"]
+    result: str | None = None
+    message: str | None = None
+    seconds: float = 0.0
+
+
 class _Late(BaseException):
     """The time is up. Not an `Exception`, so that a call which catches those stops as well."""
+
+
+def pack(function: Callable[..., Any] | str, arguments: tuple[Any, ...]) -> bytes:
+    """Return a call as bytes; for one that cannot be pickled, a call that fails for that reason."""
+    try:
+        return pickle.dumps((function, arguments))
+    except Exception as error:
+        return pickle.dumps((_unpicklable, (str(error),)))
+
+
+def _unpicklable(reason: str) -> None:
+    raise TypeError(f"the call cannot be pickled: {reason}")
 
 
 def serve(questions: BinaryIO) -> None:
     """Do the calls that another process sends, and answer on standard output, until there are none for a while.
 
-    What calls print goes to standard error. This process ends when the other is gone, whatever it is at.
+    What calls print goes to standard error. This process ends when the other is gone, even in the middle of a call.
     """
     answers = os.fdopen(os.dup(1), "wb")
     nothing = os.open(os.devnull, os.O_RDONLY)
@@ -61,17 +80,20 @@ def _receive(questions: BinaryIO, calls: Queue[tuple[bytes, float | None, Path]]
 
 
 def perform(call: bytes, seconds: float | None, trace: Path) -> Ending:
-    """Call a function, and say how that ended.
+    """Call a function, and return how that ended.
 
     Args:
-        call: as `Job.packed` gives it.
-        seconds: that it may take. After them it is interrupted; if it does not heed that, its process is ended.
-        trace: a file that is told, in the second case, what the process was at.
+        call: see `pack`.
+        seconds: that it may take. After them it is interrupted; if that does not help, its process is ended.
+        trace: a file that gets the traceback in the second case.
     """
     start = time.perf_counter()
     try:
         with _killed(seconds, trace), _interrupted(seconds), _alone():
-            function, arguments = unpacked(call)
+            function, arguments = pickle.loads(call)
+            if isinstance(function, str):
+                module, _, name = function.partition(":")
+                function = getattr(importlib.import_module(module), name)
             ending = Ending("done", _json(function(*arguments)))
     except _Late as error:
         ending = Ending("timed_out", message=f"{late(seconds)}: {_place(error)}")
@@ -80,10 +102,7 @@ def perform(call: bytes, seconds: float | None, trace: Path) -> Ending:
     except BaseException as error:
         words = "".join(traceback.format_exception_only(error)).strip()
         ending = Ending("failed", message=f"{words}\n  at {_place(error)}")
-    return ending._replace(seconds=time.perf_counter() - start, versions=VERSIONS)
-
-
-VERSIONS = {"python": platform.python_version(), "taskspec": __version__}
+    return ending._replace(seconds=time.perf_counter() - start)
 
 
 def late(seconds: float | None) -> str:
@@ -100,8 +119,8 @@ def _json(value: Any) -> str:
 
 @contextmanager
 def _interrupted(seconds: float | None) -> Iterator[None]:
-    """A block that is interrupted after some time: by a signal, which only a main thread gets, between two steps of Python."""
-    if seconds is None or not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
+    """Interrupt a block after some time: by a signal, between two steps of Python."""
+    if seconds is None or not hasattr(signal, "setitimer"):
         yield
         return
     signal.signal(signal.SIGALRM, _ring)
@@ -118,7 +137,7 @@ def _ring(*_: Any) -> None:
 
 @contextmanager
 def _alone() -> Iterator[None]:
-    """A block that one process leaves: a copy of it that was made within (`os.fork`) ends there, and does not answer as well."""
+    """End copies of this process that a call made by `os.fork`, so that one process answers."""
     us = os.getpid()
     try:
         yield
@@ -129,21 +148,20 @@ def _alone() -> Iterator[None]:
 
 @contextmanager
 def _killed(seconds: float | None, trace: Path) -> Iterator[None]:
-    """A block whose process is ended if it takes too long even so, by a thread that needs no lock of Python's."""
+    """End the process if a block takes too long even so, by a thread that needs no lock of Python's."""
     if seconds is None:
         yield
         return
-    handle = os.open(trace, os.O_WRONLY | os.O_TRUNC)  # made by whoever started the process, and thrown away by it
-    faulthandler.dump_traceback_later(seconds + GRACE, exit=True, file=handle)
-    try:
-        yield
-    finally:
-        faulthandler.cancel_dump_traceback_later()
-        os.close(handle)
+    with trace.open("wb") as file:
+        faulthandler.dump_traceback_later(seconds + GRACE, exit=True, file=file)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()
 
 
 def _place(error: BaseException) -> str:
-    """Return the innermost line that an error passed, those of the clock and of `import` aside."""
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if f.name != _ring.__name__]
-    own = [f for f in frames if not f.filename.startswith("<frozen ")]
+    """Return the innermost line that an error passed, without those of the clock and of `import`."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if f.name != _ring.__name__ and not f.filename.startswith("<frozen ")]
     return f"{own[-1].filename}:{own[-1].lineno}, in {own[-1].name}"

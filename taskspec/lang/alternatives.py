@@ -58,7 +58,8 @@ def select(
     for (_, _, condition), node in zip(reversed(found[:-1]), reversed(nodes[:-1]), strict=True):
         assert condition is not None  # that is `otherwise`, the last one
         if isinstance(condition, Const) and len({node.type.shape, result.type.shape} - {()}) == 2:
-            result = node if condition.value else result  # vectors of different shapes: decided when the task is built
+            if condition.value:  # vectors of different shapes: decided when the task is built
+                result = node
         else:
             result = checker.builder.apply("where", condition, node, result)
     return Value(result, domain)
@@ -83,7 +84,7 @@ def _draws(checker: BaseChecker, expr: s.Expr, scope: Scope, known: set[str]) ->
                 return True
             if not isinstance(part, s.Name | s.Call):
                 continue
-            match scope.lookup(part.written if isinstance(part, s.Name) else part.function):
+            match scope.lookup(part.written):
                 case Lazy() if isinstance(part, s.Name):
                     checker.check(part, scope)
                 case FunctionDef(name=name, body=body, scope=own) if name not in known:
@@ -127,8 +128,11 @@ def wanted(exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[D
 
 def domain_of(expr: s.Expr, scope: Scope) -> Domain | None:
     """Return the domain of a choice that is named."""
-    binding = scope.lookup(expr.written) if isinstance(expr, s.Name) else None
-    return binding.domain if isinstance(binding, Value | Lazy) else None
+    if isinstance(expr, s.Name):
+        binding = scope.lookup(expr.written)
+        if isinstance(binding, Value | Lazy):
+            return binding.domain
+    return None
 
 
 def may_be_label(expr: s.Expr, scope: Scope) -> bool:

@@ -6,8 +6,9 @@ lane, shape (n, N). `xp` is NumPy or a namespace like it (`jax.numpy`).
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Iterable, Mapping
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache, partial, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -112,18 +113,10 @@ class Runtime:
 
     def sum(self, x: AnyArray) -> AnyArray:
         """Left to right, as the reference adds."""
-        rows = self.rows(x)
-        total = rows[0]
-        for row in rows[1:]:
-            total = total + row
-        return total
+        return reduce(operator.add, self.rows(x))
 
     def prod(self, x: AnyArray) -> AnyArray:
-        rows = self.rows(x)
-        total = rows[0]
-        for row in rows[1:]:
-            total = total * row
-        return total
+        return reduce(operator.mul, self.rows(x))
 
     def count(self, x: AnyArray) -> AnyArray:
         return self.rows(x).astype(self.int).sum(axis=0)
@@ -133,11 +126,6 @@ class Runtime:
 
     def all(self, x: AnyArray) -> AnyArray:
         return self.rows(x).all(axis=0)
-
-    def _without_nan(self, rows: AnyArray, worst: float) -> AnyArray:
-        if rows.dtype.kind in "iub":
-            return rows
-        return self.xp.where(rows != rows, worst, rows)
 
     def argmin(self, x: AnyArray) -> AnyArray:
         """Nan counts as +inf, which ties with a real +inf only where nothing smaller exists."""
@@ -149,10 +137,10 @@ class Runtime:
     def _best(self, rows: AnyArray, direction: int) -> AnyArray:
         """Return index of the first best number; of the first element where every element is nan."""
         xp = self.xp
-        keys = self._without_nan(rows, direction * xp.inf)
-        found = xp.argmin(keys, axis=0) if direction > 0 else xp.argmax(keys, axis=0)
+        best = xp.argmin if direction > 0 else xp.argmax
         if rows.dtype.kind in "iub":
-            return found.astype(self.int)
+            return best(rows, axis=0).astype(self.int)
+        found = best(xp.where(rows != rows, direction * xp.inf, rows), axis=0)
         first_number = xp.argmax(rows == rows, axis=0)
         hidden = xp.take_along_axis(rows, found[None], axis=0)[0]
         return xp.where(hidden != hidden, first_number, found).astype(self.int)

@@ -59,8 +59,6 @@ def power(base: Const, exponent: Const) -> tuple[Any, Type] | None:
     return (int(value), INT) if integral else (value, REAL)
 
 
-# Makes core nodes: interning, promotion of kinds, constant folding and a few identities, in one place.
-#
 # Folding uses the references of the operator table, so a constant means what it means at run time. Cost is bounded
 # here: sizes of vectors, bits of integers and the number of nodes.
 
@@ -129,12 +127,11 @@ class Builder:
 
     def scalar(self, value: Any) -> Const:
         """Return a Python number as a constant of its own kind."""
-        if type(value) is int:
+        if isinstance(value, int) and not isinstance(value, bool):
             if value not in self._ints:
                 self._ints[value] = self.const(value, INT)
             return self._ints[value]
-        kind = Kind.BOOL if isinstance(value, bool) else Kind.INT if isinstance(value, int) else Kind.REAL
-        return self.const(value, Type(kind))
+        return self.const(value, BOOL if isinstance(value, bool) else REAL)
 
     def read(self, role: Role, name: str, type: Type, low: float = -INF, high: float = INF) -> Node:
         """Return the present value of something; nothing is left to read of what has no elements."""
@@ -199,8 +196,7 @@ class Builder:
         args = tuple(map(self._operand, args, kinds))
         if all(isinstance(a, Const) for a in args):
             return self._of(folded(name, args, (), result), result)
-        simpler = self._identity(name, args, result)
-        return simpler if simpler is not None else self._apply(name, args, result, ())
+        return self._identity(name, args, result) or self._apply(name, args, result, ())
 
     def structure(self, name: str, args: Sequence[Node], static: tuple[int, ...] = ()) -> Node:
         """Return an operator of `lang.operators.structure`; elements of mixed kinds are promoted."""
@@ -221,8 +217,7 @@ class Builder:
             return self.const((), result)
         if all(isinstance(a, Const) for a in args):
             return self._of(folded(name, args, static, result), result)
-        simpler = self._rearranged(name, args, static)
-        return simpler if simpler is not None else self._apply(name, tuple(args), result, static)
+        return self._rearranged(name, args, static) or self._apply(name, tuple(args), result, static)
 
     def cast(self, node: Node, kind: Kind) -> Node:
         """Return the node promoted to a kind (never demoted)."""
@@ -349,9 +344,9 @@ class Builder:
         if count == 0:
             one = self.const(1, Type(join(Kind.INT, base.type.kind)))
             return self.stretch(one, base.type.shape)
-        half = self._repeated(base, count // 2) if count > 1 else None
-        if half is None:
+        if count == 1:
             return self.cast(base, Kind.INT)
+        half = self._repeated(base, count // 2)
         square = self.apply("mul", half, half)
         return self.apply("mul", square, base) if count % 2 else square
 
@@ -363,21 +358,26 @@ class Builder:
             case "where", (_, a, b) if a is b and a.type == type:
                 return a
             case ("add", (a, Const(value=0))) | ("add", (Const(value=0), a)) | ("sub", (a, Const(value=0))):
-                return a if a.type == type and type.kind is not Kind.REAL else None  # -0.0 + 0.0 is 0.0
+                if a.type == type and type.kind is not Kind.REAL:  # -0.0 + 0.0 is 0.0
+                    return a
             case ("mul", (a, Const(value=1))) | ("mul", (Const(value=1), a)) | ("div", (a, Const(value=1))):
-                return a if a.type == type else None
+                if a.type == type:
+                    return a
             case ("and", (Const(value=True), a)) | ("and", (a, Const(value=True))):
-                return a if a.type == type else None
+                if a.type == type:
+                    return a
             case ("or", (Const(value=False), a)) | ("or", (a, Const(value=False))):
-                return a if a.type == type else None
+                if a.type == type:
+                    return a
             case ("and", (Const(value=False), _)) | ("and", (_, Const(value=False))) if type == BOOL:
                 return self.scalar(False)
             case ("or", (Const(value=True), _)) | ("or", (_, Const(value=True))) if type == BOOL:
                 return self.scalar(True)
             case _, (Apply(op="to_real", args=(inner,)),) if OPERATORS[name].rounds and self._is_narrow(inner):
                 return self.cast(inner, Kind.INT)
-            case _:
-                return self._decided(name, args) if type == BOOL else None
+            case "lt" | "le", _ if all(a.type.kind is not Kind.REAL for a in args) and type == BOOL:
+                return self._decided(name == "lt", *args)
+        return None
 
     def _is_narrow(self, node: Node) -> bool:
         """Return whether an int fits 32 bits, so that rounding, which moves reals to the nearest that does, leaves
@@ -386,14 +386,13 @@ class Builder:
         low, high = self.certain(node)
         return low >= -INT_MAX and high <= INT_MAX
 
-    def _decided(self, name: str, args: tuple[Node, ...]) -> Node | None:
-        """Return a comparison that the bounds of its sides already settle."""
-        if name not in ("lt", "le") or any(a.type.kind is Kind.REAL for a in args):
-            return None
-        (a_low, a_high), (b_low, b_high) = self.certain(args[0]), self.certain(args[1])
-        if (a_high < b_low) if name == "lt" else (a_high <= b_low):
+    def _decided(self, strict: bool, a: Node, b: Node) -> Node | None:
+        """Return `a < b`, or `a <= b`, where the bounds of both already settle it."""
+        a_low, a_high = self.certain(a)
+        b_low, b_high = self.certain(b)
+        if a_high < b_low or (a_high == b_low and not strict):
             return self.scalar(True)
-        if (a_low >= b_high) if name == "lt" else (a_low > b_high):
+        if a_low > b_high or (a_low == b_high and strict):
             return self.scalar(False)
         return None
 

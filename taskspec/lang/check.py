@@ -182,7 +182,7 @@ def check_uncalled(collector: Collector, function: FunctionDef) -> None:
     scope = function.scope
     local = {*function.arguments, *s.targets(function.body), *CONSTANTS}
     for found in s.names(function.body):
-        own = scope.lookup(found.function if isinstance(found, s.Call) else found.written)
+        own = scope.lookup(found.written)
         match found:
             case s.Call() if isinstance(own, FunctionDef) or (own is None and found.function in FUNCTIONS):
                 called = own if isinstance(own, FunctionDef) else FUNCTIONS[found.function]

@@ -1,5 +1,9 @@
 """Distributions that an author may draw from.
 
+A distribution is arithmetic over a *base variate* whose random words do not depend on the state: `Normal(m, s)` is
+`m + s * normal`. Backends implement the few of `lang.variates`; everything else is ordinary operators. One entry per
+distribution; the language reference, the printers and the statistical tests follow from the table.
+
 The distribution function is Numerical Recipes' rational Chebyshev fit of erfc (relative error below 1.2e-7, in the tails as
 well), its inverse Acklam's rational approximation (1.2e-9). Bounds with more mass above 0 than below are mirrored,
 so that the digits of small probabilities are not lost beside 1.
@@ -26,22 +30,14 @@ ERFC = (
     0.17087277,
 )  # fmt: skip
 A = (
-    -39.69683028665376,
-    220.9460984245205,
-    -275.9285104469687,
-    138.3577518672690,
-    -30.66479806614716,
+    -39.69683028665376, 220.9460984245205, -275.9285104469687, 138.3577518672690, -30.66479806614716,
     2.506628277459239,
-)
+)  # fmt: skip
 B = (-54.47609879822406, 161.5858368580409, -155.6989798598866, 66.80131188771972, -13.28068155288572, 1.0)
 C = (
-    -0.007784894002430293,
-    -0.3223964580411365,
-    -2.400758277161838,
-    -2.549732539343734,
-    4.374664141464968,
+    -0.007784894002430293, -0.3223964580411365, -2.400758277161838, -2.549732539343734, 4.374664141464968,
     2.938163982698783,
-)
+)  # fmt: skip
 D = (0.007784695709041462, 0.3224671290700398, 2.445134137142996, 3.754408661907416, 1.0)
 TAIL = 0.02425
 
@@ -80,18 +76,11 @@ def _quantile(b: NodeMaker, p: Node) -> Node:
 
 
 def _polynomial(b: NodeMaker, x: Node, coefficients: Sequence[float]) -> Node:
-    """Return the first coefficient belongs to the highest power."""
+    """Return the value of a polynomial, whose first coefficient belongs to the highest power."""
     value: Node = b.scalar(coefficients[0])
     for c in coefficients[1:]:
         value = b.apply("add", b.apply("mul", value, x), b.scalar(c))
     return value
-
-
-# Distributions: what an author may draw from.
-#
-# A distribution is arithmetic over a *base variate* whose random words do not depend on the state: `Normal(m, s)` is
-# `m + s * normal`. Backends implement the few of `lang.variates`; everything else is ordinary operators. One entry per
-# distribution; the language reference, the printers and the statistical tests follow from the table.
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,23 +175,20 @@ def _gamma(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _geometric(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    """Return one more than an index with the probabilities of so many failures; the last one stands for all that are
-    rarer than RARE.
-    """
+    """Return one more than an index drawn with the probabilities of failures; the last stands for all rarer than RARE."""
     p = b.cast(a["p"], Kind.REAL)
     least = min(map(float, p.flat), default=1.0) if isinstance(p, Const) else b.bounds(p)[0]
     most = Limits.waiting if isinstance(p, Const) else Limits.trials
-    counts = 1 if least >= 1 else math.inf if least <= 0 else 2 + math.log(RARE) / math.log1p(-least)
+    counts = math.inf
+    if least >= 1:
+        counts = 1
+    elif least > 0:
+        counts = 2 + math.log(RARE) / math.log1p(-least)
     if counts >= most + 1:
         raise Refused(f"Geometric waits for up to {most:,} trials, and with this 'p' for more", "E408",
                       None if isinstance(p, Const) else "give it a bound: `Geometric(clip(p, 0.1, 1))`")  # fmt: skip
     count = int(counts)
-    if p.type.is_scalar:
-        found = b.draw("categorical", (_failures(b, count, p),), Type(Kind.INT, shape))
-    else:
-        drawn = [b.draw("categorical", (_failures(b, count, q),), INT) for q in _elements(b, p, shape)]
-        found = b.structure("reshape", [b.structure("vector", drawn)], shape)
-    return b.apply("add", b.scalar(1), found)
+    return b.apply("add", b.scalar(1), _drawn(b, p, shape, lambda q: _failures(b, count, q)))
 
 
 RARE = 2.0**-60
@@ -210,15 +196,12 @@ RARE = 2.0**-60
 
 
 def _failures(b: Builder, count: int, p: Node) -> Node:
-    """Return the probabilities of 0, 1, ... failures before the first success, and of `count` - 1 or more; exact
-    like `_counts`.
-    """
+    """Return the probabilities of 0, 1, ... failures before the first success, and of `count` - 1 or more."""
     type_ = Type(Kind.REAL, (count,))
     if isinstance(p, Const):
         q = Fraction(p.value)
-        exact = [q * (1 - q) ** k for k in range(count - 1)] + [(1 - q) ** (count - 1)]
-        short = all(v.denominator.bit_length() <= Limits.bits for v in exact) and not isinstance(p.value, float)
-        return b.const(exact if short else list(map(float, exact)), type_)
+        row = [q * (1 - q) ** k for k in range(count - 1)] + [(1 - q) ** (count - 1)]
+        return _row(b, row, not isinstance(p.value, float))
     fails = b.apply("pow", b.apply("sub", b.scalar(1), p), b.const(list(range(count)), type_))
     stops = b.structure("concat", [b.structure("fill", [p], (count - 1,)), b.const([1], Type(Kind.REAL, (1,)))])
     return b.apply("mul", stops, fails)
@@ -272,10 +255,8 @@ def _binomial(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     assert isinstance(n, Const)
     if n.value > Limits.trials:
         raise Refused(f"Binomial takes at most {Limits.trials:,} trials", "E408")
-    if p.type.is_scalar:
-        return b.draw("categorical", (_counts(b, int(n.value), p),), Type(Kind.INT, shape))
-    drawn = [b.draw("categorical", (_counts(b, int(n.value), q),), INT) for q in _elements(b, p, shape)]
-    return b.structure("reshape", [b.structure("vector", drawn)], shape)
+    trials = int(n.value)
+    return _drawn(b, p, shape, lambda q: _counts(b, trials, q))
 
 
 def _counts(b: Builder, n: int, p: Node) -> Node:
@@ -284,12 +265,26 @@ def _counts(b: Builder, n: int, p: Node) -> Node:
     ways = [math.comb(n, k) for k in range(n + 1)]
     if isinstance(p, Const) and not isinstance(p.value, float):
         q = Fraction(p.value)
-        exact = [c * q**k * (1 - q) ** (n - k) for k, c in enumerate(ways)]
-        short = all(v.denominator.bit_length() <= Limits.bits for v in exact)
-        return b.const(exact if short else list(map(float, exact)), type_)
+        return _row(b, [c * q**k * (1 - q) ** (n - k) for k, c in enumerate(ways)], True)
     heads = b.apply("pow", p, b.const(list(range(n + 1)), type_))
     tails = b.apply("pow", b.apply("sub", b.scalar(1), p), b.const(list(range(n, -1, -1)), type_))
     return b.apply("mul", b.const(ways, type_), b.apply("mul", heads, tails))
+
+
+def _row(b: Builder, values: list[Fraction], exact: bool) -> Node:
+    """Return probabilities as a constant; floats where they are not `exact`, or have very many digits."""
+    type_ = Type(Kind.REAL, (len(values),))
+    if exact and all(v.denominator.bit_length() <= Limits.bits for v in values):
+        return b.const(values, type_)
+    return b.const(list(map(float, values)), type_)
+
+
+def _drawn(b: Builder, p: Node, shape: Shape, row: Callable[[Node], Node]) -> Node:
+    """Draw indices with the probabilities that `row` gives of p, one for each element of a draw."""
+    if p.type.is_scalar:
+        return b.draw("categorical", (row(p),), Type(Kind.INT, shape))
+    drawn = [b.draw("categorical", (row(q),), INT) for q in _elements(b, p, shape)]
+    return b.structure("reshape", [b.structure("vector", drawn)], shape)
 
 
 def _elements(b: Builder, node: Node, shape: Shape) -> list[Node]:
@@ -299,18 +294,14 @@ def _elements(b: Builder, node: Node, shape: Shape) -> list[Node]:
     return [node] if flat is None else [b.structure("element", [flat], (i,)) for i in range(size)]
 
 
-def _is_all(value: float, *names: str) -> Callable[[Mapping[str, Node | None]], bool]:
-    """Return whether one of some arguments is a constant with this value everywhere."""
+def _is_all(name: str, *values: float) -> Callable[[Mapping[str, Node | None]], bool]:
+    """Return whether an argument is a constant with one of some values everywhere."""
 
     def test(given: Mapping[str, Node | None]) -> bool:
-        found = (given.get(name) for name in names)
-        return any(isinstance(n, Const) and n.flat and all(v == value for v in n.flat) for n in found)
+        node = given.get(name)
+        return isinstance(node, Const) and set(node.flat) in [{value} for value in values]
 
     return test
-
-
-def _is_sure(given: Mapping[str, Node | None]) -> bool:
-    return _is_all(0, "p")(given) or _is_all(1, "p")(given)
 
 
 def _has_no_width(given: Mapping[str, Node | None]) -> bool:
@@ -340,7 +331,7 @@ DISTS: dict[str, Dist] = {
              r"\operatorname{Unif}\{{low}, \ldots, {high}\}", _has_no_width,
              samples=({"low": -2, "high": 5}, {"low": 3, "high": 3})),
         Dist("Normal", (Argument("mean", 0), Argument("std", 1, low=0)), _normal, "Normal (Gaussian) real.",
-             r"\mathcal{N}({mean}, {std}^2)", _is_all(0, "std"), samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0}),
+             r"\mathcal{N}({mean}, {std}^2)", _is_all("std", 0), samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0}),
              brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM))),
         Dist("TruncatedNormal", (Argument("mean"), Argument("std", low=0, open=True), Argument("low"), Argument("high")),
              _truncated_normal, "Normal real between `low` and `high`; `mean` and `std` are those before truncation.",
@@ -348,10 +339,10 @@ DISTS: dict[str, Dist] = {
              samples=({"mean": 1, "std": 2, "low": 0, "high": 2}, {"mean": 0, "std": 1, "low": 3, "high": 5}),
              brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM, Level.SCOPE, Level.SCOPE))),
         Dist("Bernoulli", (_P,), _bernoulli, "A condition that holds with probability `p`.",
-             r"\operatorname{Bernoulli}({p})", _is_sure, samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
+             r"\operatorname{Bernoulli}({p})", _is_all("p", 0, 1), samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
         Dist("Binomial", (Argument("n", static=True, low=0, otherwise=_TRIALS), _P), _binomial,
              "Number of successes in `n` trials that each succeed with probability `p`.",
-             r"\operatorname{Binomial}({n}, {p})", _is_sure,
+             r"\operatorname{Binomial}({n}, {p})", _is_all("p", 0, 1),
              samples=({"n": 6, "p": 0.3}, {"n": 1, "p": 0.5}, {"n": 4, "p": 0}, {"n": 40, "p": 0.9})),
         Dist("Exponential", (Argument("rate", 1, low=0, open=True),), _exponential, "Exponential real with mean 1/`rate`.",
              r"\operatorname{Exp}({rate})", samples=({"rate": 2},)),
@@ -360,9 +351,9 @@ DISTS: dict[str, Dist] = {
              samples=({"a": 2.5, "rate": 2}, {"a": 0.25, "rate": 1})),
         Dist("Geometric", (Argument("p", low=0, high=1, open=True),), _geometric,
              "Number of trials up to the first success, where each succeeds with probability `p`: 1 or more.",
-             r"\operatorname{Geometric}({p})", _is_all(1, "p"), samples=({"p": 0.5}, {"p": 0.2}, {"p": 1})),
+             r"\operatorname{Geometric}({p})", _is_all("p", 1), samples=({"p": 0.5}, {"p": 0.2}, {"p": 1})),
         Dist("Poisson", (Argument("rate", low=0),), _poisson, "Number of events, with mean `rate`.",
-             r"\operatorname{Poisson}({rate})", _is_all(0, "rate"), samples=({"rate": 4}, {"rate": 0}, {"rate": 0.25})),
+             r"\operatorname{Poisson}({rate})", _is_all("rate", 0), samples=({"rate": 4}, {"rate": 0}, {"rate": 0.25})),
         Dist("Dirichlet", (Argument("alpha", vector=True, low=0, open=True),), _dirichlet,
              "A vector of probabilities with concentrations `alpha`.", r"\operatorname{Dirichlet}({alpha})",
              _has_one_share, shaped=False, samples=({"alpha": (1.0, 0.5, 3.0)},)),
@@ -371,10 +362,10 @@ DISTS: dict[str, Dist] = {
              samples=({"a": 2, "b": 5}, {"a": 0.5, "b": 0.25})),
         Dist("Permutation", (Argument("n", static=True, low=0),), _permutation,
              "A uniform permutation of 0, ..., n - 1; `shape=` gives a vector of permutations.",
-             r"\operatorname{Perm}({n})", _is_all(1, "n"), samples=({"n": 5}, {"n": 1})),
+             r"\operatorname{Perm}({n})", _is_all("n", 1), samples=({"n": 5}, {"n": 1})),
         Dist("Subset", (Argument("n", static=True, low=0), Argument("k", static=True, low=0)), _subset,
              "`n` conditions of which `k` hold, all choices equally likely; `shape=` gives a vector of choices.",
-             r"\operatorname{Subset}({n}, {k})", lambda given: _is_all(0, "k")(given) or given["n"] is given["k"],
+             r"\operatorname{Subset}({n}, {k})", lambda given: _is_all("k", 0)(given) or given["n"] is given["k"],
              samples=({"n": 5, "k": 2}, {"n": 3, "k": 3})),
     )
 }  # fmt: skip

@@ -15,9 +15,6 @@ from taskspec.lang.operators import Elements, Operator, Structure, entry_of
 from taskspec.lang.types import EVERYTHING, HUGE, INF, INT_MAX, INT_WIDEST, Args, Interval, Kind, Range
 from taskspec.lang.variates import VARIATES
 
-# ---------- interval
-# Interval reasoning over core nodes: bounds that hold for every element of a value, for all reads and draws.
-#
 # There are two kinds. `bounds` follow the arithmetic of float64, each operation rounded as the run time rounds it: they serve
 # proofs, spaces and widths. `certain` bounds rest on integer arithmetic alone, so that they hold in any precision of reals, on
 # every backend, and even if a real has left its declared range: only these may drop an index clamp or a zero guard.
@@ -153,8 +150,7 @@ def _looked_at(node: Const) -> Range:
     return Range(*_tidy(edge, node.type.kind), all(map(math.isfinite, flat)))
 
 
-# ---------- normal
-# Normal forms of nodes: equal numbers for expressions that compute the same in the same way, whoever built them.
+# -- normal forms: equal numbers for expressions that compute the same in the same way, whoever built them -------------
 
 
 class NormalForms:

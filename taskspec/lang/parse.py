@@ -1,4 +1,9 @@
-"""Text -> surface syntax, through Python's own parser and a closed subset of its grammar. Nothing is evaluated."""
+"""Text -> surface syntax, through Python's own parser and a closed subset of its grammar. Nothing is evaluated.
+
+The prime of `x'` is replaced by the letter U+02B9, one character for one, so that Python can read it and
+every column stays right. Size and nesting are bounded before Python's parser sees the text. What cannot be parsed, and
+functions of other languages and libraries, are answered with advice.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +21,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.dists import DISTS
 from taskspec.lang.operators import FUNCTIONS
 
-# ---------- hints
-# Advice for texts that cannot be parsed, and for functions of other languages and libraries.
+# -- advice -------------------------------------------------------------------------------------------------------
 
 _CONFUSIONS = (
     (r"&&", "write `and`"),
@@ -66,14 +70,13 @@ def explain(value: str, error: Exception) -> NoReturn:
         raise SyntaxFailure(0, len(value), "this expression is nested too deeply", code="E314")
     if "integer string conversion" in (error.msg or ""):
         raise SyntaxFailure(0, len(value), "a number in this expression has too many digits", code="E314")
-    start = _offset(value, error.lineno or 1, error.offset or 1)
-    end = _offset(value, error.end_lineno or error.lineno or 1, error.end_offset or error.offset or 1)
+    line = error.lineno or 1
+    column = error.offset or 1
+    start = _offset(value, line, column)
+    end = _offset(value, error.end_lineno or line, error.end_offset or column)
     if start >= len(value):
-        raise SyntaxFailure(
-            max(0, len(value.rstrip()) - 1),
-            len(value.rstrip()),
-            "the expression ends too early here",
-        )
+        end = len(value.rstrip())
+        raise SyntaxFailure(max(0, end - 1), end, "the expression ends too early here")
     message = (error.msg or "invalid syntax").split(". Perhaps")[0]
     product = _PRODUCT.search(value) if message.endswith("literal") else None
     if product:
@@ -111,86 +114,35 @@ _OURS: Mapping[str, str] = {
     name.lower(): f"{name}({', '.join(argument.name for argument in dist.arguments)})" for name, dist in DISTS.items()
 }
 _DRAWN: Mapping[str, str] = {
-    **_OURS,
-    "erlang": "Gamma(k, rate)",
-    "chisquare": "Gamma(k / 2, 1 / 2)",
-    "inversegamma": "1 / Gamma(a, rate)",
-    "geom": "Geometric(p)",
-    "lognormal": "exp(Normal(mean, std))",
-    "laplace": "mean + Exponential(1 / scale) - Exponential(1 / scale)",
-    "choice": "Uniform({a, b})",
-    "choose": "Uniform({a, b})",
-    "choices": "Categorical({a: p, b: 1 - p})",
-    "sample": "Uniform({a, b})",
-    "discrete": "Categorical({a: p, b: 1 - p})",
-    "randint": "UniformInt(low, high)",
-    "randrange": "UniformInt(low, high)",
-    "integers": "UniformInt(low, high)",
-    "discreteuniform": "UniformInt(low, high)",
-    "rand": "Uniform(0, 1)",
-    "random": "Uniform(0, 1)",
-    "randn": "Normal(0, 1)",
-    "standard_normal": "Normal(0, 1)",
-    "gauss": "Normal(mean, std)",
-    "gaussian": "Normal(mean, std)",
-    "truncnorm": "TruncatedNormal(mean, std, low, high)",
-    "truncnormal": "TruncatedNormal(mean, std, low, high)",
-    "expovariate": "Exponential(rate)",
+    **_OURS, "erlang": "Gamma(k, rate)", "chisquare": "Gamma(k / 2, 1 / 2)", "inversegamma": "1 / Gamma(a, rate)",
+    "geom": "Geometric(p)", "lognormal": "exp(Normal(mean, std))",
+    "laplace": "mean + Exponential(1 / scale) - Exponential(1 / scale)", "choice": "Uniform({a, b})",
+    "choose": "Uniform({a, b})", "choices": "Categorical({a: p, b: 1 - p})", "sample": "Uniform({a, b})",
+    "discrete": "Categorical({a: p, b: 1 - p})", "randint": "UniformInt(low, high)",
+    "randrange": "UniformInt(low, high)", "integers": "UniformInt(low, high)",
+    "discreteuniform": "UniformInt(low, high)", "rand": "Uniform(0, 1)", "random": "Uniform(0, 1)",
+    "randn": "Normal(0, 1)", "standard_normal": "Normal(0, 1)", "gauss": "Normal(mean, std)",
+    "gaussian": "Normal(mean, std)", "truncnorm": "TruncatedNormal(mean, std, low, high)",
+    "truncnormal": "TruncatedNormal(mean, std, low, high)", "expovariate": "Exponential(rate)",
     "shuffle": "x[Permutation(len(x))]",
-}
+}  # fmt: skip
 _WORKED_OUT: Mapping[str, str] = {
-    "int": "floor(x)",
-    "float": "1.0 * x",
-    "bool": "x != 0",
-    "ceiling": "ceil(x)",
-    "mod": "x % y",
-    "remainder": "x % y",
-    "floor_divide": "x // y",
-    "pow": "x**y",
-    "power": "x**y",
-    "square": "x**2",
-    "log2": "log(x) / log(2)",
-    "log10": "log(x) / log(10)",
-    "log1p": "log(1 + x)",
-    "expm1": "exp(x) - 1",
-    "factorial": "prod([i + 1 for i in range(n)])",
-    "comb": "prod([(n - i) / (i + 1) for i in range(k)])",
-    "relu": "max(x, 0)",
-    "softmax": "exp(x) / sum(exp(x))",
-    "isclose": "abs(x - y) < 1e-9",
-    "sigmoid": "1 / (1 + exp(-x))",
-    "arctan2": "atan2(y, x)",
-    "arcsinh": "asinh(x)",
-    "hypot": "sqrt(x**2 + y**2)",
-    "mean": "sum(x) / len(x)",
-    "average": "sum(x) / len(x)",
-    "var": "norm2(x - sum(x) / len(x))**2 / len(x)",
-    "std": "norm2(x - sum(x) / len(x)) / sqrt(len(x))",
-    "norm": "norm2(x)",
-    "sorted": "sort(x)",
-    "reversed": "reverse(x)",
-    "flip": "reverse(x)",
-    "zip": "[x[i] + y[i] for i in range(len(x))]",
-    "enumerate": "[i * x[i] for i in range(len(x))]",
-    "length": "len(x)",
-    "size": "len(x)",
-    "maximum": "max(x, y)",
-    "minimum": "min(x, y)",
-    "concatenate": "concat(x, y)",
-    "append": "concat(x, y)",
-    "array": "[a, b]",
-    "zeros": "[0 for i in range(n)]",
-    "ones": "[1 for i in range(n)]",
-    "arange": "[i for i in range(n)]",
-    "linspace": "[low + (high - low) * i / (n - 1) for i in range(n)]",
-    "logical_and": "c and d",
-    "logical_or": "c or d",
-    "logical_not": "not c",
-    "logical_xor": "c != d",
-    "xor": "c != d",
-    "ite": "x if c else y",
+    "int": "floor(x)", "float": "1.0 * x", "bool": "x != 0", "ceiling": "ceil(x)", "mod": "x % y",
+    "remainder": "x % y", "floor_divide": "x // y", "pow": "x**y", "power": "x**y", "square": "x**2",
+    "log2": "log(x) / log(2)", "log10": "log(x) / log(10)", "log1p": "log(1 + x)", "expm1": "exp(x) - 1",
+    "factorial": "prod([i + 1 for i in range(n)])", "comb": "prod([(n - i) / (i + 1) for i in range(k)])",
+    "relu": "max(x, 0)", "softmax": "exp(x) / sum(exp(x))", "isclose": "abs(x - y) < 1e-9",
+    "sigmoid": "1 / (1 + exp(-x))", "arctan2": "atan2(y, x)", "arcsinh": "asinh(x)", "hypot": "sqrt(x**2 + y**2)",
+    "mean": "sum(x) / len(x)", "average": "sum(x) / len(x)", "var": "norm2(x - sum(x) / len(x))**2 / len(x)",
+    "std": "norm2(x - sum(x) / len(x)) / sqrt(len(x))", "norm": "norm2(x)", "sorted": "sort(x)",
+    "reversed": "reverse(x)", "flip": "reverse(x)", "zip": "[x[i] + y[i] for i in range(len(x))]",
+    "enumerate": "[i * x[i] for i in range(len(x))]", "length": "len(x)", "size": "len(x)", "maximum": "max(x, y)",
+    "minimum": "min(x, y)", "concatenate": "concat(x, y)", "append": "concat(x, y)", "array": "[a, b]",
+    "zeros": "[0 for i in range(n)]", "ones": "[1 for i in range(n)]", "arange": "[i for i in range(n)]",
+    "linspace": "[low + (high - low) * i / (n - 1) for i in range(n)]", "logical_and": "c and d",
+    "logical_or": "c or d", "logical_not": "not c", "logical_xor": "c != d", "xor": "c != d", "ite": "x if c else y",
     "ifelse": "x if c else y",
-}
+}  # fmt: skip
 _WEIGHTS = frozenset({"p", "probs", "probabilities", "weights"})
 """Keyword arguments by which a choice of others is not uniform."""
 FOREIGN: Mapping[str, str] = {**_DRAWN, **_WORKED_OUT}
@@ -211,11 +163,7 @@ def advice(name: str, keywords: Iterable[str] = ()) -> str | None:
     return f"write `{found}`" + (", which includes both ends" if found.startswith("UniformInt") else "")
 
 
-# ---------- parse
-# Text -> surface syntax, through Python's own parser and a closed subset of its grammar. Nothing is evaluated.
-#
-# The prime of `x'` is replaced by the letter U+02B9, one character for one, so that Python can read it and
-# every column stays right. Size and nesting are bounded before Python's parser sees the text.
+# -- text -> Python's tree ----------------------------------------------------------------------------------------
 
 PRIME = "\u02b9"
 _OPENERS = "([{"
@@ -349,6 +297,19 @@ def _balance(value: str, at: int, brackets: list[int]) -> None:
             raise SyntaxFailure(at, at + 1, f"this '{char}' does not match the '{value[opener]}' before it")
 
 
+_BITS = ("bit operators are not part of the language", "write `and`, `or`, `not`")
+_REFUSED: dict[str, tuple[str, str | None]] = {
+    "Lambda": ("`lambda` is not part of the language", "write a definition with arguments: `f(x): ...`"),
+    "BitXor": ("`^` is not an operator here", "a power is written `x**2`"),
+    "BitAnd": _BITS,
+    "BitOr": _BITS,
+    "Invert": _BITS,
+    "MatMult": ("`@` is not an operator here", "write `dot(a, b)`"),
+    "Compare": ("`is` is not part of the language", "write `==`"),
+    "JoinedStr": ("formatted strings are not part of the language", None),
+}
+
+
 class _Reader:
     """Python's syntax tree -> surface syntax, refusing everything outside the subset."""
 
@@ -446,17 +407,13 @@ class _Reader:
             name = node.func.attr
             if shown.partition(".")[0] in MODULES:
                 what = "functions of Python modules (`np.f()`)"
-            known = (
-                f"write `{FUNCTIONS[name].signature}`"
-                if name in FUNCTIONS
-                else advice(name, [k.arg or "" for k in node.keywords])
-            )
-            hint = known or "functions are written `f(x)`"
+            hint = advice(name, [k.arg or "" for k in node.keywords]) or "functions are written `f(x)`"
+            if name in FUNCTIONS:
+                hint = f"write `{FUNCTIONS[name].signature}`"
             self.fail(node.func, f"{what} are not part of the language", hint)
-        shown = f"`{shown}`" if len(shown) < 20 else "this"
-        raise SyntaxFailure(
-            place.start, place.end, f"{shown} is not a function, but a bracket follows it", "`*` multiplies"
-        )
+        what = f"`{shown}`" if len(shown) < 20 else "this"
+        message = f"{what} is not a function, but a bracket follows it"
+        raise SyntaxFailure(place.start, place.end, message, "`*` multiplies")
 
     def index(self, node: ast.expr) -> s.Expr | s.Slice:
         if not isinstance(node, ast.Slice):
@@ -492,24 +449,12 @@ class _Reader:
             case ast.Attribute():
                 found = ATTRIBUTES.get(node.attr)
                 self.fail(node, "attributes (`a.b`) are not part of the language", found and f"write `{found}`")
-            case ast.Lambda():
-                self.fail(
-                    node,
-                    "`lambda` is not part of the language",
-                    "write a definition with arguments: `f(x): ...`",
-                )
-            case ast.BinOp(op=ast.BitXor()):
-                self.fail(node, "`^` is not an operator here", "a power is written `x**2`")
-            case ast.BinOp(op=ast.BitAnd() | ast.BitOr()) | ast.UnaryOp(op=ast.Invert()):
-                self.fail(node, "bit operators are not part of the language", "write `and`, `or`, `not`")
-            case ast.BinOp(op=ast.MatMult()):
-                self.fail(node, "`@` is not an operator here", "write `dot(a, b)`")
-            case ast.Compare():
-                self.fail(node, "`is` is not part of the language", "write `==`")
-            case ast.JoinedStr() | ast.FormattedValue():
-                self.fail(node, "formatted strings are not part of the language")
+            case ast.BinOp(op=part) | ast.UnaryOp(op=part):
+                form = type(part).__name__
             case _:
-                self.fail(node, f"this form ({type(node).__name__}) is not part of the language")
+                form = type(node).__name__
+        message, hint = _REFUSED.get(form, (f"this form ({form}) is not part of the language", None))
+        self.fail(node, message, hint)
 
 
 def literal(value: bool | int | float, text: s.SourceText) -> s.Expr:

@@ -168,7 +168,7 @@ def varies(expr: s.Expr, scope: Scope) -> bool:
     for name in names:
         if id(name) in measured or (isinstance(name, s.Name) and name.id in own):
             continue
-        if _known_late(name, scope.lookup(name.written if isinstance(name, s.Name) else name.function)):
+        if _known_late(name, scope.lookup(name.written)):
             return True
     return False
 

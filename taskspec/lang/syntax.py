@@ -127,6 +127,10 @@ class Call:
     place: Place
     name_place: Place
 
+    @property
+    def written(self) -> str:
+        return self.function
+
 
 @dataclass(frozen=True, slots=True)
 class Slice:

@@ -12,7 +12,7 @@ from types import NoneType
 from typing import Any, ClassVar, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
-from taskspec.learners.case import LearnerCase
+from taskspec.learners.interface import LearnerCase
 from taskspec.learners.table import BUILT_IN, BuiltIn
 from taskspec.source import Document, read_file
 from taskspec.source import Path as Place

@@ -50,7 +50,7 @@ class Mutant:
 
     @property
     def renumbers(self) -> bool:
-        """Whether it lists the labels of a choice in another order, and does nothing else."""
+        """True if it lists the labels of a choice in another order, and does nothing else."""
         return self.path[-2:-1] == ("values",) and isinstance(self.path[-1], int) and self.after == EXCHANGED
 
     def document(self) -> Document:
@@ -204,7 +204,7 @@ class _Walk:
             yield self.changed(path, -value, text, f"{-value:g}")
 
     def _items(self, items: list[Any], path: Path) -> Iterator[Mutant]:
-        """Of a vector, of the columns of a table, or of cases; cases are left out and change places too."""
+        """Change a vector, the columns of a table, or cases; cases are left out and change places, too."""
         is_cases = any(isinstance(item, dict) and item.keys() & {"then", "else"} for item in items)
         for i, item in enumerate(items):
             if not is_cases or not isinstance(item, dict):

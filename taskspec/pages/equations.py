@@ -2,82 +2,24 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 from typing import Any
 
 from taskspec.lang import syntax as s
-from taskspec.lang.dists import is_distribution
 from taskspec.printers import tree as m
-from taskspec.printers.elements import rank, renamed
+from taskspec.printers.elements import rank
 from taskspec.printers.expressions import ExpressionWriter, condition, mathematics
 from taskspec.printers.idioms import interval
-from taskspec.printers.names import Notation, expression, of_task
+from taskspec.printers.names import Notation, expression, of_task, symbol
 from taskspec.printers.pieces import prime
-from taskspec.printers.substitute import substitute
-from taskspec.printers.symbols import symbol
+from taskspec.printers.rewrites import is_draw, shows_probabilities, substitute, take_apart
 from taskspec.task.names import signature
 from taskspec.task.schema.models import Spec
 from taskspec.task.schema.typed import ComponentEntry, ParameterEntry
 from taskspec.task.task import Task
-
-# -- draws within expressions: `g = p + ξ, ξ ~ Unif{...}`
-
-
-@dataclass(frozen=True, slots=True)
-class Drawn:
-    """An expression whose inner draws have names, and those draws: what stands for each, and what it is drawn from.
-
-    A draw in a comprehension is made for each of its elements, and has their index: `xi[i]`.
-    """
-
-    expr: s.Expr
-    draws: tuple[tuple[s.Name | s.Subscript, s.Expr], ...]
-
-
-def is_draw(expr: s.Expr) -> bool:
-    """Return whether an expression is a distribution as a whole."""
-    return isinstance(expr, s.Weights) or (isinstance(expr, s.Call) and is_distribution(expr.function))
-
-
-def shows_chances(expr: s.Expr) -> bool:
-    """Return whether an expression is printed as cases with probabilities, which need no name."""
-    return isinstance(expr, s.Weights) or (
-        isinstance(expr, s.Call) and expr.function == "Categorical" and any(isinstance(a, s.Weights) for a in expr.args)
-    )
-
-
-def take_apart(expr: s.Expr, prefix: str = "xi") -> Drawn:
-    """Return names for the draws inside an expression, in written order."""
-    found: list[tuple[s.Name | s.Subscript, s.Expr]] = []
-
-    def go(node: Any, indices: tuple[str, ...] = ()) -> Any:
-        if isinstance(node, tuple):
-            return tuple(go(x, indices) for x in node)
-        if isinstance(node, s.Place) or not dataclasses.is_dataclass(node) or isinstance(node, type):
-            return node
-        if isinstance(node, s.Call) and is_distribution(node.function) and not shows_chances(node):
-            name = s.Name(f"{prefix}_{len(found) + 1}", False, node.place)
-            below = tuple(s.Name(i, False, node.place) for i in indices)
-            found.append((s.Subscript(name, below, node.place) if below else name, node))
-            return found[-1][0]
-        if isinstance(node, s.Comprehension):
-            indices = (*indices, *(name for clause in node.clauses for name in clause.targets))
-        return dataclasses.replace(
-            node, **{f.name: go(getattr(node, f.name), indices) for f in dataclasses.fields(node)}
-        )
-
-    inner = go(expr)
-    if len(found) == 1:  # one draw needs no number
-        ((name, alone),) = found
-        return Drawn(renamed(inner, f"{prefix}_1", prefix), ((renamed(name, f"{prefix}_1", prefix), alone),))
-    return Drawn(inner, tuple(found))
-
-
-# -- equations and sets
 
 LETTERS = ("xi", "zeta", "chi", "eta")
 """Letters for what is drawn inside an expression, the usual one first."""
@@ -106,10 +48,9 @@ class Writing:
     def parsed(self, name: str) -> Any:
         return self.task.surface.sections.get(name)
 
-    # -- values ---------------------------------------------------------------------------------------------------
-
     def put(self, expr: s.Expr) -> s.Expr:
-        return substitute(expr, self.values) if self.values else expr
+        found: s.Expr = substitute(expr, self.values) if self.values else expr
+        return found
 
     def math(self, expr: s.Expr, of: str | None = None, notation: Notation | None = None) -> m.Math:
         return mathematics(self.put(expr), notation or self.notation, of)
@@ -127,23 +68,21 @@ class Writing:
     def equation(self, left: m.Math, expr: s.Expr, of: str | None = None) -> m.Math:
         """Return `left = expr`, or `left ~ expr` for a distribution; draws inside the expression get names."""
         if is_draw(expr):
-            sign = "=" if shows_chances(expr) else "∼"
+            sign = "=" if shows_probabilities(expr) else "∼"
             return m.Row((left, m.Sym(sign), self.math(expr, of)))
         apart = take_apart(expr, self.drawn)
-        notation = self._drawing(apart)
+        writer = ExpressionWriter(self.notation)
+        axes = dict(self.notation.axes)
+        for name, draw in apart.draws:
+            if isinstance(name, s.Subscript) and isinstance(name.value, s.Name):
+                axes[name.value.id] = rank(writer, draw) + len(name.indices)
+            elif isinstance(name, s.Name):
+                axes[name.id] = rank(writer, draw)
+        notation = replace(self.notation, axes=axes)
         parts: list[m.Math] = [left, m.Sym("="), self.math(apart.expr, of, notation)]
         for name, draw in apart.draws:
             parts += [m.Sym(","), m.Gap("wide"), mathematics(name, notation), m.Sym("∼"), self.math(draw)]
         return m.Row(tuple(parts))
-
-    def _drawing(self, apart: Drawn) -> Notation:
-        """Return the notation of an expression in which names stand for draws."""
-        axes = {}
-        for name, draw in apart.draws:
-            whole, indices = (name.value, name.indices) if isinstance(name, s.Subscript) else (name, ())
-            assert isinstance(whole, s.Name)
-            axes[whole.id] = rank(ExpressionWriter(self.notation), draw) + len(indices)
-        return self.notation.with_axes(axes)
 
     @cached_property
     def drawn(self) -> str:
@@ -152,44 +91,41 @@ class Writing:
         free = (x for x in LETTERS if x not in self.notation.symbols and symbol(x) not in looks)
         return next(free, LETTERS[0])
 
-    # -- sets -----------------------------------------------------------------------------------------------------
-
     def domain(self, name: str, entry: ComponentEntry | ParameterEntry) -> m.Math:
         """Return the set of values of a component or parameter."""
-        bounds = {key: end for key in ("low", "high") if (end := getattr(entry, key)) is not None}
-        several = [end for end in bounds.values() if isinstance(end, list)]
-        if several:  # a bound for each element
-            each = ({key: self._of_element(end, i) for key, end in bounds.items()} for i in range(len(several[0])))
-            return self._product([self._scalar(name, entry.model_copy(update=ends)) for ends in each])
-        ends = {key: self._of_element(end, "i") for key, end in bounds.items()}
+        bounds = {key: getattr(entry, key) for key in ("low", "high") if getattr(entry, key) is not None}
+        lists = [end for end in bounds.values() if isinstance(end, list)]
+        if lists:  # a bound for each element
+            sets = [self._scalar(name, entry, self._of_element(bounds, i)) for i in range(len(lists[0]))]
+            return _product(sets)
+        ends = self._of_element(bounds, "i")
         if ends != bounds:
-            return m.Row((m.Big("∏", m.Ident("i")), self._scalar(name, entry.model_copy(update=ends))))
-        inner = self._scalar(name, entry)
+            return m.Row((m.Big("∏", m.Ident("i")), self._scalar(name, entry, ends)))
+        inner = self._scalar(name, entry, bounds)
         shape = getattr(entry, "shape", None)
-        lengths = shape if isinstance(shape, list) else [] if shape is None else [shape]
-        if not lengths or lengths == [1]:
+        if shape in (None, [], 1, [1]):
             return inner
+        lengths = shape if isinstance(shape, list) else [shape]
         return m.Script(inner, sup=m.joined((self.declared(n) for n in lengths), "×"))
 
-    def _of_element(self, end: Any, index: int | str) -> Any:
-        """Return a bound of one element: that of a list, or of a vector among the constants."""
-        if isinstance(end, list):
-            return end[int(index)]
-        return f"({end})[{index}]" if self._is_vector(expression(end)) else end
+    def _of_element(self, bounds: Mapping[str, Any], index: int | str) -> dict[str, Any]:
+        """Return the bounds of one element: those of a list, or of a vector among the constants."""
+        found = {}
+        for key, end in bounds.items():
+            if isinstance(end, list):
+                found[key] = end[int(index)]
+            else:
+                found[key] = f"({end})[{index}]" if self._is_vector(expression(end)) else end
+        return found
 
     def _is_vector(self, expr: s.Expr) -> bool:
-        match expr:
-            case s.Name(id=name):
-                return name in self.task.fixed and bool(self.task.fixed[name].type.shape)
-            case s.Unary(operand=inner):
-                return self._is_vector(inner)
-            case s.Binary(left=left, right=right):
-                return self._is_vector(left) or self._is_vector(right)
-            case _:
-                return False
+        if isinstance(expr, s.Name):
+            return expr.id in self.task.fixed and bool(self.task.fixed[expr.id].type.shape)
+        return isinstance(expr, s.Unary | s.Binary) and any(map(self._is_vector, m.children(expr)))
 
-    def _scalar(self, name: str, entry: ComponentEntry | ParameterEntry) -> m.Math:
-        low, high = (None if end is None else self.declared(end) for end in (entry.low, entry.high))
+    def _scalar(self, name: str, entry: ComponentEntry | ParameterEntry, ends: Mapping[str, Any]) -> m.Math:
+        low = self.declared(ends["low"]) if "low" in ends else None
+        high = self.declared(ends["high"]) if "high" in ends else None
         match entry.type:
             case "bool":
                 return interval(m.Num("0"), m.Num("1"))
@@ -198,39 +134,38 @@ class Writing:
                 return m.braces(m.joined(labels.values()))
             case "int":
                 return _integers(low, high)
-            case _:
-                return _reals(low, high)
+        if low is None and high is None:
+            return m.Ident("R", "blackboard")
+        infinity = m.Ident("∞")
+        inside = m.joined((low or m.Row((m.Sym("−"), infinity)), high or infinity))
+        return m.Fence("[" if low else "(", inside, "]" if high else ")")
 
     def space(self, components: Mapping[str, ComponentEntry]) -> m.Math:
         """Return the product of the components' sets, equal neighbours as a power."""
-        return self._product([self.domain(name, entry) for name, entry in components.items()])
-
-    def _product(self, sets: Sequence[m.Math]) -> m.Math:
-        return m.joined((_power(same, len(list(group))) for same, group in groupby(sets)), "×")
+        return _product([self.domain(name, entry) for name, entry in components.items()])
 
     def whole(self, components: Iterable[str], primed: bool = False) -> m.Math:
         """Return the state or the action as one thing: its component, or the tuple of its components."""
         names = [self.symbol(name, primed) for name in components]
         return names[0] if len(names) == 1 else m.brackets(m.joined(names))
 
-    # -- what is read ---------------------------------------------------------------------------------------------
-
     def reads(self, expr: s.Expr) -> set[str]:
         """Return names that an expression depends on, through definitions and noise, as written (with primes)."""
-        defined = {signature(w)[0]: (e, signature(w)[1] or ()) for w, e in (self.parsed("definitions") or {}).items()}
+        defined: dict[str, tuple[Any, tuple[str, ...]]] = {}
+        for written, body in (self.parsed("definitions") or {}).items():
+            name, arguments = signature(written)
+            defined[name] = (body, arguments or ())
         defined |= {name: (e, ()) for name, e in (self.parsed("noise") or {}).items()}
-        if isinstance(end := self.parsed("terminal"), s.Expr):
-            defined["terminal"] = (end, ())
+        if self.parsed("terminal") is not None:
+            defined["terminal"] = (self.parsed("terminal"), ())
         found: set[str] = set()
-        expanded: set[str] = set()
         waiting: list[tuple[Any, tuple[str, ...]]] = [(expr, ())]
         while waiting:
             body, bound = waiting.pop()
             for node in s.names(body):
                 name = node.function if isinstance(node, s.Call) else node.written
-                if name in defined and name not in expanded:
-                    expanded.add(name)
-                    waiting.append(defined[name])
+                if name in defined:
+                    waiting.append(defined.pop(name))
                 if name not in bound:
                     found.add(name)
         return found
@@ -238,46 +173,33 @@ class Writing:
     def arguments(self, expr: s.Expr) -> tuple[m.Math, ...]:
         """Return the arguments of a value: state, action, next state, time, in this order."""
         used = self.reads(expr)
-        state = list(self.spec.state)
-        action = list(self.spec.action)
-        names = [(n, False) for n in (*state, *action) if n in used]
-        names += [(n, True) for n in state if n + "'" in used]
-        names += [("t", False)] if "t" in used else []
-        return tuple(self.symbol(name, primed) for name, primed in names)
+        found = [self.symbol(name) for name in (*self.spec.state, *self.spec.action) if name in used]
+        found += [self.symbol(name, primed=True) for name in self.spec.state if name + "'" in used]
+        if "t" in used:
+            found.append(self.symbol("t"))
+        return tuple(found)
+
+
+def _product(sets: Sequence[m.Math]) -> m.Math:
+    factors = []
+    for base, group in groupby(sets):
+        count = len(list(group))
+        if count == 1:
+            factors.append(base)
+        else:
+            factors.append(m.Script(m.brackets(base) if isinstance(base, m.Script) else base, sup=m.Num(str(count))))
+    return m.joined(factors, "×")
 
 
 def _integers(low: m.Math | None, high: m.Math | None) -> m.Math:
     integers = m.Ident("Z", "blackboard")
-    match low, high:
-        case None, None:
-            return integers
-        case None, top if top is not None:
-            return m.Script(integers, m.Row((m.Sym("≤"), top)))
-        case bottom, None if bottom is not None:
-            return m.Script(integers, m.Row((m.Sym("≥"), bottom)))
-        case bottom, top:
-            assert bottom is not None and top is not None
-            return interval(bottom, top)
-
-
-def _reals(low: m.Math | None, high: m.Math | None) -> m.Math:
-    if low is None and high is None:
-        return m.Ident("R", "blackboard")
-    infinity = m.Ident("∞")
-    ends = m.joined((low or m.Row((m.Sym("−"), infinity)), high or infinity))
-    return m.Fence("[" if low else "(", ends, "]" if high else ")")
-
-
-def _power(base: m.Math, count: int) -> m.Math:
-    if count == 1:
-        return base
-    if isinstance(base, m.Script):
-        return m.Script(m.brackets(base), sup=m.Num(str(count)))
-    return m.Script(base, sup=m.Num(str(count)))
-
-
-def commas(items: Iterable[m.Math]) -> m.Math:
-    return m.joined(items)
+    if low is not None and high is not None:
+        return interval(low, high)
+    if low is not None:
+        return m.Script(integers, m.Row((m.Sym("≥"), low)))
+    if high is not None:
+        return m.Script(integers, m.Row((m.Sym("≤"), high)))
+    return integers
 
 
 def unchanged(task: Task, dynamics: Mapping[str, s.Expr]) -> Iterator[str]:
@@ -286,7 +208,3 @@ def unchanged(task: Task, dynamics: Mapping[str, s.Expr]) -> Iterator[str]:
         expr = dynamics.get(component.name + "'")
         if expr is None or (isinstance(expr, s.Name) and expr.written == component.name):
             yield component.name
-
-
-def assign(names: Sequence[m.Math], value: m.Math) -> m.Math:
-    return m.Row((*names, m.Sym("="), value))

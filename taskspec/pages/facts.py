@@ -7,13 +7,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from taskspec.exact import PomdpBounds, Report, Results, Return, Verdict, pomdp_bounds, verdicts, wrong_examples
+from taskspec.exact import Report, Results, Verdict, pomdp_bounds, verdicts, wrong_examples
 from taskspec.pages.prose import CellTable, Formula, Inlines, Text
 from taskspec.printers import tree as m
 from taskspec.registry import load
 from taskspec.scores.returns import CLAIMS, NUMBERS
 from taskspec.solve.enclosure import Enclosure
 from taskspec.task.task import Task, TaskLike
+
+Value = int | float | Fraction
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +25,7 @@ class ScoreFact:
     `tested` counts the episodes on which the abstraction was tested that it comes from.
     """
 
-    value: int | float | Fraction
+    value: Value
     half: float = 0.0
     episodes: int = 0
     tested: int = 0
@@ -69,30 +71,21 @@ def gather(task: TaskLike | Report) -> Facts:
 
 def _facts(found: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> Facts:
     returns = {"optimal": found.optimal, "random": found.random, "worst": found.worst, "expert": found.expert}
-    shown = {f"{name} return": _score_fact(value) for name, value in returns.items() if value is not None}
-    unknown = tuple(f"{name} return" for name in ("optimal", "worst") if returns[name] is None)
+    shown: dict[str, ScoreFact] = {}
     seen = pomdp_bounds(found)
-    if seen is not None:
-        shown = _hidden(shown, seen)
+    for name, value in returns.items():
+        if value is None:
+            continue
+        fact = ScoreFact(value.value, value.half if value.episodes else 0.0, value.episodes, value.tested)
+        if name == "optimal" and seen is not None:  # a task that hides its state
+            shown["optimal return, knowing the state"] = fact
+            shown |= _bounds("best return with memory", seen.remembering)
+            shown |= _bounds("best return without memory", seen.memoryless)
+        else:
+            shown[f"{name} return"] = fact
+    unknown = tuple(f"{name} return" for name in ("optimal", "worst") if returns[name] is None)
     states = None if found.model is None else int(found.model.entered.sum())
     return Facts(shown, tuple(_by_claim(found.task, said)), states, wrong, unknown)
-
-
-def _score_fact(found: Return) -> ScoreFact:
-    return ScoreFact(found.value, found.half if found.episodes else 0.0, found.episodes, found.tested)
-
-
-def _hidden(shown: dict[str, ScoreFact], seen: PomdpBounds) -> dict[str, ScoreFact]:
-    """Return scores of a task that hides its state: what the optimum knows is said, and what the best earn who see less
-    follows.
-    """
-    found = {}
-    for name, score in shown.items():
-        found["optimal return, knowing the state" if name == "optimal return" else name] = score
-        if name == "optimal return":
-            found |= _bounds("best return with memory", seen.remembering)
-            found |= _bounds("best return without memory", seen.memoryless)
-    return found
 
 
 def _bounds(name: str, value: Enclosure | None) -> dict[str, ScoreFact]:
@@ -101,25 +94,19 @@ def _bounds(name: str, value: Enclosure | None) -> dict[str, ScoreFact]:
         return {}
     if value.error <= 1e-9 * abs(value.value):
         return {name: ScoreFact(value.value)}
-    return {f"{name}, {which}": ScoreFact(end) for which, end in zip(("at least", "at most"), value.ends, strict=True)}
+    low, high = value.ends
+    return {f"{name}, at least": ScoreFact(low), f"{name}, at most": ScoreFact(high)}
 
 
-def _by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterable[VerdictFact]:
+def _by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterator[VerdictFact]:
     """Yield one verdict for each claim, which holds if it holds in all its cases."""
     waiting = iter(decisions)
+    order = list(CLAIMS)
     for claim in task.claims:
         found = [next(waiting) for _ in claim.cases or ({},)]
-        yield _together(found)
-
-
-def _together(found: Sequence[Verdict]) -> VerdictFact:
-    order = list(CLAIMS)
-    worst = max(found, key=lambda d: order.index(d.status))
-    shown = CLAIMS[worst.status].shown.format(episodes=max(d.episodes for d in found))
-    return VerdictFact(True if worst.holds else None if worst.status == "undecided" else False, shown)
-
-
-# -- scores in a line or a table
+        worst = max(found, key=lambda verdict: order.index(verdict.status))
+        shown = CLAIMS[worst.status].shown.format(episodes=max(verdict.episodes for verdict in found))
+        yield VerdictFact(None if worst.status == "undecided" else bool(worst.holds), shown)
 
 
 def title(facts: Facts) -> str:
@@ -160,62 +147,46 @@ def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:
 def _score(score: ScoreFact) -> Inlines:
     """Return a return, and how sure it is."""
     if not score.episodes:
-        told = (Text(f" ({NUMBERS['tested'].shown.format(episodes=score.tested)})"),) if score.tested else ()
-        return (Formula(number(score.value)), *told)
+        if not score.tested:
+            return (Formula(number(score.value)),)
+        return (Formula(number(score.value)), Text(f" ({NUMBERS['tested'].shown.format(episodes=score.tested)})"))
     if score.half == 0:
-        value = number(round(float(score.value), 6))
-        return (Formula(value), Text(f" (in all of {score.episodes:,} episodes)"))
-    value, half = _rounded(score.value, score.half)
+        return (Formula(_estimate(score.value)), Text(f" (in all of {score.episodes:,} episodes)"))
+    value: m.Math = _estimate(score.value)
+    half = _estimate(score.half)
+    if 1e-9 < score.half < 1e15:  # to two digits of the interval
+        digits = max(0, 1 - math.floor(math.log10(score.half)))
+        value = m.Num(f"{abs(score.value):.{digits}f}")
+        if score.value < 0:
+            value = m.Row((m.Sym("−"), value))
+        half = m.Num(f"{score.half:.{digits}f}")
     return (Formula(value), Text(" ± "), Formula(half), Text(f" (95 % CI, {score.episodes:,} episodes)"))
 
 
-def _rounded(value: int | float | Fraction, half: float) -> tuple[m.Math, m.Math]:
-    """Return an estimate and half its confidence interval, to two digits of the interval."""
-    if not 0 < half < math.inf:
-        return number(round(float(value), 6)), number(float(half))
-    if not 1e-9 < half < 1e15:
-        return number(float(f"{float(value):.3g}")), number(float(f"{half:.2g}"))
-    digits = max(0, 1 - math.floor(math.log10(half)))
-    sign = (m.Sym("−"),) if value < 0 else ()
-    return m.row(*sign, m.Num(f"{abs(value):.{digits}f}")), m.Num(f"{half:.{digits}f}")
+def _estimate(value: Value) -> m.Math:
+    return number(round(float(value), 6))
 
 
-def number(value: int | float | Fraction) -> m.Math:
+def number(value: Value) -> m.Math:
     """Return a number for people: short decimals and small fractions exactly, anything else to six digits."""
-    if isinstance(value, float):
-        if math.isinf(value):
-            return m.row(*([m.Sym("−")] if value < 0 else []), m.Ident("∞"))
-        value = _recognised(value)
-    if isinstance(value, Fraction) and not _terminates(value) and value.denominator < 1000:
-        return _mixed(value)
-    if value < 0:
-        return m.Row((m.Sym("−"), number(-value)))
-    exact = isinstance(value, int) or (float(value) == round(float(value), 10))
-    digits = f"{float(value):.12g}" if exact else f"{float(value):.6g}"
+    size = abs(value)
+    if isinstance(size, float) and math.isfinite(size):
+        small = Fraction(size).limit_denominator(999)
+        if abs(float(small) - size) <= 1e-13 * max(1.0, size):  # which it equals up to rounding
+            size = small
+    sign = (m.Sym("−"),) if value < 0 and size else ()
+    if size == math.inf:
+        return m.row(*sign, m.Ident("∞"))
+    if isinstance(size, Fraction) and size.denominator < 1000 and 10**9 % size.denominator:  # no short decimal
+        whole, rest = divmod(size, 1)
+        frac = m.Frac(m.Num(str(rest.numerator)), m.Num(str(rest.denominator)))
+        return m.row(*sign, m.Num(str(whole)), m.Sym("−" if sign else "+"), frac) if whole else m.row(*sign, frac)
+    digits = f"{float(size):.6g}"
+    if isinstance(size, int) or float(size) == round(float(size), 10):
+        digits = f"{float(size):.12g}"
     mantissa, mark, exponent = digits.partition("e")
     if not mark:
-        return m.Num(digits)
-    power = str(int(exponent)).replace("-", "−")
-    return m.Row((m.Num(mantissa), m.Sym("×"), m.Script(m.Num("10"), sup=m.Num(power))))
-
-
-def _mixed(value: Fraction) -> m.Math:
-    """Return a fraction as a whole number and the rest: 4 + 3/7, and -4 - 3/7."""
-    whole, rest = divmod(abs(value), 1)
-    frac = m.Frac(m.Num(str(rest.numerator)), m.Num(str(rest.denominator)))
-    sign = (m.Sym("−"),) if value < 0 else ()
-    return m.row(*sign, m.Num(str(whole)), m.Sym("−" if sign else "+"), frac) if whole else m.row(*sign, frac)
-
-
-def _recognised(value: float) -> float | Fraction:
-    """Return the small fraction that a number equals up to rounding, or the number itself."""
-    ratio = Fraction(value).limit_denominator(999) if math.isfinite(value) else Fraction(0)
-    return ratio if abs(float(ratio) - value) <= 1e-13 * max(1.0, abs(value)) else value
-
-
-def _terminates(value: Fraction) -> bool:
-    d = value.denominator
-    for p in (2, 5):
-        while d % p == 0:
-            d //= p
-    return d == 1 and value.denominator <= 10**6
+        return m.row(*sign, m.Num(digits))
+    power = m.Num(str(int(exponent)).replace("-", "−"))
+    tree = m.Row((m.Num(mantissa), m.Sym("×"), m.Script(m.Num("10"), sup=power)))
+    return m.row(*sign, tree)

@@ -6,14 +6,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import groupby
 from typing import Any
 
-from taskspec.base.display import lettered
+from taskspec.base.display import lettered, number
 from taskspec.lang import syntax as s
-from taskspec.pages.equations import Writing, is_draw, unchanged
-from taskspec.pages.prose import CodeSpan, Formula, Inline, Inlines, Text, inlines, listing
+from taskspec.pages.equations import Writing, unchanged
+from taskspec.pages.prose import CodeSpan, Formula, Inline, Inlines, Text, inlines, listing, separated
 from taskspec.printers import piecewise
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import ExpressionWriter
 from taskspec.printers.names import expression
+from taskspec.printers.rewrites import is_draw
 from taskspec.printers.text import text
 from taskspec.task.names import signature
 from taskspec.task.schema.typed import ComponentEntry
@@ -36,9 +37,6 @@ def formula(*items: m.Math) -> Formula:
     return Formula(m.row(*items))
 
 
-# -- what it is made of -----------------------------------------------------------------------------------------------
-
-
 def parameters(w: Writing) -> Iterator[Inlines]:
     """Yield `L = 10`, its description and its range, for each parameter."""
     for p in w.task.parameters:
@@ -51,24 +49,21 @@ def parameters(w: Writing) -> Iterator[Inlines]:
 
 def cases(w: Writing, given: Iterable[Mapping[str, Any]]) -> Inlines:
     """Return the parameter values of cases: `L = 3, B = 5; L = 6, B = 3`."""
-    found = [[formula(w.symbol(name), m.Sym("="), setting(x)) for name, x in case.items()] for case in given]
-    out: list[Inline] = []
-    for case in found:
-        out += [Text("; ")] if out else []
-        out += [piece for each in case for piece in (Text(", "), each)][1:]
-    return tuple(out)
+    found = []
+    for case in given:
+        equal: list[Inlines] = [(formula(w.symbol(name), m.Sym("="), setting(x)),) for name, x in case.items()]
+        found.append(separated(equal))
+    return separated(found, "; ")
 
 
 def setting(value: Any) -> m.Math:
     """Return the value of a parameter."""
-    match value:
-        case bool():
-            return m.upright("true" if value else "false")
-        case int() | float():
-            digits = f"{abs(value):.10g}".replace("inf", "∞")
-            return m.Row((m.Sym("−"), m.Num(digits))) if value < 0 else m.Num(digits)
-        case _:
-            return m.Words(str(value))
+    if isinstance(value, bool):
+        return m.upright(str(value).lower())
+    if isinstance(value, int | float):
+        digits = m.Num(number(abs(value), 10) if isinstance(value, float) else str(abs(value)))
+        return m.Row((m.Sym("−"), digits)) if value < 0 else digits
+    return m.Words(str(value))
 
 
 def _range(w: Writing, name: str) -> Inlines:
@@ -78,15 +73,13 @@ def _range(w: Writing, name: str) -> Inlines:
     high = entry.high
     if entry.values:
         return (Text(" ("), Formula(w.domain(name, entry)), Text(")"))
-    match low, high:
-        case None, None:
-            return ()
-        case bottom, None:
-            return (Text(" (at least "), Formula(w.declared(bottom)), Text(")"))
-        case None, top:
-            return (Text(" (at most "), Formula(w.declared(top)), Text(")"))
-        case bottom, top:
-            return (Text(" ("), Formula(w.declared(bottom)), Text(" to "), Formula(w.declared(top)), Text(")"))
+    if low is not None and high is not None:
+        return (Text(" ("), Formula(w.declared(low)), Text(" to "), Formula(w.declared(high)), Text(")"))
+    if low is not None:
+        return (Text(" (at least "), Formula(w.declared(low)), Text(")"))
+    if high is not None:
+        return (Text(" (at most "), Formula(w.declared(high)), Text(")"))
+    return ()
 
 
 def grids(w: Writing) -> Iterator[tuple[str, str]]:
@@ -112,13 +105,11 @@ def _space(
     """Yield the set of states or of actions, then its components; a single one without a description is named at once."""
     said = list(_components(w, declared, components))
     name = () if said else (w.symbol(components[0].name), m.Sym("∈"))
-    yield (formula(*name, m.Ident(letter, "calligraphic"), m.Sym("="), w.space(declared)), *_numbered(components))
+    whole: Inlines = (formula(*name, m.Ident(letter, "calligraphic"), m.Sym("="), w.space(declared)),)
+    if any(c.domain is not None for c in components):
+        whole += (Text(", numbered from 0"),)
+    yield whole
     yield from said
-
-
-def _numbered(components: tuple[Component, ...]) -> Inlines:
-    """Return a note on how labels are numbered, if there are any."""
-    return (Text(", numbered from 0"),) if any(c.domain is not None for c in components) else ()
 
 
 def _components(
@@ -126,18 +117,14 @@ def _components(
 ) -> Iterator[Inlines]:
     """Yield what each component is, and what its labels stand for."""
     for c in components:
-        name = formula(w.symbol(c.name))
+        name = [w.symbol(c.name)]
         if len(components) > 1:
-            domain = (m.Sym("∈"), w.domain(c.name, declared[c.name]))
-            name = formula(w.symbol(c.name), *domain)
-        doc = inlines(c.doc)
-        labels = _labels(w, c)
-        if doc or labels or len(components) > 1:
-            yield (
-                name,
-                *((Text(": "), *doc) if doc else ()),
-                *((Text("; " if doc else ": "), *labels) if labels else ()),
-            )
+            name += [m.Sym("∈"), w.domain(c.name, declared[c.name])]
+        said = [found for found in (inlines(c.doc), _labels(w, c)) if found]
+        if said:
+            yield (formula(*name), Text(": "), *separated(said, "; "))
+        elif len(components) > 1:
+            yield (formula(*name),)
 
 
 def _labels(w: Writing, c: Component) -> Inlines:
@@ -150,7 +137,7 @@ def _labels(w: Writing, c: Component) -> Inlines:
         value = c.domain.values[i] if c.domain.values else None
         tree = mark if value is None or isinstance(mark, m.Num) else m.Row((mark, m.Sym("="), _value(w, value)))
         word = isinstance(mark, m.Words | m.Num)
-        items.append((Formula(tree), *(() if word else (Text(f" {label.replace('_', ' ')}"),))))
+        items.append((Formula(tree),) if word else (Formula(tree), Text(f" {label.replace('_', ' ')}")))
     plain = all(len(x) == 1 for x in items) and not c.domain.values
     return () if plain else listing(items)
 
@@ -161,33 +148,34 @@ def _value(w: Writing, value: Any) -> m.Math:
     return w.declared(float(value) if not isinstance(value, bool | int | float) else value)
 
 
-# -- what is seen -----------------------------------------------------------------------------------------------------
-
-
 def observations(w: Writing) -> Iterator[Inlines]:
     observation = w.task.observation
-    how = _SPACES.get(observation.space)
-    extra: Inlines = (Text(f", {how}"),) if how else ()
+    extra: Inlines = ()
+    if observation.space in _SPACES:
+        extra = (Text(f", {_SPACES[observation.space]}"),)
     if observation.is_state:
         yield (Text("the state "), formula(w.whole(w.spec.state)), *extra)
         return
     exprs: Mapping[str, s.Expr] = w.parsed("observation")
-    whole = m.joined(w.symbol(name) for name in exprs)
-    yield (formula(m.brackets(whole) if len(exprs) > 1 else whole), *extra)
-    same = [n for n, e in exprs.items() if isinstance(e, s.Name) and e.id == n and not e.primed]
-    for names, one, more in (
-        ([n for n in same if n in w.spec.state], " is that of the state", " are those of the state"),
-        ([n for n in same if n == "t"], " is the time", ""),
-        ([n for n in same if n != "t" and n not in w.spec.state], " is defined below", " are defined below"),
-    ):
-        if names:
-            yield (*listing([(formula(w.symbol(n)),) for n in names]), Text(one if len(names) == 1 else more))
+    yield (formula(w.whole(exprs)), *extra)
+    same: dict[str, list[Inlines]] = {"of the state": [], "time": [], "defined": []}
+    others = []
     for name, expr in exprs.items():
-        if name not in same:
-            yield (Formula(w.equation(w.symbol(name), expr)),)
-
-
-# -- how long ---------------------------------------------------------------------------------------------------------
+        if not (isinstance(expr, s.Name) and expr.id == name and not expr.primed):
+            others.append((name, expr))
+        elif name in w.spec.state:
+            same["of the state"].append((formula(w.symbol(name)),))
+        else:
+            same["time" if name == "t" else "defined"].append((formula(w.symbol(name)),))
+    verbs = {
+        "of the state": (" is that of the state", " are those of the state"), "time": (" is the time", ""),
+        "defined": (" is defined below", " are defined below"),
+    }  # fmt: skip
+    for kind, names in same.items():
+        if names:
+            yield (*listing(names), Text(verbs[kind][len(names) > 1]))
+    for name, expr in others:
+        yield (Formula(w.equation(w.symbol(name), expr)),)
 
 
 def horizon(w: Writing) -> Iterator[Inlines]:
@@ -203,15 +191,12 @@ def termination(w: Writing) -> Iterator[Inlines]:
     if expr is None:
         return
     if isinstance(expr, s.Boolean):
-        yield (Text("after every step" if expr.value else "never"),)
+        yield (Text(("never", "after every step")[expr.value]),)
     else:
         yield (Text("when "), Formula(w.truth(expr)))
     reward = w.parsed("absorbing_reward")
     if reward is not None:
         yield (Text("where terminal states absorb, each further step pays "), Formula(w.math(reward)))
-
-
-# -- what happens -----------------------------------------------------------------------------------------------------
 
 
 def definitions(w: Writing) -> Iterator[Inlines]:
@@ -232,16 +217,17 @@ def definitions(w: Writing) -> Iterator[Inlines]:
 
 def _when_drawn(w: Writing, noise: str) -> str:
     """Return when the draws of a noise are made: at the start, in every step, or both."""
-    starts, steps = (_is_named(w, noise, sections) for sections in (("initial",), _OF_STEPS))
-    if starts:
-        return "at the start, and again in every step" if steps else "at the start of an episode"
-    return "again in every step"
+    if not _is_read(w, noise, ("initial",)):
+        return "again in every step"
+    return "at the start, and again in every step" if _is_read(w, noise, _OF_STEPS) else "at the start of an episode"
 
 
-def _is_named(w: Writing, name: str, sections: Iterable[str]) -> bool:
-    parsed = (w.parsed(section) for section in sections)
-    exprs = (e for each in parsed for e in (each.values() if isinstance(each, Mapping) else (each,)))
-    return any(e is not None and name in w.reads(e) for e in exprs)
+def _is_read(w: Writing, name: str, sections: Iterable[str]) -> bool:
+    for section in map(w.parsed, sections):
+        exprs = section.values() if isinstance(section, Mapping) else (section,)
+        if any(name in w.reads(e) for e in exprs if e is not None):
+            return True
+    return False
 
 
 def dynamics(w: Writing) -> Iterator[Inlines]:
@@ -259,10 +245,9 @@ def dynamics(w: Writing) -> Iterator[Inlines]:
 def _transition(w: Writing, name: str, expr: s.Expr) -> Iterator[Inlines]:
     actions = list(w.spec.action)
     expr = w.put(expr)
-    alone = len(w.task.state) == 1
-    if alone and isinstance(expr, s.Table) and piecewise.has_arrows(expr, name, actions):
-        action = w.whole(actions)
-        for line in piecewise.arrows(ExpressionWriter(w.notation, name), expr, name, action, actions[0]):
+    if len(w.task.state) == 1 and isinstance(expr, s.Table) and piecewise.has_arrows(expr, name, actions):
+        writer = ExpressionWriter(w.notation, name)
+        for line in piecewise.arrows(writer, expr, name, w.whole(actions), actions[0]):
             yield (Formula(line),)
     else:
         yield (Formula(w.equation(w.symbol(name, primed=True), expr, name)),)
@@ -280,14 +265,11 @@ def rewards(w: Writing) -> Iterator[Inlines]:
 def initial(w: Writing) -> Iterator[Inlines]:
     """Yield a line for each component; neighbours that are drawn alike share one."""
     found = list((w.parsed("initial") or {}).items())
-    for written, group in groupby(found, key=lambda item: text(item[1]) if is_draw(item[1]) else item[0]):
+    for _, group in groupby(found, key=lambda item: text(item[1]) if is_draw(item[1]) else item[0]):
         pairs = list(group)
-        names, (_, expr) = [w.symbol(name) for name, _ in pairs], pairs[0]
-        together = written != pairs[0][0] and len(pairs) > 1
-        yield (
-            Formula(w.equation(m.joined(names), expr, pairs[0][0])),
-            *((Text(", independently"),) if together else ()),
-        )
+        name, expr = pairs[0]
+        line: Inlines = (Formula(w.equation(m.joined(w.symbol(each) for each, _ in pairs), expr, name)),)
+        yield line if len(pairs) == 1 else (*line, Text(", independently"))
 
 
 def roles(w: Writing) -> Iterator[Inlines]:
@@ -299,25 +281,24 @@ def roles(w: Writing) -> Iterator[Inlines]:
 def expert(w: Writing) -> Iterator[Inlines]:
     """Yield the expert's memory, and its actions."""
     for c in () if w.task.memory is None else w.task.memory.components:
-        first, later = (w.parsed("memory")[c.name + prime] for prime in ("", "'"))
+        memory = w.parsed("memory")
         symbol = w.symbol(c.name)
+        doc = (Text(", "), *inlines(c.doc)) if c.doc else ()
         yield (
-            Text("remembers "), formula(symbol, m.Sym("∈"), w.domain(c.name, w.spec.memory[c.name])),
-            *((Text(", "), *inlines(c.doc)) if c.doc else ()), Text(": at first "), Formula(w.equation(symbol, first, c.name)),
-            Text("; after a step "), Formula(w.equation(w.symbol(c.name, primed=True), later, c.name)),
+            Text("remembers "), formula(symbol, m.Sym("∈"), w.domain(c.name, w.spec.memory[c.name])), *doc,
+            Text(": at first "), Formula(w.equation(symbol, memory[c.name], c.name)), Text("; after a step "),
+            Formula(w.equation(w.symbol(c.name, primed=True), memory[f"{c.name}'"], c.name)),
         )  # fmt: skip
+    found = w.parsed("expert")
     match w.task.expert:
         case None:
             return
         case "optimal":
             yield (Text("an optimal policy of the exact model"),)
         case Soft():
-            beta = w.parsed("expert")
-            value = w.math(beta.args[0]) if isinstance(beta, s.Call) else m.Num(f"{w.task.expert.beta:g}")
+            value = w.math(found.args[0]) if isinstance(found, s.Call) else m.Num(f"{w.task.expert.beta:g}")
             yield (Text("Boltzmann-rational, "), formula(m.Ident("β"), m.Sym("="), value))
         case _:
-            found = w.parsed("expert")
-            names = list(w.spec.action)
-            pairs = found.items() if isinstance(found, Mapping) else [(names[0], found)]
-            for name, expr in pairs:
+            actions = found if isinstance(found, Mapping) else {next(iter(w.spec.action)): found}
+            for name, expr in actions.items():
                 yield (Formula(w.equation(w.symbol(name), expr, name)),)

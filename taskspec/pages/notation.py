@@ -50,16 +50,19 @@ def notation(pages: Iterable[Page]) -> Inlines:
     """Return the paragraph for some pages: what always holds, then the signs, the returns and the marks that occur on them."""
     pages = tuple(pages)
     pieces = [piece for page in pages for piece in _pieces(page)]
-    trees = [piece.math for piece in pieces if isinstance(piece, Formula)]
-    written = "\n".join({plain(tree) for tree in trees})
-    marked = [piece.text for piece in pieces if isinstance(piece, Mark)]
-    told = [_ALWAYS, *(text for sign, text in _SIGNS if re.search(sign, written)), *_draws(pages)]
-    told += [_CASES] if any(map(_has_cases, trees)) else []
+    written = "\n".join({plain(piece.math) for piece in pieces if isinstance(piece, Formula)})
+    sentences = [_ALWAYS, *(text for sign, text in _SIGNS if re.search(sign, written)), *_draws(pages)]
+    if any(_has_cases(piece.math) for piece in pieces if isinstance(piece, Formula)):
+        sentences.append(_CASES)
     if any(page.section("scores") for page in pages):
-        told.append(_RETURNS.format(discounted=_DISCOUNTED if _discounts(pages) else ""))
-    return inlines(
-        " ".join([*told, *(text for word, text in _MARKS if any(found.startswith(word) for found in marked))])
-    )
+        # at a page's own values of the parameters, or at others beside them
+        tasks = (task for page in pages for task in (page.task, *(s.task for s in page.settings)))
+        discounted = _DISCOUNTED if any(task.discount != 1 for task in tasks) else ""
+        sentences.append(_RETURNS.format(discounted=discounted))
+    for word, text in _MARKS:
+        if any(isinstance(piece, Mark) and piece.text.startswith(word) for piece in pieces):
+            sentences.append(text)
+    return inlines(" ".join(sentences))
 
 
 def _draws(pages: Iterable[Page]) -> Iterator[str]:
@@ -82,20 +85,18 @@ def _has(letter: m.Math, tree: m.Math) -> bool:
 
 def _has_cases(tree: m.Math) -> bool:
     """Return whether there is a choice between several conditions."""
-    conditions = [c for _, c in tree.rows if IF in m.children(c)] if isinstance(tree, m.Cases) else []
-    return len(conditions) > 1 or any(map(_has_cases, m.children(tree)))
-
-
-def _discounts(pages: Iterable[Page]) -> bool:
-    """Return whether returns on some page are discounted, at its own values of the parameters or at others beside them."""
-    return any(task.discount != 1 for page in pages for task in (page.task, *(s.task for s in page.settings)))
+    if isinstance(tree, m.Cases) and sum(IF in m.children(condition) for _, condition in tree.rows) > 1:
+        return True
+    return any(map(_has_cases, m.children(tree)))
 
 
 def _pieces(page: Page) -> Iterator[Inline]:
     """Yield all prose in the sections of a page, with its settings and its tables."""
     for section in page.sections:
+        contents: list[Inlines] = []
         for line in section.lines:
-            yield from line.content
-            yield from (piece for values in line.values for piece in values)
+            contents += [line.content, *line.values]
         for row in section.table.rows if section.table else ():
-            yield from (piece for cell in row for piece in cell)
+            contents += row
+        for content in contents:
+            yield from content

@@ -85,10 +85,14 @@ def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[s
     settings = tuple(_settings(task, columns, facts is not None))
     facts = facts or Facts()
     shown = _with_settings(task, facts, settings)
+    changed = [f"{p.name}={p.value!r}" for p in task.parameters if p.value != p.default]
+    if task.modifiers:
+        changed.append(f"modifiers={list(map(str, task.modifiers))!r}")
+    make = f"gymnasium.make({', '.join((json.dumps(task.id, ensure_ascii=False), *changed))})"
     return Page(
         id=task.id, name=task.name, anchor=anchor(task.name), title=task.title,
         capability=task.spec.capability or "", summary=inlines(task.spec.summary),
-        description=blocks(task.spec.description), make=make_line(task), sections=shown,
+        description=blocks(task.spec.description), make=visible(make, keep=""), sections=shown,
         sources=tuple(Cite(x.key, x.where) for x in task.spec.sources),
         source_text=task.document.origin.text, source_name=task.document.origin.name.replace("\\", "/").rsplit("/")[-1],
         task=task, facts=facts, settings=settings,
@@ -99,19 +103,6 @@ def anchor(name: str) -> str:
     """Return a name as part of an address or a file name."""
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower()
     return safe_name(re.sub(r"[^a-z0-9]+", "-", words).strip("-") or "task")
-
-
-def make_line(task: Task) -> str:
-    """Return the line of Python that makes the environment, with changed parameters and modifiers."""
-    changed = "".join(f", {p.name}={p.value!r}" for p in task.parameters if p.value != p.default)
-    given = [str(m) for m in task.modifiers]
-    changed += f", modifiers={given!r}" if given else ""
-    return visible(f"gymnasium.make({json.dumps(task.id, ensure_ascii=False)}{changed})", keep="")
-
-
-def setting_title(task: Task) -> str:
-    """Return the values of all parameters."""
-    return ", ".join(f"{p.name} = {p.value}" for p in task.parameters)
 
 
 def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> Iterator[Setting]:
@@ -134,23 +125,22 @@ def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tup
         shown = [_beside(s, found.get(s.key)) for s in shown]
     if not settings:
         return tuple(shown)
-    both = [(setting_title(task), task, facts), *((s.title, s.task, s.facts) for s in settings)]
-    return tuple(replace(s, lines=(), table=scores.table(both)) if s.key == "scores" else s for s in shown)
+    own = ", ".join(f"{p.name} = {p.value}" for p in task.parameters)
+    table = scores.table([(own, task, facts), *((s.title, s.task, s.facts) for s in settings)])
+    return tuple(replace(s, lines=(), table=table) if s.key == "scores" else s for s in shown)
 
 
 def _beside(section: Section, concrete: Section | None) -> Section:
     if concrete is None or len(concrete.lines) != len(section.lines) or section.key in ("parameters", "scores"):
         return section  # a setting is headed by its parameters, and scores stand side by side
-    lines = [_line_beside(a, b) for a, b in zip(section.lines, concrete.lines, strict=True)]
+    lines = []
+    for line, other in zip(section.lines, concrete.lines, strict=True):
+        found = other.content if other.content != line.content else ()
+        lines.append(replace(line, values=(*line.values, found)))
     return replace(section, lines=tuple(lines))
 
 
-def _line_beside(line: SectionLine, concrete: SectionLine) -> SectionLine:
-    found = concrete.content if concrete.content != line.content else ()
-    return replace(line, values=(*line.values, found))
-
-
-# -- short pages, and tasks of one spec as differences
+# Short pages, and tasks of one spec as differences.
 
 _KEPT = frozenset({
     "parameters", "modifiers", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",
@@ -187,21 +177,21 @@ class Family:
 
 def briefly(page: Page) -> Page:
     """Return the page without its description, and without the sections that a reader of the paper can do without."""
-    kept = tuple(s for s in page.sections if s.key in _KEPT and not (s.key == "observations" and _is_state(page)))
-    return replace(page, sections=tuple(_shorter(s) if s.key == "scores" else s for s in kept), description=())
+    observation = page.task.observation
+    kept = []
+    for section in page.sections:
+        if section.key == "scores":  # "optimal" for "optimal return"
+            kept.append(replace(section, lines=tuple(map(_shorter, section.lines))))
+        elif section.key == "observations" and observation.is_state and observation.space == "auto":
+            continue
+        elif section.key in _KEPT:
+            kept.append(section)
+    return replace(page, sections=tuple(kept), description=())
 
 
-def _shorter(scores: Section) -> Section:
-    """Return the scores with "optimal" for "optimal return"."""
-
-    def told(content: Inlines) -> Inlines:
-        return tuple(Text(x.text.replace(" return ", " ")) if isinstance(x, Text) else x for x in content)
-
-    return replace(scores, lines=tuple(replace(line, content=told(line.content)) for line in scores.lines))
-
-
-def _is_state(page: Page) -> bool:
-    return page.task.observation.is_state and page.task.observation.space == "auto"
+def _shorter(line: SectionLine) -> SectionLine:
+    content = [Text(x.text.replace(" return ", " ")) if isinstance(x, Text) else x for x in line.content]
+    return replace(line, content=tuple(content))
 
 
 def families(pages: Iterable[Page]) -> list[Family]:
@@ -209,39 +199,40 @@ def families(pages: Iterable[Page]) -> list[Family]:
     found = []
     for _, group in groupby(pages, key=lambda page: page.task.document.origin.name):
         head, *others = group
-        told = [_sibling(page, [head, *others[:i]]) for i, page in enumerate(others)]
-        found.append(Family(head, tuple(told)))
+        siblings = [_sibling(page, [head, *others[:i]]) for i, page in enumerate(others)]
+        found.append(Family(head, tuple(siblings)))
     return found
 
 
 def _sibling(page: Page, before: Sequence[Page]) -> Sibling:
-    """Return the differences from that earlier page which leaves the fewest lines."""
-    differing = [_differing(base, page) for base in before]
-    sections, base = min(zip(differing, before, strict=True), key=lambda pair: _defining_lines(pair[0]))
-    return Sibling(replace(page, sections=sections), base)
-
-
-def _defining_lines(sections: Sequence[Section]) -> int:
-    """Return how many lines define what differs, without scores."""
-    return sum(len(section.lines) for section in sections if section.key != "scores")
+    """Return the differences from that earlier page which leaves the fewest lines, scores apart."""
+    best: tuple[Section, ...] = ()
+    base = before[0]
+    least: float = float("inf")
+    for other in before:
+        sections = _differing(other, page)
+        count = sum(len(section.lines) for section in sections if section.key != "scores")
+        if count < least:
+            best = sections
+            base = other
+            least = count
+    return Sibling(replace(page, sections=best), base)
 
 
 def _differing(base: Page, page: Page) -> tuple[Section, ...]:
     """Return the sections that a page's base lacks or has with other content, parameters only at other values."""
-    found = [section for section in page.sections if base.section(section.key) != section]
     same = [p.name for p in page.task.parameters] == [p.name for p in base.task.parameters]
-    changed = [_changed(base, section) if same and section.key == "parameters" else section for section in found]
-    return (*changed, *(_without(section) for section in base.sections if page.section(section.key) is None))
-
-
-def _changed(base: Page, section: Section) -> Section:
-    """Return a section with only the lines that differ from those of the base."""
-    known = base.section(section.key)
-    kept = tuple(line for line in section.lines if known is None or line not in known.lines)
-    return replace(section, lines=kept, lead=section.lead or len(kept) == 1)
-
-
-def _without(section: Section) -> Section:
-    """Return what replaces a section that a page does not have."""
-    told = "the state" if section.key == "observations" else "none"
-    return replace(section, lines=(SectionLine((Text(told),)),), lead=True, run_on=False, table=None)
+    found = []
+    for section in page.sections:
+        known = base.section(section.key)
+        if known == section:
+            continue
+        if same and section.key == "parameters":
+            kept = tuple(line for line in section.lines if known is None or line not in known.lines)
+            section = replace(section, lines=kept, lead=section.lead or len(kept) == 1)
+        found.append(section)
+    for section in base.sections:
+        if page.section(section.key) is None:
+            line = SectionLine((Text("the state" if section.key == "observations" else "none"),))
+            found.append(replace(section, lines=(line,), lead=True, run_on=False, table=None))
+    return tuple(found)

@@ -137,12 +137,15 @@ def _blocks(tokens: Iterator[Token], close: str | None) -> Iterator[Block]:
             return
         match token.type:
             case "paragraph_open" | "heading_open":
-                inner = next(tokens)
-                content = _merge(_inlines(iter(inner.children or ()), None))
+                content = _merge(_inlines(iter(next(tokens).children or ()), None))
                 next(tokens)
                 yield Paragraph(content if token.type == "paragraph_open" else (Emph(content, strong=True),))
             case "bullet_list_open" | "ordered_list_open":
-                yield _list(tokens, token.type.replace("open", "close"))
+                close_list = token.type.replace("open", "close")
+                items = []
+                while next(tokens).type != close_list:  # each item begins with a token of its own
+                    items.append(tuple(_blocks(tokens, "list_item_close")))
+                yield Bullets(tuple(items), ordered=token.type == "ordered_list_open")
             case "fence" | "code_block":
                 yield Verbatim(token.content.rstrip("\n"))
             case "math_block" | "math_block_label":
@@ -151,16 +154,6 @@ def _blocks(tokens: Iterator[Token], close: str | None) -> Iterator[Block]:
                 yield from _blocks(tokens, "blockquote_close")
             case _:
                 continue
-
-
-def _list(tokens: Iterator[Token], close: str) -> Bullets:
-    items: list[tuple[Block, ...]] = []
-    for token in tokens:
-        if token.type == close:
-            break
-        if token.type == "list_item_open":
-            items.append(tuple(_blocks(tokens, "list_item_close")))
-    return Bullets(tuple(items), ordered=close.startswith("ordered"))
 
 
 def _inlines(tokens: Iterator[Token], close: str | None) -> Iterator[Inline]:
@@ -181,27 +174,22 @@ def _inlines(tokens: Iterator[Token], close: str | None) -> Iterator[Inline]:
                 yield Emph(inner, strong=token.type == "strong_open")
             case "link_open":
                 inner = _merge(_inlines(tokens, "link_close"))
-                yield from _link(str(token.attrGet("href") or ""), inner)
+                address = str(token.attrGet("href") or "")
+                if is_safe(address):
+                    yield Link(address, inner)
+                else:
+                    yield from inner
             case _:
                 yield Text(token.content)
-
-
-def _link(address: str, inner: Inlines) -> Iterator[Inline]:
-    """Yield a link, or its words alone where the address is not one to follow."""
-    if is_safe(address):
-        yield Link(address, inner)
-    else:
-        yield from inner
 
 
 def is_safe(address: str) -> bool:
     """Return whether an address is a web page, a mail address or a place nearby, not a script."""
     try:
-        return urlsplit(address).scheme.lower() in _SAFE and ":" not in address.split("/")[0].replace(
-            f"{urlsplit(address).scheme}:", "", 1
-        )
+        scheme = urlsplit(address).scheme
     except ValueError:
         return False
+    return scheme.lower() in _SAFE and ":" not in address.split("/")[0].replace(f"{scheme}:", "", 1)
 
 
 def _merge(pieces: Iterator[Inline]) -> Inlines:
@@ -215,11 +203,16 @@ def _merge(pieces: Iterator[Inline]) -> Inlines:
     return tuple(out)
 
 
-def listing(items: Sequence[Inlines], last: str = "and") -> Inlines:
-    """Return items as a sentence lists them: a, b and c."""
+def separated(items: Sequence[Inlines], mark: str = ", ", last: str | None = None) -> Inlines:
+    """Return items with a mark between them, and maybe another one before the last."""
     out: list[Inline] = []
     for i, item in enumerate(items):
         if i:
-            out.append(Text(f" {last} " if i == len(items) - 1 else ", "))
+            out.append(Text(mark if last is None or i < len(items) - 1 else last))
         out += item
-    return _merge(iter(out))
+    return tuple(out)
+
+
+def listing(items: Sequence[Inlines]) -> Inlines:
+    """Return items as a sentence lists them: a, b and c."""
+    return _merge(iter(separated(items, last=" and ")))

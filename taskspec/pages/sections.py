@@ -10,7 +10,6 @@ from taskspec.abstraction.symmetry_proofs import verify_symmetry
 from taskspec.lang import syntax as s
 from taskspec.modifiers import sentences
 from taskspec.pages import claims, lines
-from taskspec.pages import claims as examples
 from taskspec.pages import facts as scores
 from taskspec.pages.equations import Writing
 from taskspec.pages.facts import Facts
@@ -19,9 +18,7 @@ from taskspec.pages.prose import CellTable, Cite, CodeSpan, Formula, Inline, Inl
 from taskspec.printers import tree as m
 from taskspec.task.build import build_abstract
 from taskspec.task.spaces import SpaceLayout
-from taskspec.task.task import Component, Task
-
-# -- abstraction
+from taskspec.task.task import Task
 
 _OWN: tuple[tuple[str, str, Maker], ...] = (
     ("initial", "initial state", lines.initial),
@@ -52,8 +49,6 @@ def abstraction(w: Writing) -> Iterator[Inlines]:
         yield (Text("all else as above, with "), formula(m.joined(pairs)))
 
 
-# -- symmetries
-
 _MAPS = {"observation": "what is seen: ", "action": "actions: "}
 
 
@@ -67,31 +62,27 @@ def symmetries(w: Writing) -> Iterator[Inlines]:
             shown = [formula(w.symbol(name), m.Sym("↦"), w.math(expr)) for name, expr in maps.items()]
             content += [Text(_MAPS[key]), *listing([(each,) for each in shown]), Text("; ")]
         found = verify_symmetry(w.task, symmetry)
-        how = "proved" if found.is_proved else f"tested at {found.points:,} points"
-        yield (
-            *content,
-            Text("returns are kept "),
-            Mark(found.problem is None, how if found.problem is None else "false"),
-        )
-
-
-# -- modifiers
+        mark = Mark(False, "false")
+        if found.problem is None:
+            mark = Mark(True, "proved" if found.is_proved else f"tested at {found.points:,} points")
+        yield (*content, Text("returns are kept "), mark)
 
 
 def modifiers(task: Task) -> Iterator[Inlines]:
     """Yield a line for each, and one for the sizes of the state and the observation."""
     for each, said in sentences(task):
         yield (CodeSpan(str(each)), Text(": "), *inlines(said))
-    if task.modifiers:
-        yield (
-            Text("with "),
-            *_all_of(task),
-            Text(f"; the rest of this page, its scores apart, is the task as written{_lost(task)}"),
-        )
-
-
-def _lost(task: Task) -> str:
-    return ", whose expert is not one here" if task.expert is None is not task.unmodified.expert else ""
+    if not task.modifiers:
+        return
+    line: list[Inline] = [Text(f"with {'them' if len(task.modifiers) > 1 else 'it'}, the state is ")]
+    line += listing([(CodeSpan(c.name),) for c in task.state])
+    if all(c.is_finite for c in task.state):
+        count = math.prod(n for c in task.state for n in c.counts)
+        line += [Text(" ("), Formula(m.Num(f"{count:,}" if count < 10**9 else f"{count:.2e}")), Text(" values)")]
+    rest = "; the rest of this page, its scores apart, is the task as written"
+    if task.expert is None is not task.unmodified.expert:
+        rest += ", whose expert is not one here"
+    yield (*line, Text(", and the observation is "), *_observation(task.observation_layout), Text(rest))
 
 
 def as_written(task: Task) -> Task:
@@ -99,37 +90,13 @@ def as_written(task: Task) -> Task:
     return replace(task.unmodified, claims=task.claims, examples=task.examples)
 
 
-def _all_of(task: Task) -> Iterator[Inline]:
-    """Yield `them, the state is s, acted (8 values), and the observation one of 4 numbers`."""
-    yield Text("them, the state is " if len(task.modifiers) > 1 else "it, the state is ")
-    yield from listing([(CodeSpan(c.name),) for c in task.state])
-    yield from _values(task.state)
-    yield Text(", and the observation is ")
-    yield from _observation(task.observation_layout)
-
-
-def _values(components: tuple[Component, ...]) -> Iterator[Inline]:
-    if not all(c.is_finite for c in components):
-        return
-    count = math.prod(n for c in components for n in c.counts)
-    number: m.Math = m.Num(f"{count:,}" if count < 10**9 else f"{count:.2e}")
-    yield from (Text(" ("), Formula(number), Text(" values)"))
-
-
-def _observation(layout: SpaceLayout) -> Iterator[Inline]:
-    match layout.form:
-        case "discrete":
-            yield from (Text("one of "), Formula(m.Num(f"{layout.counts[0]:,}")), Text(" numbers"))
-        case "dict":
-            yield from (Text("a dictionary of "), *listing([(CodeSpan(c.name),) for c in layout.components]))
-        case "box":
-            yield from (Text("a vector of "), Formula(m.Num(f"{layout.size:,}")), Text(" reals"))
-        case form:
-            kind = "integers" if form == "multi_discrete" else "zeros and ones"
-            yield from (Text("a vector of "), Formula(m.Num(f"{layout.size:,}")), Text(f" {kind}"))
-
-
-# -- sections
+def _observation(layout: SpaceLayout) -> Inlines:
+    if layout.form == "discrete":
+        return (Text("one of "), Formula(m.Num(f"{layout.counts[0]:,}")), Text(" numbers"))
+    if layout.form == "dict":
+        return (Text("a dictionary of "), *listing([(CodeSpan(c.name),) for c in layout.components]))
+    kind = {"box": "reals", "multi_discrete": "integers"}.get(layout.form, "zeros and ones")
+    return (Text("a vector of "), Formula(m.Num(f"{layout.size:,}")), Text(f" {kind}"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +115,7 @@ class Section:
     key: str
     title: str
     lines: tuple[SectionLine, ...]
-    lead: bool = True
+    lead: bool = False
     run_on: bool = False  # short lines, which may follow each other with semicolons
     table: CellTable | None = None
 
@@ -174,32 +141,29 @@ _SECTIONS: tuple[tuple[str, str, lines.Maker, bool], ...] = (
 def all_sections(w: Writing, facts: Facts) -> list[Section]:
     """Return every section that has content."""
     changed = modifiers(w.task)
-    told = Section("modifiers", "Modifiers, in this order", tuple(map(SectionLine, changed)), False)
     w = replace(w, task=as_written(w.task))
-    found = [Section(key, title, tuple(SectionLine(x) for x in make(w)), lead) for key, title, make, lead in _SECTIONS]
-    grids = Section(
-        "maps", "Maps", tuple(SectionLine((Text(name),), verbatim=text) for name, text in lines.grids(w)), False
-    )
-    found[1:1] = [told, grids]
+    maps = [SectionLine((Text(name),), verbatim=text) for name, text in lines.grids(w)]
+    score_lines = tuple(map(SectionLine, scores.lines(w.task, facts)))
+    found = [Section(key, title, tuple(map(SectionLine, make(w))), lead) for key, title, make, lead in _SECTIONS]
+    found[1:1] = [
+        Section("modifiers", "Modifiers, in this order", tuple(map(SectionLine, changed))),
+        Section("maps", "Maps", tuple(maps)),
+    ]
     found += [
-        Section(
-            "scores", scores.title(facts), tuple(map(SectionLine, scores.lines(w.task, facts))), False, run_on=True
-        ),
-        Section("claims", "Claims", tuple(_claims(w, facts)), False),
-        Section("examples", "Examples", (), False, table=examples.table(w, facts.wrong_examples)),
-        Section("errata", "Corrections to the source", tuple(_errata(w)), False),
-        Section("sources", "Sources", tuple(_sources(w)), False),
+        Section("scores", scores.title(facts), score_lines, run_on=True),
+        Section("claims", "Claims", tuple(_claims(w, facts))),
+        Section("examples", "Examples", (), table=claims.table(w, facts.wrong_examples)),
+        Section("errata", "Corrections to the source", tuple(map(SectionLine, _errata(w)))),
+        Section("sources", "Sources", tuple(SectionLine((Cite(x.key, x.where),)) for x in w.spec.sources)),
     ]
     return [_single(s) for s in found if s.lines or s.table]
 
 
 def _single(section: Section) -> Section:
     """Put a single line beside its heading."""
-    lead = section.lead or (len(section.lines) == 1 and section.lines[0].verbatim is None)
-    return replace(section, lead=lead)
-
-
-# -- results ----------------------------------------------------------------------------------------------------------
+    if len(section.lines) == 1 and section.lines[0].verbatim is None:
+        return replace(section, lead=True)
+    return section
 
 
 def _claims(w: Writing, facts: Facts) -> Iterator[SectionLine]:
@@ -215,24 +179,12 @@ def _claims(w: Writing, facts: Facts) -> Iterator[SectionLine]:
         yield SectionLine(tuple(content))
 
 
-# -- where it comes from ----------------------------------------------------------------------------------------------
-
-
-def _errata(w: Writing) -> Iterator[SectionLine]:
+def _errata(w: Writing) -> Iterator[Inlines]:
     for entry in w.spec.errata:
-        content: Inlines = (*_sentence(entry.source), Text(" Here: "), *inlines(entry.here))
+        source = entry.source.strip()
+        if not source.endswith((".", "!", "?")):
+            source += "."
+        content: Inlines = (*inlines(source[:1].upper() + source[1:]), Text(" Here: "), *inlines(entry.here))
         if entry.because:
             content += (Text(", because "), *inlines(entry.because))
-        yield SectionLine((*content, Text(".")))
-
-
-def _sentence(text: str) -> Inlines:
-    """Return a text that starts with a capital and ends with a stop."""
-    text = text.strip()
-    ended = text if text.endswith((".", "!", "?")) else f"{text}."
-    return inlines(ended[:1].upper() + ended[1:])
-
-
-def _sources(w: Writing) -> Iterator[SectionLine]:
-    for entry in w.spec.sources:
-        yield SectionLine((Cite(entry.key, entry.where),))
+        yield (*content, Text("."))

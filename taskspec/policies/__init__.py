@@ -1,1 +1,1 @@
-"""Policies: by name, experts, and whatever a user hands in."""
+"""Policies: by name, experts, and those of users."""

@@ -22,20 +22,20 @@ from taskspec.lang.types import Kind
 from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.model import Model, misused
 from taskspec.policies.files import function_of, is_function
-from taskspec.policies.named import named, unknown
 from taskspec.policies.policy import (
     Actions,
+    Asking,
     EpisodeBatch,
-    SharedDraws,
     Tabulated,
     TaskPolicy,
     drawn,
+    named,
     observation_of,
     states_of,
+    unknown,
 )  # fmt: skip
 from taskspec.rollout.rollout import State, reads_of
-from taskspec.solve.backward import Plan
-from taskspec.solve.plans import stationary, timed
+from taskspec.solve.plans import timed
 from taskspec.task import spaces
 from taskspec.task.task import Task
 
@@ -90,9 +90,8 @@ class ObservationPolicy(TaskPolicy):
 
     def batch(self, states: State, t: int, rng: np.random.Generator, observed_at: int | None = None) -> EpisodeBatch:
         """Return a batch with observations of states; `observed_at` is the time they show, if it differs from `t`."""
-        lanes = next(iter(states.values())).shape[-1]
         observations = self.observe(states, t if observed_at is None else observed_at, rng)
-        return EpisodeBatch(t, states, observations, SharedDraws(rng, lanes), np.ones(lanes, np.bool_))
+        return EpisodeBatch.sharing(t, states, observations, rng)
 
     @abstractmethod
     def act(self, batch: EpisodeBatch) -> Any:
@@ -106,10 +105,10 @@ class ObservationPolicy(TaskPolicy):
         rows = actions.reshape(lanes, -1)
         found = {}
         for c, segment in zip(self.task.action, self.actions.segments, strict=True):
-            part = rows[:, segment.first : segment.first + segment.size]
-            part = part + np.array(segment.starts) if segment.starts else part
-            values = part.astype(np.float64) if c.type.kind is Kind.REAL else np.rint(part).astype(np.int64)
-            found[c.name] = values.T.reshape(*c.type.shape, lanes)
+            values = rows[:, segment.first : segment.first + segment.size]
+            if segment.starts:
+                values = values + np.array(segment.starts)
+            found[c.name] = _of_kind(values, c.type.kind).T.reshape(*c.type.shape, lanes)
         return found
 
     def probabilities(self, observations: Any) -> Array | None:
@@ -118,52 +117,53 @@ class ObservationPolicy(TaskPolicy):
 
     def tabulate(self, model: Model) -> Tabulated | None:
         """Return its probabilities, or else its actions if they never vary, in all states of a model."""
-        if self.is_noisy:
+        if self.is_noisy or (self.sees_time and model.horizon is None):
             return None
-        for asked, answer in (("probabilities", self._probabilities), ("actions", self._constant)):
-            plan = self._plan(model, answer)
-            if plan is not None:
-                return Tabulated(plan, asked)  # type: ignore[arg-type]
+        asks: dict[Asking, Callable[[Model, int], Array | None]] = {
+            "probabilities": self._probabilities,
+            "actions": self._constant,
+        }
+        for asked, answer in asks.items():
+            found = []
+            for t in range(model.horizon or 1 if self.sees_time else 1):
+                table = answer(model, t)
+                if table is None:
+                    break
+                found.append(table)
+            else:
+                return Tabulated(timed(found), asked)
         return None
 
-    def _plan(self, model: Model, answer: Callable[[Model, int], Array | None]) -> Plan | None:
-        """Return a plan from a function that gives (A, S) at a time; None where it gives None, or there is no last time."""
-        if not self.sees_time:
-            table = answer(model, 0)
-            return None if table is None else stationary(table)
-        if model.horizon is None:
-            return None
-        tables = [answer(model, t) for t in range(model.horizon)]
-        known = [table for table in tables if table is not None]
-        return timed(known) if len(known) == len(tables) else None
-
     def _probabilities(self, model: Model, t: int) -> Array | None:
+        """Return probabilities (A, S) at a time; None where they are unknown."""
         found = self.probabilities(self.observe(states_of(model), t, np.random.default_rng(0)))
         if found is None:
             return None
-        if (
-            found.shape != (model.n_states, model.n_actions)
-            or not np.allclose(found.sum(axis=1), 1)
-            or (found < 0).any()
-        ):
-            misused(
-                f"`action_probabilities` gives rows of {model.n_actions} probabilities that sum to 1, one for each observation"
-            )
+        is_right = found.shape == (model.n_states, model.n_actions) and (found >= 0).all()
+        if not is_right or not np.allclose(found.sum(axis=1), 1):
+            form = f"rows of {model.n_actions} probabilities that sum to 1, one for each observation"
+            misused(f"`action_probabilities` gives {form}")
         return found.T
 
     def _constant(self, model: Model, t: int) -> Array | None:
         """Return actions as probabilities (A, S); None for a policy that remembers, or whose actions vary."""
         if self.may_explore:
             return None
-        states = states_of(model)
-        first = self.choose(self.batch(states, 0, np.random.default_rng(0), observed_at=t))
-        if self.memory is not None:
-            return None
-        for _ in range(ASKS - 1):
-            again = self.choose(self.batch(states, 0, np.random.default_rng(0), observed_at=t))
-            if not all(np.array_equal(first[name], again[name]) for name in first):
+        first: Actions | None = None
+        for _ in range(ASKS):
+            chosen = self.choose(self.batch(states_of(model), 0, np.random.default_rng(0), observed_at=t))
+            if self.memory is not None:
                 return None
+            if first is None:
+                first = chosen
+            elif not all(np.array_equal(first[name], chosen[name]) for name in first):
+                return None
+        assert first is not None
         return one_hot(model, [first[c.name] for c in model.actions.components])
+
+
+def _of_kind(values: Array, kind: Kind) -> Array:
+    return values.astype(np.float64) if kind is Kind.REAL else np.rint(values).astype(np.int64)
 
 
 class Predictor(ObservationPolicy):
@@ -285,28 +285,26 @@ class StateFunction(TaskPolicy):
         answer = self.function(batch.states, batch.t)
         if isinstance(answer, Mapping) and all(name in answer for name in self.names):
             return answer
-        given = (
-            ", ".join(map(str, answer)) if isinstance(answer, Mapping) else f"a value of type {type(answer).__name__}"
-        )
-        misused(
-            f"a function that is a policy gives the action by component, {', '.join(self.names)}, not {given or 'nothing'}",
-            self.hint,
-        )
+        given = f"a value of type {type(answer).__name__}"
+        if isinstance(answer, Mapping):
+            given = ", ".join(map(str, answer)) or "nothing"
+        names = ", ".join(self.names)
+        misused(f"a function that is a policy gives the action by component, {names}, not {given}", self.hint)
 
     def tabulate(self, model: Model) -> Tabulated:
         """Return its actions in all states; the plan raises `Varies` if they are not always the same."""
 
         def ask(t: int) -> Array:
             states = {name: v.copy() for name, v in states_of(model).items()}
-            draws = SharedDraws(np.random.default_rng(0), model.n_states)
-            chosen = self.choose(EpisodeBatch(t, states, None, draws, np.ones(model.n_states, np.bool_)))
+            chosen = self.choose(EpisodeBatch.sharing(t, states, None, np.random.default_rng(0)))
             values = [np.asarray(chosen[c.name]) for c in model.actions.components]
             return one_hot(model, [np.broadcast_to(v, (*v.shape[:-1], model.n_states)) for v in values])
 
         def plan(t: int) -> Array:
             first = ask(t)
-            if any(not np.array_equal(first, ask(t)) for _ in range(ASKS - 1 if t == 0 else 1)):
-                raise Varies
+            for _ in range(ASKS - 1 if t == 0 else 1):
+                if not np.array_equal(first, ask(t)):
+                    raise Varies
             return first
 
         return Tabulated(plan, "actions")

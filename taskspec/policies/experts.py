@@ -10,8 +10,7 @@ from taskspec.base.arrays import Array
 from taskspec.lang.ir import Read, Role, reads
 from taskspec.lang.types import Kind
 from taskspec.model.model import misused, refuse
-from taskspec.policies.named import decoded, planned, probabilities_of
-from taskspec.policies.policy import Actions
+from taskspec.policies.policy import Actions, decoded, planned, probabilities_of
 from taskspec.registry import load
 from taskspec.rollout.rollout import State, by_expert
 from taskspec.scores.returns import Given, Results

@@ -20,8 +20,7 @@ from taskspec.policies.adapters import (
     normaliser,
 )  # fmt: skip
 from taskspec.policies.experts import Expert
-from taskspec.policies.named import planned
-from taskspec.policies.policy import Asking, EpisodeBatch, SharedDraws, TaskPolicy, greedy, states_of
+from taskspec.policies.policy import Asking, EpisodeBatch, TaskPolicy, greedy, planned, states_of
 from taskspec.rollout.rollout import Rollout, State
 from taskspec.scores.returns import Results, Return
 from taskspec.solve import solve
@@ -83,8 +82,7 @@ def _value(results: Results, policy: TaskPolicy) -> PolicyValue:
     def choose(states: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
         if isinstance(policy, ObservationPolicy):
             return policy.choose(policy.batch(states, t, rng))
-        lanes = next(iter(states.values())).shape[-1]
-        return policy.choose(EpisodeBatch(t, states, None, SharedDraws(rng, lanes), np.ones(lanes, np.bool_)))
+        return policy.choose(EpisodeBatch.sharing(t, states, None, rng))
 
     return PolicyValue(results.simulated(choose), "samples")
 
@@ -160,6 +158,10 @@ class ObservedValue:
     stochastic: Return
 
 
+Probabilities = Callable[[Any], Array]
+"""From observations (N, *shape) to the probabilities, or values, of actions (N, A)."""
+
+
 def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
     """Return the expected returns of a policy of observations: exact if the task has a model on which it can be tabulated.
 
@@ -183,16 +185,10 @@ def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
             return ObservedValue(best, best)
         return ObservedValue(best, _value(results, Predictor(results.task, policy, deterministic=False)).value)
     if not callable(policy):
-        misused(
-            f"{type(policy).__name__} is not a policy",
-            "a table, a function of the observation, an object with `predict`",
-        )
+        hint = "a table, a function of the observation, an object with `predict`"
+        misused(f"{type(policy).__name__} is not a policy", hint)
     value = _value(results, ObservationFunction(results.task, policy, name="", seed=seed)).value
     return ObservedValue(value, value)
-
-
-Probabilities = Callable[[Any], Array]
-"""From observations (N, *shape) to the probabilities of actions (N, A)."""
 
 
 def _probabilities(policy: Any, task: Task) -> Probabilities | None:
@@ -214,9 +210,9 @@ def _probabilities(policy: Any, task: Task) -> Probabilities | None:
 
 def _of_probabilities(results: Results, values: Probabilities, stochastic: Probabilities, seed: int) -> ObservedValue:
     """Return the values of the greedy policy of some values (N, A), and of a stochastic policy."""
-    both = (lambda observations: greedy(values(observations)), stochastic)
-    best, random = (_value(results, ProbabilisticPolicy(results.task, each, seed)).value for each in both)
-    return ObservedValue(best, random)
+    best = ProbabilisticPolicy(results.task, lambda observations: greedy(values(observations)), seed)
+    random = ProbabilisticPolicy(results.task, stochastic, seed)
+    return ObservedValue(_value(results, best).value, _value(results, random).value)
 
 
 def _of_table(results: Results, table: Array, seed: int) -> ObservedValue:

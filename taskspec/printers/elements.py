@@ -6,14 +6,15 @@ The axes of names are those of the built task (`Notation.axes`), the axes of fun
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, is_dataclass, replace
-from typing import Any
+from dataclasses import replace
+from functools import partial
 
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import DISTS, is_distribution
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.printers import tree as m
 from taskspec.printers.names import Writer
+from taskspec.printers.rewrites import renamed
 
 _LETTERS = "ijkmlnrqu"
 
@@ -22,11 +23,15 @@ def rank(w: Writer, expr: s.Expr) -> int:
     """Return the number of axes of an expression: 0 for a number or a condition, 1 for a vector, 2 for a matrix."""
     match expr:
         case s.Name():
-            return _of_name(w, expr)
+            return _axes_of_name(w, expr)
         case s.Call():
-            return _of_call(w, expr)
+            return _axes_of_call(w, expr)
         case s.Subscript():
-            return _of_subscript(w, expr)
+            slices = sum(isinstance(i, s.Slice) for i in expr.indices)
+            if not _is_known(w, expr.value):
+                return slices
+            picked = sum(_picked_axes(w, i) for i in expr.indices)
+            return max(rank(w, expr.value) - len(expr.indices) + slices, 0) + picked
         case s.Vector(items=items):  # a single element is written like a number
             return _widest(w, items) + (len(items) > 1 or any(isinstance(i, s.Vector) for i in items))
         case s.Comprehension(is_set=False, element=inner):
@@ -35,34 +40,17 @@ def rank(w: Writer, expr: s.Expr) -> int:
             return 0
         case s.Weights() | s.Table():
             return _widest(w, list(s.alternatives(expr)))
+        case s.Unary() | s.Binary() | s.Logical() | s.Compare() | s.IfElse() | s.Piecewise():
+            return _widest(w, m.children(expr))
         case _:
-            return _widest(w, _parts(expr))
+            return 0
 
 
 def _widest(w: Writer, parts: Sequence[s.Expr]) -> int:
     return max((rank(w, part) for part in parts), default=0)
 
 
-def _parts(expr: s.Expr) -> Sequence[s.Expr]:
-    """Return the parts of what is worked out element by element."""
-    match expr:
-        case s.Unary(operand=inner):
-            return (inner,)
-        case s.Binary(left=a, right=b):
-            return a, b
-        case s.Logical(operands=parts):
-            return parts
-        case s.Compare(first=first, rest=rest):
-            return first, *(x for _, x in rest)
-        case s.IfElse(condition=c, then=a, otherwise=b):
-            return c, a, b
-        case s.Piecewise(branches=branches, otherwise=otherwise):
-            return (*(x for branch in branches for x in branch), otherwise)
-        case _:
-            return ()
-
-
-def _of_name(w: Writer, name: s.Name) -> int:
+def _axes_of_name(w: Writer, name: s.Name) -> int:
     known = w.notation.axes.get(name.id)
     if known is not None:
         return known
@@ -72,24 +60,21 @@ def _of_name(w: Writer, name: s.Name) -> int:
     return int(name.id not in w.notation.symbols and not name.primed and w.notation.label(name.id, w.of) is None)
 
 
-def _of_call(w: Writer, call: s.Call) -> int:
+def _axes_of_call(w: Writer, call: s.Call) -> int:
     if is_distribution(call.function):
-        return _of_distribution(w, call)
+        return _axes_of_distribution(w, call)
     if call.function in ("fold", "scan"):
-        start = _widest(w, call.args[1:2])
-        return start + (call.function == "scan")
+        return _widest(w, call.args[1:2]) + (call.function == "scan")
     function = FUNCTIONS.get(call.function)
     if function is not None and function.accepts(len(call.args)):
         return function.axes([rank(w, a) for a in call.args])
-    written = w.notation.bodies.get(call.function)
-    if written is None:
+    if call.function not in w.notation.bodies:
         return 0
-    arguments, body = written
-    given = {name: rank(w, a) for name, a in zip(arguments, call.args, strict=False)}
-    return rank(replace(w, notation=w.notation.with_axes(given)), body)
+    arguments, body = w.notation.bodies[call.function]
+    return rank(w.with_axes({name: rank(w, a) for name, a in zip(arguments, call.args, strict=False)}), body)
 
 
-def _of_distribution(w: Writer, call: s.Call) -> int:
+def _axes_of_distribution(w: Writer, call: s.Call) -> int:
     """Return the number of axes of a distribution, by its `shape` or its parameters."""
     given = dict(call.keywords)
     shape = given.pop("shape", None)
@@ -98,23 +83,17 @@ def _of_distribution(w: Writer, call: s.Call) -> int:
     dist = DISTS.get(call.function)
     if dist is not None and not dist.shaped:
         return 1
-    values = [i for a in call.args for i in (a.items if isinstance(a, s.SetOf) else s.alternatives(a))]
+    values: list[s.Expr] = []
+    for a in call.args:
+        values += a.items if isinstance(a, s.SetOf) else s.alternatives(a)
     if dist is None:  # values with their probabilities, or probabilities alone
         return _widest(w, [v for v in values if v not in call.args])
     return _widest(w, [*values, *given.values()])
 
 
-def _of_subscript(w: Writer, expr: s.Subscript) -> int:
-    slices = sum(isinstance(i, s.Slice) for i in expr.indices)
-    if not _is_known(w, expr.value):
-        return slices
-    picked = sum(_picks(w, i) for i in expr.indices if not isinstance(i, s.Slice))
-    return max(rank(w, expr.value) - len(expr.indices) + slices, 0) + picked
-
-
-def _picks(w: Writer, index: s.Expr) -> int:
+def _picked_axes(w: Writer, index: s.Expr | s.Slice) -> int:
     """Return the axes of an index: a vector of indices picks several rows."""
-    return rank(w, index) if _is_known(w, index) else 0
+    return 0 if isinstance(index, s.Slice) or not _is_known(w, index) else rank(w, index)
 
 
 def _is_known(w: Writer, expr: s.Expr) -> bool:
@@ -135,12 +114,10 @@ def under(w: Writer, expr: s.Comprehension) -> Writer:
                 axes = rank(under(w, domain), inner)
             case domain:
                 axes = max(rank(w, domain) - 1, 0)
-        several = len(clause.targets) > 1
-        w = replace(w, notation=w.notation.with_axes(dict.fromkeys(clause.targets, 0 if several else axes)))
+        if len(clause.targets) > 1:
+            axes = 0
+        w = w.with_axes(dict.fromkeys(clause.targets, axes))
     return w
-
-
-# -- elements ---------------------------------------------------------------------------------------------------------
 
 
 def pointwise(w: Writer, expr: s.Expr) -> tuple[Writer, m.Math, s.Expr] | None:
@@ -148,18 +125,19 @@ def pointwise(w: Writer, expr: s.Expr) -> tuple[Writer, m.Math, s.Expr] | None:
     axes = rank(w, expr)
     if axes == 0:
         return None
+    own = _variable(expr)
     at = indices(w, expr, axes)
-    if axes == 1 and (own := _variable(expr)):  # the author has named it
+    if axes == 1 and own is not None:  # the author has named it
         at = (s.Name(own, False, expr.place),)
-    inner = replace(w, notation=w.notation.with_axes({index.id: 0 for index in at}))
-    return inner, m.joined([w.notation.symbol(index.id) for index in at]), element(inner, expr, at)
+    inner = w.with_axes({index.id: 0 for index in at})
+    return inner, m.joined(w.notation.symbol(index.id) for index in at), element(inner, expr, at)
 
 
 def indices(w: Writer, expr: s.Expr, count: int = 1) -> tuple[s.Name, ...]:
     """Return letters for indices that the expression does not use, neither as a name nor as what a name looks like."""
     used = {x.id for x in s.names(expr) if isinstance(x, s.Name)} | {*s.targets(expr)} | {*w.notation.symbols}
-    taken: set[object] = used | {w.notation.symbol(name) for name in used}
-    free = [i for i in _LETTERS if i not in taken and m.Ident(i) not in taken]
+    looks = {w.notation.symbol(name) for name in used}
+    free = [i for i in _LETTERS if i not in used and m.Ident(i) not in looks]
     return tuple(s.Name(letter, False, expr.place) for letter in [*free, "ι", "κ"][:count])
 
 
@@ -167,47 +145,33 @@ def element(w: Writer, expr: s.Expr, at: tuple[s.Name, ...]) -> s.Expr:
     """Return the element of an expression at indices; a single value is the same at all of them."""
     if rank(w, expr) == 0:
         return expr
-
-    def go(part: s.Expr) -> s.Expr:
-        return element(w, part, at)
-
+    go = partial(element, w, at=at)
     match expr:
-        case s.Binary(left=a, right=b):
-            return replace(expr, left=go(a), right=go(b))
-        case s.Unary(operand=a):
-            return replace(expr, operand=go(a))
-        case s.Logical(operands=parts):
-            return replace(expr, operands=tuple(map(go, parts)))
-        case s.Compare(first=a, rest=rest):
-            return replace(expr, first=go(a), rest=tuple((op, go(x)) for op, x in rest))
-        case s.IfElse(condition=c, then=a, otherwise=b):
-            return replace(expr, condition=go(c), then=go(a), otherwise=go(b))
-        case s.Piecewise(branches=branches, otherwise=otherwise):
-            return replace(expr, branches=tuple((go(c), go(a)) for c, a in branches), otherwise=go(otherwise))
+        case s.Binary() | s.Unary() | s.Logical() | s.Compare() | s.IfElse() | s.Piecewise():
+            found: s.Expr = m.mapped(expr, go)
+            return found
         case s.Call(function="onehot", args=(place, _)):
             return s.Compare(at[0], (("==", place),), expr.place)
         case s.Call(function=name, args=args) if name in FUNCTIONS and not FUNCTIONS[name].whole:
             return replace(expr, args=tuple(map(go, args)))
         case s.Comprehension(element=inner) if own := _variable(expr):
             return element(w, renamed(inner, own, at[0].id), at[1:])
-        case s.Subscript(value=value, indices=some):
-            return _entry(w, expr, value, some, at)
+        case s.Subscript():
+            return _entry(w, expr, at)
         case _:
             return s.Subscript(expr, at, expr.place)
 
 
-def _entry(
-    w: Writer, expr: s.Subscript, value: s.Expr, written: tuple[s.Expr | s.Slice, ...], at: tuple[s.Name, ...]
-) -> s.Expr:
+def _entry(w: Writer, expr: s.Subscript, at: tuple[s.Name, ...]) -> s.Expr:
     """Return an element of a row, a column or a part; its indices go together if they are the whole's."""
     left = list(at)
     found: list[s.Expr] = []
-    for index in written:
+    for index in expr.indices:
         if isinstance(index, s.Slice):
             if (index.start, index.stop, index.step) != (None, None, None):
                 return s.Subscript(expr, at, expr.place)
             found.append(left.pop(0))
-        elif count := _picks(w, index):
+        elif count := _picked_axes(w, index):
             found.append(element(w, index, tuple(left[:count])))
             del left[:count]
         else:
@@ -222,18 +186,3 @@ def _variable(expr: s.Expr) -> str | None:
             return name
         case _:
             return None
-
-
-def renamed(node: Any, old: str, new: str) -> Any:
-    """Return the same tree with another name in the place of a name."""
-    match node:
-        case tuple():
-            return tuple(renamed(x, old, new) for x in node)
-        case s.Name(id=name):
-            return replace(node, id=new) if name == old else node
-        case s.Place():
-            return node
-        case _ if is_dataclass(node) and not isinstance(node, type):
-            return replace(node, **{f.name: renamed(getattr(node, f.name), old, new) for f in fields(node)})
-        case _:
-            return node

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
-from taskspec.lang.operators import INFIX
 from taskspec.lang.operators.entry import Level
 from taskspec.printers import piecewise
 from taskspec.printers import tree as m
@@ -15,26 +14,26 @@ from taskspec.printers.elements import element, indices, pointwise, rank, under
 from taskspec.printers.names import Writer
 from taskspec.printers.pieces import Piece, applied, fill, operands
 
-# -- element by element -----------------------------------------------------------------------------------------------
+Idiom = Callable[[Writer, s.Call], Piece | None]
 
 
-def _quantifier(sign: str, conjunction: str) -> Callable[[Writer, s.Call], Piece | None]:
+def _quantifier(sign: str, conjunction: str) -> Idiom:
     def write(w: Writer, call: s.Call) -> Piece | None:
         (arg,) = call.args
         if isinstance(arg, s.Vector):
-            return (
-                w.piece(s.Logical(conjunction, arg.items, call.place)) if len(arg.items) > 1 else w.truth(arg.items[0])
-            )
+            if len(arg.items) == 1:
+                return w.truth(arg.items[0])
+            return w.piece(s.Logical(conjunction, arg.items, call.place))
         if isinstance(arg, s.Comprehension):
-            head = m.Row((m.Sym(sign), m.joined([*_domains(w, arg), *_conditions(w, arg)])))
-            return applied("quantifier", m.Row((head, m.Sym(":"), m.Gap(), under(w, arg).truth(arg.element).tree)))
+            truth = under(w, arg).truth(arg.element).tree
+            return applied("quantifier", m.such_that(m.Row((m.Sym(sign), _over(w, arg))), truth))
         found = pointwise(w, arg)
         if found is None:
             return None
         of, index, inner = found
         if conjunction == "and" and isinstance(arg, s.Compare) and [op for op, _ in arg.rest] == ["=="]:
             return w.piece(arg)  # two vectors are equal
-        return applied("quantifier", m.Row((m.Sym(sign), index, m.Sym(":"), m.Gap(), of.truth(inner).tree)))
+        return applied("quantifier", m.Row((m.Sym(sign), *m.such_that(index, of.truth(inner).tree).items)))
 
     return write
 
@@ -42,30 +41,37 @@ def _quantifier(sign: str, conjunction: str) -> Callable[[Writer, s.Call], Piece
 def _count(w: Writer, call: s.Call) -> Piece | None:
     (arg,) = call.args
     if isinstance(arg, s.Comprehension):
-        if not all(_are_distinct(clause.domain) for clause in arg.clauses):
+        if not all(_is_set(clause.domain) for clause in arg.clauses):
             return _over_domains(w, arg, "∑")
         such = m.joined([*_conditions(w, arg), under(w, arg).truth(arg.element).tree])
-        return Piece(m.Row((m.Words("#"), m.braces(m.Row((m.joined(_domains(w, arg)), m.Sym(":"), m.Gap(), such))))))
+        return Piece(m.Row((m.Words("#"), m.braces(m.such_that(m.joined(_domains(w, arg)), such)))))
     found = pointwise(w, arg)
     if found is None:
         return None
     of, index, inner = found
     if rank(w, arg) > 1:
         index = m.brackets(index)
-    return Piece(m.Row((m.Words("#"), m.braces(m.Row((index, m.Sym(":"), m.Gap(), of.truth(inner).tree))))))
+    return Piece(m.Row((m.Words("#"), m.braces(m.such_that(index, of.truth(inner).tree)))))
 
 
-def _total(sign: str) -> Callable[[Writer, s.Call], Piece | None]:
+def _total(sign: str) -> Idiom:
     def write(w: Writer, call: s.Call) -> Piece | None:
         (arg,) = call.args
-        ranged = _over_range(w, arg, sign) or _over_slice(w, arg, sign) or _over_name(w, arg, sign)
-        if ranged is None and isinstance(arg, s.Comprehension):
-            ranged = _over_domains(w, arg, sign)
-        if ranged is not None:
-            return ranged
+        match arg:
+            case s.Comprehension(is_set=False, element=inner, clauses=(s.Clause((own,), s.Call("range", (n,)), ()),)):
+                low = m.Row((w.notation.symbol(own), m.Sym("="), m.Num("0")))
+                return _big(m.Big(sign, low, less_one(w, n)), under(w, arg).number(inner))
+            case s.Comprehension():
+                return _over_domains(w, arg, sign)
+            case s.Subscript(value=s.Name() as vector, indices=(s.Slice(step=None) as part,)):
+                ranged = _over_slice(w, vector, part, sign)
+            case s.Name() if arg.id in w.notation.lengths:
+                ranged = _over_slice(w, arg, s.Slice(None, None, None, arg.place), sign)
+            case _:
+                ranged = None
         found = pointwise(w, arg)
-        if found is None:
-            return None
+        if ranged is not None or found is None:
+            return ranged
         of, index, inner = found
         return _big(m.Big(sign, index), of.number(inner))
 
@@ -76,46 +82,23 @@ def _big(sign: m.Big, body: Piece) -> Piece:
     return applied("big", m.Row((sign, *operands("big", [body]))))
 
 
-def _over_range(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
-    """Return sum of `[e for i in range(n)]`."""
-    match arg:
-        case s.Comprehension(is_set=False, element=inner, clauses=(s.Clause((name,), s.Call("range", (n,)), ()),)):
-            index = w.notation.symbol(name)
-            low = m.Row((index, m.Sym("="), m.Num("0")))
-            high = less_one(w, n)
-            return _big(m.Big(sign, low, high), under(w, arg).number(inner))
-        case _:
-            return None
-
-
 def _over_domains(w: Writer, arg: s.Comprehension, sign: str) -> Piece:
-    """Return sum of any other comprehension: one term for each value of its variables, equal ones included."""
-    return _big(m.Big(sign, m.joined([*_domains(w, arg), *_conditions(w, arg)])), under(w, arg).number(arg.element))
+    """Return the sum of a comprehension: one term for each value of its variables, equal ones included."""
+    return _big(m.Big(sign, _over(w, arg)), under(w, arg).number(arg.element))
 
 
-def _over_slice(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
-    """Return sum of `x[a:b]`, where the end can be told."""
-    match arg:
-        case s.Subscript(value=s.Name() as name, indices=(s.Slice(start=start, stop=stop, step=None),)):
-            end = stop if stop is not None else w.notation.lengths.get(name.id)
-            if end is None or rank(w, name) != 1:
-                return None
-            (index,) = indices(w, s.Vector((name, end, start or end), arg.place))
-            first = m.Num("0") if start is None else w.number(start).tree
-            low = m.Row((w.notation.symbol(index.id), m.Sym("="), first))
-            return _big(m.Big(sign, low, less_one(w, end)), w.piece(s.Subscript(name, (index,), arg.place)))
-        case _:
-            return None
-
-
-def _over_name(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
-    if not isinstance(arg, s.Name) or arg.id not in w.notation.lengths:
+def _over_slice(w: Writer, name: s.Name, part: s.Slice, sign: str) -> Piece | None:
+    """Return the sum of `x[a:b]`, where its end is known."""
+    end = part.stop or w.notation.lengths.get(name.id)
+    if end is None or rank(w, name) != 1:
         return None
-    everything = s.Subscript(arg, (s.Slice(None, None, None, arg.place),), arg.place)
-    return _over_slice(w, everything, sign)
+    (index,) = indices(w, s.Vector((name, end, part.start or end), name.place))
+    first = m.Num("0") if part.start is None else w.number(part.start).tree
+    low = m.Row((w.notation.symbol(index.id), m.Sym("="), first))
+    return _big(m.Big(sign, low, less_one(w, end)), w.piece(s.Subscript(name, (index,), name.place)))
 
 
-def _extreme(name: str) -> Callable[[Writer, s.Call], Piece | None]:
+def _extreme(name: str) -> Idiom:
     def write(w: Writer, call: s.Call) -> Piece | None:
         found = pointwise(w, call.args[0]) if rank(w, call.args[0]) == 1 else None
         if found is None:
@@ -131,17 +114,10 @@ def _where(w: Writer, call: s.Call) -> Piece | None:
     if len(call.args) != 3:
         return None
     test, then, otherwise = call.args
-    if rank(w, test):
-        return by_elements(w, call)
-    return w.piece(s.IfElse(test, then, otherwise, call.place))
-
-
-def by_elements(w: Writer, expr: s.Expr) -> Piece | None:
-    """Return a vector as a family of its elements, with their index below; None for a single value."""
-    found = pointwise(w, expr)
+    found = pointwise(w, call) if rank(w, test) else None
     if found is None:
-        return None
-    of, index, inner = found
+        return w.piece(s.IfElse(test, then, otherwise, call.place))
+    of, index, inner = found  # a vector as a family of its elements, with their index below
     return Piece(m.Script(m.brackets(of.number(inner).tree), index))
 
 
@@ -178,14 +154,11 @@ def _parts(w: Writer, parts: Iterable[s.Expr]) -> Iterator[s.Expr]:
                 yield part
 
 
-IDIOMS: dict[str, Callable[[Writer, s.Call], Piece | None]] = {
+IDIOMS: dict[str, Idiom] = {
     "any": _quantifier("∃", "or"), "all": _quantifier("∀", "and"), "count": _count,
     "sum": _total("∑"), "prod": _total("∏"), "argmax": _extreme("arg max"), "argmin": _extreme("arg min"),
     "where": _where, "range": _range, "box": _box, "concat": _joined,
 }  # fmt: skip
-
-
-# -- numbers and sets -------------------------------------------------------------------------------------------------
 
 
 def less_one(w: Writer, n: s.Expr) -> m.Math:
@@ -202,28 +175,30 @@ def less_one(w: Writer, n: s.Expr) -> m.Math:
 
 def interval(low: m.Math, high: m.Math) -> m.Math:
     """Return the integers from low to high; few of them are written out."""
-    try:
-        first, last = (int(str(getattr(x, "text", "?"))) for x in (low, high))
-    except ValueError:
-        return m.braces(m.joined((low, m.Sym("…"), high)))
-    if last - first > 3:
-        return m.braces(m.joined((low, m.Sym("…"), high)))
-    return m.braces(m.joined(m.Num(str(i)) for i in range(first, last + 1)))
+    match low, high:
+        case m.Num(text=first), m.Num(text=last) if (
+            first.isdecimal() and last.isdecimal() and int(last) <= int(first) + 3
+        ):
+            return m.braces(m.joined(m.Num(str(i)) for i in range(int(first), int(last) + 1)))
+        case _:
+            return m.braces(m.joined((low, m.Sym("…"), high)))
 
 
 def comprehension(w: Writer, expr: s.Comprehension) -> m.Math:
     """Return a set-builder; a vector's comprehension as a family with its index below."""
-    targets = [_target(w, c) for c in expr.clauses]
-    domains = _domains(w, expr)
-    conditions = _conditions(w, expr)
     inner = under(w, expr).number(expr.element).tree
     if not expr.is_set:
-        return m.Script(m.brackets(inner), m.joined([*domains, *conditions]))
-    if len(targets) == 1 and targets[0] == inner:
+        return m.Script(m.brackets(inner), _over(w, expr))
+    if [_target(w, c) for c in expr.clauses] == [inner]:
+        conditions = _conditions(w, expr)
         if not conditions:
             return w.piece(expr.clauses[0].domain).tree
-        return m.braces(m.Row((domains[0], m.Sym(":"), m.Gap(), m.joined(conditions))))
-    return m.braces(m.Row((inner, m.Sym(":"), m.Gap(), m.joined([*domains, *conditions]))))
+        return m.braces(m.such_that(_domains(w, expr)[0], m.joined(conditions)))
+    return m.braces(m.such_that(inner, _over(w, expr)))
+
+
+def _over(w: Writer, expr: s.Comprehension) -> m.Math:
+    return m.joined([*_domains(w, expr), *_conditions(w, expr)])
 
 
 def _domains(w: Writer, expr: s.Comprehension) -> list[m.Math]:
@@ -236,7 +211,7 @@ def _conditions(w: Writer, expr: s.Comprehension) -> list[m.Math]:
     return [under(w, expr).truth(x).tree for c in expr.clauses for x in c.conditions]
 
 
-def _are_distinct(domain: s.Expr) -> bool:
+def _is_set(domain: s.Expr) -> bool:
     """Return whether a variable goes to no value twice, so that values can be counted in its place."""
     match domain:
         case s.Call(function="range" | "box") | s.SetOf() | s.Comprehension(is_set=True):
@@ -262,9 +237,6 @@ def divisible(w: Writer, expr: s.Compare) -> m.Math | None:
             return None
 
 
-# -- distributions ----------------------------------------------------------------------------------------------------
-
-
 def distribution(w: Writer, call: s.Call) -> Piece:
     """Return a distribution by name; independent draws of one shape as a power."""
     first = call.args[0] if len(call.args) == 1 and not call.keywords else None
@@ -277,31 +249,25 @@ def distribution(w: Writer, call: s.Call) -> Piece:
     shape = given.pop("shape", None)
     if any(rank(w, given[name]) for name in dist.squared if name in given):
         return _of_elements(w, call, given)
-    trees = operands(dist.name, (_argument(w, given.get(a.name), a.default) for a in dist.arguments))
-    holes = dict(zip((a.name for a in dist.arguments), trees, strict=True))
+    pieces = []
+    for a in dist.arguments:
+        pieces.append(w.number(given[a.name]) if a.name in given else Piece(m.Num(str(a.default))))
+    holes = dict(zip((a.name for a in dist.arguments), operands(dist.name, pieces), strict=True))
     if call.function == "UniformInt":  # a few integers are written out
         tree: m.Math = m.Row((m.upright("Unif"), interval(holes["low"], holes["high"])))
     else:
         tree = fill(dist.latex, holes.items())
-    return Piece(tree) if shape is None else applied("**", m.Script(m.row(tree), sup=_shape(w, shape)))
+    if shape is None:
+        return Piece(tree)
+    items = shape.items if isinstance(shape, s.Vector) else (shape,)
+    level = Level.ATOM if len(items) > 1 else Level.SCOPE
+    return applied("**", m.Script(tree, sup=m.joined((w.number(i).at(level) for i in items), "×")))
 
 
 def _of_elements(w: Writer, call: s.Call, given: Mapping[str, s.Expr]) -> Piece:
     """Return a family of distributions with their index below: a matrix of deviations is squared element by element."""
     at = indices(w, call, max(rank(w, value) for value in given.values()))
-    inner = replace(w, notation=w.notation.with_axes({index.id: 0 for index in at}))
+    inner = w.with_axes({index.id: 0 for index in at})
     keywords = tuple((name, element(inner, value, at)) for name, value in given.items())
     one = distribution(inner, replace(call, args=(), keywords=keywords))
     return Piece(m.Script(m.brackets(one.tree), m.joined(w.notation.symbol(index.id) for index in at)))
-
-
-def _argument(w: Writer, expr: s.Expr | None, default: int | None) -> Piece:
-    return Piece(m.Num(str(default))) if expr is None else w.number(expr)
-
-
-def _shape(w: Writer, shape: s.Expr) -> m.Math:
-    items = shape.items if isinstance(shape, s.Vector) else (shape,)
-    return m.joined((w.number(i).at(Level.ATOM if len(items) > 1 else Level.SCOPE) for i in items), "×")
-
-
-assert {"==", "!="} <= INFIX.keys()

@@ -17,21 +17,21 @@ _SPECIAL = {
     "\u2009": r"\,", "−": r"\ensuremath{-}", "\u200b": "",
 }  # fmt: skip
 _STYLE = {
-    "upright": r"\mathrm", "bold": r"\mathbf", "blackboard": r"\mathbb", "calligraphic": r"\mathcal",
-    "typewriter": r"\mathtt",
+    "upright": r"\mathrm", "bold": r"\mathbf", "calligraphic": r"\mathcal", "typewriter": r"\mathtt",
+    "blackboard": r"\mathbb", "italic": r"\mathit",
 }  # fmt: skip
 _MATH_CHAR = {"{": r"\{", "}": r"\}", "#": r"\#", "%": r"\%", "&": r"\&", "$": r"\$", "‖": r"\Vert ", "|": r"\vert ",
               "≢": r"\not\equiv "}  # fmt: skip
-_WORD = re.compile(r"[A-Za-z0-9]+")
 LONG = 16.0
 """From this width on, in letters, a list may break after its commas."""
 _RELATIONS = frozenset(c.TEX_SYMBOL) - {"∞"}
-_NAMES = {"arg min": r"\arg\min", "arg max": r"\arg\max"}
+_NAMES = {"arg min": r"\arg\min ", "arg max": r"\arg\max "} | {name: rf"\{name} " for name in c.FUNCTIONS}
+_SYMBOLS = {"mod": r" \bmod ", ",": ", ", ";": "; ", "′": "'"}
 
 
 def escape(text: str) -> str:
     """Return text for LaTeX's text mode: every special character is written out, nothing can become a command."""
-    return "".join(_character(char) for char in text)
+    return "".join(map(_character, text))
 
 
 def _character(char: str) -> str:
@@ -49,10 +49,8 @@ def _character(char: str) -> str:
 
 def _glyph(char: str) -> str:
     """Return one character in mathematics."""
-    if char in c.TEX_LETTER:
-        return rf"\{c.TEX_LETTER[char]}"
-    if char in c.TEX_SYMBOL:
-        name = c.TEX_SYMBOL[char]
+    name = c.TEX_LETTER.get(char) or c.TEX_SYMBOL.get(char)
+    if name is not None:
         return rf"\{name}" if name.isalpha() else name
     if char in _MATH_CHAR:
         return _MATH_CHAR[char]
@@ -71,11 +69,12 @@ def _write(node: m.Math) -> str:
         case m.Ident():
             return _ident(node)
         case m.Num(text=text):
-            return _number(text)
+            text = text.replace("−", "-").replace("∞", r"\infty ")
+            return text.replace("%", r"\%") if re.fullmatch(r"-?[0-9./%]+|-?\\infty ", text) else _text(text)
         case m.Sym(text=text):
-            return _symbol(text)
-        case m.Words(text=text):
-            return rf"\text{{{escape(text)}}}"
+            return _SYMBOLS.get(text) or f" {_glyph(text)} "
+        case m.Words(text=text) | m.Hole(name=text):
+            return _text(text)
         case m.Gap(width=gap):
             return r"\," if gap == "thin" else r"\quad "
         case m.Row(items=items):
@@ -96,60 +95,36 @@ def _write(node: m.Math) -> str:
             return _environment("pmatrix", rows)
         case m.Arrow(over=over):
             return rf" \xrightarrow{{{latex(over)}}} "
-        case m.Big():
-            return _big(node)
-        case m.Hole(name=name):
-            return rf"\text{{{escape(name)}}}"
+        case m.Big(symbol=symbol, sub=sub, sup=sup):
+            name = {"∑": r"\sum", "∏": r"\prod"}.get(symbol, _glyph(symbol))
+            limits = "".join(f"{mark}{{{latex(x)}}}" for mark, x in (("_", sub), ("^", sup)) if x is not None)
+            return f"{name}{limits} "
         case _:
             assert_never(node)
 
 
+def _text(text: str) -> str:
+    return rf"\text{{{escape(text)}}}"
+
+
 def _ident(node: m.Ident) -> str:
     text = node.text
-    style = node.style
-    if style == "blackboard":
-        # amssymb's blackboard letters have no figures; the document defines this one
-        return r"\taskspecone " if text == "1" else rf"\mathbb{{{_safe(text)}}}"
-    if style == "upright" and text in c.FUNCTIONS:
-        return rf"\{text} "
-    if style == "upright" and text in _NAMES:
-        return f"{_NAMES[text]} "
-    if style == "italic":
-        if len(text) == 1:  # an arrow that names an action is no relation
-            return f"{{{_glyph(text)}}}" if text in _RELATIONS else _glyph(text)
-        return rf"\mathit{{{_safe(text)}}}"
-    if style == "upright" and (" " in text or "-" in text or not text.isascii()):
-        return rf"\text{{{escape(text)}}}"
-    return rf"{_STYLE[style]}{{{_safe(text)}}}"
-
-
-def _safe(text: str) -> str:
-    """Return letters of a name in mathematics; anything else goes through text mode."""
-    return (
-        text
-        if _WORD.fullmatch(text)
-        else "".join(x if x.isascii() and x.isalnum() else _glyph_or_text(x) for x in text)
-    )
-
-
-def _glyph_or_text(char: str) -> str:
-    return _glyph(char) + " " if char in c.TEX_LETTER else rf"\text{{{_character(char)}}}"
-
-
-def _number(text: str) -> str:
-    """Return digits as they are."""
-    text = text.replace("−", "-").replace("∞", r"\infty ")
-    return text.replace("%", r"\%") if re.fullmatch(r"-?[0-9./%]+|-?\\infty ", text) else rf"\text{{{escape(text)}}}"
-
-
-def _symbol(text: str) -> str:
-    if text == "mod":
-        return r" \bmod "
-    if text in ",;":
-        return f"{text} "
-    if text == "′":
-        return "'"
-    return f" {_glyph(text)} "
+    if node.style == "blackboard" and text == "1":
+        return r"\taskspecone "  # amssymb's blackboard letters have no figures; the document defines this one
+    if node.style == "upright":
+        if text in _NAMES:
+            return _NAMES[text]
+        if " " in text or "-" in text or not text.isascii():
+            return _text(text)
+    if node.style == "italic" and len(text) == 1:  # an arrow that names an action is no relation
+        return f"{{{_glyph(text)}}}" if text in _RELATIONS else _glyph(text)
+    letters = ""
+    for char in text:  # anything but plain letters goes through text mode
+        if char.isascii() and char.isalnum():
+            letters += char
+        else:
+            letters += _glyph(char) + " " if char in c.TEX_LETTER else _text(char)
+    return rf"{_STYLE[node.style]}{{{letters}}}"
 
 
 def _row(items: tuple[m.Math, ...]) -> str:
@@ -159,7 +134,7 @@ def _row(items: tuple[m.Math, ...]) -> str:
         piece = _write(item)
         if breaks and item == m.Sym(","):
             piece += r"\allowbreak "
-        if out and out[-1].isalpha() and piece[:1].isalpha() and re.search(r"\\[A-Za-z]+$", out):
+        if piece[:1].isalpha() and re.search(r"\\[A-Za-z]+$", out):
             out += " "  # a command's name ends here
         out += piece
     return re.sub(r" {2,}", " ", out)
@@ -169,42 +144,37 @@ def _script(node: m.Script) -> str:
     base = latex(node.base)
     if isinstance(node.base, m.Row | m.Frac | m.Cases | m.Script):
         base = f"{{{base}}}"
-    sub = f"_{_group(node.sub)}" if node.sub is not None else ""
-    # TeX takes primes and superscript in one: x'^2
-    sup = f"^{_group(node.sup)}" if node.sup is not None else ""
-    if sup and node.primes:
-        sup = f"^{{{chr(92) + 'prime'} {latex(node.sup) if node.sup is not None else ''}}}"
-        return f"{base}{sub}{sup}"
-    return f"{base}{sub}{chr(39) * node.primes}{sup}"
+    if node.sub is not None:
+        base += f"_{_group(latex(node.sub))}"
+    if node.sup is None:
+        return base + "'" * node.primes
+    sup = latex(node.sup)
+    if node.primes:  # TeX takes primes and superscript in one: x'^2
+        return rf"{base}^{{\prime {sup}}}"
+    return f"{base}^{_group(sup)}"
 
 
-def _group(node: m.Math | None) -> str:
-    text = latex(node) if node is not None else ""
+def _group(text: str) -> str:
     return text if len(text) == 1 else f"{{{text}}}"
 
 
 def _fence(node: m.Fence) -> str:
-    left, right = (table.get(side, side) for table, side in
-                   ((c.LEFT_TEX, node.left), (c.RIGHT_TEX, node.right)))  # fmt: skip
+    left = c.LEFT_TEX.get(node.left, node.left)
+    right = c.RIGHT_TEX.get(node.right, node.right)
     inner = latex(node.body)
     if m.is_tall(node.body) or "" in (node.left, node.right):
         return rf"\left{left or '.'} {inner} \right{right or '.'}"
-    opening = f"{left} " if left.startswith("\\") and left[-1].isalpha() else left
-    closing = rf" {right}" if right.startswith("\\") and right[-1].isalpha() else right
-    return f"{opening}{inner}{closing} " if closing[-1].isalpha() else f"{opening}{inner}{closing}"
+    if left[-1].isalpha():  # a command
+        left = f"{left} "
+    if right[-1].isalpha():
+        right = f" {right} "
+    return f"{left}{inner}{right}"
 
 
 def _environment(name: str, rows: tuple[tuple[m.Math, ...], ...]) -> str:
-    lines = r" \\ ".join(" & ".join(latex(cell) for cell in line) for line in rows)
+    lines = r" \\ ".join(" & ".join(map(latex, line)) for line in rows)
     return rf"\begin{{{name}}} {lines} \end{{{name}}}"
 
 
-def _big(node: m.Big) -> str:
-    name = {"∑": r"\sum", "∏": r"\prod"}.get(node.symbol, _glyph(node.symbol))
-    sub = f"_{{{latex(node.sub)}}}" if node.sub is not None else ""
-    sup = f"^{{{latex(node.sup)}}}" if node.sup is not None else ""
-    return f"{name}{sub}{sup} "
-
-
 def _has_big(node: m.Math) -> bool:
-    return isinstance(node, m.Big) or any(_has_big(child) for child in m.children(node))
+    return isinstance(node, m.Big) or any(map(_has_big, m.children(node)))

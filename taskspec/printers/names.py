@@ -1,9 +1,10 @@
-"""The notation of a task: what its names look like, and an expression read as a value or a condition."""
+"""The notation of a task: the symbols of its names and labels, and an expression read as a value or a condition."""
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,14 +13,57 @@ from taskspec.lang.parse import literal, parse
 from taskspec.lang.types import shape
 from taskspec.printers import tree as m
 from taskspec.printers.pieces import Piece, indicator
-from taskspec.printers.symbols import label, symbol
+from taskspec.printers.tex import GREEK, read
 from taskspec.task.names import signature
-from taskspec.task.task import Component, Task
+from taskspec.task.task import Task
+
+_NUMBERED = re.compile(r"([^\W\d_]+?)_?(\d+)")
+_LETTERS = GREEK | {"inf": "∞", "nan": "NaN"}
+
+
+def symbol(name: str, given: str | None = None) -> m.Math:
+    """Return the symbol of a name; the author's own, in TeX, comes first."""
+    if given is not None:
+        return _given(given)
+    found = _letter(name)
+    if found is not None:
+        return found
+    numbered = _NUMBERED.fullmatch(name)
+    if numbered:
+        return m.Script(_letter(numbered[1]) or m.upright(numbered[1]), m.Num(numbered[2]))
+    head, _, rest = name.partition("_")
+    base = _letter(head)
+    if base is not None and rest:
+        return m.Script(base, _letter(rest) or m.upright(rest.replace("_", "-")))
+    return m.upright(name.replace("_", "-"))
+
+
+def _given(text: str) -> m.Math:
+    """Return a symbol in TeX; a bare word (`dx`) is a name, not a product of letters."""
+    if text.isalnum() and len(text) > 1 and not text.isdigit():
+        return m.Ident(text)
+    return read(text)
+
+
+def _letter(name: str) -> m.Math | None:
+    if len(name) == 1 and name.isalpha():
+        return m.Ident(name)
+    return m.Ident(_LETTERS[name]) if name in _LETTERS else None
+
+
+def label(name: str, given: str | None = None) -> m.Math:
+    """Return the symbol of a label of a choice: the author's, or the word itself."""
+    if given is not None:
+        found = _given(given)
+        return m.Ident(found.text) if isinstance(found, m.Sym) else found
+    if re.fullmatch(r"-?\d+(\.\d+)?", name):
+        return m.Num(name.replace("-", "−"))
+    return m.Words(name.replace("_", " "))
 
 
 @dataclass(frozen=True)
 class Notation:
-    """What the names of one task look like."""
+    """Symbols of the names of one task."""
 
     symbols: Mapping[str, m.Math] = field(default_factory=dict)
     labels: Mapping[str, Mapping[str, m.Math]] = field(default_factory=dict)  # component -> label
@@ -28,15 +72,13 @@ class Notation:
     lengths: Mapping[str, s.Expr] = field(default_factory=dict)  # of vectors, symbolic
     axes: Mapping[str, int] = field(default_factory=dict)  # how many a name has: 0 for a single value
     bodies: Mapping[str, tuple[tuple[str, ...], s.Expr]] = field(default_factory=dict)  # definitions with arguments
-    events: Mapping[str, str] = field(
-        default_factory=dict
-    )  # functions of a condition `under` a policy, and which by default
+    events: Mapping[str, str] = field(default_factory=dict)  # functions of a condition -> default of `under`
 
     def symbol(self, name: str) -> m.Math:
         return self.symbols.get(name) or symbol(name)
 
     def label(self, name: str, of: str | None) -> m.Math | None:
-        """Return the symbol of a label, of the given component or of whichever has it."""
+        """Return the symbol of a label, of the given component or of the first that has it."""
         if of is not None and name in self.labels.get(of, {}):
             return self.labels[of][name]
         if name in self.symbols:
@@ -45,9 +87,6 @@ class Notation:
 
     def with_symbols(self, more: Mapping[str, m.Math]) -> Notation:
         return replace(self, symbols={**self.symbols, **more})
-
-    def with_axes(self, more: Mapping[str, int]) -> Notation:
-        return replace(self, axes={**self.axes, **more})
 
 
 @dataclass(frozen=True)
@@ -63,8 +102,6 @@ class Writer(ABC):
 
     def number(self, expr: s.Expr) -> Piece:
         """Return an expression used as a value: conditions count as 0 and 1."""
-        if isinstance(expr, s.Boolean):
-            return Piece(m.Num(str(int(expr.value))))
         if self.is_condition(expr):
             return Piece(indicator(self.truth(expr).tree))
         return self.piece(expr)
@@ -72,7 +109,7 @@ class Writer(ABC):
     def truth(self, expr: s.Expr) -> Piece:
         """Return an expression used as a condition."""
         if isinstance(expr, s.Boolean):
-            return Piece(m.upright("true" if expr.value else "false"))
+            return Piece(m.upright(str(expr.value).lower()))
         return self.piece(expr)
 
     def is_condition(self, expr: s.Expr) -> bool:
@@ -90,77 +127,50 @@ class Writer(ABC):
     def numbers(self, exprs: Iterable[s.Expr]) -> list[m.Math]:
         return [self.number(e).tree for e in exprs]
 
-
-# -- the notation of a task
+    def with_axes(self, more: Mapping[str, int]) -> Writer:
+        """Return a writer that knows the axes of more names."""
+        return replace(self, notation=replace(self.notation, axes={**self.notation.axes, **more}))
 
 
 def of_task(task: Task) -> Notation:
     """Return the notation that every part of a task's printed form shares."""
-    components = (*task.state, *task.action, *(() if task.memory is None else task.memory.components))
-    return Notation(
-        symbols=dict(_symbols(task)),
-        labels={c.name: dict(_labels(c)) for c in components if c.domain is not None},
-        singles=frozenset(c.name for c in components if c.type.shape == (1,)),
-        lengths={
-            name: expr
-            for name, entry in (task.spec.state | task.spec.action | task.spec.memory).items()
-            if (expr := _length(entry.shape)) is not None
-        },
-        axes=_axes(task),
-        bodies={
-            name: (arguments, expr)
-            for written, expr in (task.surface.sections.get("definitions") or {}).items()
-            for name, arguments in [signature(written)]
-            if arguments is not None and expr is not None
-        },
-    )
-
-
-def _axes(task: Task) -> dict[str, int]:
-    """Return how many axes every name of a task has; a vector of one element is written like a number."""
-    components = (*task.state, *task.action, *(() if task.memory is None else task.memory.components))
-    return {
-        **dict.fromkeys((p.name for p in task.parameters), 0),
-        **{name: len(value.type.shape) for name, value in task.fixed.items()},
-        **{name: len(found) for name, found in task.surface.shapes.items()},
-        **{c.name: len(found) * (found != (1,)) for c in components for found in [shape(c.type, c.domain)]},
-        "t": 0,
-        "T": 0,
-    }
-
-
-def _symbols(task: Task) -> Iterator[tuple[str, m.Math]]:
     spec = task.spec
-    for declared in (spec.parameters.entries, spec.state, spec.action, spec.memory):
-        for name, entry in declared.items():
-            yield name, symbol(name, entry.symbol)
-    for name in (*spec.constants, *spec.noise):
-        yield name, symbol(name)
-    for written in spec.definitions:
-        name = signature(written)[0]
-        yield name, symbol(name)
-    yield "t", m.Ident("t")
-    yield "T", m.Ident("T")
-
-
-def _labels(component: Component) -> Iterator[tuple[str, m.Math]]:
-    domain = component.domain
-    assert domain is not None
-    for i, name in enumerate(domain.labels):
-        yield name, label(name, domain.symbols[i] if domain.symbols else None)
-
-
-def _length(shape: Any) -> s.Expr | None:
-    """Return the length of a component along its first axis, as the author wrote it."""
-    first = shape[0] if isinstance(shape, list) and shape else shape
-    return None if first in (None, []) else expression(first)
+    symbols = {name: symbol(name) for name in (*spec.constants, *spec.noise, "t", "T")}
+    bodies = {}
+    for written, expr in (task.surface.sections.get("definitions") or {}).items():
+        name, arguments = signature(written)
+        symbols[name] = symbol(name)
+        if arguments is not None and expr is not None:
+            bodies[name] = (arguments, expr)
+    lengths = {}
+    declared = spec.state | spec.action | spec.memory
+    for name, entry in declared.items():
+        symbols[name] = symbol(name, entry.symbol)
+        first = entry.shape[0] if isinstance(entry.shape, list) and entry.shape else entry.shape
+        if first not in (None, []):
+            lengths[name] = expression(first)
+    symbols |= {name: symbol(name, entry.symbol) for name, entry in spec.parameters.entries.items()}
+    axes = dict.fromkeys((p.name for p in task.parameters), 0) | {"t": 0, "T": 0}
+    axes |= {name: len(value.type.shape) for name, value in task.fixed.items()}
+    axes |= {name: len(found) for name, found in task.surface.shapes.items()}
+    labels = {}
+    singles = set()
+    memory = () if task.memory is None else task.memory.components
+    for c in (*task.state, *task.action, *memory):
+        sizes = shape(c.type, c.domain)
+        axes[c.name] = 0 if sizes == (1,) else len(sizes)
+        if c.type.shape == (1,):
+            singles.add(c.name)
+        if c.domain is not None:
+            given = c.domain.symbols or (None,) * len(c.domain.labels)
+            labels[c.name] = {name: label(name, own) for name, own in zip(c.domain.labels, given, strict=True)}
+    return Notation(symbols, labels, frozenset(), frozenset(singles), lengths, axes, bodies)
 
 
 def expression(value: Any) -> s.Expr:
     """Return a value of a declaration (a bound, a length) as surface syntax; it has been checked, so it parses."""
     if isinstance(value, list):
-        place = s.Place(nowhere(""), 0, 0)
-        return s.Vector(tuple(expression(v) for v in value), place)
+        return s.Vector(tuple(map(expression, value)), s.Place(nowhere(""), 0, 0))
     written = nowhere(str(value))
     if isinstance(value, bool | int | float):
         return literal(value, written)

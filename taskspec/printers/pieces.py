@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from taskspec.lang.dists import DISTS
 from taskspec.lang.operators import FUNCTIONS, INFIX
@@ -12,28 +12,15 @@ from taskspec.lang.operators.entry import ENCLOSED, Brackets, Level
 from taskspec.printers import tree as m
 from taskspec.printers.tex import read
 
-# One table for what is printed as text, where the grammar of the language decides, and one for mathematics, where the eye does
-# (operators, functions and distributions say it in their entries):
-# a fraction and a floor enclose what is in them, a remainder binds less than a sum, a sum sign takes the product after it,
-# and two signs never stand side by side.
+# One table for what is printed as text, where the grammar of the language decides, and one for mathematics, where the eye
+# does (operators, functions and distributions say it in their entries): a fraction and a floor enclose what is in them, a
+# remainder binds less than a sum, a sum sign takes the product after it, and two signs never stand side by side.
 
-# -- text -------------------------------------------------------------------------------------------------------------
-
-CHOICE = 0
-SIGN = 7
-NAME = 9
-"""Text: `a if b else c`, `-x`, and what needs no brackets anywhere. The levels in between are those of the operator table."""
-
-
-def _grammar(symbol: str) -> Brackets:
-    """Return an operator that groups from the left."""
-    own = INFIX[symbol].precedence
-    return Brackets(own, (own, own + 1))
-
-
+CHOICE = 0  # `a if b else c`
+SIGN = 7  # `-x`; the levels in between are those of the operator table
+NAME = 9  # what needs no brackets anywhere
 _OR, _AND, _NOT, _COMPARE, _SUM, _POWER = (INFIX[symbol].precedence for symbol in ("or", "and", "not", "==", "+", "**"))
 TEXT: dict[str, Brackets] = {
-    **{symbol: _grammar(symbol) for symbol in ("+", "-", "*", "/", "//", "%")},
     "**": Brackets(_POWER, (NAME, SIGN)),
     "sign": Brackets(SIGN, (SIGN,)),
     "compare": Brackets(_COMPARE, (_SUM,)),
@@ -44,10 +31,8 @@ TEXT: dict[str, Brackets] = {
     "clause": Brackets(CHOICE, (_OR,)),
     "subscript": Brackets(NAME, (NAME,)),
 }
-
-
-# -- mathematics ------------------------------------------------------------------------------------------------------
-
+for _symbol in ("+", "-", "*", "/", "//", "%"):  # grouped from the left
+    TEXT[_symbol] = Brackets(INFIX[_symbol].precedence, (INFIX[_symbol].precedence, INFIX[_symbol].precedence + 1))
 
 NOTATION: dict[str, Brackets] = {
     **{symbol: infix.brackets for symbol, infix in INFIX.items() if infix.brackets is not None},
@@ -62,9 +47,6 @@ NOTATION: dict[str, Brackets] = {
     "big": Brackets(Level.BIG, (Level.BIG,)),
     "domain": Brackets(Level.RELATION, (Level.EXTREME,)),
 }
-
-
-# -- parts of notation
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +75,7 @@ def applied(operator: str, tree: m.Math, signed: bool = False) -> Piece:
 
 
 def prime(tree: m.Math, primed: bool = True) -> m.Math:
-    """Return a symbol with a prime, between its subscript and whatever follows."""
+    """Return a symbol with a prime, after its subscript."""
     if not primed:
         return tree
     if isinstance(tree, m.Script) and tree.sup is None:
@@ -120,14 +102,16 @@ def multiply(trees: Sequence[m.Math]) -> m.Math:
 def _may_touch(left: m.Math, right: m.Math) -> bool:
     """Return whether two factors can stand side by side without being read as something else."""
     if isinstance(right, m.Script | m.Ident) and _letter(right):
-        return _letter(_unsigned(left)) or isinstance(_last(left), m.Num | m.Frac)
+        if isinstance(left, m.Row) and len(left.items) == 2 and isinstance(left.items[0], m.Sym):  # a sign
+            return _letter(left.items[1]) or isinstance(_last(left), m.Num | m.Frac)
+        return _letter(left) or isinstance(_last(left), m.Num | m.Frac)
     if isinstance(right, m.Fence) and right.left == "(":
         return isinstance(_last(left), m.Num)
     return _is_name(right) and (_letter(left) or isinstance(left, m.Num))
 
 
 def _letter(node: m.Math) -> bool:
-    """Return a single letter, with whatever is written around it."""
+    """Return whether a node is a single letter, with its scripts."""
     match node:
         case m.Ident(text=text, style=style):
             return len(text) == 1 and style == "italic"
@@ -137,82 +121,37 @@ def _letter(node: m.Math) -> bool:
             return False
 
 
-def _unsigned(node: m.Math) -> m.Math:
-    """Return a factor without its sign."""
-    if isinstance(node, m.Row) and len(node.items) == 2 and isinstance(node.items[0], m.Sym):
-        return node.items[1]
-    return node
-
-
 def _last(node: m.Math) -> m.Math:
-    """Return what a factor ends with: the 2 of -2."""
+    """Return the end of a factor: the 2 of -2."""
     return _last(node.items[-1]) if isinstance(node, m.Row) and node.items else node
 
 
 def _is_name(node: m.Math) -> bool:
-    """Return a named function with its arguments, such as sin(x)."""
-    return (
-        isinstance(node, m.Row)
-        and len(node.items) == 2
-        and isinstance(node.items[0], m.Ident)
-        and isinstance(node.items[1], m.Fence)
-        and node.items[1].left == "("
-    )
+    """Return whether a node is a named function with its arguments, such as sin(x)."""
+    match node:
+        case m.Row(items=(m.Ident(), m.Fence(left="("))):
+            return True
+        case _:
+            return False
 
 
 def fill(latex: str, holes: Iterable[tuple[str, m.Math]]) -> m.Math:
     """Return a template of the operator table with trees in its holes."""
     values = dict(holes)
-    return _tidy(_fill(parsed(latex, tuple(values)), values))
+    return _filled(_parsed(latex, tuple(values)), values)
 
 
 @lru_cache(maxsize=512)
-def parsed(latex: str, names: tuple[str, ...]) -> m.Math:
+def _parsed(latex: str, names: tuple[str, ...]) -> m.Math:
     return read(latex, frozenset((*names, "*")))
 
 
-def _fill(node: m.Math, values: Mapping[str, m.Math]) -> m.Math:
-    def go(x: m.Math) -> m.Math:
-        return _fill(x, values)
-
-    def maybe(x: m.Math | None) -> m.Math | None:
-        return None if x is None else go(x)
-
-    match node:
-        case m.Hole(name=name):
-            return values.get(name, node)
-        case m.Row(items=items):
-            return m.Row(tuple(go(i) for i in items))
-        case m.Frac(top=top, bottom=bottom):
-            return m.Frac(go(top), go(bottom))
-        case m.Root(body=body):
-            return m.Root(go(body))
-        case m.Accent(mark=mark, body=body):
-            return m.Accent(mark, go(body))
-        case m.Fence(left=left, body=body, right=right):
-            return m.Fence(left, go(body), right)
-        case m.Script(base=base, sub=sub, sup=sup, primes=primes):
-            return m.Script(go(base), maybe(sub), maybe(sup), primes)
-        case m.Big(symbol=sign, sub=sub, sup=sup):
-            return m.Big(sign, maybe(sub), maybe(sup))
-        case m.Cases(rows=rows):
-            return m.Cases(tuple((go(a), go(b)) for a, b in rows))
-        case m.Matrix(rows=lines):
-            return m.Matrix(tuple(tuple(go(x) for x in line) for line in lines))
-        case m.Arrow(over=over):
-            return m.Arrow(go(over))
-        case _:
-            return node
-
-
-def _tidy(node: m.Math) -> m.Math:
-    """Return a filled template without what nobody writes: 1 squared."""
-    match node:
+def _filled(node: m.Math, values: Mapping[str, m.Math]) -> m.Math:
+    if isinstance(node, m.Hole):
+        return values.get(node.name, node)
+    found: m.Math = m.mapped(node, partial(_filled, values=values))
+    match found:
         case m.Script(base=m.Num(text="0" | "1") as base, sub=None, sup=m.Num(text="2"), primes=0):
-            return base
-        case m.Row(items=items):
-            return m.Row(tuple(_tidy(i) for i in items))
-        case m.Fence(left=left, body=body, right=right):
-            return m.Fence(left, _tidy(body), right)
+            return base  # nobody writes 1 squared
         case _:
-            return node
+            return found

@@ -6,29 +6,8 @@ import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
-from taskspec.printers.tree import (
-    Accent,
-    Arrow,
-    Big,
-    Cases,
-    Fence,
-    Frac,
-    Gap,
-    Hole,
-    Ident,
-    Math,
-    Matrix,
-    Num,
-    Root,
-    Row,
-    Script,
-    Style,
-    Sym,
-    Words,
-    row,
-)  # fmt: skip
-
-# -- characters, for reading and for writing
+from taskspec.printers import tree as m
+from taskspec.printers.tree import Math
 
 GREEK: dict[str, str] = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ϵ", "varepsilon": "ε", "zeta": "ζ",
@@ -69,7 +48,6 @@ DELIMITERS: dict[str, str] = {
 }  # fmt: skip
 """How TeX writes what opens and closes."""
 
-PAIRS: dict[str, str] = {"(": ")", "[": "]", "{": "}", "⌊": "⌋", "⌈": "⌉", "⟨": "⟩"}
 LEFT_TEX: dict[str, str] = {v: k for k, v in DELIMITERS.items() if k not in (r"\rvert", r"\rVert")}
 RIGHT_TEX: dict[str, str] = {v: k for k, v in DELIMITERS.items() if k not in (r"\lvert", r"\lVert")}
 
@@ -93,17 +71,29 @@ TEX_SYMBOL: dict[str, str] = {char: name for name, char in SYMBOLS.items()} | {"
 
 MAX_DEPTH = 40
 _TOKEN = re.compile(r"\\[A-Za-z]+\*?|\\.|[0-9]+(?:\.[0-9]+)?|\s+|.", re.DOTALL)
-_STYLES: dict[str, Style] = {
+_STYLES: dict[str, m.Style] = {
     "mathbb": "blackboard", "mathbbm": "blackboard", "mathds": "blackboard", "mathcal": "calligraphic",
     "mathrm": "upright", "mathit": "italic", "mathbf": "bold", "boldsymbol": "bold", "operatorname": "upright",
     "mathtt": "typewriter", "texttt": "typewriter",
 }  # fmt: skip
-_IGNORED = {"textstyle", "displaystyle", "limits", "nolimits", "big", "Big", "bigl", "bigr", "Bigl", "Bigr"}
-_SPACES = {",": "thin", ";": "thin", ":": "thin", "!": None, " ": "thin", "quad": "wide", "qquad": "wide"}
-_BIG = {"sum": "∑", "prod": "∏"}
+_IGNORED = {"textstyle", "displaystyle", "limits", "nolimits", "big", "Big", "bigl", "bigr", "Bigl", "Bigr", "!"}
+_SINGLE: dict[str, Math] = {
+    **{name: m.Ident(char) for name, char in GREEK.items()},
+    **{name: m.Sym(char) for name, char in SYMBOLS.items()},
+    **{name: m.Ident(name, "upright") for name in (*FUNCTIONS, "mod")},
+    **{name: m.Sym(name) for name in "#%&$}"},
+    **{name: m.Gap() for name in (",", ";", ":", " ")},
+    "quad": m.Gap("wide"), "qquad": m.Gap("wide"), "sum": m.Big("∑"), "prod": m.Big("∏"), "_": m.Words("_"),
+    "bmod": m.Sym("mod"), "|": m.Sym("‖"),
+}  # fmt: skip
+"""Commands that stand for one thing."""
 _SAME = {r"\lbrace": r"\{", r"\rbrace": r"\}", r"\thinspace": r"\,", r"\cr": r"\\"}
 """Longer spellings, which Markdown leaves alone."""
 _PLAIN = {"*": "⋅", "-": "−", "'": "′"}
+_CLOSING = {
+    "(": ")", "[": "]", r"\{": r"\}", r"\lvert": r"\rvert", r"\lVert": r"\rVert", r"\lfloor": r"\rfloor", r"\lceil": r"\rceil",
+    r"\langle": r"\rangle",
+}  # fmt: skip
 
 
 @dataclass
@@ -120,8 +110,15 @@ class _TexReader:
         return self.tokens[self.at] if self.at < len(self.tokens) else None
 
     def take(self) -> str:
+        """Return the next token, or "" at the end."""
         self.at += 1
-        return self.tokens[self.at - 1]
+        return self.tokens[self.at - 1] if self.at <= len(self.tokens) else ""
+
+    def taken(self, token: str) -> bool:
+        """Read a token if it is the next one."""
+        found = self.peek() == token
+        self.at += found
+        return found
 
     def skip_blanks(self) -> None:
         while (token := self.peek()) is not None and token.isspace():
@@ -132,11 +129,11 @@ class _TexReader:
         found: list[Math] = []
         self.stops.extend(stops)
         self.depth += 1
-        while (token := self.peek()) is not None and token not in stops and token not in self.stops:
+        while (token := self.peek()) is not None and token not in self.stops:
             if token.isspace():
                 self.at += 1
-            elif token in "_^'" and len(token) == 1:
-                found.append(self.script(found.pop() if found else Row(())))
+            elif token in ("_", "^", "'"):
+                found.append(self.script(found.pop() if found else m.Row(())))
             else:
                 found += self.one()
         self.depth -= 1
@@ -147,7 +144,7 @@ class _TexReader:
         sub = None
         sup = None
         primes = 0
-        while (token := self.peek()) is not None and token in ("_", "^", "'"):
+        while (token := self.peek()) in ("_", "^", "'"):
             self.at += 1
             if token == "'":
                 primes += 1
@@ -155,17 +152,14 @@ class _TexReader:
                 sub = self.argument()
             else:
                 sup = self.argument()
-        if isinstance(base, Big):
-            return Big(base.symbol, sub, sup)
-        return Script(base, sub, sup, primes)
+        if isinstance(base, m.Big):
+            return m.Big(base.symbol, sub, sup)
+        return m.Script(base, sub, sup, primes)
 
     def argument(self) -> Math:
         """Return a group, or the next single thing."""
         self.skip_blanks()
-        if self.peek() is None:
-            return Row(())
-        found = self.one()
-        return row(*found)
+        return m.Row(()) if self.peek() is None else m.row(*self.one())
 
     def digit_or_argument(self) -> Math:
         r"""Read an argument; of a number only the first digit: `\\frac12` is a half."""
@@ -173,152 +167,107 @@ class _TexReader:
         token = self.peek()
         if token is None or not token[0].isdigit():
             return self.argument()
-        self.tokens[self.at : self.at + 1] = [token[0], *([token[1:]] if token[1:] else [])]
-        return Num(self.take())
+        self.tokens[self.at : self.at + 1] = list(filter(None, (token[0], token[1:])))
+        return m.Num(self.take())
 
     def one(self) -> list[Math]:
         token = self.take()
         if self.depth > MAX_DEPTH:
-            return [Words(token)]
+            return [m.Words(token)]
+        if token in _CLOSING:
+            return [self.fenced(token)]
         if token == "{":
             return [self.group()]
         if token[0] == "\\":
-            return self.command(token)
+            name = ALIASES.get(token[1:], token[1:])
+            if name in _IGNORED:
+                return []
+            return [_SINGLE[name]] if name in _SINGLE else self.structure(token, name)
         if token[0].isdigit():
-            return [Num(token)]
-        if token in "([":
-            return [self.fenced(token, PAIRS[token])]
+            return [m.Num(token)]
         if token.isalpha():
-            return [Ident(token)]
+            return [m.Ident(token)]
         if token == "~":
-            return [Gap()]
-        return [Sym(_PLAIN.get(token, token))] if token not in "{}$&#%^_\\" else [Words(token)]
+            return [m.Gap()]
+        return [m.Words(token) if token in "}$&#%^_" else m.Sym(_PLAIN.get(token, token))]
 
     def group(self) -> Math:
-        name = self.raw(peek_only=True)
-        if name in self.holes:
-            self.raw()
-            return Hole(name)
-        inner = self.items("}")
-        if self.peek() == "}":
-            self.at += 1
-        return row(*inner)
-
-    def raw(self, peek_only: bool = False) -> str:
-        """Return the text of a group as written, its opening brace already read."""
         start = self.at
+        name = self.raw()
+        if name in self.holes:
+            return m.Hole(name)
+        self.at = start
+        inner = self.items("}")
+        self.taken("}")
+        return m.row(*inner)
+
+    def raw(self) -> str:
+        """Return the text of a group as written, its opening brace already read."""
+        text = ""
         level = 1
-        at = self.at
-        while at < len(self.tokens) and level:
-            level += {"{": 1, "}": -1}.get(self.tokens[at], 0)
-            at += 1
-        if not peek_only:
-            self.at = at
-        return "".join(self.tokens[start : at - 1 if level == 0 else at])
+        while (token := self.take()) and (token != "}" or level > 1):
+            level += {"{": 1, "}": -1}.get(token, 0)
+            text += token
+        return text
 
     def raw_argument(self) -> str:
         self.skip_blanks()
-        if self.peek() != "{":
-            return self.take() if self.peek() is not None else ""
-        self.at += 1
-        return self.raw()
+        return self.raw() if self.taken("{") else self.take()
 
-    def fenced(self, left: str, right: str, token: str | None = None) -> Math:
+    def fenced(self, token: str) -> Math:
         """Return a body up to its closing delimiter; when that is missing the opening one stands alone."""
-        close = token if token is not None else RIGHT_TEX.get(right, right)
-        inner = self.items(close)
-        if self.peek() == close:
-            self.at += 1
-            return Fence(left, row(*inner), right)
-        return Row((Sym(left), *inner))
-
-    def command(self, token: str) -> list[Math]:
-        name = token[1:]
-        name = ALIASES.get(name, name)
-        if name in GREEK:
-            return [Ident(GREEK[name])]
-        if token in (r"\{", r"\lvert", r"\lVert", r"\lfloor", r"\lceil", r"\langle"):
-            left = DELIMITERS[token]
-            return [self.fenced(left, *_closing(token))]
-        if name in SYMBOLS:
-            return [Sym(SYMBOLS[name])]
-        if name in FUNCTIONS:
-            return [Ident(name, "upright")]
-        if name in _BIG:
-            return [Big(_BIG[name])]
-        if name in _SPACES:
-            gap = _SPACES[name]
-            return [Gap("wide" if gap == "wide" else "thin")] if gap else []
-        return [] if name in _IGNORED else self.structure(token, name)
+        closing = _CLOSING[token]
+        inner = self.items(closing)
+        if self.taken(closing):
+            return m.Fence(DELIMITERS[token], m.row(*inner), DELIMITERS[closing])
+        return m.Row((m.Sym(DELIMITERS[token]), *inner))
 
     def structure(self, token: str, name: str) -> list[Math]:
         if name in _STYLES:
-            return [Ident(_spaces(self.raw_argument()), _STYLES[name])]
+            text = self.raw_argument().replace(r"\,", "\u2009").replace(r"\ ", " ").replace(r"\_", "_")
+            return [m.Ident(text, _STYLES[name])]
         match name:
             case "frac" | "tfrac" | "dfrac":
-                return [Frac(self.digit_or_argument(), self.digit_or_argument())]
+                return [m.Frac(self.digit_or_argument(), self.digit_or_argument())]
             case _ if name in ACCENTS:
-                return [Accent(name, self.argument())]
+                return [m.Accent(name, self.argument())]
             case "xrightarrow":
-                return [Arrow(self.argument())]
+                return [m.Arrow(self.argument())]
             case "sqrt":
-                return [Root(self.argument())]
+                return [m.Root(self.argument())]
             case "text" | "textrm" | "mbox" | "textit":
-                return [Words(self.raw_argument())]
-            case "bmod" | "mod":
-                return [Ident("mod", "upright") if name == "mod" else Sym("mod")]
+                return [m.Words(self.raw_argument())]
             case "pmod":
-                return [Gap("wide"), Fence("(", Row((Ident("mod", "upright"), Gap(), self.argument())), ")")]
+                return [m.Gap("wide"), m.brackets(m.Row((m.upright("mod"), m.Gap(), self.argument())))]
             case "left":
-                return [self.stretched()]
+                left = self.delimiter()
+                inner = self.items(r"\right")
+                return [m.Fence(left, m.row(*inner), self.delimiter() if self.taken(r"\right") else "")]
             case "begin":
                 return [self.environment()]
-            case "#" | "%" | "&" | "_" | "$" | "}":
-                return [Sym(name) if name != "_" else Words("_")]
-            case "|":
-                return [Sym("‖")]
             case _:
-                return [Words(token)]
+                return [m.Words(token)]
 
-    def stretched(self) -> Math:
+    def delimiter(self) -> str:
         self.skip_blanks()
-        left = self.take() if self.peek() is not None else "."
-        inner = self.items(r"\right")
-        right = "."
-        if self.peek() == r"\right":
-            self.at += 1
-            self.skip_blanks()
-            right = self.take() if self.peek() is not None else "."
-        return Fence(DELIMITERS.get(left, left[:1]), row(*inner), DELIMITERS.get(right, right[:1]))
+        token = self.take()
+        return DELIMITERS.get(token, token[:1])
 
     def environment(self) -> Math:
         name = self.raw_argument()
         lines: list[list[Math]] = [[]]
         while True:
-            lines[-1].append(row(*self.items("&", r"\\", r"\end")))
-            token = self.peek()
-            if token is None or token == r"\end":
-                break
-            self.at += 1
+            lines[-1].append(m.row(*self.items("&", r"\\", r"\end")))
+            token = self.take()
             if token == r"\\":
                 lines.append([])
-        if self.peek() == r"\end":
-            self.at += 1
+            elif token != "&":
+                break
+        if token == r"\end":
             self.raw_argument()
         if name == "cases":
-            return Cases(tuple((r[0], r[1] if len(r) > 1 else Row(())) for r in lines))
-        return Matrix(tuple(tuple(r) for r in lines))
-
-
-def _closing(token: str) -> tuple[str, str]:
-    """Return the closing delimiter of an opening command: its character and its command."""
-    closing = token.replace(r"\l", r"\r") if token != r"\{" else r"\}"
-    return DELIMITERS[closing], closing
-
-
-def _spaces(text: str) -> str:
-    """Return the text of an upright name: TeX's spaces are spaces."""
-    return text.replace(r"\,", "\u2009").replace(r"\ ", " ").replace(r"\_", "_")
+            return m.Cases(tuple((line[0], (*line, m.Row(()))[1]) for line in lines))
+        return m.Matrix(tuple(map(tuple, lines)))
 
 
 def read(text: str, holes: Collection[str] = ()) -> Math:
@@ -335,5 +284,5 @@ def read(text: str, holes: Collection[str] = ()) -> Math:
     while reader.peek() is not None:
         found += reader.items()
         if reader.peek() is not None:  # a closing brace that closes nothing
-            found.append(Words(reader.take()))
-    return row(*found)
+            found.append(m.Words(reader.take()))
+    return m.row(*found)

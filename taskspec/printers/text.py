@@ -1,59 +1,41 @@
-"""Surface syntax and mathematics as plain text: expressions that parse again, and one-line formulas."""
+"""Surface syntax and mathematics as plain text: expressions that parse again, and formulas as a line of Unicode."""
 
 from __future__ import annotations
 
-from typing import Any, assert_never
+from typing import assert_never
 
 from taskspec.lang import syntax as s
 from taskspec.printers import tex as c
 from taskspec.printers import tree as m
 from taskspec.printers.pieces import NAME, TEXT
 
+_TIGHT = frozenset("()[]{}|‖′!")
+_AFTER = frozenset(",;:")
+_DIVIDES = (m.Sym("mod"), m.Sym("/"))
+_MULTIPLIES = (*_DIVIDES, m.Sym("⋅"), m.Sym("×"))
+_SUB = str.maketrans("0123456789+-=()aehijklmnoprstuvx", "₀₁₂₃₄₅₆₇₈₉₊₋₌₍₎ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓ")
+_SUP = str.maketrans("0123456789+-−=()n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁻⁼⁽⁾ⁿ")
+
 
 def text(expr: s.Expr) -> str:
     """Return an expression as text.
 
     What only YAML can write (`if:`/`then:` lists, `by:`/`rows:` tables) comes out as conditionals of the same
-    meaning; `data` keeps their form.
+    meaning.
     """
     return _write(expr)[0]
-
-
-def data(expr: s.Expr) -> Any:
-    """Return an expression as YAML data that reads as the same tree."""
-    match expr:
-        case s.Piecewise(branches=branches, otherwise=otherwise):
-            pieces = [{"if": data(c), "then": data(v)} for c, v in branches]
-            return [*pieces, {"else": data(otherwise)}]
-        case s.Table(by=by, rows=rows):
-            columns = [data(c) for c in by]
-            return {"by": columns[0] if len(columns) == 1 else columns, "rows": _rows(rows)}
-        case s.Weights(pairs=pairs):
-            return {_key(value): data(p) for value, p in pairs}
-        case s.Vector(items=items):
-            return [data(i) for i in items]
-        case s.Boolean(value=value):
-            return value
-        case _:
-            return text(expr)
-
-
-def _key(expr: s.Expr) -> str:
-    return expr.value if isinstance(expr, s.Quoted) else text(expr)
-
-
-def _rows(rows: tuple[s.TableRow, ...]) -> dict[str, Any]:
-    return {
-        "else" if row.key is None else _key(row.key): _rows(row.body) if isinstance(row.body, tuple) else data(row.body)
-        for row in rows
-    }
 
 
 def _operands(operator: str, *exprs: s.Expr) -> list[str]:
     """Return the operands of an operator, with the brackets that it asks for."""
     rule = TEXT[operator]
-    parts = [(_write(expr), rule.operand(i)) for i, expr in enumerate(exprs)]
-    return [written if own >= least else f"({written})" for (written, own), least in parts]
+    parts = []
+    for i, expr in enumerate(exprs):
+        written, level = _write(expr)
+        if level < rule.operand(i):
+            written = f"({written})"
+        parts.append(written)
+    return parts
 
 
 def _write(expr: s.Expr) -> tuple[str, int]:
@@ -83,8 +65,9 @@ def _write(expr: s.Expr) -> tuple[str, int]:
         case s.IfElse(condition=c, then=then, otherwise=otherwise):
             value, condition, other = _operands("if", then, c, otherwise)
             return f"{value} if {condition} else {other}", TEXT["if"].own
-        case s.Call():
-            return _call(expr), NAME
+        case s.Call(function=function, args=args, keywords=keywords):
+            arguments = [*map(text, args), *(f"{name}={text(value)}" for name, value in keywords)]
+            return f"{function}({', '.join(arguments)})", NAME
         case s.Subscript(value=value, indices=indices):
             base = f"({text(value)})" if isinstance(value, s.Number) else _operands("subscript", value)[0]
             return f"{base}[{', '.join(map(_index, indices))}]", NAME
@@ -98,18 +81,13 @@ def _write(expr: s.Expr) -> tuple[str, int]:
             assert_never(expr)
 
 
-def _call(expr: s.Call) -> str:
-    arguments = [text(a) for a in expr.args] + [f"{name}={text(value)}" for name, value in expr.keywords]
-    return f"{expr.function}({', '.join(arguments)})"
-
-
 def _index(index: s.Expr | s.Slice) -> str:
     if isinstance(index, s.Vector):  # round brackets would make it several indices
         return f"[{', '.join(map(text, index.items))}]"
     if not isinstance(index, s.Slice):
         return text(index)
-    start, stop, step = ("" if x is None else text(x) for x in (index.start, index.stop, index.step))
-    return f"{start}:{stop}:{step}" if index.step is not None else f"{start}:{stop}"
+    ends = (index.start, index.stop) if index.step is None else (index.start, index.stop, index.step)
+    return ":".join("" if end is None else text(end) for end in ends)
 
 
 def _display(expr: s.Vector | s.SetOf | s.Weights | s.Comprehension) -> str:
@@ -127,8 +105,8 @@ def _display(expr: s.Vector | s.SetOf | s.Weights | s.Comprehension) -> str:
 
 
 def _clause(clause: s.Clause) -> str:
-    domain, *conditions = _operands("clause", clause.domain, *clause.conditions)
-    return f"for {', '.join(clause.targets)} in {domain}" + "".join(f" if {c}" for c in conditions)
+    written = _operands("clause", clause.domain, *clause.conditions)
+    return f"for {', '.join(clause.targets)} in {' if '.join(written)}"
 
 
 def _conditional(branches: tuple[tuple[s.Expr, s.Expr], ...], otherwise: s.Expr, place: s.Place) -> s.Expr:
@@ -140,27 +118,17 @@ def _conditional(branches: tuple[tuple[s.Expr, s.Expr], ...], otherwise: s.Expr,
 
 def _as_conditional(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], place: s.Place) -> s.Expr:
     """Return a table as nested conditionals; where no row is for everything else, the last row is."""
-    pairs = [
-        (row.key, _as_conditional(by[1:], row.body, place) if isinstance(row.body, tuple) else row.body) for row in rows
-    ]
-    last = next((body for key, body in pairs if key is None), pairs[-1][1])
-    keyed = [(key, body) for key, body in pairs if key is not None]
-    if all(key is not None for key, _ in pairs):
-        keyed = keyed[:-1]
-    branches = tuple((s.Compare(by[0], (("==", key),), place), body) for key, body in keyed)
-    return _conditional(branches, last, place)
-
-
-# -- mathematics as a line of Unicode
-
-_TIGHT = frozenset("()[]{}|‖′!")
-_AFTER = frozenset(",;:")
-_DIVIDES = (m.Sym("mod"), m.Sym("/"))
-_MULTIPLIES = (*_DIVIDES, m.Sym("⋅"), m.Sym("×"))
-_SUB = str.maketrans("0123456789+-=()aehijklmnoprstuvx", "₀₁₂₃₄₅₆₇₈₉₊₋₌₍₎ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓ")
-_SUP = str.maketrans("0123456789+-−=()n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁻⁼⁽⁾ⁿ")
-_SUBBED = set("₀₁₂₃₄₅₆₇₈₉₊₋₌₍₎ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓ")
-_SUPPED = set("⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁼⁽⁾ⁿ")
+    branches = []
+    last = None
+    for row in rows:
+        body = _as_conditional(by[1:], row.body, place) if isinstance(row.body, tuple) else row.body
+        if row.key is None:
+            last = body
+        else:
+            branches.append((s.Compare(by[0], (("==", row.key),), place), body))
+    if last is None:
+        _, last = branches.pop()
+    return _conditional(tuple(branches), last, place)
 
 
 def plain(node: m.Math) -> str:
@@ -171,7 +139,9 @@ def plain(node: m.Math) -> str:
         case m.Ident(text=text) | m.Num(text=text) | m.Words(text=text) | m.Hole(name=text):
             return text
         case m.Sym(text=text):
-            return text if text in _TIGHT else f"{text} " if text in _AFTER else f" {text} "
+            if text in _TIGHT:
+                return text
+            return f"{text} " if text in _AFTER else f" {text} "
         case m.Gap(width=gap):
             return " " if gap == "thin" else "  "
         case m.Row(items=items):
@@ -187,9 +157,9 @@ def plain(node: m.Math) -> str:
         case m.Fence(left=left, body=body, right=right):
             return f"{left}{plain(body)}{right}"
         case m.Cases(rows=rows):
-            return "{ " + "; ".join(f"{plain(a)} {plain(b)}".strip() for a, b in rows) + " }"
-        case m.Matrix(rows=rows):
-            return "[" + "; ".join(" ".join(plain(x) for x in line) for line in rows) + "]"
+            return f"{{ {'; '.join(f'{plain(a)} {plain(b)}'.strip() for a, b in rows)} }}"
+        case m.Matrix(rows=lines):
+            return f"[{'; '.join(' '.join(map(plain, line)) for line in lines)}]"
         case m.Arrow(over=over):
             return f" —{plain(over)}→ "
         case m.Big(symbol=symbol, sub=sub, sup=sup):
@@ -200,19 +170,20 @@ def plain(node: m.Math) -> str:
 
 
 def _row(items: tuple[m.Math, ...]) -> str:
-    texts = [plain(_apart(item, items[i - 1] if i else None, items[i + 1 :])) for i, item in enumerate(items)]
-    if items and isinstance(items[0], m.Sym):
-        texts[0] = texts[0].lstrip() if items[0].text in _AFTER else texts[0].strip()
+    texts = []
+    for i, item in enumerate(items):
+        beside = next((x for x in items[i + 1 :] if not isinstance(x, m.Gap)), None)
+        if isinstance(item, m.Frac) and i > 0 and items[i - 1] in _DIVIDES:
+            item = m.brackets(item)
+        elif beside in _MULTIPLIES or not isinstance(beside, m.Sym | m.Words | None):
+            item = _closed(item)
+        texts.append(plain(item))
+    match items:
+        case (m.Sym(text=first), *_) if first in _AFTER:
+            texts[0] = texts[0].lstrip()
+        case (m.Sym(), *_):
+            texts[0] = texts[0].strip()
     return "".join(texts).replace("  ", " ")
-
-
-def _apart(node: m.Math, before: m.Math | None, after: tuple[m.Math, ...]) -> m.Math:
-    """Give pages different anchors, none of them a name of the files around them."""
-    if isinstance(node, m.Frac) and before in _DIVIDES:
-        return m.brackets(node)
-    beside = next((x for x in after if not isinstance(x, m.Gap)), None)
-    multiplies = beside in _MULTIPLIES or not isinstance(beside, m.Sym | m.Words | None)
-    return _closed(node) if multiplies else node
 
 
 def _closed(node: m.Math) -> m.Math:
@@ -228,16 +199,17 @@ def _atom(node: m.Math) -> str:
 
 
 def _script(node: m.Script) -> str:
-    text = _atom(node.base) + "′" * node.primes
-    if node.sub is not None:
-        text += _small(plain(node.sub), _SUB, _SUBBED, "_")
-    if node.sup is not None:
-        text += _small(plain(node.sup), _SUP, _SUPPED, "^")
-    return text
+    base = _atom(node.base) + "′" * node.primes
+    return f"{base}{_small(node.sub, _SUB, '_')}{_small(node.sup, _SUP, '^')}"
 
 
-def _small(text: str, table: dict[int, int], known: set[str], mark: str) -> str:
+def _small(node: m.Math | None, table: dict[int, int], mark: str) -> str:
+    """Return what is written below or above: in small letters if there are such, else after a mark."""
+    if node is None:
+        return ""
+    text = plain(node)
     raised = text.replace(" ", "").translate(table)
+    known = set(map(chr, table.values()))
     if set(raised) <= known and not known & set(text):  # a script of a script would be one with it
         return raised
     return f"{mark}{text}" if len(text) == 1 or text.isdecimal() else f"{mark}({text})"

@@ -1,13 +1,15 @@
 """The mathematics tree: notation as it stands on paper, before it is LaTeX, MathML or plain text.
 
-A closed set of nodes. Characters are Unicode throughout; what TeX calls them is in `printers.characters`.
+A closed set of nodes. Characters are Unicode throughout; what TeX calls them is in `printers.tex`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from taskspec.lang.syntax import Place
 
 Style = Literal["italic", "upright", "bold", "blackboard", "calligraphic", "typewriter"]
 
@@ -22,8 +24,6 @@ class Ident:
 
 @dataclass(frozen=True, slots=True)
 class Num:
-    """A number as digits."""
-
     text: str
 
 
@@ -50,8 +50,6 @@ class Gap:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Things side by side."""
-
     items: tuple[Math, ...]
 
 
@@ -68,16 +66,12 @@ class Root:
 
 @dataclass(frozen=True, slots=True)
 class Accent:
-    """A mark over a body, by TeX's name: `dot`, `hat`."""
-
-    mark: str
+    mark: str  # TeX's name: `dot`, `hat`
     body: Math
 
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """A base with what is written below, above and as primes."""
-
     base: Math
     sub: Math | None = None
     sup: Math | None = None
@@ -107,8 +101,6 @@ class Matrix:
 
 @dataclass(frozen=True, slots=True)
 class Arrow:
-    """A long arrow with a label above."""
-
     over: Math
 
 
@@ -123,7 +115,7 @@ class Big:
 
 @dataclass(frozen=True, slots=True)
 class Hole:
-    """An argument's place in a template."""
+    """The place of an argument in a template."""
 
     name: str
 
@@ -142,8 +134,10 @@ def joined(items: Iterable[Math], mark: str = ",") -> Math:
     """Return items with a mark between them."""
     found: list[Math] = []
     for item in items:
-        found += [Sym(mark), item] if found else [item]
-    return row(*found) if found else Row(())
+        if found:
+            found.append(Sym(mark))
+        found.append(item)
+    return row(*found)
 
 
 def brackets(body: Math) -> Fence:
@@ -154,29 +148,39 @@ def braces(body: Math) -> Fence:
     return Fence("{", body, "}")
 
 
+def such_that(element: Math, condition: Math) -> Row:
+    """Return `element : condition`, as in sets and after quantifiers."""
+    return Row((element, Sym(":"), Gap(), condition))
+
+
 def upright(text: str) -> Ident:
     return Ident(text, "upright")
 
 
-def children(node: Math) -> tuple[Math, ...]:
-    """Return the children of a node, in reading order."""
-    match node:
-        case Row(items=items):
-            return items
-        case Frac(top=top, bottom=bottom):
-            return (top, bottom)
-        case Root(body=body) | Accent(body=body) | Fence(body=body) | Arrow(over=body):
-            return (body,)
-        case Script(base=base, sub=sub, sup=sup):
-            return tuple(x for x in (base, sub, sup) if x is not None)
-        case Big(sub=sub, sup=sup):
-            return tuple(x for x in (sub, sup) if x is not None)
-        case Cases(rows=pairs):
-            return tuple(x for pair in pairs for x in pair)
-        case Matrix(rows=rows):
-            return tuple(x for line in rows for x in line)
-        case _:
-            return ()
+def children(node: Any) -> list[Any]:
+    """Return the nodes right below a node of mathematics or of surface syntax, in reading order."""
+    found = []
+    waiting = [getattr(node, name) for name in reversed(node.__dataclass_fields__)]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, tuple):
+            waiting += reversed(value)
+        elif hasattr(value, "__dataclass_fields__") and not isinstance(value, Place):
+            found.append(value)
+    return found
+
+
+def mapped(node: Any, change: Callable[[Any], Any]) -> Any:
+    """Return a node of mathematics or of surface syntax with each of its children changed."""
+
+    def go(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(go(x) for x in value)
+        if hasattr(value, "__dataclass_fields__") and not isinstance(value, Place):
+            return change(value)
+        return value
+
+    return replace(node, **{name: go(getattr(node, name)) for name in node.__dataclass_fields__})
 
 
 def is_tall(node: Math) -> bool:
@@ -189,7 +193,7 @@ def is_tall(node: Math) -> bool:
         case Arrow():
             return False
         case _:
-            return any(is_tall(child) for child in children(node))
+            return any(map(is_tall, children(node)))
 
 
 def width(node: Math) -> float:
@@ -216,5 +220,7 @@ def width(node: Math) -> float:
             return 1.2 + width(body)
         case Root(body=body):
             return 1 + width(body)
+        case Big():
+            return 1.5 + sum(map(width, children(node)))
         case _:
-            return sum(width(child) for child in children(node)) + (1.5 if isinstance(node, Big) else 0)
+            return sum(map(width, children(node)))

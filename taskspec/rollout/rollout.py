@@ -8,18 +8,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import NoReturn
 
 import numpy as np
 
 from taskspec import draws
 from taskspec.base.arrays import Array
-from taskspec.base.limits import limits
+from taskspec.base.limits import limits, tell
 from taskspec.lang.batch import evaluate
-from taskspec.lang.ir import Node, Role
+from taskspec.lang.interval import bounds
+from taskspec.lang.ir import Const, Node, Role
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import WordLayout, batch_sampler
-from taskspec.model.points import BYTES, Cost, columns, sampled
+from taskspec.model.model import refuse
+from taskspec.model.points import BYTES, Budget, Cost, columns, sampled
 from taskspec.task.task import Component, Task
 
 Key = tuple[Role, str]
@@ -91,32 +94,29 @@ def at_random(task: Task) -> Choose:
     return choose
 
 
-def uniform(c: Any, lanes: int, rng: np.random.Generator) -> Array:
-    """Return random values of a component, (*shape, lanes): uniform where its range has both ends."""
+def uniform(c: Component, lanes: int, rng: np.random.Generator) -> Array:
+    """Return random values of a component, (*shape, lanes): uniform where its range has both ends.
+
+    As in Gymnasium's `Box`, they are standard normal where there is no end, and an exponential of mean 1 from the only end.
+    """
     rows: list[Array] = []
     for low, high in zip(c.low, c.high, strict=True):
-        if not (math.isfinite(low) and math.isfinite(high)):
-            row = _unbounded(low, high, lanes, rng)
-            rows.append(row if c.type.kind is Kind.REAL else np.rint(row))
-        elif c.is_finite:
-            rows.append(rng.integers(int(low), int(high) + 1, lanes))
+        if c.is_finite:
+            row = rng.integers(int(low), int(high) + 1, lanes)
+        elif math.isfinite(low) and math.isfinite(high):
+            row = rng.uniform(low, high, lanes)
+        elif math.isfinite(low):
+            row = low + rng.exponential(1.0, lanes)
+        elif math.isfinite(high):
+            row = high - rng.exponential(1.0, lanes)
         else:
-            rows.append(rng.uniform(low, high, lanes))
-    values = np.array(rows) if c.type.shape else rows[0]
-    kind = {0: np.bool_, 1: np.int64, 2: np.float64}[int(c.type.kind)]
-    return values.reshape(*c.type.shape, lanes).astype(kind)
+            row = rng.standard_normal(lanes)
+        rows.append(row)
+    values = np.array(rows).reshape(*c.type.shape, lanes)
+    return values if c.type.kind is Kind.REAL else np.rint(values).astype(_DTYPES[c.type.kind])
 
 
-def _unbounded(low: float, high: float, lanes: int, rng: np.random.Generator) -> Array:
-    """Return values (lanes,) of a range that lacks an end, distributed like those of Gymnasium's `Box`.
-
-    Standard normal where there is no end; one end plus, or minus, an exponential of mean 1 where there is one.
-    """
-    if math.isfinite(low):
-        return low + rng.exponential(1.0, lanes)
-    if math.isfinite(high):
-        return high - rng.exponential(1.0, lanes)
-    return rng.standard_normal(lanes)
+_DTYPES = {Kind.BOOL: np.bool_, Kind.INT: np.int64}
 
 
 def by_expert(task: Task) -> Choose:
@@ -155,13 +155,15 @@ def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
     far = _affordable(task)
     rounds = max(1, far // max(STEPS, task.horizon or far))
     everyone = [(sampled_actions(task), STEPS, LANES), (_held(task), far // rounds, LANES * rounds)]
-    everyone += [(by_expert(task), STEPS, LANES)] if isinstance(task.expert, tuple) and task.memory is None else []
-    numbers = sum(c.type.size for c in (*task.state, *task.action)) * sum(steps * lanes for _, steps, lanes in everyone)
+    if isinstance(task.expert, tuple) and task.memory is None:
+        everyone.append((by_expert(task), STEPS, LANES))
+    size = sum(c.type.size for c in (*task.state, *task.action))
+    numbers = size * sum(steps * lanes for _, steps, lanes in everyone)
     share = min(1.0, limits().megabytes * 1e6 / (BYTES * numbers))
-    return columns(
-        part for choose, steps, lanes in everyone
-        for part in _episodes(task, choose, max(1, int(share * lanes)), steps, ends, rng)
-    )  # fmt: skip
+    parts: list[dict[Key, Array]] = []
+    for choose, steps, lanes in everyone:
+        parts += _episodes(task, choose, max(1, int(share * lanes)), steps, ends, rng)
+    return columns(parts)
 
 
 def _affordable(task: Task) -> int:
@@ -193,7 +195,7 @@ def _episodes(
         going = going & ~ended
         state = {n: np.where(going, moved.state[n], state[n]) for n in state}
         t = t + 1
-        if not going.any() or not _are_numbers(state):
+        if not going.any() or not all(np.isfinite(v).all() for v in state.values()):
             episode += 1
             state = rollout.start(episode)
             going = np.ones(lanes, np.bool_)
@@ -244,12 +246,13 @@ def _within(c: Component, values: Array) -> Array:
 def _held(task: Task) -> Choose:
     """Return one action for each lane and episode, which drives states far."""
     actions = sampled_actions(task)
-    chosen: list[Mapping[str, Array]] = []
+    chosen: Mapping[str, Array] = {}
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
+        nonlocal chosen
         if t == 0:
-            chosen[:] = [actions(state, t, rng)]
-        return chosen[0]
+            chosen = actions(state, t, rng)
+        return chosen
 
     return choose
 
@@ -264,5 +267,88 @@ def sampled_actions(task: Task) -> Choose:
     return choose
 
 
-def _are_numbers(state: State) -> bool:
-    return all(np.isfinite(v).all() for v in state.values())
+# -- returns of simulated episodes -------------------------------------------------------------------------------------
+
+EPISODES = 1000
+LONGEST = 20_000
+"""Steps after which an episode without a horizon is taken never to end."""
+UNENDING = 2_000
+"""Steps after which episodes are given up if hardly any of them has ended."""
+WORDS = 4_000_000
+"""Random words that a batch of episodes may take for one step."""
+CUT = 1e-12
+"""The weight of a reward (a power of the discount) at which simulated episodes are cut off."""
+
+
+def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0) -> Array:
+    """Return the returns float64 (N,) of episodes, discounted as the task says. Episode i has the environment's seed `seed + i`.
+
+    Raises:
+        SpecError: (E712) when episodes without a horizon do not end.
+    """
+    never_ends = isinstance(task.terminal, Const) and not task.terminal.value
+    if never_ends and task.discount == 1 and (task.horizon is None or task.horizon > LONGEST):
+        _refuse_endless(task, LONGEST)
+    parts = []
+    expert = task.expert if isinstance(task.expert, tuple) else ()
+    start = Cost(task.initial, simulated=True)
+    step = Cost((*task.next, task.reward, task.terminal, *expert), simulated=True)
+    lanes = step.batch(min(episodes, WORDS // max(1, Rollout(task, 1).words)))
+    budget = Budget(f"{episodes:,} episodes")
+    for first in range(0, episodes, lanes):
+        some = min(lanes, episodes - first)
+        budget.spend(start, some)
+        parts.append(_simulate(task, choose, some, seed + first, partial(budget.spend, step, some)))
+    return np.concatenate(parts)
+
+
+def _simulate(task: Task, choose: Choose, lanes: int, seed: int, spend: Callable[[], None]) -> Array:
+    rollout = Rollout(task, lanes, seed)
+    rng = np.random.default_rng(seed)
+    state = rollout.start()
+    returns = np.zeros(lanes)
+    running = np.ones(lanes, np.bool_)
+    weight = 1.0
+    t = 0
+    is_undiscounted = task.horizon is None and task.discount == 1
+    while running.any() and (task.horizon is None or t < task.horizon):
+        spend()
+        tell(f"{lanes:,} episodes, step {t + 1:,}")
+        moved = rollout.step(state, choose(state, t, rng), t)
+        with np.errstate(over="ignore", invalid="ignore"):  # a return that no float holds is infinite, or nan
+            returns += np.where(running, weight * moved.reward, 0.0)
+        running = running & ~moved.terminal
+        state = {n: np.where(running, moved.state[n], state[n]) for n in state}
+        weight *= task.discount
+        t += 1
+        if weight < CUT:
+            break
+        if t == UNENDING and is_undiscounted:  # judged by those that ended before
+            is_lasting = running.mean() ** (LONGEST / UNENDING) * lanes >= 1
+            if is_lasting:
+                _refuse_endless(task, t)
+        if running.any() and t >= LONGEST:
+            _refuse_endless(task, t)
+    return returns
+
+
+def _refuse_endless(task: Task, steps: int) -> NoReturn:
+    hint = "give the task a horizon, or a discount below 1" if task.horizon is None else "choose a smaller horizon"
+    refuse(f"episodes are still running after {steps:,} steps", hint)
+
+
+def return_range(task: Task) -> tuple[float, float]:
+    """Return bounds of the return of an episode, from bounds of the reward."""
+    weight = math.inf if task.horizon is None else float(task.horizon)  # sum of gamma**t over the longest episode
+    gap = 1 - task.discount
+    if gap == 1:
+        weight = 1.0
+    elif gap > 0:
+        weight = -math.expm1(weight * math.log1p(-gap)) / gap  # 1 - gamma**steps would cancel for gamma near 1
+    ends = [float(end) for end in bounds(task.reward, {})]
+    if not (isinstance(task.terminal, Const) and not task.terminal.value):
+        ends.append(0.0)
+    low = weight * min(ends) if min(ends) else 0.0
+    high = weight * max(ends) if max(ends) else 0.0
+    cut = CUT * max(abs(low), abs(high)) if gap else 0.0
+    return low - 1e-9 * abs(low) - cut, high + 1e-9 * abs(high) + cut  # by more than the rounding error of sums

@@ -5,8 +5,8 @@ Draws are enumerated. Distributions with infinitely many outcomes are equal if t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -70,14 +70,22 @@ class JointOutcomes:
 
     def probability(self, row: Array) -> float | Fraction:
         """Return the probability of values (elements,)."""
-        nothing = Fraction(0) if self.weights.dtype == object else 0.0
-        return sum(self.weights[_close(self.values, row)].tolist(), nothing)
+        with np.errstate(invalid="ignore"):  # infinite values are equal to themselves
+            near = np.abs(self.values - row) <= ABSOLUTE + RELATIVE * np.maximum(np.abs(self.values), np.abs(row))
+        same = (self.values == row) | near | (np.isnan(self.values) & np.isnan(row))
+        return sum(self.weights[same.all(axis=1)].tolist(), Fraction(0) if self.weights.dtype == object else 0.0)
 
-
-def _close(rows: Array, row: Array) -> Array:
-    with np.errstate(invalid="ignore"):  # infinite values are equal to themselves
-        near = np.abs(rows - row) <= ABSOLUTE + RELATIVE * np.maximum(np.abs(rows), np.abs(row))
-    return np.asarray(((rows == row) | near | (np.isnan(rows) & np.isnan(row))).all(axis=1))
+    def in_words(self, c: Component) -> str:
+        """Return a value in words, or a few of many with their probabilities."""
+        order = np.argsort(-self.weights, kind="stable")
+        shown = []
+        for i in order[:4]:
+            row = self.values[i].reshape(c.type.shape).astype((np.bool_, np.int64, np.float64)[int(c.type.kind)])
+            shown.append(words(plain(c, row)))
+        if len(order) == 1:
+            return shown[0]
+        parts = [f"{value} ({_number(self.weights[i])})" for value, i in zip(shown, order[:4], strict=True)]
+        return ", ".join(parts) + ", ..." * (len(order) > 4)
 
 
 def _are_equal(one: float | Fraction, other: float | Fraction) -> bool:
@@ -85,6 +93,11 @@ def _are_equal(one: float | Fraction, other: float | Fraction) -> bool:
     if isinstance(one, Fraction) and isinstance(other, Fraction):
         return one == other
     return abs(float(one) - float(other)) <= CHANCE
+
+
+def _number(p: float | Fraction) -> str:
+    ratio = Fraction(p).limit_denominator(1000)
+    return str(ratio) if abs(ratio - Fraction(p)) <= 1e-12 else f"{float(p):.6g}"
 
 
 def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
@@ -111,28 +124,25 @@ def _enumerated(nodes: Sequence[Node], numbers: ProbabilityArithmetic) -> JointO
 
 def compare(asked: Consequence, collector: Collector) -> None:
     """Report a consequence that is not that of the task."""
+    what = asked.what
     actual = outcomes([asked.actual])
     expected = outcomes([asked.expected])
-    if actual is None or expected is None:
-        _compare_forms(asked, collector)
+    if actual is not None and expected is not None:
+        pairs = zip(expected.values, expected.weights, strict=True)
+        if not all(_are_equal(actual.probability(row), p) for row, p in pairs):
+            message = f"{what} is {actual.in_words(asked.component)}, not {expected.in_words(asked.component)}"
+            collector.add("E611", asked.expr.place, message)
         return
-    if all(_are_equal(actual.probability(row), p) for row, p in zip(expected.values, expected.weights, strict=True)):
-        return
-    message = f"{asked.what} is {_in_words(asked.component, actual)}, not {_in_words(asked.component, expected)}"
-    collector.add("E611", asked.expr.place, message)
-
-
-def _compare_forms(asked: Consequence, collector: Collector) -> None:
-    """Compare distributions that cannot be enumerated: they are equal if their normal forms are."""
-    forms = NormalForms()
+    forms = NormalForms()  # distributions that cannot be enumerated are equal if their normal forms are
     if forms.all([asked.actual]) == forms.all([asked.expected]):
         return
-    if not draws([asked.expected]):
-        message = f"{asked.what} is drawn from a distribution with infinitely many outcomes, so it is not always {_value(asked)}"
-        collector.add("E611", asked.expr.place, message, "write the distribution")
+    if draws([asked.expected]):
+        message = f"{what} is drawn in another way, which may be the same or not"
+        collector.add("E612", asked.expr.place, message, "write the distribution as the spec does")
         return
-    message = f"{asked.what} is drawn in another way, which may be the same or not"
-    collector.add("E612", asked.expr.place, message, "write the distribution as the spec does")
+    value = "this" if expected is None else expected.in_words(asked.component)
+    message = f"{what} is drawn from a distribution with infinitely many outcomes, so it is not always {value}"
+    collector.add("E611", asked.expr.place, message, "write the distribution")
 
 
 def compare_probability(asked: Sequence[Consequence], chance: Fraction, example: Example, collector: Collector) -> None:
@@ -144,76 +154,42 @@ def compare_probability(asked: Sequence[Consequence], chance: Fraction, example:
         collector.add("E612", example.place, message)
     elif expected is None or len(expected.values) > 1:
         collector.add("E613", example.place, "with a probability, give one value for each name")
-    elif not _are_equal(actual.probability(expected.values[0]), chance):
-        message = f"this has a probability of {_number(actual.probability(expected.values[0]))}, not {_number(chance)}"
-        collector.add("E611", example.probability.place if example.probability else example.place, message)
-
-
-# -- words ----------------------------------------------------------------------------------------
-
-
-def _in_words(c: Component, found: JointOutcomes) -> str:
-    """Return a value in words, or a few of many with their probabilities."""
-    order = np.argsort(-found.weights, kind="stable")
-    shown = [_one(c, found.values[i]) for i in order[:4]]
-    if len(order) == 1:
-        return shown[0]
-    probabilities = [_number(found.weights[i]) for i in order[:4]]
-    parts = [f"{value} ({p})" for value, p in zip(shown, probabilities, strict=True)]
-    return ", ".join(parts) + (", ..." if len(order) > 4 else "")
-
-
-def _one(c: Component, row: Array) -> str:
-    kind = {0: np.bool_, 1: np.int64, 2: np.float64}[int(c.type.kind)]
-    return words(plain(c, row.reshape(c.type.shape).astype(kind)))
-
-
-def _value(asked: Consequence) -> str:
-    found = outcomes([asked.expected])
-    return "this" if found is None else _in_words(asked.component, found)
-
-
-def _number(p: float | Fraction) -> str:
-    ratio = Fraction(p).limit_denominator(1000)
-    return str(ratio) if abs(ratio - Fraction(p)) <= 1e-12 else f"{float(p):.6g}"
+    else:
+        found = actual.probability(expected.values[0])
+        if not _are_equal(found, chance):
+            message = f"this has a probability of {_number(found)}, not {_number(chance)}"
+            collector.add("E611", (example.probability or example).place, message)
 
 
 # -- examples -------------------------------------------------------------------------------------
 
 REWARD = Component("reward", REAL, (-INF,), (INF,))
-ENDS = {"terminal": Component("terminal", BOOL, (0,), (1,)), "truncated": Component("truncated", BOOL, (0,), (1,))}
+TERMINAL = Component("terminal", BOOL, (0,), (1,))
+TRUNCATED = Component("truncated", BOOL, (0,), (1,))
 
 
 def wrong_examples(task: TaskLike) -> Iterator[tuple[int, Diagnostic]]:
     """Yield every problem with the examples of a task, with the number of its example."""
     task = load(task)
-    known: dict[str, Task | SpecError] = {}
+    known: dict[str, Task | SpecError] = {repr({}): task}
     for i, example in enumerate(task.examples):
         for case in example.cases or ({},):
             key = repr(case)
-            found = known[key] = known.get(key) or _for(task, case)
-            problems = (
-                (wrong_setting(task, "examples", i, case, found),)
-                if isinstance(found, SpecError)
-                else _Trial(found, found.examples[i]).problems()
-            )
+            if key not in known:
+                try:
+                    known[key] = build(task.document, task.variant, task.given | dict(case), task.suite)
+                except SpecError as error:
+                    known[key] = error
+            found = known[key]
+            if isinstance(found, SpecError):
+                problems: tuple[Diagnostic, ...] = (wrong_setting(task, "examples", i, case, found),)
+            else:
+                problems = _Trial(found, found.examples[i]).problems()
             for problem in problems:
-                yield i, _with_case(problem, case)
-
-
-def _for(task: Task, case: Mapping[str, Any]) -> Task | SpecError:
-    """Return the task for the parameter values of an example."""
-    try:
-        return build(task.document, task.variant, task.given | dict(case), task.suite) if case else task
-    except SpecError as error:
-        return error
-
-
-def _with_case(problem: Diagnostic, case: Mapping[str, Any]) -> Diagnostic:
-    note = f"for {', '.join(f'{k} = {words(v)}' for k, v in case.items())}"
-    return Diagnostic(
-        problem.code, problem.span, problem.message, problem.hint, (*problem.notes, *([note] if case else []))
-    )
+                if case:
+                    note = f"for {', '.join(f'{k} = {words(v)}' for k, v in case.items())}"
+                    problem = replace(problem, notes=(*problem.notes, note))
+                yield i, problem
 
 
 @dataclass
@@ -239,7 +215,10 @@ class _Trial:
         return self.collector.diagnostics
 
     def _run(self) -> None:
-        self._check_time()
+        horizon = self.task.horizon
+        if horizon is not None and self.example.t >= horizon + (not self.example.steps):
+            message = f"no step is taken after {self.example.t} others: the horizon is {horizon}"
+            self.collector.add("E613", self.example.place, message)
         asked = [found for follows in self.example.follows if (found := self._consequence(follows)) is not None]
         chance = self._chance()
         if self.collector.diagnostics:
@@ -249,14 +228,6 @@ class _Trial:
                 compare(one, self.collector)
         else:
             compare_probability(asked, chance, self.example, self.collector)
-
-    def _check_time(self) -> None:
-        horizon = self.task.horizon
-        if horizon is not None and self.example.t >= horizon + (not self.example.steps):
-            message = f"no step is taken after {self.example.t} others: the horizon is {horizon}"
-            self.collector.add("E613", self.example.place, message)
-
-    # -- what is given ----------------------------------------------------------------------------
 
     @cached_property
     def given(self) -> dict[tuple[Role, str], Node | None]:
@@ -295,51 +266,44 @@ class _Trial:
             return None
         return rewrite([node], leaf, self.builder.remake)[0]
 
-    # -- what follows -----------------------------------------------------------------------------
-
     def _consequence(self, follows: Followed) -> Consequence | None:
         """Return a consequence in the task and in the example; None if one of them is wrong, which is reported."""
-        found = self._in_task(follows)
-        if found is None:
-            return None
-        component, node, what = found
+        task = self.task
+        name = follows.name
+        entry: tuple[Sequence[Component], Sequence[Node], str]
+        match follows.section:
+            case "initial":
+                entry = (task.state, task.initial, f"the first {name}")
+            case "next":
+                entry = (task.state, task.next, f"the next {name}")
+            case "observation":
+                nodes = task.observation.nodes
+                if self.example.starts:
+                    nodes = task.first_observation
+                elif self.example.acts:
+                    nodes = task.next_observation
+                entry = (task.observation.components, nodes, f"'{name}' in the observation")
+            case "expert":
+                if not isinstance(task.expert, tuple):
+                    message = "only an expert given by expressions can be checked"
+                    self.collector.add("E612", follows.expr.place, message)
+                    return None
+                entry = (task.action, task.expert, f"the expert's {name}")
+            case "reward":
+                entry = ([REWARD], [task.reward], "the reward")
+            case "terminal":
+                entry = ([TERMINAL], [task.terminal], "`terminal`")
+            case _:
+                cut = task.horizon is not None and self.example.t + 1 >= task.horizon
+                entry = ([TRUNCATED], [self.builder.scalar(cut)], "`truncated`")
+        components, nodes, what = entry
+        pairs = zip(components, nodes, strict=True)
+        component, node = next((c, node) for c, node in pairs if name in (None, c.name))
         expected = assign(self.checker, follows.expr, self.scope, component)
         actual = self._substituted(node, what)
         if expected is None or actual is None:
             return None
         return Consequence(what, component, actual, expected, follows.expr)
-
-    def _in_task(self, follows: Followed) -> tuple[Component, Node, str] | None:
-        """Return the component of an entry, its node, and words for it."""
-        task = self.task
-        b = self.builder
-        name = follows.name
-        match follows.section:
-            case "initial":
-                return *_named(task.state, task.initial, name), f"the first {name}"
-            case "next":
-                return *_named(task.state, task.next, name), f"the next {name}"
-            case "observation":
-                return *_named(task.observation.components, self._seen, name), f"'{name}' in the observation"
-            case "expert" if isinstance(task.expert, tuple):
-                return *_named(task.action, task.expert, name), f"the expert's {name}"
-            case "expert":
-                message = "only an expert given by expressions can be checked"
-                self.collector.add("E612", follows.expr.place, message)
-                return None
-            case "reward":
-                return REWARD, task.reward, "the reward"
-            case "terminal":
-                return ENDS["terminal"], task.terminal, "`terminal`"
-            case _:
-                cut = task.horizon is not None and self.example.t + 1 >= task.horizon
-                return ENDS["truncated"], b.scalar(cut), "`truncated`"
-
-    @property
-    def _seen(self) -> tuple[Node, ...]:
-        if self.example.starts:
-            return self.task.first_observation
-        return self.task.next_observation if self.example.acts else self.task.observation.nodes
 
     def _chance(self) -> Fraction | None:
         expr = self.example.probability
@@ -358,7 +322,3 @@ class _Trial:
             )
             return None
         return Reader(as_written=True)(node.value)
-
-
-def _named(components: tuple[Component, ...], nodes: tuple[Node, ...], name: str | None) -> tuple[Component, Node]:
-    return next((c, node) for c, node in zip(components, nodes, strict=True) if c.name == name)

@@ -21,8 +21,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.model.extract import extract
 from taskspec.model.model import Model, misused, refuse
 from taskspec.registry import load
-from taskspec.rollout.rollout import Choose, at_random, by_expert, is_bounded
-from taskspec.rollout.simulate import EPISODES, return_range, simulate
+from taskspec.rollout.rollout import EPISODES, Choose, at_random, by_expert, is_bounded, return_range, simulate
 from taskspec.rollout.statistics import CONFIDENCE, mean_interval
 from taskspec.solve.backward import Greedy, Plan, Rule, Uniform, rule_of
 from taskspec.solve.enclosure import Enclosure, NoNumber, rounded

@@ -49,8 +49,10 @@ class SectionScope:
     def number(self, expr: s.Expr) -> Node | None:
         """Return the meaning of a part as a number; the value of the label for a choice."""
         value = self.value(expr)
-        if value is None or value.domain is None:
-            return None if value is None else value.node
+        if value is None:
+            return None
+        if value.domain is None:
+            return value.node
         return Checker(self.builder, Collector()).number_of(value)
 
     def row(self, by: s.Expr, key: s.Expr) -> Node | None:

@@ -6,7 +6,6 @@ thousand brackets is refused at the hundredth, and nothing in the text can name 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import yaml
@@ -38,42 +37,25 @@ class RefusedError(Exception):
 def compose(text: str) -> Composed:
     """Return the tree of a YAML text. Never raises for a bad text: what was wrong is in the result."""
     builder = _Builder(text)
-    try:
-        for event in _events(text):
-            builder.take(event)
-    except yaml.MarkedYAMLError as error:
-        builder.result.syntax = _syntax(error, builder)
-        if "maximum nesting depth" in builder.result.syntax.problem:  # libyaml has a bound of its own
-            builder.result.stop = _too_deep(builder.result.syntax.at)
-            builder.result.syntax = None
-    except yaml.YAMLError as error:
-        builder.result.stop = TextProblem("E112", 0, 0, f"YAML cannot read this: {error}")
-    except RefusedError as refused:
-        builder.result.stop = refused.finding
-    return builder.result
-
-
-def _events(text: str) -> Iterator[Any]:
-    """Yield the parser's events, from libyaml where it is there: it is ten times faster."""
-    loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)(text)
+    result = builder.result
+    loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)(text)  # libyaml is ten times faster, where it is there
     try:
         while loader.check_event():
-            yield loader.get_event()
+            builder.take(loader.get_event())
+    except yaml.MarkedYAMLError as error:
+        at = error.problem_mark.index if error.problem_mark else 0
+        since = error.context_mark.index if error.context_mark else None
+        if "maximum nesting depth" in str(error.problem):  # libyaml has a bound of its own
+            result.stop = _too_deep(at)
+        else:
+            result.syntax = Syntax(error.problem or "", error.context or "", at, since, builder.open, builder.last)
+    except yaml.YAMLError as error:
+        result.stop = TextProblem("E112", 0, 0, f"YAML cannot read this: {error}")
+    except RefusedError as refused:
+        result.stop = refused.finding
     finally:
         loader.dispose()
-
-
-def _syntax(error: yaml.MarkedYAMLError, builder: _Builder) -> Syntax:
-    at = error.problem_mark
-    since = error.context_mark
-    return Syntax(
-        problem=error.problem or "",
-        context=error.context or "",
-        at=at.index if at else 0,
-        since=since.index if since else None,
-        open=builder.open,
-        last=builder.last,
-    )
+    return result
 
 
 def _too_deep(at: int) -> TextProblem:
@@ -97,30 +79,26 @@ class _Builder:
             case yaml.ScalarEvent():
                 self._refuse_properties(event)
                 style = _STYLES.get(event.style, "plain")
-                self._place(ScalarNode(event.value, *_range(event), style))
+                self._place(ScalarNode(event.value, event.start_mark.index, event.end_mark.index, style))
             case yaml.MappingStartEvent() | yaml.SequenceStartEvent():
                 self._refuse_properties(event)
                 kind = MappingNode if isinstance(event, yaml.MappingStartEvent) else SequenceNode
-                self._begin(kind(_range(event)[0], bool(event.flow_style)))
+                self._begin(kind(event.start_mark.index, bool(event.flow_style)))
             case yaml.MappingEndEvent() | yaml.SequenceEndEvent():
-                self._end(_range(event)[1])
+                self._end(event.end_mark.index)
             case yaml.AliasEvent():
                 self._refuse_properties(event)
             case yaml.DocumentStartEvent() if self.result.root is not None:
-                where, _ = _range(event)
+                where = event.start_mark.index
                 message = "a second YAML document begins here"
                 hint = "one file holds one task: remove the `---`, or use `variants`"
                 raise RefusedError(TextProblem("E116", where, where + 3, message, hint))
 
-    @property
-    def in_flow(self) -> bool:
-        return bool(self.open) and self.open[-1].flow
-
     def _refuse_properties(self, event: Any) -> None:
-        """Anchors, aliases and tags: not part of specs, and nearly always an unquoted operator."""
-        if event.anchor is None and getattr(event, "tag", None) is None:
-            return
-        raise RefusedError(special_start(self.text, _range(event)[0], self.in_flow))
+        """Refuse anchors, aliases and tags: not part of specs, and nearly always an unquoted operator."""
+        if event.anchor is not None or getattr(event, "tag", None) is not None:
+            in_flow = bool(self.open) and self.open[-1].flow
+            raise RefusedError(special_start(self.text, event.start_mark.index, in_flow))
 
     def _begin(self, node: MappingNode | SequenceNode) -> None:
         if len(self.open) >= Limits.depth:
@@ -161,10 +139,6 @@ class _Builder:
         if isinstance(key, ScalarNode):
             parent.entries.append((key, node))
             parent.index.setdefault(key.value, (key, node))
-
-
-def _range(event: Any) -> tuple[int, int]:
-    return event.start_mark.index, event.end_mark.index
 
 
 def _last_end(node: MappingNode | SequenceNode) -> int:

@@ -374,14 +374,14 @@ _ENTRIES = (
         "columns and rows are two integers of the state, up to 5,000", keys=("at",),
     ),
     FigureKind(
-        "curve", "taskspec.figures.curve:curve", "`at: [x, y]`, `curve`, an expression of the first",
+        "curve", "taskspec.figures.plane:curve", "`at: [x, y]`, `curve`, an expression of the first",
         "a curve needs a component of the state: `at: [x, y]`", keys=("at", "curve"),
     ),
     FigureKind("bars", "taskspec.figures.bars:bars", "`values`, the vector", _VECTOR),
     FigureKind("swaps", "taskspec.figures.bars:bars", "`values`, the vector", _VECTOR),
     FigureKind("vector", "taskspec.figures.bars:bars", "`values`, the vector", _VECTOR),
     FigureKind(
-        "portrait", "taskspec.figures.motion:portrait",
+        "portrait", "taskspec.figures.plane:portrait",
         "`at: [x, v]`, two bounded components: a phase portrait, and an episode of the expert",
         "phase portraits need two bounded numbers of the state, `at: [x, v]`, and steps without draws", keys=("at",),
     ),
@@ -392,7 +392,7 @@ _ENTRIES = (
         "a series needs an expert given by expressions, no draws and finite numbers",
     ),
     FigureKind(
-        "arm", "taskspec.figures.motion:arm", "`values`, the angles of the links, each measured from hanging straight down",
+        "arm", "taskspec.figures.plane:arm", "`values`, the angles of the links, each measured from hanging straight down",
         "an arm has up to 30 finite angles: `values: [a, a + b]`", keys=("values",),
     ),
 )  # fmt: skip

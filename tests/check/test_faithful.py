@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from taskspec import exact, source
-from taskspec.abstraction import homomorphism
+from taskspec.abstraction import verify as verification
 from taskspec.abstraction.abstraction import Abstraction, abstraction
 from taskspec.abstraction.factor import Dependence, LinearForms, dependence
 from taskspec.abstraction.verify import verify
@@ -48,7 +48,7 @@ def statuses(text: str, *claims: str) -> list[str]:
 def test_what_has_too_many_steps_to_compare_is_tested(monkeypatch: pytest.MonkeyPatch) -> None:
     given = found(shipped("sort"))
     assert verify(given).is_proved
-    monkeypatch.setattr(homomorphism, "MOST", 100)
+    monkeypatch.setattr(verification, "MOST", 100)
     check = verify(given)
     assert check.problem is None and check.episodes > 0 and check.why == "there are too many steps to compare"
 

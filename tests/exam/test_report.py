@@ -21,8 +21,8 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.cli.console import console
 from taskspec.cli.report import print_exam
 from taskspec.exam import findings, report
-from taskspec.exam.report import pictures
-from taskspec.exam.report import rows as told
+from taskspec.exam import score_charts as pictures
+from taskspec.exam import score_rows as told
 from taskspec.figures import chart
 from taskspec.figures.scene import Area, Box, Circle, Label, Line, Scene
 from taskspec.printers.text import plain

@@ -13,7 +13,7 @@ from taskspec import source
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import scores
 from taskspec.exam import reward_distance
-from taskspec.exam.rewards import _Chain
+from taskspec.exam.starc import RewardMdp
 from taskspec.task.build import build
 from taskspec.task.task import Task
 
@@ -195,11 +195,11 @@ def _advantages(known: Any, reward: Array) -> Array:
 
 def test_it_is_a_distance() -> None:
     task, rng = maze("horizon: 4"), np.random.default_rng(6)
-    chain = _Chain(taskspec.data.tabular(task))
+    chain = RewardMdp(taskspec.data.tabular(task))
     for a, b, c in rng.normal(size=(10, 3, 5, 3)):
-        assert chain.apart(a, b) == pytest.approx(chain.apart(b, a))
-        assert chain.apart(a, a) == 0
-        assert chain.apart(a, c) <= chain.apart(a, b) + chain.apart(b, c) + 1e-12
+        assert chain.distance(a, b) == pytest.approx(chain.distance(b, a))
+        assert chain.distance(a, a) == 0
+        assert chain.distance(a, c) <= chain.distance(a, b) + chain.distance(b, c) + 1e-12
 
 
 @pytest.mark.parametrize("horizon", ["horizon: 4", "horizon: none\ndiscount: 0.9"])

@@ -15,7 +15,7 @@ import pytest
 
 from taskspec.base import limits
 from taskspec.exam import Running, examine
-from taskspec.jobs.engine import Standing
+from taskspec.jobs.running import JobProgress
 from tests.learners import counting
 from tests.shared.commands import Done
 
@@ -112,10 +112,10 @@ class Asked(Exception):
 
 def anew(folder: Path, **terms: Any) -> int:
     """How many of an exam's training runs are done anew."""
-    told: list[Standing] = []
+    told: list[JobProgress] = []
 
-    def stop(standing: Standing) -> None:
-        told.append(standing)
+    def stop(reached: JobProgress) -> None:
+        told.append(reached)
         raise Asked
 
     wanted = {"learner": f"{folder}/mine.py:train", "tasks": [f"{folder}/tiny.yaml"], "seeds": (0, 1)} | terms

@@ -9,7 +9,7 @@ import pytest
 
 from taskspec import registry
 from taskspec.figures import Overlay, scene
-from taskspec.figures.curve import HEIGHT, WIDTH
+from taskspec.figures.plane import HEIGHT, WIDTH
 from taskspec.figures.scene import Box, Label, Line, Scene, text_width
 from taskspec.printers.text import plain
 

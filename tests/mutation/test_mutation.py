@@ -11,9 +11,8 @@ from typer.testing import CliRunner
 
 from taskspec import source
 from taskspec.cli.app import app
-from taskspec.mutation.judge import CLASSES, Original, judge, judgements
+from taskspec.mutation.judge import CLASSES, Original, judge, judgements, same_task
 from taskspec.mutation.mutants import mutants, written
-from taskspec.mutation.same import same_task
 from taskspec.mutation.text_changes import Replacements, changes
 from taskspec.task.build import build
 from taskspec.task.task import Task

@@ -20,8 +20,7 @@ from taskspec.cli.app import app
 from taskspec.data import demonstrations
 from taskspec.exact import Expert, Results, check, score, scores
 from taskspec.pages.page import page
-from taskspec.rollout.rollout import by_expert
-from taskspec.rollout.simulate import simulate
+from taskspec.rollout.rollout import by_expert, simulate
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task

@@ -18,9 +18,8 @@ from taskspec.printers import latex, mathematics, mathml, plain
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import condition
 from taskspec.printers.latex import escape
-from taskspec.printers.names import Notation, expression, nowhere
-from taskspec.printers.substitute import substitute
-from taskspec.printers.symbols import symbol
+from taskspec.printers.names import Notation, expression, nowhere, symbol
+from taskspec.printers.rewrites import substitute
 from taskspec.printers.tex import read as read_tex
 from taskspec.printers.text import text
 

@@ -14,10 +14,11 @@ from taskspec.base.diagnostics import Collector
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse
 from taskspec.printers.names import nowhere
-from taskspec.printers.text import data, text
+from taskspec.printers.text import text
 from taskspec.source import read
 from taskspec.task.context import Forms
 from taskspec.task.merge import merge
+from tests.shared.expression_data import data
 
 PLACE = s.Place(nowhere(""), 0, 0)
 ROOT = Path(__file__).parents[2]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from taskspec.exam import Exam
-from taskspec.exam.report.rows import decimal, interval, named
+from taskspec.exam.score_rows import decimal, interval, named
 from taskspec.rollout.statistics import estimate, mean
 
 DOCS = Path(__file__).parents[2] / "docs"

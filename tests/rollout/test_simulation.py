@@ -12,8 +12,7 @@ from taskspec.draws import variates
 from taskspec.exact import extract
 from taskspec.model.points import Cost
 from taskspec.registry import load
-from taskspec.rollout.rollout import _affordable, at_random
-from taskspec.rollout.simulate import simulate
+from taskspec.rollout.rollout import _affordable, at_random, simulate
 from taskspec.scores.returns import Results
 from taskspec.solve import solve
 from taskspec.source import read_text

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.jobs.engine import Interrupted, run
+from taskspec.jobs.running import Interrupted, run
 from taskspec.jobs.store import Job, Store
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -22,7 +22,7 @@ from taskspec.lang.types import INT_MAX
 from taskspec.registry import load
 from taskspec.task.build import build_varying
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
-from taskspec.task.task import Component, Parameter, Task, TaskLike
+from taskspec.task.task import Parameter, Task, TaskLike
 
 
 class Gymnax:
@@ -106,14 +106,10 @@ def _from_zero(layout: SpaceLayout, seen: Any) -> Any:
         case "discrete":
             return seen - layout.starts[0]
         case "dict":
-            starts = {c.name: int(c.low[0]) for c in layout.components if _is_discrete(c)}
+            starts = {c.name: int(c.low[0]) for c in layout.components if c.is_finite and c.type.is_scalar}
             return {name: value - starts.get(name, 0) for name, value in seen.items()}
         case _:
             return seen
-
-
-def _is_discrete(c: Component) -> bool:
-    return c.is_finite and c.type.is_scalar
 
 
 # -- spaces -------------------------------------------------------------------------------------------------------
@@ -130,16 +126,16 @@ def _space(layout: SpaceLayout) -> Any:
         case "one_hot":
             return spaces.Box(0.0, 1.0, layout.shape)
         case "dict":
-            return spaces.Dict({c.name: _component(spaces, c) for c in layout.components})
+            made = {}
+            for c in layout.components:
+                if c.is_finite and c.type.is_scalar:
+                    made[c.name] = spaces.Discrete(c.counts[0])
+                else:
+                    lows = tuple(map(single, c.low))
+                    made[c.name] = _box(spaces, lows, tuple(map(single, c.high)), c.type.shape)
+            return spaces.Dict(made)
         case "box":
             return _box(spaces, layout.low, layout.high, layout.shape)
-
-
-def _component(spaces: Any, c: Component) -> Any:
-    if _is_discrete(c):
-        return spaces.Discrete(c.counts[0])
-    low, high = (tuple(single(v) for v in bound) for bound in (c.low, c.high))
-    return _box(spaces, low, high, c.type.shape)
 
 
 def _box(spaces: Any, low: tuple[float, ...], high: tuple[float, ...], shape: tuple[int, ...]) -> Any:
@@ -184,26 +180,21 @@ class OpenParameters:
         return _params(self)(INT_MAX if task.horizon is None else task.horizon, *(p.value for p in self.varying))
 
     def values(self, params: Any) -> tuple[AnyArray, ...]:
-        """Return the parameters as arrays (N,) or (1,), lanes last; those that the task was loaded with where none are
-        given.
-        """
+        """Return the parameters as arrays (N,) or (1,), lanes last; those that the task was loaded with unless given."""
         given: Mapping[str, Any] = {p.name: p.value for p in self.varying} if params is None else params._asdict()
         return tuple(jnp.atleast_1d(jnp.asarray(given[p.name], _DTYPES[p.kind])) for p in self.varying)
 
     def paid(self, reward: AnyArray, given: Sequence[AnyArray]) -> AnyArray:
-        """Return the reward (N,), nan where the spec does not allow the parameters: all that can be done once a program is
-        compiled.
-        """
-        for allowed in (*self._ranges(given), *self.conditions(*given)):
-            reward = jnp.where(allowed, reward, jnp.nan)
-        return reward
-
-    def _ranges(self, given: Sequence[AnyArray]) -> Iterator[AnyArray]:
+        """Return the reward (N,), nan where the spec does not allow the parameters: compiled programs cannot do more."""
+        allowed = list(self.conditions(*given))
         for p, value in zip(self.varying, given, strict=True):
             if p.low is not None:
-                yield value >= jnp.asarray(p.low, value.dtype)
+                allowed.append(value >= jnp.asarray(p.low, value.dtype))
             if p.high is not None:
-                yield value <= jnp.asarray(p.high, value.dtype)
+                allowed.append(value <= jnp.asarray(p.high, value.dtype))
+        for each in allowed:
+            reward = jnp.where(each, reward, jnp.nan)
+        return reward
 
     def check(self, params: Any) -> None:
         """Refuse (E704) values that the spec does not allow together, as far as they are known."""

@@ -48,26 +48,26 @@ class NumbaEngine:
         self._keys = np.zeros((2, lanes), np.uint32)
         self._chosen = np.zeros(lanes, np.bool_)
         threads = max(1, min(options.num_threads, -(-lanes // program.block)))
-        ranges = _ranges(lanes, threads, program.block)
-        self._scratch = [self._new_scratch() for _ in ranges]
-        pairs = zip(self._scratch, ranges, strict=True)
-        self._memory = [self._addresses(scratch, *place) for scratch, place in pairs]
+        blocks = -(-lanes // program.block)
+        size = -(-blocks // threads) * program.block  # of the range of a thread
+        ranges = [(first, min(first + size, lanes)) for first in range(0, lanes, size)]
+        self._scratch: list[dict[str, Array]] = []
+        self._memory = [self._addresses(*place) for place in ranges]
         self._runs = [kernel.bound(memory) for memory in self._memory]
         self._lanes = lanes
         self._episodes = Episodes(self.buffers, options.mode)
         self._waits = options.mode == "disabled"
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
-    def _new_scratch(self) -> dict[str, Array]:
+    def _addresses(self, start: int, stop: int) -> Array:
+        """Return the numbers of `Memory.fields`, and where every array begins: uint64."""
         p = self._program
-        return {
+        scratch: dict[str, Array] = {
             "lanes": np.zeros(p.block + 1, np.int64),
             "words": np.zeros((p.rows, p.width), np.uint32),
             "reals": np.zeros((p.rows, p.width), np.float32),
         }
-
-    def _addresses(self, scratch: dict[str, Array], start: int, stop: int) -> Array:
-        """Return the numbers of `Memory.fields`, and where every array begins: uint64."""
+        self._scratch.append(scratch)
         b = self.buffers
         arrays = {
             "k0": self._keys[0], "k1": self._keys[1], "steps": b.steps, "episodes": b.episodes, "time": b.time,
@@ -149,10 +149,3 @@ class NumbaEngine:
 
     def place(self, values: tuple[Array, ...], lanes: Array) -> None:
         self._episodes.place(values, lanes)
-
-
-def _ranges(lanes: int, threads: int, block: int) -> list[tuple[int, int]]:
-    """Lanes shared out among threads, in whole blocks."""
-    blocks = -(-lanes // block)
-    size = -(-blocks // threads) * block
-    return [(start, min(start + size, lanes)) for start in range(0, lanes, size)]

@@ -6,7 +6,7 @@ condition are worked out, and small tables are chains of selects, so that a loop
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -80,8 +80,21 @@ class KernelLane(LaneEmitter):
     # -- reductions -----------------------------------------------------------------------------------------------
 
     def _reduction(self, node: Apply, entry: Operator) -> LaneValue:
-        made = _REDUCE[node.op](self, node, [self.assign(a) for a in self.atoms(node.args[0])])
-        return LaneValue(made)
+        atoms = [self.assign(a) for a in self.atoms(node.args[0])]
+        match node.op:
+            case "sum" | "prod" | "any" | "all":
+                return LaneValue(self._fold(node, atoms, *_FOLDS[node.op]))
+            case "count":
+                return LaneValue(self._fold(node, [f"i32({a})" for a in atoms], "+", "0"))
+            case "min" | "max" | "argmin" | "argmax":
+                sign = "<" if node.op.endswith("min") else ">"
+                return LaneValue(self._best(node, atoms, sign, place=node.op.startswith("arg")))
+            case "sort":
+                return LaneValue(self._network(node, atoms))
+            case "argsort":
+                return LaneValue(self.order(atoms, node.args[0].type.kind is Kind.REAL))
+            case _:
+                return LaneValue(self._running(atoms))
 
     def _fold(self, node: Apply, atoms: Sequence[str], join: str, none: str) -> list[str]:
         total = atoms[0] if atoms else none
@@ -138,8 +151,15 @@ class KernelLane(LaneEmitter):
     # -- structure ------------------------------------------------------------------------------------------------
 
     def _structure(self, node: Apply) -> LaneValue:
-        special = _STRUCTURE.get(node.op)
-        return special(self, node) if special is not None else super()._structure(node)
+        match node.op:
+            case "index":
+                return self._index(node)
+            case "put":
+                return self._put(node)
+            case "swap":
+                return self._swap(node)
+            case _:
+                return super()._structure(node)
 
     def _index(self, node: Apply) -> LaneValue:
         x, i = node.args
@@ -219,23 +239,5 @@ class KernelLane(LaneEmitter):
         return atoms * draw.type.size if len(atoms) == 1 else atoms
 
 
-Reduce = Callable[[KernelLane, Apply, list[str]], list[str]]
-_REDUCE: dict[str, Reduce] = {
-    "sum": lambda k, node, a: k._fold(node, a, "+", "0"),
-    "prod": lambda k, node, a: k._fold(node, a, "*", "1"),
-    "count": lambda k, node, a: k._fold(node, [f"i32({x})" for x in a], "+", "0"),
-    "any": lambda k, node, a: k._fold(node, a, "|", "False"),
-    "all": lambda k, node, a: k._fold(node, a, "&", "True"),
-    "min": lambda k, node, a: k._best(node, a, "<", place=False),
-    "max": lambda k, node, a: k._best(node, a, ">", place=False),
-    "argmin": lambda k, node, a: k._best(node, a, "<", place=True),
-    "argmax": lambda k, node, a: k._best(node, a, ">", place=True),
-    "sort": lambda k, node, a: k._network(node, a),
-    "argsort": lambda k, node, a: k.order(a, node.args[0].type.kind is Kind.REAL),
-    "cumsum": lambda k, node, a: k._running(a),
-}
-_STRUCTURE: dict[str, Callable[[KernelLane, Apply], LaneValue]] = {
-    "index": KernelLane._index,
-    "put": KernelLane._put,
-    "swap": KernelLane._swap,
-}
+_FOLDS = {"sum": ("+", "0"), "prod": ("*", "1"), "any": ("|", "False"), "all": ("&", "True")}
+"""What stands between the elements of a reduction, and its value where there are none."""

@@ -20,8 +20,8 @@ from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT_MAX, Kind, Type
 from taskspec.lang.variates import VARIATES, words_of
 from taskspec.lang.variates import WordLayout as WordLayout
-from taskspec.task.spaces import Segment, SpaceLayout
-from taskspec.task.task import Component, Task
+from taskspec.task.spaces import SpaceLayout
+from taskspec.task.task import Task
 
 SCRATCH = 1 << 16
 """Bytes of random words of a block, about: what a first-level cache and a part of the second hold."""
@@ -37,17 +37,17 @@ BAD = -1
 _ARRAYS = {Kind.BOOL: "flags", Kind.INT: "i64s", Kind.REAL: "f64s"}
 
 
+_FIELDS = (
+    "start", "stop", "every", "what",  # the range of lanes, how far apart rows are, what is to be done
+    "k0", "k1", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended", "chosen", "lanes", "words", "reals",
+)  # fmt: skip
+
+
 @dataclass
 class Memory:
-    """Where every array is: its number in the vector of addresses, in the order of `Engine.addresses`."""
+    """Where every array is: its number in the vector of addresses."""
 
-    fields: list[str] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        # Numbers: the range of lanes, how far apart rows are, what is to be done.
-        self.fields = ["start", "stop", "every", "what"]
-        self.fields += ["k0", "k1", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
-        self.fields += ["chosen", "lanes", "words", "reals"]
+    fields: list[str] = field(default_factory=lambda: list(_FIELDS))
 
     def at(self, name: str) -> str:
         if name not in self.fields:
@@ -92,34 +92,25 @@ class Program:
         self.block = max(64, min(BLOCK, SCRATCH // (8 * most) // 64 * 64))
         self.rows = most + 2
         self.width = self.block + GAP
-        self.states = self._component_rows("s", self.task.state)
-        self.seen, self.final = _seen_rows("seen", self.observation), _seen_rows("final", self.observation)
-        for i in range(len(self.task.state)):
+        self.states = []
+        for i, c in enumerate(self.task.state):
+            kind = _ARRAYS[c.type.kind]
             self.memory.at(f"s{i}")
-        for i in range(len(self.observation.parts)):
-            self.memory.at(f"seen{i}")
-            self.memory.at(f"final{i}")
-
-    @staticmethod
-    def _component_rows(prefix: str, components: Sequence[Component]) -> list[list[MemoryRow]]:
-        return [
-            [MemoryRow(f"{prefix}{i}_{k}", f"{prefix}{i}", k, _ARRAYS[c.type.kind]) for k in range(c.type.size)]
-            for i, c in enumerate(components)
-        ]
+            self.states.append([MemoryRow(f"s{i}_{k}", f"s{i}", k, kind) for k in range(c.type.size)])
+        self.seen: dict[str, MemoryRow] = {}  # by number of the part and of the row
+        self.final: dict[str, MemoryRow] = {}
+        for i, part in enumerate(self.observation.parts):
+            kind = "i64s" if part.is_whole else "f32s"
+            for name, rows in (("seen", self.seen), ("final", self.final)):
+                self.memory.at(f"{name}{i}")
+                rows |= {
+                    f"{i}_{k}": MemoryRow(f"{name}{i}_{k}", f"{name}{i}", k, kind) for k in range(math.prod(part.shape))
+                }
 
     @property
     def inline_reset(self) -> bool:
         """Whether lanes that end start again within the loop: where that is known and takes no draws."""
         return self.mode == "same_step" and not self.reset_words.count
-
-
-def _seen_rows(prefix: str, layout: SpaceLayout) -> list[MemoryRow]:
-    """Return the rows of the arrays that hold observations."""
-    return [
-        MemoryRow(f"{prefix}{i}_{k}", f"{prefix}{i}", k, "i64s" if part.is_whole else "f32s")
-        for i, part in enumerate(layout.parts)
-        for k in range(math.prod(part.shape))
-    ]
 
 
 # -- loops over lanes as source: `check`, `advance` (the step of n lanes), `begin` (first states) -----------------
@@ -176,28 +167,23 @@ def _shown(p: Program, roots: Sequence[Node], words: WordLayout) -> dict[int, tu
 
 
 def _observed(loop: Loop) -> dict[str, str]:
-    """Return what is stored in each row of the observations, by name without its prefix."""
+    """Return what is stored in each row of the observations, by number of the part and of the row."""
     layout = loop.program.observation
     values = loop.values[len(loop.values) - len(layout.components) :]
     out: dict[str, str] = {}
     for segment in layout.segments:
-        if segment.first not in loop.shown:
-            cast = "i64" if layout.parts[segment.part].is_whole else "f32"
-            atoms = _segment_numbers(loop, segment, values[segment.component].atoms or [])
-            for row, atom in enumerate(atoms, segment.first):
-                out[f"{segment.part}_{row}"] = loop.lane.assign(f"{cast}({atom})")
+        if segment.first in loop.shown:
+            continue
+        cast = "i64" if layout.parts[segment.part].is_whole else "f32"
+        atoms = values[segment.component].atoms or []
+        if segment.values is not None:
+            held = loop.lane.assign(f"i32({atoms[segment.element]})")
+            atoms = [f"({held} == {value})" for value in segment.values]
+        elif segment.starts:
+            atoms = [f"({a} - {start})" if start else a for a, start in zip(atoms, segment.starts, strict=True)]
+        for row, atom in enumerate(atoms, segment.first):
+            out[f"{segment.part}_{row}"] = loop.lane.assign(f"{cast}({atom})")
     return out
-
-
-def _segment_numbers(loop: Loop, segment: Segment, atoms: Sequence[str]) -> list[str]:
-    """Return the numbers of a segment, from the elements of its component."""
-    if segment.values is None:
-        return [
-            f"({a} - {start})" if start else a
-            for a, start in zip(atoms, segment.starts or (0,) * len(atoms), strict=True)
-        ]
-    held = loop.lane.assign(f"i32({atoms[segment.element]})")
-    return [f"({held} == {value})" for value in segment.values]
 
 
 def _stores(p: Program, loop: Loop) -> dict[MemoryRow, str]:
@@ -272,42 +258,37 @@ def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     seen = _observed(loop)
     reward = loop.lane.assign(f"f64({(loop.values[n].atoms or ['0'])[0]})")
     terminal = (loop.values[n + 1].atoms or ["False"])[0]
-    ending, end = _ending(p, terminal)
-    results, stores, out_rows = _results(p, loop, state, seen, end)
+    results, stores, out_rows = _results(p, loop, state, seen)
     lines = without_unused(loop.lane.lines, [*state.values(), *seen.values(), reward, terminal])
+    late = "False" if p.task.horizon is None else f"(t + 1 >= {p.task.horizon})"
+    ending = [f"late = {late}", "e = late" if never(p.task.terminal) else f"e = late | {terminal}"]
+    ending += [
+        "steps[j] = u32(steps[j] + u32(1))",
+        f"terminated[j] = {terminal}",
+        "truncated[j] = late",
+        "ended[j] = e",
+    ]
     body = [*lines, f"reward[j] = {reward}", *ending, *results, *stores]
     loads, in_rows = _loads(p, p.step_words, "\n".join(body), "j")
     rows = list(dict.fromkeys([*in_rows, *out_rows]))
+    time = f"i32(min(time[j], {INT_MAX}))" if p.task.horizon is None else "i32(time[j])"
     arguments = ["n", "actions", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
     text = [
         "@apart",
         f"def advance({', '.join([*arguments, *(r.name for r in rows)])}):",
         *indent(["count = 0", "for j in range(n):"]),
-        *indent([f"t = {_time(p)}", *_read_actions(p), *loads, *body], 2),
+        *indent([f"t = {time}", *_read_actions(p), *loads, *body], 2),
         *indent(["    count += i64(e)", "return count"]),
     ]
     return text, rows, loop.shown
 
 
-def _time(p: Program) -> str:
-    """Return the time as 32 bits hold it; without a horizon it stops at the largest."""
-    return "i32(time[j])" if p.task.horizon is not None else f"i32(min(time[j], {INT_MAX}))"
-
-
-def _ending(p: Program, terminal: str) -> tuple[list[str], str]:
-    """Return statements that count the step and work out the flags; `e` says whether the episode has ended."""
-    late = "False" if p.task.horizon is None else f"(t + 1 >= {p.task.horizon})"
-    lines = [f"late = {late}", f"e = late | {terminal}" if not never(p.task.terminal) else "e = late"]
-    lines += ["steps[j] = u32(steps[j] + u32(1))", f"terminated[j] = {terminal}"]
-    return [*lines, "truncated[j] = late", "ended[j] = e"], "e"
-
-
 def _results(
-    p: Program, loop: Loop, state: dict[MemoryRow, str], seen: dict[str, str], end: str
+    p: Program, loop: Loop, state: dict[MemoryRow, str], seen: dict[str, str]
 ) -> tuple[list[str], list[str], list[MemoryRow]]:
     """Return statements that store the next state and what is seen of it; or the first state, where the episode has ended."""
-    rows = {r.name.removeprefix("seen"): r for r in p.seen}
-    finals = {r.name.removeprefix("final"): r for r in p.final}
+    rows = p.seen
+    finals = p.final
     used = [*state, *(rows[name] for name in seen)]
     if not p.inline_reset:
         stores = [f"{row.name}[j] = {value}" for row, value in state.items()]
@@ -341,7 +322,7 @@ def begin(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     loop = _loop(p, p.start, p.reset_words, "i", acting=False)
     state = _stores(p, loop)
     seen = _observed(loop)
-    rows = {r.name.removeprefix("seen"): r for r in p.seen}
+    rows = p.seen
     lines = without_unused(loop.lane.lines, [*state.values(), *seen.values()])
     body = [*lines, *(f"{row.name}[j] = {value}" for row, value in state.items())]
     body += [f"{rows[name].name}[j] = {value}" for name, value in seen.items()]
@@ -369,17 +350,15 @@ def generate(
     text = repr(f"{task.id}: a block of lanes at a time, for Numba. Generated; autoreset is {mode!r}.")
     tables = [f"{name} = np.array({array.tolist()}, np.{array.dtype})" for name, array in p.constants.items()]
     head = [text, "", "import numpy as np", "", _IMPORT, "", *tables, ""]
-    return "\n".join([*head, *_blank([checking, advancing, beginning, running])]), p
+    for function in (checking, advancing, beginning, running):
+        head += ["", *function, ""]
+    return "\n".join(head), p
 
 
 _MATH = sorted({name for operator in OPERATORS.values() for name in operator.kernel.names})
 _IMPORT = f"""from taskspec.backends.numba.runtime import *  # noqa: F403
 from taskspec.backends.numba.kernel_draws import *  # noqa: F403
 from math import {", ".join(_MATH)}"""
-
-
-def _blank(functions: Sequence[Sequence[str]]) -> list[str]:
-    return [line for function in functions for line in ("", *function, "")]
 
 
 # -- running the loops over memory --------------------------------------------------------------------------------
@@ -477,8 +456,8 @@ _UNDO = [
 def _keep(p: Program) -> list[str]:
     """Return the last observations of the episodes that have ended."""
     lines = []
-    for array in dict.fromkeys(r.array for r in p.seen):
-        rows = [r for r in p.seen if r.array == array]
+    for array in dict.fromkeys(r.array for r in p.seen.values()):
+        rows = [r for r in p.seen.values() if r.array == array]
         kind = "keep_reals" if rows[0].kind == "f32s" else "keep_ints"
         final = p.memory.at(array.replace("seen", "final"))
         lines.append(f"{kind}(late, lanes, i64({len(rows)}), every, first, n, {p.memory.at(array)}, {final})")

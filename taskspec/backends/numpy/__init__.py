@@ -194,7 +194,12 @@ def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
     hoisted = hoist(b, roots, task.step_words)
     table = tabulate(b, hoisted.roots)
     start = task.reset_roots
-    again = _again(start, len(task.state), observation) if mode == "same_step" else None
+    again = None
+    if mode == "same_step" and not draws_below(start):  # all episodes begin alike
+        values = evaluated(start, WordLayout.dealt(()), np.zeros((0, 1), np.uint32))
+        first = Values.empty(observation, 1)
+        write(observation, first.segments(), values[len(task.state) :], np.arange(1))
+        again = Again(tuple(values[: len(task.state)]), first.parts)
     source, constants = generate(task, table, hoisted, observation, again)
     namespace = {**_NAMESPACE, "HORIZON": np.array(task.horizon or 0), **arrays(constants, batch.array)}
     if again is not None:
@@ -204,16 +209,6 @@ def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
     begins = again is not None
     never_terminates = never(table[len(task.state) + 1])
     return Module(task, source, bind, observation, task.action_layout, hoisted, start, begins, never_terminates)
-
-
-def _again(start: tuple[Node, ...], states: int, observation: SpaceLayout) -> Again | None:
-    """Return how episodes begin, if all do alike."""
-    if draws_below(start):
-        return None
-    values = evaluated(start, WordLayout.dealt(()), np.zeros((0, 1), np.uint32))
-    seen = Values.empty(observation, 1)
-    write(observation, seen.segments(), values[states:], np.arange(1))
-    return Again(tuple(values[:states]), seen.parts)
 
 
 _NAMESPACE: dict[str, Any] = {
@@ -247,7 +242,7 @@ class NumpyEngine:
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:
         for block in self._blocks:
-            block.settle()
+            block.ahead.settle()
         self._episodes.seed(seeds, lanes)
         for block, mine in self._parts(lanes):
             block.forget(mine)
@@ -286,7 +281,7 @@ class _Block:
         self.place = place
         self._buffers = buffers
         self._module = module
-        self._ahead = Ahead(module.hoisted, buffers)
+        self.ahead = Ahead(module.hoisted, buffers)
         self._start = Ready(module.start, module.task.reset_words, buffers)
         self._state_size = len(module.task.state)
         self._seen = buffers.seen.segments()
@@ -304,13 +299,9 @@ class _Block:
         )
         self.episodes = Episodes(buffers, options.mode)
 
-    def settle(self) -> None:
-        """Bring the counts of steps up to date."""
-        self._ahead.settle()
-
     def forget(self, lanes: Array | None) -> None:
         """Some lanes were seeded anew."""
-        self._ahead.restart(everywhere=lanes is None)
+        self.ahead.restart(everywhere=lanes is None)
         self._start.forget(slice(None) if lanes is None else lanes)
 
     def reset(self, lanes: Array) -> None:
@@ -332,28 +323,21 @@ class _Block:
         episodes = self.episodes
         late = b.ended.nonzero()[0] if episodes.over else None
         if late is not None:
-            self._ahead.part_ways()
+            self.ahead.part_ways()
             b.time[late] = 0  # what the step makes of these lanes is dropped; but it may look things up by the time
-        ended = episodes.step(self._step(*actions, *self._ahead.take()))
+        ended = episodes.step(self._step(*actions, *self.ahead.take()))
         if ended and episodes.mode == "same_step" and not self._module.begins:
-            self._finish()
-        return ended if late is None else self._skip(late)
-
-    def _finish(self) -> None:
-        """Keep the last observations of the episodes that have ended, and begin the next ones."""
-        b = self._buffers
-        for final, seen in zip(b.final.parts, b.seen.parts, strict=True):
-            np.copyto(final, seen)
-        self._begin(b.ended.nonzero()[0])
-
-    def _skip(self, late: Array) -> int:
-        """Lanes whose episodes ended in the step before begin the next one now, and take no step."""
-        b = self._buffers
-        self._ahead.settle()
+            for final, seen in zip(b.final.parts, b.seen.parts, strict=True):
+                np.copyto(final, seen)
+            self._begin(b.ended.nonzero()[0])
+        if late is None:
+            return ended
+        # Lanes whose episodes ended in the step before begin the next one now, and take no step.
+        self.ahead.settle()
         b.steps[late] -= _ONE
         b.reward[late] = 0.0
         self.reset(late)
-        return self.episodes.over
+        return episodes.over
 
 
 _ONE = np.array(1, np.uint32)

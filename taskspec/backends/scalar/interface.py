@@ -16,70 +16,65 @@ from taskspec.backends.source_text import literal, names_of
 from taskspec.lang.ir import Node, Read
 from taskspec.lang.types import Kind
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout
-from taskspec.task.task import Component, Task
+from taskspec.task.task import Task
 
 
 def read_action(task: Task, layout: SpaceLayout) -> tuple[list[str], list[LaneValue]]:
     """Return statements that read and check an action, and the values of its components."""
-    names, (part,) = names_of("a", task.action), layout.parts
-    if part.is_whole and not part.shape:
-        return _read_number(names[0], task.action[0], layout), [LaneValue([names[0]])]
-    return _read_array(task, layout, names)
-
-
-def _read_number(name: str, c: Component, layout: SpaceLayout) -> list[str]:
+    names = names_of("a", task.action)
+    (part,) = layout.parts
+    if part.shape or not part.is_whole:
+        return _read_array(task, layout, names)
+    name = names[0]
     ((low, high),) = layout.ends
-    value = f"{name} != 0" if c.type.kind is Kind.BOOL else name
     lines = [
         "try:",
         f"    {name} = index(action)",
         "except TypeError:",
         "    raise bad_action(action) from None",
+        f"if not {low} <= {name} <= {high}:",
+        "    raise bad_action(action)",
     ]
-    lines += [f"if not {low} <= {name} <= {high}:", "    raise bad_action(action)"]
-    return lines if value == name else [*lines, f"{name} = {value}"]
-
-
-def _elements(task: Task, names: Sequence[str]) -> tuple[list[str], list[LaneValue]]:
-    """Return a name for every element of the action, and the components made of them."""
-    flat = []
-    values = []
-    for i, (c, name) in enumerate(zip(task.action, names, strict=True)):
-        mine = [name] if c.type.is_scalar else [f"a{i}_{k}" for k in range(c.type.size)]
-        flat += mine
-        values.append(LaneValue(mine))
-    return flat, values
-
-
-def _listed(shape: tuple[int, ...], names: Sequence[str], convert: str, usual: str) -> list[str]:
-    """Return statements that spread an array-like action over names; anything of another shape is refused."""
-    ravel = ".ravel()" if len(shape) > 1 else ""
-    return [
-        "try:",
-        f"    if action.__class__ is not np.ndarray or action.shape != {shape} or not ({usual}):",
-        f"        action = {convert}(action, {shape})",
-        f"    {', '.join(names)}{',' if shape else ''} = action{ravel}.tolist()",
-        "except (TypeError, ValueError):",
-        "    raise bad_action(action) from None",
-    ]
+    if task.action[0].type.kind is Kind.BOOL:
+        lines.append(f"{name} = {name} != 0")
+    return lines, [LaneValue([name])]
 
 
 def _read_array(task: Task, layout: SpaceLayout, names: Sequence[str]) -> tuple[list[str], list[LaneValue]]:
-    flat, values = _elements(task, names)
+    """Return statements that spread an array-like action over names, one for every element; another shape is refused.
+
+    An array of the usual types is taken as it is, all else is converted first.
+    """
+    flat: list[str] = []
+    values = []
+    for i, (c, name) in enumerate(zip(task.action, names, strict=True)):
+        elements = [name] if c.type.is_scalar else [f"a{i}_{k}" for k in range(c.type.size)]
+        flat += elements
+        values.append(LaneValue(elements))
     whole = layout.parts[0].is_whole
+    shape = layout.shape
+    convert = "as_ints" if whole else "as_floats"
     usual = "action.dtype is int64" if whole else "action.dtype is float32 or action.dtype is float64"
-    lines = _listed(layout.shape, flat, "as_ints" if whole else "as_floats", usual)
+    ravel = ".ravel()" if len(shape) > 1 else ""
+    lines = [
+        "try:",
+        f"    if action.__class__ is not np.ndarray or action.shape != {shape} or not ({usual}):",
+        f"        action = {convert}(action, {shape})",
+        f"    {', '.join(flat)}{',' if shape else ''} = action{ravel}.tolist()",
+        "except (TypeError, ValueError):",
+        "    raise bad_action(action) from None",
+    ]
     numbers = zip(flat, layout.ends, strict=True)
     for c, segment in zip(task.action, layout.segments, strict=True):
         for start in segment.starts or (0,) * segment.size:
             name, (low, high) = next(numbers)
             lines += [f"if not {literal(low)} <= {name} <= {literal(high)}:", "    raise bad_action(action)"]
-            value = f"{name} + {start}" if start else name
-            if whole:
-                value = f"{name} != 0" if c.type.kind is Kind.BOOL else value
-            elif c.type.kind is not Kind.REAL:  # every point of the space is an action
-                value = f"round({name})"
-            lines += [f"{name} = {value}"] if value != name else []
+            if whole and c.type.kind is Kind.BOOL:
+                lines.append(f"{name} = {name} != 0")
+            elif not whole and c.type.kind is not Kind.REAL:  # every point of the space is an action
+                lines.append(f"{name} = round({name})")
+            elif start:
+                lines.append(f"{name} = {name} + {start}")
     return lines, values
 
 

@@ -53,32 +53,13 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
     reset = _reset(parts, states, [*step, *restored], constants)
     kept = [*states, *_kept(parts)]
     lines = [f"{', '.join(kept)} = {', '.join('None' for _ in kept)}", "alive = False"]
-    lines += [
-        "t = 0  # steps of this episode",
-        "past = 0  # steps of the episodes before it",
-        "episodes = 0",
-        *(["next_row = rows()"] if has_rows(task) else []),
-        "",
-    ]
-    lines += [
-        *reset,
-        "",
-        *step,
-        "",
-        *_access(parts, states, restored),
-        "",
-        "return reset, step, get, put",
-    ]
-    return "\n".join(
-        [
-            *head,
-            "",
-            "",
-            "def lane(next_first, next_draws, bad_action, not_running):",
-            *indent(lines),
-            "",
-        ]
-    ), constants
+    lines += ["t = 0  # steps of this episode", "past = 0  # steps of the episodes before it", "episodes = 0"]
+    if has_rows(task):
+        lines.append("next_row = rows()")
+    access = _access(parts, states, restored)
+    lines += ["", *reset, "", *step, "", *access, "", "return reset, step, get, put"]
+    text = [*head, "", "", "def lane(next_first, next_draws, bad_action, not_running):", *indent(lines), ""]
+    return "\n".join(text), constants
 
 
 def _kept(parts: Parts) -> list[str]:
@@ -218,13 +199,8 @@ def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
     if terminal == "False" and truncated == "False":
         return [], "False, False"
     if terminal == "False":
-        return [
-            f"if {truncated}:",
-            "    alive = False",
-            "    end = True",
-            "else:",
-            "    end = False",
-        ], "False, end"
+        lines = [f"if {truncated}:", "    alive = False", "    end = True", "else:", "    end = False"]
+        return lines, "False, end"
     if terminal == "True":
         return ["alive = False"], f"True, {truncated}"
     if truncated == "False":
@@ -257,10 +233,5 @@ def _access(parts: Parts, states: Sequence[str], restored: Sequence[str]) -> lis
     body = [f"nonlocal {', '.join([*states, *_kept(parts)])}, {clock}", f"{everything} = values"]
     told = [f"told = {flat_state(parts.task, states)}"] if is_kept(parts.task) else []
     body += [*restored, *told, f"{clock} = clock"]
-    return [
-        "def get():",
-        f"    return ({everything}), ({clock})",
-        "",
-        "def put(values, clock):",
-        *indent(body),
-    ]
+    put = ["", "def put(values, clock):", *indent(body)]
+    return ["def get():", f"    return ({everything}), ({clock})", *put]

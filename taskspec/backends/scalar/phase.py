@@ -109,7 +109,7 @@ def is_filled(node: Node) -> bool:
 
 
 def _block_can_compute(node: Node) -> bool:
-    """Return whether NumPy computes the same number in a block: no read."""
+    """Return whether NumPy computes the same in a block: nothing is read, or differs in the last digit from the C library."""
     if isinstance(node, Read):
         return False
     return not isinstance(node, Apply) or node.op not in OPERATORS or OPERATORS[node.op].precise

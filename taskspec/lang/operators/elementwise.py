@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
 from typing import Any
 
 from taskspec.lang.operators import rules
 from taskspec.lang.operators.entry import (
+    ENCLOSED,
     INTS,
     LOGIC,
     MIXED,
@@ -39,10 +41,9 @@ from taskspec.lang.operators.rules import (
     to_numbers,
     truth,
 )
-from taskspec.lang.types import EVERYTHING, INF, INT_MAX, Args, Interval
+from taskspec.lang.types import INF, INT_MAX, Args, Interval
 
-# ---------- arithmetic
-# Arithmetic of numbers, minimum and maximum, rounding, and conversion to ints.
+# -- arithmetic, minimum and maximum -------------------------------------------------------------------------------
 
 Number = Any  # bool, int, float or Fraction
 
@@ -96,6 +97,24 @@ def min2(a: Number, b: Number) -> Number:
 
 def max2(a: Number, b: Number) -> Number:
     return a if a >= b or b != b else b
+
+
+def _extreme(
+    name: str,
+    reference: Callable[[Any, Any], Any],
+    sign: str,
+    whole: str,
+    nonzero: str,
+    pick: Callable[[float, float], float],
+) -> Operator:
+    return Operator(
+        name=name, rule=arithmetic, reference=reference, samples=PAIRS + NANS, elements=Elements.CHOSEN, commutative=True,
+        scalar=Scalar(f"({{0}} if {{0}} {sign} {{1}} else {{1}})",
+                      real=f"({{0}} if {{0}} {sign} {{1}} or {{1}} != {{1}} else {{1}})"),
+        array=Array(f"xp.{whole}({{0}}, {{1}})", real=f"rt.{name}({{0}}, {{1}})", nonzero=f"xp.{nonzero}({{0}}, {{1}})"),
+        kernel=Kernel(real=f"{name}({{0}}, {{1}})", whole=f"select({{0}} {sign} {{1}}, {{0}}, {{1}})"),
+        bounds=rules.extreme(pick), whole=True,
+    )  # fmt: skip
 
 
 ARITHMETIC = (
@@ -183,26 +202,12 @@ ARITHMETIC = (
         bounds=rules.to_int(sign), whole=True,
         function=Function("sign", ("x",), r"\operatorname{sign}({0})", "-1, 0 or 1.", ((-3,), (0,), (2.5,)), applies("sign")),
     ),
-    Operator(
-        name="min2", rule=arithmetic, reference=min2, samples=PAIRS + NANS,
-        elements=Elements.CHOSEN, commutative=True,
-        scalar=Scalar("({0} if {0} <= {1} else {1})", real="({0} if {0} <= {1} or {1} != {1} else {1})"),
-        array=Array("xp.minimum({0}, {1})", real="rt.min2({0}, {1})", nonzero="xp.fmin({0}, {1})"),
-        kernel=Kernel(real="min2({0}, {1})", whole="select({0} <= {1}, {0}, {1})"),
-        bounds=rules.extreme(min), whole=True,
-    ),
-    Operator(
-        name="max2", rule=arithmetic, reference=max2, samples=PAIRS + NANS,
-        elements=Elements.CHOSEN, commutative=True,
-        scalar=Scalar("({0} if {0} >= {1} else {1})", real="({0} if {0} >= {1} or {1} != {1} else {1})"),
-        array=Array("xp.maximum({0}, {1})", real="rt.max2({0}, {1})", nonzero="xp.fmax({0}, {1})"),
-        kernel=Kernel(real="max2({0}, {1})", whole="select({0} >= {1}, {0}, {1})"),
-        bounds=rules.extreme(max), whole=True,
-    ),
+    _extreme("min2", min2, "<=", "minimum", "fmin", min),
+    _extreme("max2", max2, ">=", "maximum", "fmax", max),
 )  # fmt: skip
 
 
-# Rounding, and conversion of conditions and ints.
+# -- rounding, and conversion of conditions and ints --------------------------------------------------------------
 
 
 def _saturating(function: Callable[[Any], int]) -> Callable[[Any], int]:
@@ -211,38 +216,31 @@ def _saturating(function: Callable[[Any], int]) -> Callable[[Any], int]:
     def saturated(x: Any) -> int:
         if -INT_MAX <= x <= INT_MAX:
             return function(x)
-        return 0 if x != x else INT_MAX if x > 0 else -INT_MAX
+        if x != x:
+            return 0
+        return INT_MAX if x > 0 else -INT_MAX
 
     return saturated
 
 
-floor = _saturating(math.floor)
-ceil = _saturating(math.ceil)
-round_ = _saturating(round)
+def _rounding(
+    name: str, function: Callable[[Any], int], latex: str, doc: str, samples: tuple[tuple[float, ...], ...],
+    examples: tuple[tuple[Any, ...], ...], local: str,
+) -> Operator:  # fmt: skip
+    reference = _saturating(function)
+    return Operator(
+        name=name, rule=to_integer, promote=as_they_are, reference=reference, samples=samples,
+        scalar=Scalar(local + "({0})", names={local: reference}), array=Array(f"rt.to_int(xp.{name}({{0}}))"),
+        bounds=rules.to_int(reference), rounds=True, function=Function(name, ("x",), latex, doc, examples, applies(name)),
+    )  # fmt: skip
 
 
 ROUNDING = (
-    Operator(
-        name="floor", rule=to_integer, promote=as_they_are, reference=floor, samples=REALS,
-        scalar=Scalar("floor({0})", names={"floor": floor}), array=Array("rt.to_int(xp.floor({0}))"),
-        bounds=rules.to_int(floor), rounds=True,
-        function=Function("floor", ("x",), r"\lfloor {0} \rfloor", "Rounded down to an int.", ((2.7,), (-2.1,), (MIXED,)),
-                          applies("floor")),
-    ),
-    Operator(
-        name="ceil", rule=to_integer, promote=as_they_are, reference=ceil, samples=REALS,
-        scalar=Scalar("ceil({0})", names={"ceil": ceil}), array=Array("rt.to_int(xp.ceil({0}))"),
-        bounds=rules.to_int(ceil), rounds=True,
-        function=Function("ceil", ("x",), r"\lceil {0} \rceil", "Rounded up to an int.", ((2.2,), (-2.9,)), applies("ceil")),
-    ),
-    Operator(
-        name="round", rule=to_integer, promote=as_they_are, reference=round_,
-        samples=(*REALS, (0.5,), (1.5,), (-2.5,)),
-        scalar=Scalar("round_({0})", names={"round_": round_}), array=Array("rt.to_int(xp.round({0}))"),
-        bounds=rules.to_int(round_), rounds=True,
-        function=Function("round", ("x",), r"\operatorname{round}({0})", "Nearest int, halves to even.", ((2.5,), (-2.6,)),
-                          applies("round")),
-    ),
+    _rounding("floor", math.floor, r"\lfloor {0} \rfloor", "Rounded down to an int.", REALS, ((2.7,), (-2.1,), (MIXED,)),
+              "floor"),
+    _rounding("ceil", math.ceil, r"\lceil {0} \rceil", "Rounded up to an int.", REALS, ((2.2,), (-2.9,)), "ceil"),
+    _rounding("round", round, r"\operatorname{round}({0})", "Nearest int, halves to even.",
+              (*REALS, (0.5,), (1.5,), (-2.5,)), ((2.5,), (-2.6,)), "round_"),
     Operator(
         name="to_int", rule=truth, promote=as_they_are, reference=int, samples=((True,), (False,)),
         scalar=Scalar("(1 if {0} else 0)"), array=Array("rt.as_int({0})"), kernel=Kernel("i32({0})"), bounds=rules.same,
@@ -256,10 +254,7 @@ ROUNDING = (
 )  # fmt: skip
 
 
-# ---------- elementary
-# Elementary functions of reals.
-
-_PLACES = ((0.5,), (-2.0,))
+# -- elementary functions of reals --------------------------------------------------------------------------------
 
 
 def _total(function: Callable[[float], float]) -> Callable[[float], float]:
@@ -282,10 +277,9 @@ def exp(x: Any) -> float:
 
 
 def log(x: Any) -> float:
-    return math.log(x) if x > 0 else (-math.inf if x == 0 else math.nan)
-
-
-sqrt, sin, cos, tan = map(_total, (math.sqrt, math.sin, math.cos, math.tan))
+    if x == 0:
+        return -math.inf
+    return math.log(x) if x > 0 else math.nan
 
 
 def _root(args: Args, node: Any) -> Interval:
@@ -293,63 +287,46 @@ def _root(args: Args, node: Any) -> Interval:
     return low, high
 
 
+def _elementary(
+    name: str,
+    reference: Callable[[float], float],
+    latex: str,
+    doc: str,
+    array: str | None = None,
+    examples: tuple[tuple[float, ...], ...] = ((0.5,), (-2.0,)),
+    brackets: Brackets = ENCLOSED,
+    in_kernels: bool = True,
+    **fields: Any,
+) -> Operator:
+    """Return a function of one real; kernels take that of Python's `math`, or their own."""
+    template = name + "({0})"
+    return Operator(
+        name=name, rule=real, reference=reference, samples=(*REALS, *fields.pop("samples", ())),
+        scalar=Scalar(template, names={name: reference}), array=Array(array or f"xp.{template}"),
+        kernel=Kernel(names=(name,) if in_kernels else ()),
+        function=Function(name, ("x",), latex, doc, examples, applies(name), brackets=brackets), **fields,
+    )  # fmt: skip
+
+
 ELEMENTARY = (
-    Operator(
-        name="sqrt", rule=real, reference=sqrt, samples=REALS,
-        scalar=Scalar("sqrt({0})", names={"sqrt": sqrt}), array=Array("xp.sqrt({0})"), kernel=Kernel(names=("sqrt",)),
-        bounds=_root, finite=lambda args, found: args[0].finite and args[0].low >= 0,
-        function=Function("sqrt", ("x",), r"\sqrt{{0}}", "Square root.", ((2.0,), (9,), (-1.0,)), applies("sqrt")),
-    ),
-    Operator(
-        name="exp", rule=real, reference=exp, samples=(*REALS, (800.0,), (-800.0,)),
-        scalar=Scalar("exp({0})", names={"exp": exp}), array=Array("xp.exp({0})"), kernel=Kernel(names=("exp",)),
-        bounds=rules.fixed(0, INF), finite=lambda args, found: args[0].finite and args[0].high < 700, precise=False,
-        function=Function(
-            "exp", ("x",), r"e^{{0}}", "Exponential.", ((0.5,), (1000.0,)), applies("exp"),
-            brackets=Brackets(Level.POWER, (Level.SCOPE,)),
-        ),
-    ),
-    Operator(
-        name="log", rule=real, reference=log, samples=REALS,
-        scalar=Scalar("log({0})", names={"log": log}), array=Array("xp.log({0})"), kernel=Kernel(names=("log",)),
-        bounds=rules.fixed(*EVERYTHING), finite=lambda args, found: args[0].finite and args[0].low > 0, precise=False,
-        function=Function("log", ("x",), r"\log({0})", "Natural logarithm.", ((0.5,), (0.0,)), applies("log")),
-    ),
-    Operator(
-        name="sin", rule=real, reference=sin, samples=REALS,
-        scalar=Scalar("sin({0})", names={"sin": sin}), array=Array("xp.sin({0})"),
-        bounds=rules.fixed(-1, 1), precise=False,
-        function=Function("sin", ("x",), r"\sin({0})", "Sine, in radians.", _PLACES, applies("sin")),
-    ),
-    Operator(
-        name="cos", rule=real, reference=cos, samples=REALS,
-        scalar=Scalar("cos({0})", names={"cos": cos}), array=Array("xp.cos({0})"),
-        bounds=rules.fixed(-1, 1), precise=False,
-        function=Function("cos", ("x",), r"\cos({0})", "Cosine, in radians.", _PLACES, applies("cos")),
-    ),
-    Operator(
-        name="tan", rule=real, reference=tan, samples=REALS,
-        scalar=Scalar("tan({0})", names={"tan": tan}), array=Array("xp.tan({0})"), kernel=Kernel(names=("tan",)),
-        finite=rules.nowhere, precise=False,
-        function=Function("tan", ("x",), r"\tan({0})", "Tangent, in radians.", _PLACES, applies("tan")),
-    ),
-    Operator(
-        name="tanh", rule=real, reference=math.tanh, samples=REALS,
-        scalar=Scalar("tanh({0})", names={"tanh": math.tanh}), array=Array("xp.tanh({0})"), kernel=Kernel(names=("tanh",)),
-        bounds=rules.fixed(-1, 1), precise=False,
-        function=Function("tanh", ("x",), r"\tanh({0})", "Hyperbolic tangent.", _PLACES, applies("tanh")),
-    ),
-    Operator(
-        name="asinh", rule=real, reference=math.asinh, samples=REALS,
-        scalar=Scalar("asinh({0})", names={"asinh": math.asinh}), array=Array("xp.arcsinh({0})"),
-        kernel=Kernel(names=("asinh",)), bounds=rules.increasing(math.asinh, ulps=4), precise=False,
-        function=Function(
-            "asinh", ("x",), r"\operatorname{arsinh}({0})", "Inverse hyperbolic sine.", _PLACES, applies("asinh")
-        ),
-    ),
+    _elementary("sqrt", _total(math.sqrt), r"\sqrt{{0}}", "Square root.", examples=((2.0,), (9,), (-1.0,)), bounds=_root,
+                finite=lambda args, found: args[0].finite and args[0].low >= 0),
+    _elementary("exp", exp, r"e^{{0}}", "Exponential.", examples=((0.5,), (1000.0,)), samples=((800.0,), (-800.0,)),
+                bounds=rules.fixed(0, INF), finite=lambda args, found: args[0].finite and args[0].high < 700,
+                precise=False, brackets=Brackets(Level.POWER, (Level.SCOPE,))),
+    _elementary("log", log, r"\log({0})", "Natural logarithm.", examples=((0.5,), (0.0,)), precise=False,
+                finite=lambda args, found: args[0].finite and args[0].low > 0),
+    _elementary("sin", _total(math.sin), r"\sin({0})", "Sine, in radians.", in_kernels=False, bounds=rules.fixed(-1, 1),
+                precise=False),
+    _elementary("cos", _total(math.cos), r"\cos({0})", "Cosine, in radians.", in_kernels=False, bounds=rules.fixed(-1, 1),
+                precise=False),
+    _elementary("tan", _total(math.tan), r"\tan({0})", "Tangent, in radians.", finite=rules.nowhere, precise=False),
+    _elementary("tanh", math.tanh, r"\tanh({0})", "Hyperbolic tangent.", bounds=rules.fixed(-1, 1), precise=False),
+    _elementary("asinh", math.asinh, r"\operatorname{arsinh}({0})", "Inverse hyperbolic sine.", "xp.arcsinh({0})",
+                bounds=rules.increasing(math.asinh, ulps=4), precise=False),
     Operator(
         name="atan2", rule=real, reference=math.atan2,
-        samples=(*tuple((float(a), float(b)) for a, b in PAIRS), (0.0, 0.0), (1.0, 0.0)),
+        samples=(*((float(a), float(b)) for a, b in PAIRS), (0.0, 0.0), (1.0, 0.0)),
         scalar=Scalar("atan2({0}, {1})", names={"atan2": math.atan2}), array=Array("xp.arctan2({0}, {1})"),
         kernel=Kernel(names=("atan2",)), bounds=rules.fixed(-math.pi, math.pi), precise=False,
         function=Function(
@@ -360,37 +337,26 @@ ELEMENTARY = (
 )  # fmt: skip
 
 
-# ---------- logic
-# Comparisons, conditions, and choices between values.
+# -- comparisons, conditions, and choices between values -----------------------------------------------------------
 
 
-def where(condition: Any, a: Any, b: Any) -> Any:
-    return a if condition else b
+def _comparison(
+    symbol: str, name: str, reference: Callable[[Any, Any], Any], latex: str, doc: str, equality: bool = False
+) -> Operator:
+    template = f"({{0}} {symbol} {{1}})"
+    return Operator(
+        name=name, rule=compare, promote=to_common if equality else to_numbers,
+        reference=lambda a, b: bool(reference(a, b)), samples=PAIRS + NANS + LOGIC * equality,
+        scalar=Scalar(template), array=Array(template), elements=Elements.RANKED, commutative=equality,
+        infix=Infix(symbol, name, 4, latex, doc),
+    )  # fmt: skip
 
 
 LOGICAL = (
-    Operator(
-        name="eq", rule=compare, promote=to_common, reference=lambda a, b: bool(a == b),
-        samples=PAIRS + NANS + LOGIC, scalar=Scalar("({0} == {1})"), array=Array("({0} == {1})"),
-        elements=Elements.RANKED, commutative=True,
-        infix=Infix("==", "eq", 4, "{0} = {1}", "Equal; comparisons can be chained."),
-    ),
-    Operator(
-        name="ne", rule=compare, promote=to_common, reference=lambda a, b: bool(a != b),
-        samples=PAIRS + NANS + LOGIC, scalar=Scalar("({0} != {1})"), array=Array("({0} != {1})"),
-        elements=Elements.RANKED, commutative=True,
-        infix=Infix("!=", "ne", 4, r"{0} \neq {1}", "Different."),
-    ),
-    Operator(
-        name="lt", rule=compare, promote=to_numbers, reference=lambda a, b: bool(a < b), samples=PAIRS + NANS,
-        scalar=Scalar("({0} < {1})"), array=Array("({0} < {1})"),
-        elements=Elements.RANKED, infix=Infix("<", "lt", 4, "{0} < {1}", "Less."),
-    ),
-    Operator(
-        name="le", rule=compare, promote=to_numbers, reference=lambda a, b: bool(a <= b),
-        samples=PAIRS + NANS, scalar=Scalar("({0} <= {1})"), array=Array("({0} <= {1})"),
-        elements=Elements.RANKED, infix=Infix("<=", "le", 4, r"{0} \leq {1}", "Less or equal."),
-    ),
+    _comparison("==", "eq", operator.eq, "{0} = {1}", "Equal; comparisons can be chained.", equality=True),
+    _comparison("!=", "ne", operator.ne, r"{0} \neq {1}", "Different.", equality=True),
+    _comparison("<", "lt", operator.lt, "{0} < {1}", "Less."),
+    _comparison("<=", "le", operator.le, r"{0} \leq {1}", "Less or equal."),
     Operator(
         name="not", rule=logical, promote=as_they_are, reference=lambda a: not a,
         samples=((True,), (False,)), scalar=Scalar("(not {0})"), array=Array("xp.logical_not({0})"),
@@ -409,7 +375,8 @@ LOGICAL = (
         infix=Infix("or", "or", 1, r"{0} \lor {1}", "Either condition holds.", Brackets(Level.OR, (Level.NOT,))),
     ),
     Operator(
-        name="where", elements=Elements.MOVED, indices=(0,), rule=choose, promote=but_the_first, reference=where,
+        name="where", elements=Elements.MOVED, indices=(0,), rule=choose, promote=but_the_first,
+        reference=lambda condition, a, b: a if condition else b,
         samples=((True, 1, 2), (False, 1, 2), (True, 1.5, -2.0), (False, 1.5, -2.0)),
         scalar=Scalar("({1} if {0} else {2})"), array=Array("xp.where({0}, {1}, {2})"), kernel=Kernel("select({0}, {1}, {2})"),
         bounds=lambda args, node: rules.union(args[1:], node), linear=rules.unless_first, whole=True,

@@ -12,6 +12,7 @@ from taskspec.base.records import dataclass
 from taskspec.lang.ir import Apply, Const, Node
 from taskspec.lang.operators import rules
 from taskspec.lang.operators.entry import (
+    ENCLOSED,
     INTS,
     MASKS,
     MIXED,
@@ -19,6 +20,7 @@ from taskspec.lang.operators.entry import (
     ROWS,
     VECTORS,
     Array,
+    Axes,
     Brackets,
     Build,
     Elements,
@@ -36,8 +38,7 @@ from taskspec.lang.operators.entry import (
 from taskspec.lang.operators.rules import as_they_are, conditions, number, reduction, vector
 from taskspec.lang.types import INT, Args, Interval, Kind, Refused, Type, join
 
-# ---------- structure
-# Operators that move elements: building, slicing and indexing vectors, and vectors to vectors.
+# -- operators that move elements ---------------------------------------------------------------------------------
 #
 # Their result type follows from static arguments as well, so they have a reference on tuples here, and each backend
 # arranges elements in its own way. `index`, `put` and `swap` take indices that are in range (`Builder.position`).
@@ -48,10 +49,7 @@ Flat = tuple[Any, ...]
 
 def strided(shape: tuple[int, ...]) -> int:
     """Return elements a step along the first axis."""
-    size = 1
-    for n in shape[1:]:
-        size *= n
-    return size
+    return math.prod(shape[1:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,11 +79,6 @@ class Structure:
         return rules.stays_finite(args, found)
 
 
-def _row(flat: Flat, shape: tuple[int, ...], i: int) -> Flat:
-    step = strided(shape)
-    return flat[i * step : (i + 1) * step]
-
-
 def _rows(flat: Flat, shape: tuple[int, ...]) -> list[Flat]:
     step = strided(shape)
     return [flat[i * step : (i + 1) * step] for i in range(shape[0])]
@@ -110,7 +103,8 @@ def _slice(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...
 
 
 def _index(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...]) -> Flat:
-    return _join([_row(args[0], types[0].shape, i) for i in args[1]])
+    rows = _rows(args[0], types[0].shape)
+    return _join([rows[i] for i in args[1]])
 
 
 def _index_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:
@@ -160,7 +154,7 @@ STRUCTURES: dict[str, Structure] = {
         # Static (index,) along the first axis.
         Structure(
             "element", lambda t, s: Type(t[0].kind, t[0].shape[1:]),
-            lambda a, t, s: _row(a[0], t[0].shape, s[0]),
+            lambda a, t, s: _rows(a[0], t[0].shape)[s[0]],
             (((_V,), (2,)), ((_M,), (1,)), ((_LONG,), (19,)), ((_WIDE,), (2,))),
         ),
         # The same elements, in shape `static`.
@@ -191,59 +185,30 @@ STRUCTURES: dict[str, Structure] = {
 
 # Vectors to vectors of the same length.
 
-Numbers = Sequence[Any]
 
-
-def sort(x: Numbers) -> list[Any]:
+def sort(x: Vector) -> list[Any]:
     """Sort reals, with nan last and zeros without a sign."""
     return [x[i] or abs(x[i]) for i in argsort(x)]
 
 
-def argsort(x: Numbers) -> list[int]:
+def argsort(x: Vector) -> list[int]:
     return sorted(range(len(x)), key=lambda i: (x[i] != x[i], 0 if x[i] != x[i] else x[i]))
 
 
-def cumsum(x: Numbers) -> list[Any]:
+def cumsum(x: Vector) -> list[Any]:
     return list(accumulate(x))
 
 
-def _quick_sort(x: Numbers) -> list[Any]:
+def _quick_sort(x: Vector) -> list[Any]:
     ordered = sorted(v + 0.0 for v in x)
     return sort(x) if any(v != v for v in ordered) else ordered
 
 
-def _quick_argsort(x: Numbers) -> list[int]:
+def _quick_argsort(x: Vector) -> list[int]:
     return argsort(x) if any(v != v for v in x) else sorted(range(len(x)), key=x.__getitem__)
 
 
-SORTING = (
-    Operator(
-        name="sort", elements=Elements.CHOSEN, rule=vector(lambda k: k), promote=as_they_are, reference=sort,
-        samples=VECTORS + NAN_VECTORS, elementwise=False,
-        scalar=Scalar("sort({0})", whole="sorted({0})", names={"sort": _quick_sort}), array=Array("rt.sort({0})"),
-        bounds=rules.same, whole=True,
-        function=Function("sort", ("x",), r"\operatorname{sort}({0})", "Elements in ascending order.", ((INTS,), (MIXED,)),
-                          applies("sort"), axes=of_first, whole=True),
-    ),
-    Operator(
-        name="argsort", elements=Elements.RANKED, rule=vector(lambda k: Kind.INT), promote=as_they_are, reference=argsort,
-        samples=VECTORS + NAN_VECTORS, elementwise=False,
-        scalar=Scalar("argsort({0})", names={"argsort": _quick_argsort}), array=Array("rt.argsort({0})"), bounds=rules.place,
-        function=Function("argsort", ("x",), r"\operatorname{argsort}({0})", "Indices that sort the vector.",
-                          ((INTS,), (MIXED,), ((1, 0, 1, 0),)), applies("argsort"), axes=of_first, whole=True),
-    ),
-    Operator(
-        name="cumsum", rule=vector(number), reference=cumsum, samples=VECTORS, elementwise=False,
-        scalar=Scalar("cumsum({0})", names={"cumsum": cumsum}), array=Array("rt.cumsum({0})"),
-        bounds=rules.running, finite=rules.bounded, whole=True, wraps=True,
-        function=Function("cumsum", ("x",), r"\operatorname{cumsum}({0})", "Running sums.", ((INTS,), (MIXED,)),
-                          applies("cumsum"), axes=of_first, whole=True),
-    ),
-)  # fmt: skip
-
-
-# ---------- reductions
-# What becomes of all elements of a vector together: sums, counts, extremes.
+# -- reductions, and vectors to vectors ---------------------------------------------------------------------------
 
 Number = Any
 Vector = Sequence[Number]
@@ -299,88 +264,77 @@ def _of_several(axes: Sequence[int]) -> int:
 
 _BIG = Brackets(Level.BIG, (Level.BIG,))
 _QUANTIFIED = Brackets(Level.SCOPE, (Level.ATOM,))
-_SEVERAL = ((3, 2), (1.5, -2, 4), (INTS,), (MIXED,))
+
+
+def _whole_vector(
+    name: str, latex: str, doc: str, examples: tuple[tuple[Any, ...], ...], scalar: Scalar | None = None,
+    axes: Axes = no_axes, brackets: Brackets = ENCLOSED, **fields: Any,
+) -> Operator:  # fmt: skip
+    """Return an operator on all elements of a vector together, and the function of that name."""
+    fields.setdefault("samples", VECTORS)
+    return Operator(
+        name=name, elementwise=False, scalar=scalar or Scalar(name + "({0})", names={name: fields["reference"]}),
+        array=Array(f"rt.{name}({{0}})"), **fields,
+        function=Function(name, ("x",), latex, doc, examples, applies(name), axes=axes, brackets=brackets, whole=True),
+    )  # fmt: skip
+
+
+def _extreme_of(name: str, reference: Callable[[Vector], Number], doc: str) -> Operator:
+    return Operator(
+        name=name, elements=Elements.CHOSEN, rule=reduction(number, empty=False), reference=reference,
+        samples=VECTORS + NAN_VECTORS, elementwise=False,
+        scalar=Scalar(f"{name}_({{0}})", whole=f"{name}({{0}})", names={f"{name}_": reference}),
+        array=Array(f"rt.{name}({{0}})"), bounds=rules.same, whole=True,
+        function=Function(name, ("x", "*rest"), rf"\{name}({{*}})", doc, ((3, 2), (1.5, -2, 4), (INTS,), (MIXED,)),
+                          _extreme(f"{name}2", name), axes=_of_several),
+    )  # fmt: skip
+
 
 REDUCTIONS = (
-    Operator(
-        name="sum", rule=reduction(number), from_count=lambda b, total, size: total,
-        reference=sum_,
-        samples=VECTORS, elementwise=False,
-        scalar=Scalar("sum_({0})", chain=(" + ", "0"), names={"sum_": sum_}), array=Array("rt.sum({0})"),
-        bounds=rules.total, finite=rules.bounded, linear=rules.every, whole=True, wraps=True,
-        function=Function("sum", ("x",), r"\textstyle\sum {0}", "Sum of all elements.", ((INTS,), (MIXED,), ((True, False),)),
-                          applies("sum"), brackets=_BIG, axes=no_axes, whole=True),
-    ),
-    Operator(
-        name="prod", rule=reduction(number), reference=math.prod,
-        samples=VECTORS, elementwise=False,
-        scalar=Scalar("prod({0})", chain=(" * ", "1"), names={"prod": math.prod}), array=Array("rt.prod({0})"),
-        bounds=rules.power, finite=rules.bounded, whole=True, wraps=True,
-        function=Function("prod", ("x",), r"\textstyle\prod {0}", "Product of all elements.", ((INTS,), (MIXED,)),
-                          applies("prod"), brackets=_BIG, axes=no_axes, whole=True),
-    ),
-    Operator(
-        name="any", rule=reduction(conditions(Kind.BOOL)), from_count=lambda b, total, size: b.apply("lt", b.scalar(0), total),
-        promote=as_they_are, reference=any,
-        samples=MASKS, elementwise=False,
-        scalar=Scalar("any({0})", chain=(" or ", "False")), array=Array("rt.any({0})"),
-        function=Function("any", ("x",), r"\exists\,{0}", "Whether any element is true.", (((True, False),),), applies("any"),
-                          brackets=_QUANTIFIED, axes=no_axes, whole=True),
-    ),
-    Operator(
-        name="all", rule=reduction(conditions(Kind.BOOL)), from_count=lambda b, total, size: b.apply("eq", total, b.scalar(size)),
-        promote=as_they_are, reference=all,
-        samples=MASKS, elementwise=False,
-        scalar=Scalar("all({0})", chain=(" and ", "True")), array=Array("rt.all({0})"),
-        function=Function("all", ("x",), r"\forall\,{0}", "Whether all elements are true.", (((True, False),), ((True, True),)),
-                          applies("all"), brackets=_QUANTIFIED, axes=no_axes, whole=True),
-    ),
-    Operator(
-        name="count", rule=reduction(conditions(Kind.INT)), from_count=lambda b, total, size: total,
-        promote=as_they_are, reference=sum_,
-        samples=MASKS, elementwise=False,
-        scalar=Scalar("sum_({0})", chain=(" + ", "0")), array=Array("rt.count({0})"),
-        bounds=lambda args, node: (0, node.args[0].type.size),
-        function=Function("count", ("x",), r"\#\{{0}\}", "Number of true elements.", (((True, False, True),),), applies("count"),
-                          axes=no_axes, whole=True),
-    ),
-    Operator(
-        name="min", elements=Elements.CHOSEN, rule=reduction(number, empty=False), reference=min_,
-        samples=VECTORS + NAN_VECTORS, elementwise=False,
-        scalar=Scalar("min_({0})", whole="min({0})", names={"min_": min_}), array=Array("rt.min({0})"),
-        bounds=rules.same, whole=True,
-        function=Function("min", ("x", "*rest"), r"\min({*})", "Smallest of the arguments, or of one vector's elements.",
-                          _SEVERAL, _extreme("min2", "min"), axes=_of_several),
-    ),
-    Operator(
-        name="max", elements=Elements.CHOSEN, rule=reduction(number, empty=False), reference=max_,
-        samples=VECTORS + NAN_VECTORS, elementwise=False,
-        scalar=Scalar("max_({0})", whole="max({0})", names={"max_": max_}), array=Array("rt.max({0})"),
-        bounds=rules.same, whole=True,
-        function=Function("max", ("x", "*rest"), r"\max({*})", "Largest of the arguments, or of one vector's elements.",
-                          _SEVERAL, _extreme("max2", "max"), axes=_of_several),
-    ),
-    Operator(
-        name="argmin", elements=Elements.RANKED, rule=reduction(lambda k: Kind.INT, empty=False), reference=argmin,
-        samples=VECTORS + NAN_VECTORS, elementwise=False,
-        scalar=Scalar("argmin({0})", names={"argmin": argmin}), array=Array("rt.argmin({0})"), bounds=rules.place,
-        function=Function("argmin", ("x",), r"\operatorname{arg\,min}({0})",
-                          "Index of the smallest element, the first of equals.", ((INTS,), ((1, 0, 0),)), applies("argmin"),
-                          axes=no_axes, whole=True),
-    ),
-    Operator(
-        name="argmax", elements=Elements.RANKED, rule=reduction(lambda k: Kind.INT, empty=False), reference=argmax,
-        samples=VECTORS + NAN_VECTORS, elementwise=False,
-        scalar=Scalar("argmax({0})", names={"argmax": argmax}), array=Array("rt.argmax({0})"), bounds=rules.place,
-        function=Function("argmax", ("x",), r"\operatorname{arg\,max}({0})",
-                          "Index of the largest element, the first of equals.", ((INTS,), ((0, 1, 1),)), applies("argmax"),
-                          axes=no_axes, whole=True),
-    ),
+    _whole_vector("sum", r"\textstyle\sum {0}", "Sum of all elements.", ((INTS,), (MIXED,), ((True, False),)),
+                  Scalar("sum_({0})", chain=(" + ", "0"), names={"sum_": sum_}), rule=reduction(number), reference=sum_,
+                  from_count=lambda b, total, size: total, bounds=rules.total, finite=rules.bounded, linear=rules.every,
+                  whole=True, wraps=True, brackets=_BIG),
+    _whole_vector("prod", r"\textstyle\prod {0}", "Product of all elements.", ((INTS,), (MIXED,)),
+                  Scalar("prod({0})", chain=(" * ", "1"), names={"prod": math.prod}), rule=reduction(number),
+                  reference=math.prod, bounds=rules.power, finite=rules.bounded, whole=True, wraps=True, brackets=_BIG),
+    _whole_vector("any", r"\exists\,{0}", "Whether any element is true.", (((True, False),),),
+                  Scalar("any({0})", chain=(" or ", "False")), rule=reduction(conditions(Kind.BOOL)), reference=any,
+                  from_count=lambda b, total, size: b.apply("lt", b.scalar(0), total), promote=as_they_are, samples=MASKS,
+                  brackets=_QUANTIFIED),
+    _whole_vector("all", r"\forall\,{0}", "Whether all elements are true.", (((True, False),), ((True, True),)),
+                  Scalar("all({0})", chain=(" and ", "True")), rule=reduction(conditions(Kind.BOOL)), reference=all,
+                  from_count=lambda b, total, size: b.apply("eq", total, b.scalar(size)), promote=as_they_are, samples=MASKS,
+                  brackets=_QUANTIFIED),
+    _whole_vector("count", r"\#\{{0}\}", "Number of true elements.", (((True, False, True),),),
+                  Scalar("sum_({0})", chain=(" + ", "0")), rule=reduction(conditions(Kind.INT)), reference=sum_,
+                  from_count=lambda b, total, size: total, promote=as_they_are, samples=MASKS,
+                  bounds=lambda args, node: (0, node.args[0].type.size)),
+    _extreme_of("min", min_, "Smallest of the arguments, or of one vector's elements."),
+    _extreme_of("max", max_, "Largest of the arguments, or of one vector's elements."),
+    _whole_vector("argmin", r"\operatorname{arg\,min}({0})", "Index of the smallest element, the first of equals.",
+                  ((INTS,), ((1, 0, 0),)), rule=reduction(lambda k: Kind.INT, empty=False), reference=argmin,
+                  samples=VECTORS + NAN_VECTORS, elements=Elements.RANKED, bounds=rules.place),
+    _whole_vector("argmax", r"\operatorname{arg\,max}({0})", "Index of the largest element, the first of equals.",
+                  ((INTS,), ((0, 1, 1),)), rule=reduction(lambda k: Kind.INT, empty=False), reference=argmax,
+                  samples=VECTORS + NAN_VECTORS, elements=Elements.RANKED, bounds=rules.place),
+)  # fmt: skip
+
+SORTING = (
+    _whole_vector("sort", r"\operatorname{sort}({0})", "Elements in ascending order.", ((INTS,), (MIXED,)),
+                  Scalar("sort({0})", whole="sorted({0})", names={"sort": _quick_sort}), of_first, rule=vector(lambda k: k),
+                  promote=as_they_are, reference=sort, samples=VECTORS + NAN_VECTORS, elements=Elements.CHOSEN,
+                  bounds=rules.same, whole=True),
+    _whole_vector("argsort", r"\operatorname{argsort}({0})", "Indices that sort the vector.",
+                  ((INTS,), (MIXED,), ((1, 0, 1, 0),)), Scalar("argsort({0})", names={"argsort": _quick_argsort}), of_first,
+                  rule=vector(lambda k: Kind.INT), promote=as_they_are, reference=argsort, samples=VECTORS + NAN_VECTORS,
+                  elements=Elements.RANKED, bounds=rules.place),
+    _whole_vector("cumsum", r"\operatorname{cumsum}({0})", "Running sums.", ((INTS,), (MIXED,)), axes=of_first,
+                  rule=vector(number), reference=cumsum, bounds=rules.running, finite=rules.bounded, whole=True, wraps=True),
 )  # fmt: skip
 
 
-# ---------- composed
-# Functions that compose several operators, or arrange elements; and comparisons that are read as others.
+# -- functions that compose several operators ---------------------------------------------------------------------
 
 
 def _clip(b: NodeMaker, args: list[Node]) -> Node:
@@ -408,14 +362,6 @@ def _columns(b: NodeMaker, x: Node) -> list[Node]:
     rows, columns = x.type.shape
     flat = b.structure("reshape", [x], (rows * columns,))
     return [b.structure("slice", [flat], (j, rows, columns)) for j in range(columns)]
-
-
-def _norm1(b: NodeMaker, args: list[Node]) -> Node:
-    return b.apply("sum", b.apply("abs", args[0]))
-
-
-def _norm2(b: NodeMaker, args: list[Node]) -> Node:
-    return b.apply("sqrt", b.apply("sum", b.apply("mul", args[0], args[0])))
 
 
 def _need_vector(name: str, node: Node) -> int:
@@ -497,10 +443,6 @@ def _onehot(b: NodeMaker, args: list[Node]) -> Node:
     return b.cast(b.apply("eq", positions, _need_index("onehot", index)), Kind.INT)
 
 
-def _len(b: NodeMaker, args: list[Node]) -> Node:
-    return b.scalar(_need_vector("len", args[0]))
-
-
 FUNCTIONS = (
     Function("clip", ("x", "low", "high"), r"\operatorname{clip}({0}, {1}, {2})", "x moved into [low, high].",
              ((5, 0, 3), (-1.5, 0, 3), (MIXED, -1, 1)), _clip),
@@ -508,9 +450,11 @@ FUNCTIONS = (
              ((INTS, MIXED), (ROWS, (1, 1)), ((1, 2), ROWS), (ROWS, ROWS)), _product,
              brackets=Brackets(Level.PRODUCT, (Level.PRODUCT, Level.FACTOR), lead=True), axes=lambda axes: sum(axes) - 2,
              whole=True),
-    Function("norm1", ("x",), r"\lVert {0} \rVert_1", "Sum of absolute values.", ((INTS,), (MIXED,)), _norm1, axes=no_axes,
+    Function("norm1", ("x",), r"\lVert {0} \rVert_1", "Sum of absolute values.", ((INTS,), (MIXED,)),
+             lambda b, args: b.apply("sum", b.apply("abs", args[0])), axes=no_axes,
              whole=True),
-    Function("norm2", ("x",), r"\lVert {0} \rVert_2", "Euclidean length.", ((INTS,), (MIXED,)), _norm2, axes=no_axes, whole=True),
+    Function("norm2", ("x",), r"\lVert {0} \rVert_2", "Euclidean length.", ((INTS,), (MIXED,)),
+             lambda b, args: b.apply("sqrt", b.apply("sum", b.apply("mul", args[0], args[0]))), axes=no_axes, whole=True),
     Function("concat", ("x", "*rest"), r"({*})", "Vectors (or single values) joined into one.",
              ((INTS, INTS), (INTS, 7), (1.5, INTS)), _concat, axes=lambda axes: max(1, *axes), whole=True),
     Function("reverse", ("x",), r"\operatorname{reverse}({0})", "Elements in the opposite order.", ((INTS,),), _reverse,
@@ -525,7 +469,8 @@ FUNCTIONS = (
              (((1, 2, 3, 4), (2, 2)), (ROWS, 4)), _reshape, static=(1,), axes=lambda axes: 1 + axes[1], whole=True),
     Function("onehot", ("i", "n"), r"e_{{0}}", "Zeros of length n with a 1 at i; all zeros when i is outside.",
              ((1, 3), (5, 3)), _onehot, static=(1,), axes=lambda axes: 1, whole=True),
-    Function("len", ("x",), r"\lvert {0} \rvert", "Number of rows, a constant.", ((INTS,),), _len, axes=no_axes, whole=True),
+    Function("len", ("x",), r"\lvert {0} \rvert", "Number of rows, a constant.", ((INTS,),),
+             lambda b, args: b.scalar(_need_vector("len", args[0])), axes=no_axes, whole=True),
 )  # fmt: skip
 
 INFIX = (

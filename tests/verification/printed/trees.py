@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse
 from taskspec.printers import tree as m
-from taskspec.printers.names import Notation, nowhere
-from taskspec.printers.symbols import symbol
+from taskspec.printers.names import Notation, nowhere, symbol
 from tests.verification.printed import algebra as al
 
 PLACE = s.Place(nowhere(""), 0, 0)

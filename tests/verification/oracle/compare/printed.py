@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from taskspec.printers.text import data as printed
+from tests.shared.expression_data import data as printed
 from tests.verification.oracle.compare.cases import Case, Difference
 from tests.verification.oracle.compare.lanes import Lane, lane
 from tests.verification.oracle.reference.values import Value

@@ -1,4 +1,4 @@
-"""What a report shows of an exam in whichever form: a row for each task, and tables in Parquet."""
+"""Rows of reports of exams: the scores of each task, their words and colours, and tables in Parquet."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from taskspec.base import ids
 from taskspec.base.files import whole
-from taskspec.data.files import write_table
+from taskspec.data.datasets import write_table
 from taskspec.exam.verdicts import grade
 from taskspec.figures.chart import Rgb, blend
 from taskspec.rollout.statistics import estimate, mean
@@ -39,13 +39,13 @@ def write_scores(exams: Mapping[str, Mapping[str, Any]], path: Path) -> Path:
 # -- rows of a report
 
 FLOOR = -1.0
-"""Where pictures cut scores off, as the paper does; numbers are told as they are."""
+"""The score at which pictures cut others off, as the paper does; numbers are printed as they are."""
 SIGNS = {"masters": "✓", "unsure": "?", "fails": "✗"}
 _EXPERT: Rgb = (0, 114, 178)
 _WORST: Rgb = (213, 94, 0)
 _RANDOM: Rgb = (247, 247, 244)
 NOT_RUN: Rgb = (196, 200, 205)
-"""Colours of Okabe and Ito, which all eyes tell apart: of the expert, of who does worse than random, and between them."""
+"""Colours of Okabe and Ito, which all eyes distinguish: of the expert, of scores below random, and between them."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,11 @@ class SeedCell:
     @property
     def words(self) -> str:
         """The mean as text, or the reason why there is none."""
-        return decimal(self.mean) if self.scores else "failed" if self.failed else "cannot" if self.cannot else ""
+        if self.scores:
+            return decimal(self.mean)
+        if self.failed:
+            return "failed"
+        return "cannot" if self.cannot else ""
 
 
 @dataclass(frozen=True)
@@ -169,9 +173,10 @@ def finding(exam: Mapping[str, Any]) -> str:
     graded: dict[str, list[str]] = {"masters": [], "unsure": [], "fails": []}
     for capability, verdict in exam["verdicts"].items():
         graded[verdict["verdict"]].append(capability)
-    told = [f"it {grade} {listed(graded[grade])}" for grade in ("masters", "fails") if graded[grade]]
-    told += [f"unsure: {listed(graded['unsure'])}"] if graded["unsure"] else []
-    text = "; ".join(told) or "nothing is known"
+    words = {"masters": "it masters", "fails": "it fails", "unsure": "unsure:"}
+    text = (
+        "; ".join(f"{words[grade]} {listed(graded[grade])}" for grade in words if graded[grade]) or "nothing is known"
+    )
     return f"{text[0].upper()}{text[1:]}."
 
 
@@ -185,8 +190,9 @@ def costs(exam: Mapping[str, Any]) -> str:
     """Return the cost of an exam: `7,500,000 steps, 150,000 demonstrated transitions, 84 s`."""
     cost = exam["cost"]
     parts = [f"{int(cost.get('steps', 0)):,} steps"]
-    parts += [f"{int(n):,} demonstrated transitions"] if (n := cost.get("demonstrations", 0)) else []
-    parts += [f"{int(n):,} comparisons"] if (n := cost.get("comparisons", 0)) else []
+    for name, words in {"demonstrations": "demonstrated transitions", "comparisons": "comparisons"}.items():
+        if cost.get(name):
+            parts.append(f"{int(cost[name]):,} {words}")
     return ", ".join([*parts, duration(float(cost.get("seconds", 0.0)))])
 
 
@@ -194,7 +200,9 @@ def duration(seconds: float) -> str:
     """Return `84 s`, `12 min`, `3.5 h`."""
     if seconds < 120:
         return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+    if seconds < 7200:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
 
 
 def counted(count: int, noun: str) -> str:
@@ -226,7 +234,11 @@ def cut(scores: Sequence[float]) -> list[float]:
 
 def steps(count: float) -> str:
     """Return `250k`, `1.5M`."""
-    return f"{count:g}" if count < 1000 else f"{count / 1e3:g}k" if count < 1e6 else f"{count / 1e6:g}M"
+    if count < 1000:
+        return f"{count:g}"
+    if count < 1e6:
+        return f"{count / 1e3:g}k"
+    return f"{count / 1e6:g}M"
 
 
 def mean_curve(curves: Sequence[Sequence[tuple[float, float]]]) -> tuple[list[float], list[float]]:

@@ -1,4 +1,4 @@
-"""Where learners come from: functions of files and of modules, and those that come with the package."""
+"""Finding learners: functions of files and of modules, and those that come with the package."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import taskspec
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam.case import SOURCES, Source
-from taskspec.jobs.code import code_files, code_hash
+from taskspec.jobs.code_hash import code_files, code_hash
 from taskspec.learners import learner
 from taskspec.policies.files import function_of, is_function, place_of
 
 _OURS = Path(taskspec.__file__).resolve().parent
 DEFAULT: tuple[Source, ...] = ("demonstrations", "preferences")
-"""What a learner that does not say is granted: everything but the reward."""
+"""The grants of a learner that does not say: everything but the reward."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,6 @@ class Examinee:
     """A learner, and what it says of itself.
 
     Attributes:
-        name: what it is called.
         place: where another process finds it; None for a function that was handed over.
         train: `train(case)` gives a policy; where it learns `together`, a list of them, one for each seed of the block.
         learns_from: what it is entitled to.
@@ -64,19 +63,21 @@ def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | N
         train = given
         content = ""
     if not callable(train):
-        _none(name)
-    wanted = tuple(learns_from) if learns_from is not None else getattr(train, "learns_from", DEFAULT)
-    together = bool(getattr(train, "together", False))
-    return Examinee(name, place, train, _sources(wanted), together, content)
-
-
-def _sources(wanted: Any) -> tuple[Source, ...]:
-    names = (wanted,) if isinstance(wanted, str) else tuple(wanted)
-    for name in names:
-        if name not in SOURCES:
+        hint = "file.py:train, or module:train, where `def train(case)` gives a policy"
+        raise SpecError([Diagnostic("E713", None, f"there is no learner '{name}'", hint)])
+    wanted = getattr(train, "learns_from", DEFAULT) if learns_from is None else learns_from
+    granted = (wanted,) if isinstance(wanted, str) else tuple(wanted)
+    for source in granted:
+        if source not in SOURCES:
             hint = f"some of {', '.join(SOURCES)}"
-            raise SpecError([Diagnostic("E713", None, f"a learner cannot learn from '{name}'", hint)])
-    return tuple(source for source in SOURCES if source in names)
+            raise SpecError([Diagnostic("E713", None, f"a learner cannot learn from '{source}'", hint)])
+    ordered = tuple(source for source in SOURCES if source in granted)
+    return Examinee(name, place, train, ordered, bool(getattr(train, "together", False)), content)
+
+
+def _is_ours(place: str) -> bool:
+    """Return whether a place is the name or the file of settings of a learner of this package."""
+    return ":" not in place or place.endswith((".yaml", ".yml"))
 
 
 def _absolute(place: str) -> str:
@@ -94,10 +95,10 @@ def _imported(place: str) -> tuple[Any, str]:
     if is_function(place):
         file, name = place_of(place)
         return function_of(place, "(case)"), code_hash(file, name)
-    module, colon, name = place.partition(":")
-    if not colon or place.endswith((".yaml", ".yml")):
+    if _is_ours(place):
         ours = learner(place)
         return ours, hashlib.sha256(repr(ours).encode()).hexdigest()
+    module, _, name = place.partition(":")
     path = _file_of(place)
     try:
         found = getattr(importlib.import_module(module), name, None)
@@ -110,9 +111,9 @@ def _file_of(place: str) -> Path | None:
     """Return the file of a user's learner; None for one of this package, and for a module that has no file of Python."""
     if is_function(place):
         return place_of(place)[0].resolve()
-    module, colon, _ = place.partition(":")
-    if not colon or place.endswith((".yaml", ".yml")):
+    if _is_ours(place):
         return None
+    module = place.partition(":")[0]
     folder = str(Path.cwd())
     if folder not in sys.path:
         sys.path.insert(0, folder)
@@ -130,10 +131,9 @@ def _not_importable(module: str, error: Exception) -> SpecError:
 
 
 def train_at(place: str, content: str) -> Callable[[Any], Any]:
-    """Return the function at a place, in another process; its file, and what that imports from its folder, is run anew.
+    """Return the function at a place, in another process; its file, and what that imports from its folder, is run again.
 
-    What one training run leaves in the modules of a learner would reach the next one otherwise, if that happens to be done by the
-    same process.
+    Otherwise what one training run leaves in the modules of a learner would reach the next one in the same process.
 
     Args:
         content: what it was when the exam began.
@@ -151,19 +151,13 @@ def train_at(place: str, content: str) -> Callable[[Any], Any]:
 
 
 def _forget(path: Path) -> None:
-    """Have a file, and what it imports from its folder, run anew when it is imported next; this package stays as it is."""
+    """Have a file, and what it imports from its folder, run again when it is imported next; this package stays as it is."""
     files = {file for file in code_files(path) if not file.is_relative_to(_OURS)}
-    names = {file.name for file in files}
     for name, module in list(sys.modules.items()):
         origin = getattr(module, "__file__", None)
-        if origin is None or Path(origin).name not in names or Path(origin).resolve() not in files:
+        if origin is None or Path(origin).resolve() not in files:
             continue
         del sys.modules[name]
         package, _, attribute = name.rpartition(".")
         if package in sys.modules:  # where `from package import module` would find it
             vars(sys.modules[package]).pop(attribute, None)
-
-
-def _none(name: str) -> NoReturn:
-    hint = "file.py:train, or module:train, where `def train(case)` gives a policy"
-    raise SpecError([Diagnostic("E713", None, f"there is no learner '{name}'", hint)])

@@ -1,15 +1,17 @@
-"""Warnings about expressions: indices and slices outside a vector, draws without chance, reals that are whole."""
+"""Warnings about the text of a spec: names, indices and slices, draws without chance, reals that are whole."""
 
 from __future__ import annotations
 
 import math
+import re
+import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.check.name_warnings import followed, mentioned
 from taskspec.check.warning_context import Doubt, LintContext
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
@@ -20,11 +22,149 @@ from taskspec.lang.scope import ClampedIndex
 from taskspec.lang.types import INT, Kind
 from taskspec.model.points import Samples, columns
 from taskspec.model.space import Reads, words
+from taskspec.printers import plain
+from taskspec.printers.names import of_task
 from taskspec.rollout.rollout import visited
 from taskspec.soundness.phases import Check, CheckPhase, Examination, Violation, entries
 from taskspec.soundness.places import SectionScope, distributions
 from taskspec.soundness.soundness import in_words
+from taskspec.task.merge import before
 from taskspec.task.task import Task
+
+NAMED = ("parameters", "constants", "definitions", "noise")
+ROOTS = (
+    "state", "action", "observation", "horizon", "terminal", "discount", "initial", "dynamics", "reward",
+    "absorbing_reward", "memory", "expert", "abstraction", "symmetries",
+)  # fmt: skip
+PROSE = frozenset({"doc", "symbol", "symbols", "message"})
+INSTANCE_SEED = "instance_seed"
+_KINDS = {
+    "parameters": "parameter", "constants": "constant", "definitions": "definition", "noise": "noise", "state": "component",
+    "action": "action",
+}  # fmt: skip
+_WORD = re.compile(r"[^\W\d]\w*")
+
+
+def unused_names(context: LintContext) -> Iterator[Doubt]:
+    """Yield parameters, constants, definitions and noise that nothing depends on."""
+    data = context.task.written
+    wanted = {INSTANCE_SEED, *_words((data.get("parameters") or {}).get("require"))}
+    for section in ROOTS:
+        wanted |= set(_words(data.get(section)))
+    used = followed(context.task, wanted, NAMED)
+    for section in NAMED:
+        for name in data.get(section) or {}:
+            if name != "require" and str(name).partition("(")[0].strip() not in used:
+                yield Doubt(context.key(section, name), f"nothing uses the {_KINDS[section]} '{name}'")
+
+
+def mentioned(task: Task, section: str, name: str | None = None) -> set[str]:
+    """Return every word of a section (or of one of its entries), and of the definitions, constants and noises that it names."""
+    value = task.written.get(section)
+    if name is not None:
+        value = value.get(name) if isinstance(value, dict) else None
+    return followed(task, set(_words(value)))
+
+
+def followed(task: Task, words: set[str], sections: Sequence[str] = NAMED[1:]) -> set[str]:
+    """Return some words, and every word of the entries of some sections that they name."""
+    entries = {}
+    for section in sections:
+        for written, value in (task.written.get(section) or {}).items():
+            entries[str(written).partition("(")[0].strip()] = value
+    found = set(words)
+    used: set[str] = set()
+    while fresh := (found & entries.keys()) - used:
+        used |= fresh
+        for word in fresh:
+            found |= set(_words(entries[word]))
+    return found
+
+
+def _words(value: Any) -> Iterator[str]:
+    """Yield every word in the expressions of a section, keys included, prose excluded."""
+    match value:
+        case str():
+            yield from _WORD.findall(value)
+        case dict():
+            for key, inner in value.items():
+                if key not in PROSE:
+                    yield from _words(str(key))
+                    yield from _words(inner)
+        case list():
+            for inner in value:
+                yield from _words(inner)
+        case _:
+            return
+
+
+def printed_alike(context: LintContext) -> Iterator[Doubt]:
+    """Yield two names with one symbol, or a name and a label; labels of different components may share theirs."""
+    notation = of_task(context.task)
+    printed = []
+    for section, written, name in _names(context):
+        printed.append((section, written, notation.symbol(name), f"the {_KINDS[section]} '{name}'"))
+    names = len(printed)
+    for section, components in (("state", context.task.state), ("action", context.task.action)):
+        for c in components:
+            for label, tree in notation.labels.get(c.name, {}).items():
+                printed.append((section, c.name, tree, f"the label '{label}' of '{c.name}'"))
+    seen: dict[str, str] = {}
+    for i, (section, written, tree, what) in enumerate(printed):
+        symbol = plain(tree)
+        if symbol in seen:
+            message = f"pages print `{symbol}` for {seen[symbol]} and for {what}"
+            hint = "give one of them another `symbol`, or labels other `symbols`"
+            yield Doubt(context.key(section, written), message, hint)
+        elif i < names:
+            seen[symbol] = what
+
+
+ALIKE = str.maketrans(
+    "\u0430\u0435\u043e\u0440\u0441\u0443\u0445\u0455\u0456\u0458\u04bb\u051b\u051d\u0501"  # Cyrillic, small
+    "\u0410\u0412\u0415\u041a\u041c\u041d\u041e\u0420\u0421\u0422\u0423\u0425\u0405\u0406\u0408"  # and capital
+    "\u03bf\u0391\u0392\u0395\u0396\u0397\u0399\u039a\u039c\u039d\u039f\u03a1\u03a4\u03a5\u03a7\u0585",  # Greek; Armenian
+    "aeopcyxsijhqwdABEKMHOPCTYXSIJoABEZHIKMNOPTYXo",
+)
+"""Letters of other alphabets, and the Latin letters that they look like."""
+
+
+def foreign_letters(context: LintContext) -> Iterator[Doubt]:
+    """Yield a name that looks like one in Latin letters."""
+    names = [((section, written), name) for section, written, name in _names(context)]
+    for section, components in (("state", context.task.state), ("action", context.task.action)):
+        labels = [((section, c.name), str(label)) for c in components if c.domain for label in c.domain.labels]
+        names += labels
+    for place, name in names:
+        latin = name.translate(ALIKE)
+        if latin != name and latin.isascii():
+            letter = next(a for a, b in zip(name, latin, strict=True) if a != b)
+            message = f"'{name}' is not '{latin}': its '{letter}' is {unicodedata.name(letter)}, U+{ord(letter):04X}"
+            yield Doubt(context.key(*place), message, "write it in Latin letters, here and where it is used")
+
+
+def _names(context: LintContext) -> Iterator[tuple[str, str, str]]:
+    """Yield every name: the section that declares it, the key there, and the name."""
+    spec = context.task.spec
+    parts = (spec.parameters.entries, spec.constants, spec.definitions, spec.noise, spec.state, spec.action)
+    for section, declared in zip(_KINDS, parts, strict=True):
+        for written in declared:
+            yield section, written, written.partition("(")[0].strip()
+
+
+def idle_errata(context: LintContext) -> Iterator[Doubt]:
+    """Yield an erratum of a variant about a section that is as it is without the variant."""
+    task = context.task
+    merged = context.merged
+    based = before(task.document, task.variant)
+    if based is None or not merged.data.get("errata") or not merged.is_own(("errata",)):
+        return
+    for i, entry in enumerate(merged.data["errata"]):
+        for j, section in enumerate(entry.get("about") or ()):
+            if merged.data.get(section) == based.data.get(section):
+                message = f"this erratum is about `{section}`, which this variant does not change"
+                yield Doubt(merged.span(("errata", i, "about", j)), message)
+
 
 # -- indices --------------------------------------------------------------------------------------
 

@@ -14,8 +14,8 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 def code_hash(path: Path | str, function: str) -> str:
     """Return a hash of a function: of its name, of the file, and of all that the file imports from its own folder.
 
-    Imports are read and followed, wherever in a file they stand; nothing is run. Names that are put together as a program
-    runs, and other files that it reads, are not seen. The hash is the same wherever the folder lies.
+    Imports are read and followed, those inside functions included; nothing is run. Names that are put together as a program
+    runs, and other files that it reads, are not seen. The hash does not depend on where the folder lies.
 
     Args:
         path: the file; where its folder is a part of a package, the whole package counts as its folder.
@@ -51,7 +51,11 @@ def code_files(path: Path | str) -> dict[Path, bytes]:
         file = waiting.pop()
         if file in contents or not file.is_relative_to(home):
             continue
-        contents[file] = _content(file)
+        try:
+            contents[file] = file.read_bytes()
+        except OSError as error:
+            message = f"cannot read {str(file)!r}: {error.strerror or error}"
+            raise SpecError([Diagnostic("E710", None, message)]) from error
         waiting += _imported(contents[file], file, folders)
     return contents
 
@@ -64,20 +68,12 @@ def _home(file: Path) -> Path:
     return home
 
 
-def _content(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        message = f"cannot read {str(file)!r}: {error.strerror or error}"
-        raise SpecError([Diagnostic("E710", None, message)]) from error
-
-
 def _imported(content: bytes, file: Path, folders: list[Path]) -> Iterator[Path]:
-    """Yield the files that a file imports, as far as they lie in the folders or in those of packages there."""
+    """Yield the files that a file imports, if they lie in the folders or in those of packages there."""
     try:
         with warnings.catch_warnings(action="ignore"):
             tree = ast.parse(content)
-    except (SyntaxError, ValueError, RecursionError):  # whoever runs it says so
+    except (SyntaxError, ValueError, RecursionError):  # running it shows the mistake
         return
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from taskspec.base.files import safe_name
-from taskspec.exam.report import rows as report_rows
-from taskspec.exam.report.rows import SeedCell, TaskRow
+from taskspec.exam import score_rows
+from taskspec.exam.score_rows import SeedCell, TaskRow
 from taskspec.figures import chart
 from taskspec.figures.chart import Axes, BoxSample, LegendEntry, Rgb, Scale
 from taskspec.figures.scene import Anchor, Box, Hex, Item, Label, Line, Paint, Scene
@@ -34,7 +34,7 @@ TITLE = 0.34
 
 def of_exam(exam: Mapping[str, Any]) -> Scene:
     """Draw a heat map (as printed, twins, the best constant action) beside the scores of every seed, and learning curves."""
-    rows = report_rows.rows(exam)
+    rows = score_rows.rows(exam)
     names = max(chart.breadth(row.name) for row in rows) + 0.75
     cell = 2.2
     seeds = Axes(
@@ -46,7 +46,7 @@ def of_exam(exam: Mapping[str, Any]) -> Scene:
         items += chart.words(row.name, (names - 0.6, y), anchor="end")
         if row.grade:
             items.append(
-                Label((names - 0.3, y), m.Words(report_rows.SIGNS[row.grade]), 0.34, color=GRADES[row.grade], bold=True)
+                Label((names - 0.3, y), m.Words(score_rows.SIGNS[row.grade]), 0.34, color=GRADES[row.grade], bold=True)
             )
     cells = [[row.printed, row.twins, _constant(row)] for row in rows]
     items += _heat(names, cell, cells, ("as printed", "twins", "constant\naction"))
@@ -58,7 +58,7 @@ def of_exam(exam: Mapping[str, Any]) -> Scene:
 
 
 def _title(exam: Mapping[str, Any]) -> Iterator[Item]:
-    lines = [f"{exam['learner']}: {report_rows.headline(exam)}", *textwrap.wrap(report_rows.finding(exam), 115)]
+    lines = [f"{exam['learner']}: {score_rows.headline(exam)}", *textwrap.wrap(score_rows.finding(exam), 115)]
     for i, line in enumerate(lines):
         yield Label((0.0, -1.05 - 0.48 * (len(lines) - i)), m.Words(line), TITLE, "start")
 
@@ -78,12 +78,12 @@ def _heat(left: float, width: float, cells: Sequence[Sequence[SeedCell]], across
 
 def background(cell: SeedCell) -> Rgb:
     """Return the colour of a cell of a heat map."""
-    return report_rows.NOT_RUN if cell.mean is None else report_rows.colour(cell.mean)
+    return score_rows.NOT_RUN if cell.mean is None else score_rows.colour(cell.mean)
 
 
 def _score_axis(rows: Sequence[TaskRow], margin: float = 0.0) -> Scale:
     """Return an axis for the scores of all seeds, which includes random actions and the expert."""
-    shown = report_rows.cut([score for row in rows for cell in (row.printed, row.twins) for score in cell.scores])
+    shown = score_rows.cut([score for row in rows for cell in (row.printed, row.twins) for score in cell.scores])
     return Scale(min([0.0, *shown]) - margin, max([1.0, *shown]) + margin)
 
 
@@ -116,8 +116,8 @@ def _seeds(plot: Axes, rows: Sequence[TaskRow]) -> Iterator[Item]:
 
 def sample(cell: SeedCell) -> BoxSample:
     """Return scores as charts show them, cut off below `FLOOR`."""
-    low, high = report_rows.cut(cell.interval)
-    return BoxSample(report_rows.cut(cell.scores), (low, high), max(cell.mean or 0.0, report_rows.FLOOR))
+    low, high = score_rows.cut(cell.interval)
+    return BoxSample(score_rows.cut(cell.scores), (low, high), max(cell.mean or 0.0, score_rows.FLOOR))
 
 
 # -- learning curves
@@ -142,7 +142,7 @@ def _panels(rows: Sequence[TaskRow], top: float) -> Iterator[Item]:
         left = 0.9 + (i % ACROSS) * (width + 0.4)
         upper = top + (i // ACROSS) * (height + 1.5)
         steps = chart.axis([x for curve in row.curves for x, _ in curve], most=3)
-        steps = replace(steps, ticks=tuple((x, report_rows.steps(x)) for x, _ in steps.ticks))
+        steps = replace(steps, ticks=tuple((x, score_rows.steps(x)) for x, _ in steps.ticks))
         y = scale if i % ACROSS == 0 else replace(scale, ticks=tuple((y, "") for y, _ in scale.ticks))
         plot = Axes(left, upper, width, height, steps, y)
         yield from chart.frame(plot)
@@ -156,7 +156,7 @@ def _panels(rows: Sequence[TaskRow], top: float) -> Iterator[Item]:
 def _levels(row: TaskRow) -> list[float]:
     """Return the scores that a panel has to have room for."""
     levels = [0.0, 1.0] if row.optimum is None else [0.0, 1.0, row.optimum]
-    return [*report_rows.cut([y for curve in row.curves for _, y in curve]), *levels]
+    return [*score_rows.cut([y for curve in row.curves for _, y in curve]), *levels]
 
 
 def learning_curves(plot: Axes, row: TaskRow, style: CurveStyle) -> Iterator[Item]:
@@ -167,8 +167,8 @@ def learning_curves(plot: Axes, row: TaskRow, style: CurveStyle) -> Iterator[Ite
     yield chart.level(plot, 0.0, style.random, "dashdot")
     for curve in row.curves:
         steps = [x for x, _ in curve]
-        yield from chart.polyline(plot, steps, report_rows.cut([y for _, y in curve]), style.own, 0.02, shade=0.4)
-    steps, means = report_rows.mean_curve(row.curves)
+        yield from chart.polyline(plot, steps, score_rows.cut([y for _, y in curve]), style.own, 0.02, shade=0.4)
+    steps, means = score_rows.mean_curve(row.curves)
     yield from chart.polyline(plot, steps, means, style.own, 0.06)
 
 
@@ -197,7 +197,7 @@ def strip(row: TaskRow, scores: Scale) -> Scene:
     for i, (cell, kind) in enumerate(lanes):
         items += chart.box_plot(plot, sample(cell), i, PRINTED if kind == "printed" else TWINS)
     parts = [
-        f"{kind}: mean {report_rows.decimal(cell.mean)} {report_rows.interval(*cell.interval)}".strip()
+        f"{kind}: mean {score_rows.decimal(cell.mean)} {score_rows.interval(*cell.interval)}".strip()
         for cell, kind in lanes
     ]
     return Scene(STRIP[0], plot.bottom, tuple(items), f"{row.name}, {'; '.join(parts) or 'not run'}", font="sans")
@@ -230,7 +230,7 @@ def small_curves(row: TaskRow) -> Scene:
     values = _levels(row)
     plot = Axes(0.1, 0.13, 4.27, 2.26, Scale(0.0, last), Scale(min(values), max(values)))
     style = CurveStyle(PRINTED, "muted", "muted", "muted")
-    alt = f"Learning curves of {row.name}, up to {report_rows.steps(last)} steps"
+    alt = f"Learning curves of {row.name}, up to {score_rows.steps(last)} steps"
     return Scene(4.47, 2.53, tuple(learning_curves(plot, row, style)), alt, font="sans")
 
 
@@ -239,7 +239,7 @@ def small_curves(row: TaskRow) -> Scene:
 
 def of_several(exams: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, Scene]]:
     """Yield charts of several learners by the stems of their files: `table`, and box plots `task-NAME` and `learner-NAME`."""
-    found = {name: {row.name: row.printed for row in report_rows.rows(exam)} for name, exam in exams.items()}
+    found = {name: {row.name: row.printed for row in score_rows.rows(exam)} for name, exam in exams.items()}
     tasks = dict.fromkeys(task for cells in found.values() for task in cells)
     yield "table", table(exams)
     for task in tasks:
@@ -254,7 +254,7 @@ def _stem(name: str) -> str:
 
 def table(exams: Mapping[str, Mapping[str, Any]], title: str = "") -> Scene:
     """Draw the paper's heat map: mean scores, learners across and tasks down; grey if one was not run."""
-    found = {name: {row.id: row for row in report_rows.rows(exam)} for name, exam in exams.items()}
+    found = {name: {row.id: row for row in score_rows.rows(exam)} for name, exam in exams.items()}
     tasks = {task: row.name for by_task in found.values() for task, row in by_task.items()}
     cells = [[_cut(by[task].printed) if task in by else SeedCell(()) for by in found.values()] for task in tasks]
     width = 1.58
@@ -279,7 +279,7 @@ def _without_family(learners: Sequence[str]) -> list[str]:
 
 
 def _cut(cell: SeedCell) -> SeedCell:
-    return SeedCell(tuple(report_rows.cut(cell.scores)), cell.failed)
+    return SeedCell(tuple(score_rows.cut(cell.scores)), cell.failed)
 
 
 def boxes(cells: Mapping[str, SeedCell], title: str) -> Scene:
@@ -288,7 +288,7 @@ def boxes(cells: Mapping[str, SeedCell], title: str) -> Scene:
     names = tuple((i, f"{name}\n{cell.words or 'not run'}") for i, (name, cell) in enumerate(cells.items()))
     x = Scale(-0.6, len(cells) - 0.4, names, angle=30 if len(cells) > 6 else 0)
     y = chart.axis(
-        [0.0, 1.0, *(score for cell in cells.values() for score in report_rows.cut(cell.scores))],
+        [0.0, 1.0, *(score for cell in cells.values() for score in score_rows.cut(cell.scores))],
         "score: 0 random, 1 expert",
     )
     plot = Axes(0.0, 0.0, max(1.6 * len(cells), 3.0), 5.2, x, y)

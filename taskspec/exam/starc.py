@@ -1,0 +1,224 @@
+"""The distance of a learned reward to the true one, and what is lost by optimising it.
+
+The distance is a STARC metric (Skalse, Farnik, Motwani, Jenner, Gleave and Abate, 2024): rewards are made canonical, normalised,
+and compared. The canonical form is their value-adjusted levelling, the advantage of every action under the uniform policy. It is
+the same for two rewards that differ by potential shaping, with potentials of state and time that are 0 at the end, or in how a
+reward is spread over the next states of a step; a norm of 1 takes the scale away. States that no episode reaches do not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from taskspec.abstraction.abstraction import abstraction
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import SpecError
+from taskspec.data import Tabular, tabular
+from taskspec.data.episodes import mapped
+from taskspec.model.model import misused, refuse
+from taskspec.policies.policy import greedy
+from taskspec.registry import load
+from taskspec.solve.backward import action_values, backward, first_values
+from taskspec.solve.infinite_horizon import chain_values
+from taskspec.task.task import Task, TaskLike
+
+NOTHING = 1e-11
+"""Advantages that are this small, as a share of the largest value of an action, are rounding."""
+ROUNDS = 1000
+"""Improvements of a policy without a horizon, at the most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """A policy, and the reward that it was learned from.
+
+    Args:
+        reward: float64 (S, A, S) over the states and actions of `task.tabular()`, or a function of (obs, action, next_obs), all
+            (N, ...); `reward_distance` compares it with the true one.
+    """
+
+    policy: Any
+    reward: Any = None
+
+
+@dataclass(frozen=True, slots=True)
+class RewardDistance:
+    """The distance of a learned reward to the true one.
+
+    Attributes:
+        starc: from 0, where it differs by shaping and a positive scale alone, to 1, where it is the opposite; one half where one
+            of the two makes no action better than another, and the other one does.
+        lost: the optimal return less that of the best policy for the learned reward, by the true reward; of actions that are
+            equally good for the learned one, each is taken as often.
+    """
+
+    starc: float
+    lost: float
+
+
+def reward_distance(task: TaskLike, reward: Any) -> RewardDistance:
+    """Return how far a learned reward is from the true one; exact, on the exact model `taskspec.data.tabular(task)`.
+
+    Args:
+        reward: float (S, A, S) over its states and actions, (S, A), (S,) of the state that is left; or a function of observations
+            (N, *shape), actions (N, ...) and next observations (N, *shape) that gives rewards (N,). It is not called for steps
+            after the end of an episode.
+
+    Raises:
+        SpecError: E712 where there is no exact model, or one that is an abstraction, or where observations are no function of the
+            state, or there is neither a horizon nor a discount; E713 for what is no reward.
+    """
+    task = load(task)
+    if callable(reward) and abstraction(task) is not None:
+        refuse(f"the exact model of {task.id} is an abstraction, whose states show no observations", "give a table")
+    mdp = RewardMdp(tabular(task))
+    learned = mdp.expected(reward)
+    return RewardDistance(mdp.distance(mdp.true, learned), mdp.lost(learned))
+
+
+def reward_fields(task: Task, reward: Any) -> dict[str, float | None]:
+    """Return the same as fields of a result; None without an exact model."""
+    try:
+        found = reward_distance(task, reward)
+    except SpecError as error:
+        if {d.code for d in error.diagnostics} != {"E712"}:
+            raise
+        return {"starc": None, "reward_regret": None}
+    return {"starc": found.starc, "reward_regret": found.lost}
+
+
+class RewardMdp:
+    """The exact model, and rewards on it, as float64 (S, A); 0 where an episode has ended."""
+
+    def __init__(self, model: Tabular) -> None:
+        self.model = model
+        if model.horizon is None and model.discount == 1:
+            refuse(f"returns of {model.task.id} have no horizon and no discount", "give the task one of them")
+        self.true = np.where(model.absorbed[:, None], 0.0, model.R)
+        self.uniform = np.full_like(self.true, 1 / model.n_actions)
+
+    @cached_property
+    def reached(self) -> list[Array]:
+        """For each step the states (S,) that running episodes may be in; without a horizon, those of all steps in one."""
+        model = self.model
+        here = model.p0 > 0
+        found = []
+        step = (model.going.T > 0).astype(np.float64)
+        while len(found) != model.horizon:
+            found.append(here & ~model.absorbed)
+            after = step @ np.tile(here, model.n_actions) > 0
+            if model.horizon is None:
+                after |= here
+                if (after == here).all():
+                    return found[-1:]
+            here = after
+        return found
+
+    def expected(self, reward: Any) -> Array:
+        """Return the expected reward (S, A) of each step.
+
+        Raises:
+            SpecError: as for `reward_distance`.
+        """
+        model = self.model
+        s = model.n_states
+        a = model.n_actions
+        table = None if callable(reward) else np.asarray(reward, np.float64)
+        if table is not None and table.shape not in ((s, a, s), (s, a), (s,)):
+            misused(f"a reward has shape ({s}, {a}, {s}), ({s}, {a}) or ({s},) here, not {table.shape}")
+        R = np.zeros((s, a))
+        running = np.logical_or.reduce(self.reached)
+        for action, part in enumerate(model.sparse):
+            steps = part.tocoo()
+            counts = (steps.data > 0) & running[steps.row]
+            left = steps.row[counts]
+            next_state = steps.col[counts]
+            if table is None:
+                paid = self._call(reward, left, action, next_state)
+            else:
+                paid = table[(left, action, next_state)[: table.ndim]]
+            if paid.shape != left.shape or not np.isfinite(paid).all():
+                misused("a reward is a finite number for each step")
+            R[:, action] = np.bincount(left, steps.data[counts] * paid, s)
+        return R
+
+    def _call(self, reward: Any, left: Array, action: int, next_state: Array) -> Array:
+        """Return the rewards of steps by a function of observations."""
+        layout = self.model.task.action_layout
+        if layout.form == "discrete":
+            one: Any = action + layout.starts[0]
+        else:
+            one = np.array(np.unravel_index(action, layout.counts))
+        before = mapped(self.model.observations, lambda seen: seen[left])
+        after = mapped(self.model.observations, lambda seen: seen[next_state])
+        actions = np.broadcast_to(one, (len(left), *np.shape(one)))
+        return np.asarray(reward(before, actions, after), np.float64)
+
+    def _backward(self, R: Array, choose: Callable[[int, Array], Array]) -> Iterator[tuple[int, Array, Array]]:
+        """Yield t, Q[t] (S, A) and V[t] (S,), from the last step to the first."""
+
+        def backup(t: int, V: Array) -> Array:
+            return self._q(R, V)
+
+        return backward(backup, choose, np.zeros(self.model.n_states), self.model.horizon or 0)
+
+    def _q(self, R: Array, V: Array) -> Array:
+        return action_values(self.model.going, R.T, self.model.discount, V).T
+
+    def _plan(self, R: Array) -> list[Array]:
+        """Return the optimal policy of a reward, pi[t] (S, A); actions that are equally good are equally likely."""
+        size = np.abs(R).max()
+        if size > 0:
+            R = R / size
+        if self.model.horizon is not None:
+            found = [greedy(Q) for _, Q, _ in self._backward(R, lambda t, Q: Q.max(axis=1))]
+            return found[::-1]
+        pi = self.uniform
+        for _ in range(ROUNDS):
+            better = greedy(self._q(R, self._stationary(R, pi)))
+            if np.array_equal(better, pi):
+                break
+            pi = better
+        return [pi]
+
+    def _stationary(self, R: Array, pi: Array) -> Array:
+        """Return V (S,) of a policy (S, A) without a horizon."""
+        from scipy import sparse
+
+        moves = sum(sparse.diags_array(pi[:, a]) @ part for a, part in enumerate(self.model.sparse))
+        everywhere = np.ones(self.model.n_states, np.bool_)
+        return chain_values((self.model.discount * moves).tocsr(), (pi * R).sum(axis=1), everywhere)
+
+    def canonical(self, R: Array) -> Array:
+        """Return the advantages of all actions under the uniform policy, as a vector of length 1; 0 where all are rounding."""
+        if self.model.horizon is None:
+            q_values = [self._q(R, self._stationary(R, self.uniform))]
+        else:
+            q_values = [Q for _, Q, _ in self._backward(R, lambda t, Q: Q.mean(axis=1))]
+        known = [Q[here] for Q, here in zip(reversed(q_values), self.reached, strict=True)]
+        advantages = np.concatenate([(Q - Q.mean(axis=1, keepdims=True)).reshape(-1) for Q in known])
+        largest = max(float(np.abs(Q).max(initial=0)) for Q in known)
+        if np.abs(advantages).max(initial=0) <= NOTHING * largest:
+            return np.zeros_like(advantages)
+        advantages /= np.abs(advantages).max()
+        return np.asarray(advantages / np.linalg.norm(advantages))
+
+    def distance(self, one: Array, other: Array) -> float:
+        """Return half the distance of two rewards in canonical form: at most 1."""
+        return min(1.0, float(np.linalg.norm(self.canonical(one) - self.canonical(other))) / 2)
+
+    def lost(self, learned: Array) -> float:
+        """Return the optimal true return less that of the best policy for a learned reward."""
+        return max(0.0, self._true_return(self._plan(self.true)) - self._true_return(self._plan(learned)))
+
+    def _true_return(self, pi: list[Array]) -> float:
+        if self.model.horizon is None:
+            V = self._stationary(self.true, pi[0])
+        else:
+            V = first_values(self._backward(self.true, lambda t, Q: (pi[t] * Q).sum(axis=1)))
+        return float(self.model.p0 @ V)

@@ -1,0 +1,468 @@
+"""A run: every job that has no result yet is done, in processes of this machine or on a Dask cluster."""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from queue import Empty, Queue
+from threading import Lock, Thread
+from typing import Any, NamedTuple
+
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.extras import need
+from taskspec.jobs.store import Job, JobResult, Store
+from taskspec.jobs.work import GRACE, Ending, late, pack
+
+DEATHS = 2
+"""Processes that a job may kill before it is left alone."""
+HEARTBEAT = 0.5
+"""Seconds after which progress is reported even if there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobProgress:
+    """Progress of a run.
+
+    Args:
+        total: jobs in all.
+        before: of them, those that had their result when the run began.
+        done: those with a result, earlier ones included.
+        failed: those that ended without one.
+        seconds: since the run began.
+    """
+
+    total: int
+    before: int
+    done: int
+    failed: int
+    seconds: float
+
+    @property
+    def over(self) -> int:
+        """Jobs that ended, done or failed."""
+        return self.done + self.failed
+
+    @property
+    def rate(self) -> float:
+        """Jobs a second, in this run."""
+        return (self.over - self.before) / self.seconds if self.seconds > 0 else 0.0
+
+    @property
+    def left(self) -> float | None:
+        """Seconds that the rest takes at this rate; None while there is none."""
+        return (self.total - self.over) / self.rate if self.rate else None
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Results after a run.
+
+    Args:
+        rows: by key, in the order of the jobs, earlier ones included.
+        ran: how many of them are of this run.
+        seconds: that the run took.
+    """
+
+    rows: dict[str, JobResult]
+    ran: int
+    seconds: float
+
+    @property
+    def not_done(self) -> tuple[JobResult, ...]:
+        """The jobs that have no result, each with its message."""
+        return tuple(row for row in self.rows.values() if row.status != "done")
+
+
+class Interrupted(KeyboardInterrupt):
+    """Somebody pressed Ctrl-C. What was done is kept; the message says how much that is."""
+
+
+Listener = Callable[[JobProgress], None]
+
+
+def run(
+    jobs: Iterable[Job],
+    store: Store,
+    *,
+    workers: int | None = None,
+    cluster: str | None = None,
+    seconds: float | None = None,
+    progress: Listener | None = None,
+    retry_failed: bool = False,
+) -> Outcome:
+    """Do the jobs that have no result yet, in any order.
+
+    A job that raises, takes too long or ends its process is recorded with a message, while the rest goes on. One whose process
+    dies is begun once more, alone, after all others. Jobs with the same key are done once.
+
+    Args:
+        workers: processes on this machine; by default one for each processor.
+        cluster: the address of a Dask scheduler, as in `"tcp://10.0.0.1:8786"`, whose workers do the jobs instead.
+        seconds: that a job may take.
+        progress: is called with the progress of the run, in the thread of the caller.
+        retry_failed: whether jobs that ended without a result in earlier runs are begun again.
+
+    Raises:
+        SpecError: E705, distributed is not installed; E713, workers or seconds that cannot be; E716, E722, E723.
+        Interrupted: Ctrl-C.
+    """
+    start = time.monotonic()
+    if workers is not None and cluster is not None:
+        raise _invalid("a cluster has as many workers as it has", "leave the number of workers out")
+    if workers is not None and workers < 1:
+        raise _invalid(f"{workers} workers can do nothing", "give 1 or more")
+    if seconds is not None and not seconds > 0:
+        raise _invalid(f"no job ends within {seconds:g} s", "give more than 0")
+    wanted = {job.key: job for job in jobs}
+    with store.writing():
+        known = store.results(wanted)
+        again = {key: row.attempts for key, row in known.items() if retry_failed and row.status != "done"}
+        todo = [job for key, job in wanted.items() if key not in known or key in again]
+        statuses = Counter(row.status for key, row in known.items() if key not in again)
+        this = _Run(store, seconds, progress, len(wanted), statuses, Counter(again))
+        if todo:
+            with _cluster(cluster) if cluster is not None else _this_machine(workers or processors()) as site:
+                this.do(todo, site)
+                while this.suspects:
+                    this.do([this.suspects.pop(0)], site)
+        this.report()
+    return Outcome(store.results(wanted), len(todo), time.monotonic() - start)
+
+
+def _invalid(message: str, hint: str) -> SpecError:
+    return SpecError([Diagnostic("E713", None, message, hint)])
+
+
+class _Site(NamedTuple):
+    """A place where calls are done.
+
+    Args:
+        attempt: does a call, there (see `Crew.attempt`).
+        capacity: how many calls to hand out at a time.
+        explain: the ending of a call whose future has an error; some errors end the run.
+    """
+
+    executor: Executor
+    attempt: Callable[[bytes, float | None], Ending]
+    capacity: Callable[[], int]
+    explain: Callable[[Exception], Ending]
+
+    def ending(self, future: Future[Ending]) -> Ending:
+        """Return how a call ended that is over."""
+        try:
+            return future.result()
+        except Exception as error:
+            return self.explain(error)
+
+
+@dataclass
+class _Run:
+    store: Store
+    seconds: float | None
+    progress: Listener | None
+    total: int
+    statuses: Counter[str]
+    attempts: Counter[str]
+    deaths: Counter[str] = field(default_factory=Counter)
+    suspects: list[Job] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.before = self.statuses.total()
+        self.start = time.monotonic()
+
+    def do(self, jobs: list[Job], site: _Site) -> None:
+        """Do jobs, many at a time."""
+        waiting = deque(jobs)
+        pending: dict[Future[Ending], Job] = {}
+        try:
+            while waiting or pending:
+                for _ in range(min(site.capacity() - len(pending), len(waiting))):
+                    job = waiting.popleft()
+                    self.attempts[job.key] += 1
+                    call = pack(job.function, job.arguments)
+                    pending[site.executor.submit(site.attempt, call, self.seconds)] = job
+                self.report()
+                wait(pending, HEARTBEAT, FIRST_COMPLETED)
+                self._harvest(pending, site)
+        except KeyboardInterrupt:
+            self._harvest(pending, site)
+            kept = f"{self.statuses.total()} of {self.total} jobs are over and kept in {str(self.store.path)!r}"
+            raise Interrupted(f"interrupted: {kept}; the same run goes on from there") from None
+
+    def _harvest(self, pending: dict[Future[Ending], Job], site: _Site) -> None:
+        """Record what has ended, in one transaction, and only then forget about it."""
+        over = [future for future in pending if future.done()]
+        rows = []
+        for future in over:
+            job = pending[future]
+            ending = site.ending(future)
+            if ending.status == "died":
+                self.deaths[job.key] += 1
+                if self.deaths[job.key] < DEATHS:
+                    self.suspects.append(job)
+                    continue
+                message = f"{ending.message} ({self.deaths[job.key]} times)"
+                ending = ending._replace(status="quarantined", message=message)
+            assert ending.status != "died"
+            tried = self.attempts[job.key]
+            rows.append(
+                JobResult(job.key, job.name, ending.status, ending.result, ending.message, ending.seconds, tried)
+            )
+        self.store.record(rows)
+        self.statuses.update(row.status for row in rows)
+        for future in over:
+            del pending[future]
+
+    def report(self) -> None:
+        if self.progress is not None:
+            done = self.statuses["done"]
+            failed = self.statuses.total() - done
+            seconds = time.monotonic() - self.start
+            self.progress(JobProgress(self.total, self.before, done, failed, seconds))
+
+
+# Processes that do calls for us, one at a time each: one that dies takes nothing with it but the call that killed it.
+
+LOOK = 0.5
+"""Seconds between looks at whether a process is still there that does not answer."""
+ONE_THREAD = {"PJRT_NPROC": "1"}
+"""The environment of a process, unless it says otherwise: one thread for JAX.
+
+There may be a process for each processor, and with two threads JAX was seen to wait for ever.
+"""
+START = """
+import os, pickle, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+questions = os.fdopen(os.dup(0), "rb")
+sys.path[:] = pickle.load(questions)
+from taskspec.jobs.work import serve
+serve(questions)
+"""
+"""The program of a process: it ignores Ctrl-C, and finds modules where this process does."""
+_FRAME = re.compile(r'File "(.*)", line (\d+) in (.*)')
+
+
+class Crew:
+    """Processes, made as they are needed: as many as there are threads that ask for something to be done."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._has_ended = False
+        self._idle: list[_Process] = []
+        self._busy: set[_Process] = set()
+
+    def attempt(self, call: bytes, seconds: float | None) -> Ending:
+        """Do a call in a process, and wait for it (see `perform`); if its process dies, the status is `died`."""
+        with self._lock:
+            if self._has_ended:
+                raise RuntimeError("the run has ended")
+            process = self._ready()
+            self._busy.add(process)
+        ending = process.attempt(call, seconds)
+        with self._lock:
+            self._busy.discard(process)
+            if process.is_alive:
+                self._idle.append(process)
+        return ending
+
+    def _ready(self) -> _Process:
+        while self._idle:
+            process = self._idle.pop()
+            if process.is_alive:
+                return process
+            process.end()
+        return _Process()
+
+    def end(self) -> None:
+        """End all processes, busy ones included."""
+        with self._lock:
+            self._has_ended = True
+            everyone = [*self._idle, *self._busy]
+        for process in everyone:
+            process.end()
+
+
+class _Process:
+    """A process that does calls."""
+
+    def __init__(self) -> None:
+        handle, name = tempfile.mkstemp(prefix="taskspec-")
+        os.close(handle)
+        self._trace = Path(name)
+        self._answers: Queue[Ending | None] = Queue()
+        environment = {**ONE_THREAD, **os.environ}
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen([sys.executable, "-c", START], stdin=pipe, stdout=pipe, env=environment)
+        self._send(sys.path)
+        Thread(target=self._listen, daemon=True).start()
+
+    @property
+    def is_alive(self) -> bool:
+        return self._process.poll() is None
+
+    def attempt(self, call: bytes, seconds: float | None) -> Ending:
+        """Do a call, and return how it ended."""
+        start = time.perf_counter()
+        self._send((call, seconds, self._trace))
+        ending = self._answer()
+        if ending is None:
+            ending = self._death(seconds)._replace(seconds=time.perf_counter() - start)
+            self.end()
+        return ending
+
+    def _send(self, content: Any) -> None:
+        assert self._process.stdin is not None
+        with suppress(OSError):  # a process that is gone gives no answer
+            pickle.dump(content, self._process.stdin)
+            self._process.stdin.flush()
+
+    def _listen(self) -> None:
+        """Queue answers, and None when there will be no more."""
+        assert self._process.stdout is not None
+        with self._process.stdout as answers, suppress(Exception):
+            while True:
+                self._answers.put(pickle.load(answers))
+        self._answers.put(None)
+
+    def _answer(self) -> Ending | None:
+        """Return how the call ended; None if the process died. Its own children may hold its end of the pipe open."""
+        while True:
+            was_alive = self.is_alive
+            with suppress(Empty):
+                return self._answers.get(timeout=LOOK)
+            if not was_alive:
+                return None
+
+    def _death(self, seconds: float | None) -> Ending:
+        trace = self._trace.read_text(encoding="utf-8", errors="replace")
+        if trace:
+            place = _FRAME.search(trace, trace.rindex("Thread 0x"))  # the main thread comes last
+            words = f": {place[1]}:{place[2]}, in {place[3]}" if place else ""
+            return Ending("timed_out", message=f"{late(seconds)} and could not be interrupted{words}")
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(GRACE)
+        code = self._process.returncode
+        if code is None:
+            return Ending("died", message="its process gave no answer")
+        signals = {each.value: each.name for each in signal.Signals}
+        return Ending("died", message=f"its process died: {signals.get(-code, 'EXIT')}({code})")
+
+    def end(self) -> None:
+        """End the process, in the middle of a call if need be."""
+        self._process.kill()
+        self._process.wait()
+        with suppress(OSError):
+            assert self._process.stdin is not None
+            self._process.stdin.close()
+        with suppress(OSError):
+            self._trace.unlink(missing_ok=True)
+
+
+AHEAD = 2
+"""Calls handed out for each that can be done at a time, so that nobody waits for the next one."""
+
+
+def processors() -> int:
+    """Return how many processors this process may use: those of its affinity, or fewer where a container has fewer."""
+    affinity = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    try:
+        quota, period = Path("/sys/fs/cgroup/cpu.max").read_text(encoding="ascii").split()
+        granted = -(-int(quota) // int(period))
+    except (OSError, ValueError):  # there is no container, or no limit ("max")
+        return affinity
+    return max(1, min(affinity, granted))
+
+
+@contextmanager
+def _this_machine(count: int) -> Iterator[_Site]:
+    def capacity() -> int:
+        return count * AHEAD
+
+    def explain(error: Exception) -> Ending:
+        raise error
+
+    crew = Crew()
+    executor = ThreadPoolExecutor(count)
+    try:
+        yield _Site(executor, crew.attempt, capacity, explain)
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)
+        crew.end()
+        executor.shutdown()
+
+
+# A Dask cluster: each of its workers has processes of its own that do the calls, so that it outlives them.
+
+PATIENCE = 20
+"""Seconds in which a cluster has to answer."""
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[_Site]:
+    distributed = need("distributed", "cluster", "a Dask cluster")
+    try:
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise _no_cluster(f"the cluster at {address!r} does not answer: {error}") from error
+
+    def explain(error: Exception) -> Ending:
+        if isinstance(error, distributed.KilledWorker):
+            return Ending("died", message=f"{error.allowed_failures + 1} workers of the cluster died with it")
+        raise _no_cluster(f"the cluster at {address!r} gave a job up: {type(error).__name__}: {error}") from error
+
+    def capacity() -> int:
+        try:
+            threads = client.nthreads()
+        except OSError as error:
+            raise _no_cluster(f"the cluster at {address!r} does not answer any more: {error}") from error
+        return AHEAD * max(1, sum(threads.values()))
+
+    with _quiet(), client, client.get_executor(pure=False) as executor:
+        try:
+            yield _Site(executor, attempt, capacity, explain)
+        finally:
+            executor.shutdown(wait=False)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Silence Dask, which prints a traceback for each call under way when a run is interrupted or its cluster lost."""
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client", "tornado.application")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+
+
+def _no_cluster(message: str) -> SpecError:
+    hint = "check that its scheduler and workers run, with taskspec installed; finished results are kept"
+    return SpecError([Diagnostic("E723", None, message, hint)])
+
+
+@cache
+def _crew() -> Crew:
+    return Crew()
+
+
+def attempt(call: bytes, seconds: float | None) -> Ending:
+    """Do a call on a worker of a cluster, in a process of its crew."""
+    return _crew().attempt(call, seconds)
