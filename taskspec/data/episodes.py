@@ -224,7 +224,7 @@ Run = Callable[[Callable[[Part], Transitions], Iterator[Part]], Iterable[Transit
 
 @contextmanager
 def _mapping(jobs: int) -> Iterator[Run]:
-    """A way to record many parts, in order: here or in other processes."""
+    """Yield a way to record many parts, in order: here or in other processes."""
     if jobs == 1:
         yield map
         return

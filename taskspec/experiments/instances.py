@@ -385,6 +385,6 @@ class _Entry:
         return self.document.span(path, start, end) if one else self.document.span(path)
 
     def _report(self, error: SpecError, path: Place) -> None:
-        """What is wrong with a task, at the place where the experiment names it, unless it has one of its own."""
+        """Report the mistakes of a task, at the place where the experiment names it, unless it has one of its own."""
         place = self._span(*path)
         self.collector.extend(replace(d, span=place) if d.span is None else d for d in error.diagnostics)

@@ -187,7 +187,7 @@ def table(rows: Sequence[Measured]) -> tuple[list[str], list[list[Any]]]:
 
 
 def write_json(rows: Sequence[Measured], path: Path) -> None:
-    """A list of one object for each instance."""
+    """Write a list of one object for each instance."""
     write_text(path, json.dumps([_finite(row.record()) for row in rows], indent=1) + "\n")
 
 
@@ -204,7 +204,7 @@ def _finite(value: Any) -> Any:
 
 
 def write_csv(rows: Sequence[Measured], path: Path) -> None:
-    """A line for each instance, under names of columns."""
+    """Write a line for each instance, under names of columns."""
     names, values = table(rows)
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -214,7 +214,7 @@ def write_csv(rows: Sequence[Measured], path: Path) -> None:
 
 
 def write_parquet(rows: Sequence[Measured], path: Path) -> None:
-    """The same columns in Parquet.
+    """Write the same columns in Parquet.
 
     Raises:
         SpecError: E705 without pyarrow.

@@ -46,7 +46,7 @@ class Learner:
     together: ClassVar[bool] = True
 
     def __call__(self, case: LearnerCase) -> list[Any]:
-        """Raises SpecError: E705 where JAX or optax are not installed, E713 for tasks that it cannot learn."""
+        """Train; raises SpecError: E705 where JAX or optax are not installed, E713 for tasks that it cannot learn."""
         module, _, function = self.trainer.partition(":")
         return getattr(import_module(module), function)(self.settings, case)  # type: ignore[no-any-return]
 
