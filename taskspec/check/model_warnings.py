@@ -206,11 +206,11 @@ def _later_reward(context: LintContext) -> int | None:
 
 def indifferent(context: LintContext) -> Iterator[Doubt]:
     """Yield the reward if the best return is that of random actions."""
-    optimal = None if context.is_constant else context.results.optimal
-    random = None if optimal is None else context.results.random  # simulated only if the best return is known
-    if optimal is None or random is None:
+    if context.is_constant or context.results.optimal is None:
         return
-    if abs(optimal.value - random.value) <= SAME * max(1.0, abs(optimal.value)):
+    optimal = context.results.optimal
+    random = context.results.random  # simulated only if the best return is known
+    if random is not None and abs(optimal.value - random.value) <= SAME * max(1.0, abs(optimal.value)):
         message = f"random actions are as good as the best: both return {words(optimal.value)}"
         yield Doubt(context.merged.span(("reward",)), message)
 
@@ -235,9 +235,9 @@ def inert(context: LintContext) -> Iterator[Doubt]:
 def twins(context: LintContext) -> Iterator[Doubt]:
     """Yield two values of an action that do the same in every state."""
     for c in context.task.action:
-        count = c.counts[0] if c.is_finite and c.type.is_scalar else 0
-        if not 2 < count <= FEW:
+        if not c.is_finite or not c.type.is_scalar or not 2 < c.counts[0] <= FEW:
             continue  # W505 is about two values that are the same
+        count = c.counts[0]
         if context.model is None and len(list(walk(_step(context.task)))) * count > MOST:
             continue
         alike: list[list[int]] = []
@@ -248,9 +248,9 @@ def twins(context: LintContext) -> Iterator[Doubt]:
                 alike.append([number])
             else:
                 known.append(number)
-        for group in alike if len(alike) > 1 else ():  # if all do the same, W505 says so
+        for group in alike:
             names = [shown(c, np.asarray(int(c.low[0]) + number)) for number in group]
-            if len(names) > 1:
+            if len(names) > 1 and len(alike) > 1:  # if all do the same, W505 says so
                 message = f"{c.name} = {', '.join(names[:-1])} and {names[-1]} do the same in every state"
                 yield Doubt(context.key("action", c.name), message)
 
@@ -293,7 +293,8 @@ def _are_same(one: list[Any], other: list[Any]) -> bool:
                 return False
             continue
         gap = a - b
-        gap = getattr(gap, "data", gap) if not isinstance(gap, np.ndarray) else gap
+        if not isinstance(gap, np.ndarray):
+            gap = gap.data
         if len(gap) and np.abs(gap).max() > ROUNDING:
             return False
     return True

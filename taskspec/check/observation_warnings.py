@@ -16,7 +16,7 @@ from taskspec.lang.ir import Apply, Const, Node, Read, Role, draws, reads
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.model import Model
-from taskspec.model.space import plain, words
+from taskspec.model.space import Reads, plain, words
 from taskspec.modifiers import modify
 from taskspec.rollout.rollout import Choose, State, by_expert, reads_of, simulate
 from taskspec.scores.returns import normalised
@@ -69,7 +69,7 @@ def hidden_goal(context: LintContext) -> Iterator[Doubt]:
 def _first_observations(model: Model, first: Array) -> Array | None:
     """Return the observations of first states (N, elements); None if they have noise on the state."""
     rows = [np.zeros((1, len(first)))]
-    given = {k: v[..., first] if v.shape[-1] > 1 else v for k, v in model.reads(0).items()}
+    given = columns_of(model.reads(0), first)
     for node in model.task.observation.nodes:
         if draws([node]) and reads([node]):
             return None
@@ -106,7 +106,9 @@ def duplicate(context: LintContext) -> Iterator[Doubt]:
 def _shown(context: LintContext) -> list[tuple[Component, Node]]:
     """Return the observation as written in the spec, without parts that have no elements."""
     seen = context.task.observation
-    return [] if seen.is_state else [(c, n) for c, n in zip(seen.components, seen.nodes, strict=True) if c.type.size]
+    if seen.is_state:
+        return []
+    return [(c, node) for c, node in zip(seen.components, seen.nodes, strict=True) if c.type.size]
 
 
 def _values(node: Node, model: Model | None) -> Array | None:
@@ -115,7 +117,12 @@ def _values(node: Node, model: Model | None) -> Array | None:
         return evaluate([node], {})[0]
     if model is None or draws([node]) or (Role.TIME, "t") in reads([node]):
         return None
-    return evaluate([node], {k: v[..., model.entered] if v.shape[-1] > 1 else v for k, v in model.reads(0).items()})[0]
+    return evaluate([node], columns_of(model.reads(0), model.entered))[0]
+
+
+def columns_of(reads: Reads, at: Array) -> Reads:
+    """Return what is read at some of the points."""
+    return {key: value[..., at] if value.shape[-1] > 1 else value for key, value in reads.items()}
 
 
 def _is_constant(values: Array) -> bool:
@@ -214,7 +221,9 @@ def _as_printed(task: Task, twin: Task, places: Mapping[str, tuple[int, Componen
 def infinite_abstraction(context: LintContext) -> Iterator[Doubt]:
     """Yield a component of the stand-in that has infinitely many values, so that there is no exact model of it."""
     found = context.results.abstraction
-    for c in () if found is None else found.stand_in.state:
+    if found is None:
+        return
+    for c in found.stand_in.state:
         if not c.is_finite:
             message = f"'{c.name}' has infinitely many values, so the abstraction gives no exact results"
             yield Doubt(context.key("abstraction", "state", c.name), message, "declare an int with `low` and `high`")

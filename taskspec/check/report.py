@@ -72,7 +72,9 @@ class Report:
     @cached_property
     def unlimited(self) -> Results:
         """Returns by a model as large as limits allow; warnings alone use a moderate one."""
-        return Results(self.task) if self.results is None or self.results.limit is not None else self.results
+        if self.results is None or self.results.limit is not None:
+            return Results(self.task)
+        return self.results
 
     def _repr_html_(self) -> str:
         """Return diagnostics and verdicts on claims, for notebooks."""
@@ -86,7 +88,7 @@ _MEANINGLESS = {"E404", "E406"}
 """No warnings are given without a first state, or for rewards that are not numbers."""
 
 
-def check(
+def check(  # noqa: C901
     task: TaskLike,
     *,
     ranges: bool = True,
@@ -110,16 +112,20 @@ def check(
         others = check_ranges(task)
         found += others.diagnostics
         cases = others.cases
-    symmetries = tuple(verify_symmetry(task, each) for each in task.symmetries) if is_as_written(task) else ()
-    for each in symmetries:
+    symmetries = []
+    for symmetry in task.symmetries if is_as_written(task) else ():
+        each = verify_symmetry(task, symmetry)
+        symmetries.append(each)
         if each.problem is not None:
             place = merge(task.document, task.variant).key_span(("symmetries", each.symmetry.name))
             found.append(Diagnostic("E605", place, f"'{each.symmetry.name}' is not a symmetry: {each.problem}"))
     wrong = list(wrong_examples(task)) if claims else []
     found += [diagnostic for _, diagnostic in wrong]
-    report = Report(task, (), sound.method, cases, wrong_examples=frozenset(dict(wrong)), symmetries=symmetries)
+    report = Report(task, (), sound.method, cases, wrong_examples=frozenset(dict(wrong)), symmetries=tuple(symmetries))
     if not is_installed("scipy"):
-        skipped = f"sanity checks and claims need scipy: {install('exact')}" if with_warnings or claims else None
+        skipped = None
+        if with_warnings or claims:
+            skipped = f"sanity checks and claims need scipy: {install('exact')}"
         return replace(report, diagnostics=in_order(found), skipped=skipped)
     results = Results(task) if task.claims else Results(task, limit=MODERATE)
     decided: tuple[Verdict, ...] = ()
@@ -129,16 +135,17 @@ def check(
     if claims and is_sound:
         decided = tuple(verdicts(task, results))
         found += [v.diagnostic for v in decided if v.diagnostic is not None]
-    looked = beside(task) if beside is not None and is_sound else ()
-    left, accepted = set_aside(task, [*found, *looked])
-    if with_warnings and claims and at_defaults(task) and not any(d.severity == "error" for d in found):
-        left += idle(task, accepted, () if beside is not None else ELSEWHERE)
+    has_errors = any(d.severity == "error" for d in found)
+    unknown = ELSEWHERE
+    if beside is not None:
+        unknown = ()
+        if is_sound:
+            found += beside(task)
+    left, accepted = set_aside(task, found)
+    at_defaults = all(p.value == p.default for p in task.parameters)
+    if with_warnings and claims and at_defaults and not has_errors:
+        left += idle(task, accepted, unknown)
     return replace(report, diagnostics=in_order(left), verdicts=decided, results=results, accepted=tuple(accepted))
-
-
-def at_defaults(task: Task) -> bool:
-    """Return whether every parameter has its default."""
-    return all(p.value == p.default for p in task.parameters)
 
 
 def _warnings(task: Task, results: Results) -> list[Diagnostic]:
@@ -154,7 +161,7 @@ def _warnings(task: Task, results: Results) -> list[Diagnostic]:
     return found
 
 
-ELSEWHERE = ("W523",)
+ELSEWHERE: tuple[str, ...] = ("W523",)
 """Warnings about how a task is drawn."""
 RETURNS = ("optimal", "random", "worst", "expert")
 
@@ -195,8 +202,11 @@ class Scores:
     def record(self) -> dict[str, Any]:
         """Return all of it as plain data for JSON."""
         returns = {name: getattr(self, name) for name in RETURNS}
-        found = {name: None if r is None else asdict(r) | {"status": r.status} for name, r in returns.items()}
-        return asdict(self) | found | {"parameters": dict(self.parameters), "gap": self.gap}
+        found = asdict(self) | {"parameters": dict(self.parameters), "gap": self.gap}
+        for name, value in returns.items():
+            if value is not None:
+                found[name] = asdict(value) | {"status": value.status}
+        return found
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one flat row for each known return, as `pandas.DataFrame` takes them."""
@@ -228,12 +238,11 @@ class Scores:
         if data["content_hash"] != task.content_hash or data["id"] != task.id:
             raise StaleScores(f"E714: {path} holds scores of {data['id']} as it was; the task has changed since")
         for name in RETURNS:
-            data[name] = None if data[name] is None else _return(data[name])
+            record = data[name]
+            if record is not None:
+                record.pop("status", None)
+                data[name] = Return(**record)
         return cls(**data | {"modifiers": tuple(data["modifiers"])})
-
-
-def _return(record: Mapping[str, Any]) -> Return:
-    return Return(**{key: value for key, value in record.items() if key != "status"})
 
 
 class StaleScores(TaskspecError, ValueError):
@@ -252,10 +261,14 @@ def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) ->
     results = task if isinstance(task, Results) else Results(load(task), episodes, seed)
     task = results.task
     model = results.model
+    states = None
+    actions = None
+    if model is not None:
+        states = int(model.entered.sum())
+        actions = model.n_actions
     return Scores(
         task.id, task.content_hash, task.values, results.optimal, results.random, results.worst, results.expert,
-        None if model is None else int(model.entered.sum()), None if model is None else model.n_actions,
-        results.why_not, tuple(map(str, task.modifiers)),
+        states, actions, results.why_not, tuple(map(str, task.modifiers)),
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Placed, Span
 from taskspec.model.model import Model
 from taskspec.scores.returns import Results
@@ -44,7 +45,9 @@ class LintContext:
     @cached_property
     def model(self) -> Model | None:
         model = self.results.model
-        return model if model is not None and model.task is self.task and model.entries <= SMALL else None
+        if model is None or model.task is not self.task or model.entries > SMALL:
+            return None
+        return model
 
     @cached_property
     def merged(self) -> Merged:
@@ -61,12 +64,17 @@ class LintContext:
             return None
         low = []
         high = []
-        for t, level in model.levels() if model.is_timed else [(0, model.acting)]:
-            rewards = model.step(t).R.reshape(model.n_actions, -1)
-            for paid in rewards if level.any() else ():  # one action at a time, to save memory
-                low.append(paid[level].min())
-                high.append(paid[level].max())
-        return (float(np.min(low)), float(np.max(high))) if low else None
+        levels: Iterable[tuple[int, Array]] = [(0, model.acting)]
+        if model.is_timed:
+            levels = model.levels()
+        for t, level in levels:
+            if level.any():
+                for paid in model.step(t).R.reshape(model.n_actions, -1):  # one action at a time, to save memory
+                    low.append(paid[level].min())
+                    high.append(paid[level].max())
+        if not low:
+            return None
+        return float(np.min(low)), float(np.max(high))
 
     @property
     def is_constant(self) -> bool:

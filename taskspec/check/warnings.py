@@ -70,7 +70,9 @@ def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic
     text = Collector()
     _collect(task, results, text, for_all=True)
     found = text.diagnostics
-    for values in cases(task) if found else ():
+    for values in cases(task):
+        if not found:
+            break
         try:
             other = build(task.document, task.variant, values, task.suite)
         except SpecError:
@@ -86,7 +88,9 @@ def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic
 def _collect(task: Task, results: Results, collector: Collector, for_all: bool) -> None:
     context = LintContext(task, results)
     for kind in KINDS:
-        for problem in kind.find(context) if kind.for_all is for_all else ():
+        if kind.for_all is not for_all:
+            continue
+        for problem in kind.find(context):
             context.codes.add(kind.code)
             collector.add(kind.code, problem.place, problem.message, problem.hint, problem.notes)
 

@@ -165,7 +165,7 @@ def rule_named(expr: s.Expr | None, results: Results, number: Callable[[s.Expr],
                 return Greedy(value)
             if not 1e-9 <= value <= 1e9:
                 raise InvalidClaim("beta is a number between 1e-9 and 1e9", argument)
-            return Boltzmann(float(value)) if name == "soft" else MaxEnt(float(value))
+            return {"soft": Boltzmann, "maxent": MaxEnt}[name](float(value))
         case _:
             names = ", ".join(w.written.split(", ")[0] for w in MODELS.values())
             raise InvalidClaim(f"a decision model is one of {names}", expr)
@@ -238,8 +238,10 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
     def comparison(self, expr: s.Compare) -> Truth[Reason]:
         """Return one reason for the whole chain: all of its parts if it holds, otherwise the part that decides."""
         found = super().comparison(expr)
-        texts = [reason.text for reason in found.evidence]
-        return Truth(found.holds, (Reason("; ".join(texts) if found.holds else texts[-1], expr),))
+        text = found.evidence[-1].text
+        if found.holds:
+            text = "; ".join(reason.text for reason in found.evidence)
+        return Truth(found.holds, (Reason(text, expr),))
 
     def compared(self, left: s.Expr, op: str, right: s.Expr, chain: s.Compare) -> Truth[Reason]:
         a = self.number(left)
@@ -253,8 +255,10 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
 
     def _tolerance(self, expr: s.Expr) -> Fraction | None:
         written = self.options.get("tolerance")
+        if written is None:
+            return None
         try:
-            return None if written is None else self.reader(float(written))
+            return self.reader(float(written))
         except Inexact:
             raise InvalidClaim("a tolerance is a finite number", expr) from None
 
@@ -274,7 +278,9 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
             return Enclosure.exactly(value)
 
     def arithmetic(self, op: str, *numbers: Enclosure) -> Enclosure:
-        return negative(*numbers) if op == "neg" else arithmetic(op, *numbers)
+        if op == "neg":
+            return negative(*numbers)
+        return arithmetic(op, *numbers)
 
     def quantity(self, expr: s.Expr) -> Enclosure:
         match expr:
@@ -350,7 +356,9 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         sample = self.results.sample(which, self.terms.episodes)
         if sample is None:
             why = self.results.why_not or "its range of actions has no end"
-            lack = "cannot be computed" if self.results.model else "needs an exact model, which does not exist"
+            lack = "cannot be computed"
+            if self.results.model is None:
+                lack = "needs an exact model, which does not exist"
             raise Undecidable(f"'{name}' {lack}: {why}", expr)
         self.simulated = max(self.simulated, sample.episodes)
         return self.results.interval(sample, self.terms.confidence, self.terms.soundly)
@@ -423,7 +431,9 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         given = self._arguments(expr, names, names[:-1])
         model, rule, solver = self._under_model(expr, under or given["model"])
         wanted = condition_over_actions(given["condition"], model)
-        at = condition_over_times(given["at"], model) if "at" in given else None
+        at = None
+        if "at" in given:
+            at = condition_over_times(given["at"], model)
         return preferred(model, solver, rule, wanted, at)
 
 

@@ -120,7 +120,10 @@ def _evaluated(claim: Claim, results: Results) -> tuple[bool | None, Reason, int
     if episodes:
         if holds is None:
             holds, reason = _decided(ClaimEvaluator(results, claim.options, replace(terms, soundly=False)), claim)
-            holds = None if holds is False else True
+            if holds is None:
+                holds = True
+            elif not holds:
+                holds = None
         return holds, reason, episodes
     if holds and evaluator.rests_on:
         episodes = evaluator.rests_on
@@ -151,10 +154,12 @@ def _failed(
     episodes: int = 0,
     hint: str | None = None,
 ) -> Verdict:
-    notes = (f"for {', '.join(f'{k} = {words(v)}' for k, v in case.items())}",) if case else ()
+    notes = []
+    if case:
+        notes.append(f"for {', '.join(f'{k} = {words(v)}' for k, v in case.items())}")
     code = CLAIMS[status].code
     assert code is not None
-    diagnostic = Diagnostic(code, place.span, message, hint, notes)
+    diagnostic = Diagnostic(code, place.span, message, hint, tuple(notes))
     return Verdict(claim, case, status, message, episodes, diagnostic)
 
 
@@ -174,7 +179,9 @@ def wrong_setting(task: Task, section: str, number: int, case: Mapping[str, Any]
         path = (*path, "for")
         span = merged.key_span(path)
         grid = merged.data[section][number]["for"]
-        entries = [((*path, i), entry) for i, entry in enumerate(grid)] if isinstance(grid, list) else [(path, grid)]
+        entries = [(path, grid)]
+        if isinstance(grid, list):
+            entries = [((*path, i), entry) for i, entry in enumerate(grid)]
         for start, entry in entries:
             for name in case:
                 is_unknown = f"has no parameter '{name}'" in found.message

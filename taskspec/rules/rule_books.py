@@ -120,9 +120,12 @@ class _RuleReader:
             learners = tuple(described.learners)
             instances = tuple(described.instances)
         for name, members in described.groups.items():
-            has_learners = bool(members) and members[0] in learners
-            kind = "learner" if has_learners else "task"
-            self.check_members(members, learners if has_learners else tasks, kind, ("groups", name))
+            kind = "task"
+            members_known = tasks
+            if members and members[0] in learners:
+                kind = "learner"
+                members_known = learners
+            self.check_members(members, members_known, kind, ("groups", name))
         if isinstance(described, FindingsDocument):
             for name, other in described.same.items():
                 self.check_members([other], tasks, "task", ("same", name))

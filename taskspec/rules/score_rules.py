@@ -66,9 +66,6 @@ QUANTIFIERS: dict[str, str] = {
     "most": "It holds for more than half.",
     "count": "The number for which it holds.",
 }
-ALL_TASKS = "tasks"
-ALL_LEARNERS = "learners"
-"""Groups that need not be declared."""
 
 
 @dataclass(frozen=True)
@@ -82,12 +79,15 @@ class RuleNames:
 
     def group(self, name: str) -> tuple[str, ...] | None:
         """Return the members of a group."""
-        own = {ALL_TASKS: self.tasks} | ({ALL_LEARNERS: self.learners} if self.learners else {})
-        return {**self.groups, **own}.get(name)
+        return self.all_groups.get(name)
 
     @property
-    def known_groups(self) -> tuple[str, ...]:
-        return (ALL_TASKS, *((ALL_LEARNERS,) if self.learners else ()), *self.groups)
+    def all_groups(self) -> dict[str, tuple[str, ...]]:
+        """The members of all groups by name; `tasks` and `learners` need not be declared."""
+        found = {"tasks": self.tasks}
+        if self.learners:
+            found["learners"] = self.learners
+        return self.groups | found
 
 
 # -- scores ---------------------------------------------------------------------------------------
@@ -99,13 +99,17 @@ _VERSIONED = re.compile(r"(?:[^?+]*/)?([^?+]+?)(?:-v\d+)?([?+].*)?")
 
 def side(score: Mapping[str, Any]) -> str:
     """Return the side of a task that a score belongs to: "printed", "twin", or the name of a probe."""
-    return score["probe"] or ("printed" if score["twin"] is None else "twin")
+    if score["probe"]:
+        return str(score["probe"])
+    return "printed" if score["twin"] is None else "twin"
 
 
 def short_name(task: str) -> str:
     """Return the name of a task in rules: `NoisyObs?L=50` for `derail/NoisyObs-v0?L=50`."""
     found = _VERSIONED.fullmatch(task)
-    return found[1] + (found[2] or "") if found else task
+    if found is None:
+        return task
+    return found[1] + (found[2] or "")
 
 
 class SeedScores:
@@ -148,7 +152,8 @@ class SeedScores:
         Raises:
             Undecidable: if there are none.
         """
-        entry = "stochastic" if self.drawn and entry == "deterministic" else entry
+        if self.drawn and entry == "deterministic":
+            entry = "stochastic"
         by_seed: dict[int, list[float]] = defaultdict(list)
         for record in self.records.get((learner, task, side), ()):
             if record.get("error") is None and record.get(entry) is not None:
@@ -158,8 +163,9 @@ class SeedScores:
             sides = {"printed": task, "twin": f"twins of {task}"}
             raise Undecidable(f"there are no results of {of}{sides.get(side, f'{task} with the reward {side}')}")
         found = np.array([np.mean(by_seed[seed]) for seed in sorted(by_seed)])
-        is_score = entry in ("deterministic", "stochastic")
-        return np.maximum(found, self.floor) if is_score and self.floor is not None else found
+        if entry in ("deterministic", "stochastic") and self.floor is not None:
+            found = np.maximum(found, self.floor)
+        return found
 
     def constant(self, task: str) -> float:
         """Return the score of the best constant action.
@@ -213,13 +219,14 @@ class Comparison:
             return self.text
         if np.isinf(self.low):
             return f"{self.text} = {_number(self.value)}, of too few seeds for an interval"
-        interval = "" if self.low == self.high else f" [{_number(self.low)}, {_number(self.high)}]"
-        return f"{self.text} = {_number(self.value)}{interval}"
+        text = f"{self.text} = {_number(self.value)}"
+        if self.low != self.high:
+            text += f" [{_number(self.low)}, {_number(self.high)}]"
+        return text
 
 
 def _number(value: float) -> str:
-    text = f"{value:.2f}"
-    return ("0.00" if text == "-0.00" else text).replace("-", "−")
+    return f"{value:z.2f}".replace("-", "−")
 
 
 @dataclass(frozen=True)
@@ -336,8 +343,8 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         sides = [self._name(arg, tuple(SIDES), "side of a task") for arg in args[len(kinds) :]]
         if name in FIXED:
             return Estimate.exactly(self.scores.constant(task))
-        learner = learners[0] if learners else ONE
-        side = sides[0] if sides else "printed"
+        learner = next(iter(learners), ONE)
+        side = next(iter(sides), "printed")
         key = (name, learner, task, side)
         if key not in self._known:
             values = self.scores.values(learner, task, side, NUMBERS[name].entry)
@@ -397,21 +404,21 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             case s.Name(id=name):
                 members = self.names.group(name)
                 if members is None:
-                    self._name(expr, self.names.known_groups, "group")
+                    self._name(expr, tuple(self.names.all_groups), "group")
                 return members or ()
             case s.SetOf(items=items) | s.Vector(items=items):
                 unbound = replace(self, bound={})
                 is_learners = any(isinstance(i, s.Name) and i.id in self.names.learners for i in items)
                 return tuple(unbound._member(item, "learner" if is_learners else "task") for item in items)
             case _:
-                self._fail("E306", expr, "a group is needed here", f"one of {', '.join(self.names.known_groups)}")
+                self._fail("E306", expr, "a group is needed here", f"one of {', '.join(tuple(self.names.all_groups))}")
 
     def _passes(self, expr: s.Expr) -> bool:
         """Return whether members pass a condition after `if`, which narrows a group by names."""
         match expr:
             case s.Logical(op=op, operands=operands):
                 found = [self._passes(operand) for operand in operands]
-                return all(found) if op == "and" else any(found)
+                return {"and": all, "or": any}[op](found)
             case s.Compare(first=s.Name(id=name), rest=(("in" | "not in" as op, others),)) if name in self.bound:
                 return (self.bound[name] in self._members(others)) is (op == "in")
             case s.Compare(first=s.Name(id=name), rest=(("==" | "!=" as op, other),)) if name in self.bound:
@@ -439,5 +446,8 @@ def _counted(parts: Sequence[Truth[Comparison]]) -> Estimate:
 
 def _compare(op: str, difference: Estimate) -> bool | None:
     """Return whether the left side is greater, smaller or equal, by the interval of the difference of both."""
-    low, high = (end if math.isinf(end) else Fraction(end) for end in difference.interval)
-    return compare(op, Enclosure(low, high), Enclosure.exactly(0), Fraction(0))
+    ends: list[Any] = list(difference.interval)
+    for i, end in enumerate(ends):
+        if math.isfinite(end):
+            ends[i] = Fraction(end)
+    return compare(op, Enclosure(*ends), Enclosure.exactly(0), Fraction(0))

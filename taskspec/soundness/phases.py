@@ -172,8 +172,12 @@ class PhaseBuilder:
                 return CheckPhase(task, name, merged, Samples({}, {}), True)
             return CheckPhase(task, name, left, Samples({}, {}), False)
         if task.is_finite and outcomes <= MOST_OUTCOMES:
-            actions = Space(task.action, Role.ACTION) if name == "step" else None
-            times = self._times(name) if (Role.TIME, "t") in read else None
+            actions = None
+            times = None
+            if name == "step":
+                actions = Space(task.action, Role.ACTION)
+            if (Role.TIME, "t") in read:
+                times = self._times(name)
             grid = Grid(Space(task.state, Role.STATE), actions, times)
             if grid.size * outcomes <= min(self.limit, Cost(nodes).affordable()):
                 return CheckPhase(task, name, merged, grid, True)
@@ -394,7 +398,9 @@ class Examination:
     def violations(self) -> Iterator[Violation]:
         """Yield the best counterexample to each check that fails: in a state in which episodes act, if there is one."""
         best: dict[Check, tuple[tuple[int, int], Violation]] = {}
-        for batch in self.batches() if self.phase.checks else ():
+        if not self.phase.checks:
+            return
+        for batch in self.batches():
             for check, branch, flags, value in self.flagged(batch):
                 points = np.arange(batch.lanes) if branch.origin is None else branch.origin
                 outcomes = np.flatnonzero(np.broadcast_to(flags, points.shape))

@@ -49,8 +49,10 @@ class SectionScope:
     def number(self, expr: s.Expr) -> Node | None:
         """Return the meaning of a part as a number; the value of the label for a choice."""
         value = self.value(expr)
-        if value is None or value.domain is None:
-            return None if value is None else value.node
+        if value is None:
+            return None
+        if value.domain is None:
+            return value.node
         return Checker(self.builder, Collector()).number_of(value)
 
     def row(self, by: s.Expr, key: s.Expr) -> Node | None:
@@ -125,7 +127,7 @@ class Written:
     guards: tuple[Node, ...]
 
 
-def distributions(expr: s.Expr, section: SectionScope, guards: tuple[Node, ...] = ()) -> Iterator[Written]:
+def distributions(expr: s.Expr, section: SectionScope, guards: tuple[Node, ...] = ()) -> Iterator[Written]:  # noqa: C901
     """Yield the distributions in an expression whose parameters have a meaning of their own."""
     match expr:
         case s.IfElse() | s.Piecewise() | s.Table():

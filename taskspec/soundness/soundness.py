@@ -19,7 +19,6 @@ from taskspec.base.diagnostics import Collector, Diagnostic, Placed, SpecError
 from taskspec.base.limits import also, limits, tell
 from taskspec.lang.check import TooManyExpressions
 from taskspec.lang.ir import Role, reads
-from taskspec.lang.types import INF
 from taskspec.model.extract import number_words, outside_domain
 from taskspec.model.points import Method
 from taskspec.model.space import Reads, domain, shown, words
@@ -207,7 +206,9 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
     """
     task = load(task)
     others = cases(task)
-    known = {(d.code, d.span) for d in (examine(task, limit).diagnostics if others else ())}
+    if not others:
+        return Ranges((), ())
+    known = {(d.code, d.span) for d in examine(task, limit).diagnostics}
     found: list[Diagnostic] = []
     tried = []
     left = limits().expressions // SHARE
@@ -254,8 +255,12 @@ def _ends(p: Parameter) -> list[Any]:
         return list(p.values or ())
     if p.kind == "int":
         far = 2 * abs(int(p.default)) + 3
-        low = max(p.default - far, -INF if p.low is None else p.low)
-        high = min(p.default + far, INF if p.high is None else p.high)
+        low = p.default - far
+        high = p.default + far
+        if p.low is not None:
+            low = max(low, p.low)
+        if p.high is not None:
+            high = min(high, p.high)
         return sorted({int(low), int(high)})
     far = 4 * abs(float(p.default)) + 1
     ends = []

@@ -15,7 +15,7 @@ import yaml
 import taskspec
 from taskspec import experiments
 from taskspec.base.diagnostics import SpecError
-from taskspec.experiments.reading import shipped
+from taskspec.experiments.experiment_file import shipped
 from taskspec.task.schema.experiments import experiment_schema
 from tests.shared.commands import Done
 

@@ -319,7 +319,7 @@ def _strays(merged: Merged) -> Iterator[Problem]:
 
 
 def _add_missing(collector: Collector, merged: Merged, section: str) -> None:
-    """A section without which there is no task: said where it is removed, else at the name of the variant or spec."""
+    """Report a missing section without which there is no task: where it is removed, else at the name of the variant or spec."""
     message = f"{merged.name} has no `{section}:` section"
     variants = merged.document.data.get("variants")
     if (section,) in merged.moved:
