@@ -124,7 +124,7 @@ def load(
 
 
 def listed(modifiers: Any) -> tuple[Written, ...]:
-    """Modifiers as a list, for a text and a mapping are iterables of something else.
+    """Return modifiers as a list, for a text and a mapping are iterables of something else.
 
     Raises:
         SpecError: E718 for anything but a list or its like.

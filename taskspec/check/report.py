@@ -88,7 +88,7 @@ _MEANINGLESS = {"E404", "E406"}
 """No warnings are given without a first state, or for rewards that are not numbers."""
 
 
-def check(
+def check(  # noqa: C901
     task: TaskLike,
     *,
     ranges: bool = True,

@@ -12,7 +12,7 @@ from typer.core import TyperGroup
 
 from taskspec.base import __version__
 from taskspec.base.limits import limits
-from taskspec.cli import reading, scaffold, scoring
+from taskspec.cli import overview, scaffold, scoring
 from taskspec.cli import run as running
 from taskspec.cli.build import build
 from taskspec.cli.check import check
@@ -30,9 +30,9 @@ WRITE = "Write tasks"
 USE = "Run and score tasks"
 PRINT = "Print tasks"
 COMMANDS = (
-    ("list", reading.list_tasks, READ),
-    ("show", reading.show, READ),
-    ("explain", reading.explain, READ),
+    ("list", overview.list_tasks, READ),
+    ("show", overview.show, READ),
+    ("explain", overview.explain, READ),
     ("new", scaffold.new, WRITE),
     ("check", check, WRITE),
     ("mutate", mutate, WRITE),

@@ -112,7 +112,7 @@ def _write(
 ) -> None:
     """Make data of tasks and write it, in a file each."""
     from taskspec.data import write
-    from taskspec.data.files import format_of
+    from taskspec.data.datasets import format_of
     from taskspec.targets import beside
 
     format_of(output, format)  # a mistake is reported before the work

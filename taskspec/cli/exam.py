@@ -120,7 +120,7 @@ def exam(
     withheld from them, and failures. Exit status 1 if anything is flagged.
     """
     from taskspec.exam import Running
-    from taskspec.experiments.reading import read_if_experiment
+    from taskspec.experiments.experiment_file import read_if_experiment
 
     running = Running(jobs, cluster, time_limit, retry)
     counts = {"steps": _count("--steps", steps), "transitions": _count("--transitions", transitions)}
@@ -178,8 +178,8 @@ def _examine_all(
 
 def _tasks(names: Sequence[str]) -> list[TaskLike]:
     """Return tasks by name; those of an experiment where one is named."""
+    from taskspec.experiments.experiment_file import read_if_experiment
     from taskspec.experiments.instances import expand
-    from taskspec.experiments.reading import read_if_experiment
 
     found: list[TaskLike] = []
     for name in names:

@@ -91,7 +91,7 @@ def complete_paths(incomplete: str) -> Completions:
 
 def complete_experiments(incomplete: str) -> Completions:
     """Return the experiments that come with the suites, and files on disk."""
-    from taskspec.experiments.reading import shipped
+    from taskspec.experiments.experiment_file import shipped
 
     known = [(name, path.name) for name, path in shipped().items()]
     return starting(incomplete, known) + complete_paths(incomplete)

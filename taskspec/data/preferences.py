@@ -15,8 +15,7 @@ from taskspec import draws
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import suggest
 from taskspec.base.extras import need
-from taskspec.data.episodes import described, recorded, role
-from taskspec.data.transitions import EXTRA, Trajectory, Transitions, columns
+from taskspec.data.episodes import EXTRA, Trajectory, Transitions, columns, described, recorded, role
 from taskspec.envs.options import positive, seed_of
 from taskspec.model.model import misused, refuse
 from taskspec.policies.adapters import policy_of

@@ -15,7 +15,7 @@ from taskspec.backends.vector_program import Values
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need
-from taskspec.data.transitions import EXTRA, Seen, mapped
+from taskspec.data.episodes import EXTRA, Seen, mapped
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Role, draws, reads
 from taskspec.model.extract import extract

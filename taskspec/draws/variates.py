@@ -123,7 +123,7 @@ def uniforms(words: Words) -> Reals:
 
 
 def bernoulli(word: int, p: float) -> bool:
-    """True with a probability p known only at run time: uniform < p, with p rounded to float32."""
+    """Return True with a probability p known only at run time: uniform < p, with p rounded to float32."""
     return uniform(word) < (float(F(p)) if -1 <= p <= 2 else p)  # beyond, it might be no float32
 
 
@@ -149,7 +149,7 @@ def normal_words(n: int) -> int:
 
 
 def normals(words: Words, n: int) -> Reals:
-    """Standard normals: float32 (n, ...) from words (normal_words(n), ...).
+    """Return standard normals: float32 (n, ...) from words (normal_words(n), ...).
 
     Words 2i and 2i + 1 give normals 2i and 2i + 1. The result keeps the memory order of the words,
     so ``normals(block.T, n).T`` has the draws of one step side by side.
@@ -260,7 +260,7 @@ def thresholds(probabilities: Sequence[Fraction | float]) -> tuple[int, ...]:
     weights = [p if p > 0 else Fraction(0) for p in probabilities]
     if not 0 < sum(weights) < math.inf:
         return (0,) * (len(weights) - 1)
-    cumulative = list(accumulate(map(Fraction, weights)))
+    cumulative = list(accumulate(Fraction(w) for w in weights))
     return tuple(round(NEVER * c / cumulative[-1]) for c in cumulative[:-1])
 
 

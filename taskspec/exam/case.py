@@ -13,8 +13,8 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import TaskspecError
 from taskspec.data import Demonstrations, demonstrations
+from taskspec.data.episodes import mapped
 from taskspec.data.preferences import WORDS, Teacher, return_ends
-from taskspec.data.transitions import mapped
 from taskspec.envs.metered import Metered
 from taskspec.source import Document
 from taskspec.task.merge import Merged
@@ -85,7 +85,7 @@ def _document(document: Document, names: Collection[str]) -> Document:
 
 def _sections(data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
     """Return the sections of a spec without some, and with a reward of 0 if that is one of them."""
-    found = _without(data, names)
+    found: dict[str, Any] = _without(data, names)
     if "reward" in names:
         found["reward"] = 0
     return found

@@ -11,7 +11,7 @@ import numpy as np
 
 from taskspec.base import ids
 from taskspec.base.files import whole
-from taskspec.data.files import write_table
+from taskspec.data.datasets import write_table
 from taskspec.exam.verdicts import grade
 from taskspec.figures.chart import Rgb, blend
 from taskspec.rollout.statistics import estimate, mean

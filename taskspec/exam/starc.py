@@ -19,7 +19,7 @@ from taskspec.abstraction.abstraction import abstraction
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.data import Tabular, tabular
-from taskspec.data.transitions import mapped
+from taskspec.data.episodes import mapped
 from taskspec.model.model import misused, refuse
 from taskspec.policies.policy import greedy
 from taskspec.registry import load
@@ -107,7 +107,7 @@ class RewardMdp:
         """For each step the states (S,) that running episodes may be in; without a horizon, those of all steps in one."""
         model = self.model
         here = model.p0 > 0
-        found = []
+        found: list[Array] = []
         step = (model.going.T > 0).astype(np.float64)
         while len(found) != model.horizon:
             found.append(here & ~model.absorbed)

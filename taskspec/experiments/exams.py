@@ -13,8 +13,8 @@ from taskspec.exam import Exam, Running, examine
 from taskspec.exam.examining import exam_id
 from taskspec.exam.results import folder_name
 from taskspec.exam.verdicts import by_seed, mean_score
+from taskspec.experiments.experiment_file import ExperimentFile
 from taskspec.experiments.instances import Instance, expand
-from taskspec.experiments.reading import ExperimentFile
 from taskspec.experiments.sweeping import Measured
 from taskspec.jobs.running import JobProgress
 from taskspec.task.task import Task

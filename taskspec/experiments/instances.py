@@ -13,9 +13,17 @@ from taskspec import registry
 from taskspec.base import ids
 from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.experiments.reading import ExperimentFile
-from taskspec.experiments.validate import check_axes, check_questions
-from taskspec.experiments.values import Assignment, Axis, Values, combinations, count, listed, misplaced, sample
+from taskspec.experiments.experiment_file import ExperimentFile, check_axes, check_questions
+from taskspec.experiments.parameter_values import (
+    Assignment,
+    Axis,
+    Values,
+    combinations,
+    count,
+    listed,
+    misplaced,
+    sample,
+)
 from taskspec.modifiers import MODIFIERS, Modifier, modifier, modify
 from taskspec.policies.adapters import policy_of
 from taskspec.policies.files import is_function, place_of
@@ -377,6 +385,6 @@ class _Entry:
         return self.document.span(path, start, end) if one else self.document.span(path)
 
     def _report(self, error: SpecError, path: Place) -> None:
-        """What is wrong with a task, at the place where the experiment names it, unless it has one of its own."""
+        """Report the mistakes of a task, at the place where the experiment names it, unless it has one of its own."""
         place = self._span(*path)
         self.collector.extend(replace(d, span=place) if d.span is None else d for d in error.diagnostics)

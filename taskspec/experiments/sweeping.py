@@ -3,29 +3,131 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from taskspec import registry
-from taskspec.base import limits
+from taskspec.base import __version__, limits
 from taskspec.base.files import whole, write_text
-from taskspec.data.files import write_table
+from taskspec.base.limits import also, tell
+from taskspec.data.datasets import write_table
+from taskspec.exact import Results, Return
+from taskspec.experiments.experiment_file import COLUMNS, RETURNS, SPEEDS, ExperimentFile
 from taskspec.experiments.instances import Expanded, Instance, expand
-from taskspec.experiments.measure import COLUMNS, Order, Questions, Sent, key, measure
-from taskspec.experiments.reading import ExperimentFile
 from taskspec.jobs.code_hash import code_hash
 from taskspec.jobs.running import JobProgress, run
 from taskspec.jobs.store import Job, JobResult, Store
+from taskspec.modifiers import modify
 from taskspec.policies.files import is_function, place_of
-from taskspec.source import packed
+from taskspec.scores.difficulty import difficulty
+from taskspec.source import Document, Packed, packed, unpacked
+from taskspec.task.build import build
 from taskspec.task.schema.experiments import Experiment
+from taskspec.task.task import Task
 
-# What a sweep found: a row for each instance, and the files that hold them.
+# Tasks that another process or machine is to build, so that they need not be built here first.
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A task, as its text and the values of its parameters."""
+
+    text: Packed
+    suite: str
+    variant: str | None
+    parameters: Mapping[str, Any]
+    modifiers: tuple[str, ...]
+
+
+@lru_cache(maxsize=16)
+def _document(text: Packed) -> Document:
+    return unpacked(text)
+
+
+# What is worked out of one instance: what a sweep hands to a worker, and gets back as plain data.
+
+
+@dataclass(frozen=True)
+class Questions:
+    """Questions about every instance: measures of difficulty (None: all), roll-outs, steps per second.
+
+    `code` are hashes of the policies that are functions of files, and `limits` those that hold, as `limits.also` takes them.
+    """
+
+    measures: tuple[str, ...] | None = None
+    policies: tuple[str, ...] = ()
+    seeds: int = 1
+    episodes: int = 1000
+    speed: bool = False
+    code: tuple[str, ...] = ()
+    limits: str = ""
+
+
+def key(content_hash: str, modifiers: tuple[str, ...], wanted: Questions) -> str:
+    """Return what a result is kept under: a hash of the task, of the modifiers, of what is asked, and of the version."""
+    content = [content_hash, modifiers, sorted(vars(wanted).items()), __version__]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def measure(about: Sent, wanted: Questions) -> dict[str, Any]:
+    """Return sizes, returns, measures of difficulty and roll-outs of an instance, as JSON data.
+
+    Raises:
+        SpecError: where there is no such task, or a question has no answer for any task.
+    """
+    with also(wanted.limits):
+        task = modify(build(_document(about.text), about.variant, about.parameters, about.suite), *about.modifiers)
+        tell("the exact model")
+        results = Results(task, wanted.episodes)
+        hard = difficulty(results, wanted.measures)
+        why_not = {**({"returns": results.why_not} if results.why_not else {}), **hard.why_not}
+        model = results.model
+        found: dict[str, Any] = {
+            "states": None if model is None else int(model.entered.sum()),
+            "actions": None if model is None else model.n_actions,
+            "horizon": task.horizon,
+            "discount": task.discount,
+        }
+        for name in RETURNS:
+            value: Return | None = getattr(results, name)
+            for key, entry in ((name, "value"), (f"{name}_half", "half"), (f"{name}_status", "status")):
+                found[key] = None if value is None else getattr(value, entry)
+        found |= {**hard, "why_not": why_not}
+        found["policies"] = {name: _rolled_out(task, name, wanted) for name in wanted.policies}
+        if wanted.speed:
+            from taskspec.envs.speed import steps_per_second
+
+            found |= zip(SPEEDS, steps_per_second(task, LANES, SECONDS), strict=True)
+        return found
+
+
+def _rolled_out(task: Task, policy: str, wanted: Questions) -> dict[str, Any]:
+    """Return the mean return of a policy in all episodes of all seeds, half its 95 % confidence interval, and their mean
+    length.
+    """
+    from taskspec.data.episodes import recorded
+
+    parts = [recorded(task, policy, wanted.episodes, None, seed * wanted.episodes, 1) for seed in range(wanted.seeds)]
+    means = [Return.estimated(part.returns(task.discount)) for part in parts]
+    mean = Return.estimated(np.concatenate([part.returns(task.discount) for part in parts]))
+    return {
+        "mean": mean.value, "half": mean.half, "length": float(np.mean(np.concatenate([part.lengths for part in parts]))),
+        "episodes": mean.episodes, "seeds": [each.value for each in means],
+    }  # fmt: skip
+
+
+LANES = 64
+SECONDS = 0.2
+"""How many environments are stepped together for the speed of many, and how long each is timed."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +145,7 @@ class Measured:
     seconds: float = 0.0
 
     def record(self) -> dict[str, Any]:
-        """As plain data for JSON; what is not known is None."""
+        """Return plain data for JSON, with None for what is not known."""
         about = {
             "id": self.instance.id, "task": self.instance.task, "parameters": dict(self.instance.parameters),
             "modifiers": list(self.instance.modifiers), "status": self.status, "error": self.error, "seconds": self.seconds,
@@ -77,17 +179,15 @@ def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 def table(rows: Sequence[Measured]) -> tuple[list[str], list[list[Any]]]:
     """Return names of columns, and the values of every row; None where a row has none."""
     flat = [row.flat() for row in rows]
-    names = sorted(dict.fromkeys(name for each in flat for name in each), key=_rank)
+    known = dict.fromkeys(name for each in flat for name in each)
+    first = [name for name in known if name in ("id", "task")]
+    first += [name for name in known if name.startswith("parameters.")]
+    names = list(dict.fromkeys([*first, *known]))
     return names, [[each.get(name) for name in names] for each in flat]
 
 
-def _rank(name: str) -> int:
-    """Return what an instance is comes first, with all its parameters."""
-    return 0 if name in ("id", "task") else 1 if name.startswith("parameters.") else 2
-
-
 def write_json(rows: Sequence[Measured], path: Path) -> None:
-    """A list of one object for each instance."""
+    """Write a list of one object for each instance."""
     write_text(path, json.dumps([_finite(row.record()) for row in rows], indent=1) + "\n")
 
 
@@ -104,7 +204,7 @@ def _finite(value: Any) -> Any:
 
 
 def write_csv(rows: Sequence[Measured], path: Path) -> None:
-    """A line for each instance, under names of columns."""
+    """Write a line for each instance, under names of columns."""
     names, values = table(rows)
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -114,7 +214,7 @@ def write_csv(rows: Sequence[Measured], path: Path) -> None:
 
 
 def write_parquet(rows: Sequence[Measured], path: Path) -> None:
-    """The same columns in Parquet.
+    """Write the same columns in Parquet.
 
     Raises:
         SpecError: E705 without pyarrow.
@@ -141,7 +241,7 @@ WRITERS = {"json": write_json, "csv": write_csv, "parquet": write_parquet}
 
 @dataclass(frozen=True)
 class Swept:
-    """What a sweep found, an entry for each instance, in the order of the experiment."""
+    """Results of a sweep, an entry for each instance, in the order of the experiment."""
 
     experiment: Experiment
     rows: tuple[Measured, ...]
@@ -208,7 +308,7 @@ def wanted_of(experiment: Experiment) -> Questions:
 def _job(instance: Instance, wanted: Questions) -> Job:
     task = registry.load(instance.source, instance.variant)
     about = Sent(packed(task.document), task.suite, task.variant, instance.parameters, instance.modifiers)
-    return Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, (Order(about, wanted),))
+    return Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, (about, wanted))
 
 
 def _row(instance: Instance, job: Job | None, results: Mapping[str, JobResult], store: Store) -> Measured:

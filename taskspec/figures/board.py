@@ -211,7 +211,7 @@ class Board:
         free = next((corner for corner in ((1, -1), (-1, -1), (-1, 1), (1, 1)) if corner not in ways), (1, -1))
         yield from marked(box, 0.3 * self.cell if written else 0.0, free)
 
-    def _contents(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:
+    def _contents(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:  # noqa: C901
         """Yield the contents of the drawn cells at their places; values are left out beside objects."""
         middle = {cell: self._middle(place) for cell, place in at.items()}
         for cell, text in self.letters.items():

@@ -332,7 +332,9 @@ def _leaves(
 def _key(checker: BaseChecker, expr: s.Expr, column: _Column, scope: Scope) -> int:
     value = checker.value(expr, scope, column.domain)
     own = value.domain == column.domain
-    node = value.node if own else checker.number_of(value)
+    node = value.node
+    if not own:
+        node = checker.number_of(value)
     if not isinstance(node, Const) or not node.type.is_scalar:
         checker.fail("E312", expr, "a row of a table must be a constant")
     is_label = value.domain is not None and value.domain.values is None

@@ -24,7 +24,7 @@ UNSORTED = 16
 
 @cache
 def network(n: int) -> list[tuple[int, int]]:
-    """Comparators of Batcher's odd-even merge sort (Knuth, TAOCP 3, algorithm 5.2.2M)."""
+    """Return the comparators of Batcher's odd-even merge sort (Knuth, TAOCP 3, algorithm 5.2.2M)."""
     pairs = []
     t = max(1, (n - 1).bit_length())
     p = 1 << (t - 1)
@@ -181,8 +181,9 @@ class Runtime:
     # -- structure ------------------------------------------------------------------------------------------------
 
     def stack(self, *parts: AnyArray) -> AnyArray:
-        alike = all(p.shape == parts[0].shape for p in parts)
-        return self.xp.stack(parts if alike else self.xp.broadcast_arrays(*parts))
+        if any(p.shape != parts[0].shape for p in parts):
+            parts = self.xp.broadcast_arrays(*parts)
+        return self.xp.stack(parts)
 
     def fill(self, x: AnyArray, shape: tuple[int, ...]) -> AnyArray:
         """Return a scalar of every lane in each place of a shape."""
@@ -317,7 +318,9 @@ def function(op: str, kind: Kind) -> Callable[..., Any]:
     """Return the array form of an operator as a function of (xp, rt, *arguments)."""
     entry = OPERATORS[op]
     form = entry.array
-    template = form.real if kind is Kind.REAL and form.real else form.template
+    template = form.template
+    if kind is Kind.REAL and form.real:
+        template = form.real
     names = [f"a{i}" for i in range(3)]
     used = [n for i, n in enumerate(names) if f"{{{i}}}" in template]
     source = f"lambda xp, rt, {', '.join(used)}: {template.format(*names)}"

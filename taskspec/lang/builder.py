@@ -41,7 +41,7 @@ def fold_rational(op: Operator, args: Sequence[Node], result: Type) -> Flat | No
 
 
 def power(base: Const, exponent: Const) -> tuple[Any, Type] | None:
-    """`base ** exponent` of single numbers where it is exact; None where it is for the run time's reals.
+    """Return `base ** exponent` of single numbers where it is exact; None where it is for the run time's reals.
 
     Raises:
         Refused: (E314) for one too large to write out.
@@ -152,7 +152,7 @@ class Builder:
 
     @contextmanager
     def written(self, apart: bool = False) -> Iterator[dict[int, Draw]]:
-        """The draws that are written or named inside, by site, whether or not their values turn out to matter.
+        """Collect the draws that are written or named inside, by site, whether or not their values turn out to matter.
 
         They count in enclosing blocks as well, unless they stand `apart`.
         """
@@ -270,7 +270,7 @@ class Builder:
         return self.within(index, 0, length - 1)
 
     def power(self, base: Node, exponent: Node) -> Node:
-        """`base ** exponent`: exact for ints with a constant exponent >= 0, products for small ones, else C's pow."""
+        """Return `base ** exponent`: exact for ints with a constant exponent >= 0, products for small ones, else C's pow."""
         if isinstance(base, Const) and isinstance(exponent, Const) and base.type.is_scalar and exponent.type.is_scalar:
             folded = power(base, exponent)
             if folded is not None:
@@ -350,7 +350,7 @@ class Builder:
         square = self.apply("mul", half, half)
         return self.apply("mul", square, base) if count % 2 else square
 
-    def _identity(self, name: str, args: tuple[Node, ...], type: Type) -> Node | None:
+    def _identity(self, name: str, args: tuple[Node, ...], type: Type) -> Node | None:  # noqa: C901, PLR0912
         """Return a simpler node of the same value, where one is plain to see."""
         match name, args:
             case "where", (Const(value=bool(c)), a, b):

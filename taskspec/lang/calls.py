@@ -145,9 +145,12 @@ def _fold(checker: BaseChecker, expr: s.Call, scope: Scope) -> Value:
     if len(expr.args) != 3 or expr.keywords:
         checker.fail("E304", expr, f"{expr.function}(f, start, x) was given the wrong arguments")
     written, start, vector = expr.args
-    step = scope.lookup(written.id) if isinstance(written, s.Name) and not written.primed else None
+    step = None
+    near = None
+    if isinstance(written, s.Name):
+        step = scope.lookup(written.written)
+        near = suggest(written.id, _definitions(scope))
     if not isinstance(step, FunctionDef) or len(step.arguments) != 2:
-        near = suggest(written.id, _definitions(scope)) if isinstance(written, s.Name) else None
         hint = near or '`definitions: {"f(value, element)": value + element}`, then `fold(f, 0, x)`'
         checker.fail("E306", written, f"{expr.function} needs a definition with two arguments first", hint)
     value, elements = checker.each(checker.value, [(start, scope), (vector, scope)])
@@ -175,11 +178,11 @@ def _fold(checker: BaseChecker, expr: s.Call, scope: Scope) -> Value:
 def _distribution(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
     if scope.draws is not None:
         checker.fail("E311", expr, f"{expr.function} is a random draw; {scope.draws}")
-    first = expr.args[0] if len(expr.args) == 1 and not expr.keywords else None
-    if expr.function == "Uniform" and isinstance(first, s.SetOf | s.Comprehension):
-        return sets.uniform(checker, first, scope, want)
-    if expr.function == "Categorical" and isinstance(first, s.Weights):
-        return alternatives.weighted(checker, first, scope, want)
+    match expr:
+        case s.Call(function="Uniform", args=((s.SetOf() | s.Comprehension()) as values,), keywords=()):
+            return sets.uniform(checker, values, scope, want)
+        case s.Call(function="Categorical", args=(s.Weights() as weights,), keywords=()):
+            return alternatives.weighted(checker, weights, scope, want)
     dist = dists.DISTS.get(expr.function, dists.CATEGORICAL)
     nodes, shape = _arguments(checker, dist, expr, scope)
     if dist is dists.CATEGORICAL:

@@ -57,7 +57,7 @@ class Checker(BaseChecker):
             pass  # said below, where the stack has room again
         self.fail("E314", expr, "this is nested too deeply, with the definitions that it uses")
 
-    def _value(self, expr: s.Expr, scope: Scope, want: Domain | None) -> Value:
+    def _value(self, expr: s.Expr, scope: Scope, want: Domain | None) -> Value:  # noqa: C901, PLR0912
         match expr:
             case s.Number(value=number):
                 return self._number(number, want)
@@ -138,8 +138,8 @@ class Checker(BaseChecker):
         if expr.primed:
             if scope.lookup(expr.id) is None:
                 self.fail("E302", expr, undefined, suggest(expr.id, scope.names()))
-            hint = "after the step, it is `t + 1`" if expr.id == "t" else _PRIMES
-            self.fail("E308", expr, f"'{expr.id}' has no next value here", hint)
+            primes = "after the step, it is `t + 1`" if expr.id == "t" else _PRIMES
+            self.fail("E308", expr, f"'{expr.id}' has no next value here", primes)
         if expr.id in CONSTANTS:
             return Value(self.builder.scalar(CONSTANTS[expr.id]))
         if scope.labelled(expr.id) or (want is not None and nearest(expr.id, want.labels)):

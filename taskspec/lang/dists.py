@@ -137,7 +137,9 @@ def _uniform(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 def _moved(b: Builder, by: Node, value: Node) -> Node:
     """Return a draw with something added to it, unless that is the constant 0."""
-    return value if isinstance(by, Const) and not any(by.flat) and by.type.is_scalar else b.apply("add", by, value)
+    if isinstance(by, Const) and not any(by.flat) and by.type.is_scalar:
+        return value
+    return b.apply("add", by, value)
 
 
 def _uniform_int(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
@@ -289,9 +291,11 @@ def _drawn(b: Builder, p: Node, shape: Shape, row: Callable[[Node], Node]) -> No
 
 def _elements(b: Builder, node: Node, shape: Shape) -> list[Node]:
     """Return the elements of an argument for each element of a draw."""
+    if not shape:
+        return [node]
     size = math.prod(shape)
-    flat = b.structure("reshape", [b.stretch(node, shape)], (size,)) if shape else None
-    return [node] if flat is None else [b.structure("element", [flat], (i,)) for i in range(size)]
+    flat = b.structure("reshape", [b.stretch(node, shape)], (size,))
+    return [b.structure("element", [flat], (i,)) for i in range(size)]
 
 
 def _is_all(name: str, *values: float) -> Callable[[Mapping[str, Node | None]], bool]:

@@ -122,11 +122,19 @@ def _certain_step(node: Node, args: Args) -> Range:
 def _tidy(edge: Interval, kind: Kind) -> Interval:
     """Without nan, and without ints so large that computing with them takes long."""
     low, high = edge
-    low = -INF if low != low or low < -HUGE else min(low, HUGE)
-    high = INF if high != high or high > HUGE else max(high, -HUGE)
+    low = min(low, HUGE)
+    high = max(high, -HUGE)
+    if not low >= -HUGE:
+        low = -INF
+    if not high <= HUGE:
+        high = INF
     if kind is Kind.REAL:
         return float(low), float(high)
-    return (low if math.isinf(low) else math.floor(low)), (high if math.isinf(high) else math.ceil(high))
+    if not math.isinf(low):
+        low = math.floor(low)
+    if not math.isinf(high):
+        high = math.ceil(high)
+    return low, high
 
 
 _OF_CONSTANTS: WeakKeyDictionary[Const, Range] = WeakKeyDictionary()

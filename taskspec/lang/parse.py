@@ -82,18 +82,26 @@ def explain(value: str, error: Exception) -> NoReturn:
     if product:
         hint = f"a product is written `{product[1]} * {product[2]}`"
         raise SyntaxFailure(product.start(), product.end(), f"'{product[0]}' is neither a number nor a name", hint)
+    advice = _advice(value, message, value[start])
     if message.startswith("invalid syntax"):
         message = "this cannot be read as an expression"
-    advice = "a label of several words needs its own quotes" if _WORDS.fullmatch(value) else None
-    if message.startswith("expected 'else'") or value.startswith(("if ", "if(")):
-        advice = "write `x if condition else y`"
-    if value.startswith("|"):
-        advice = "write `abs(x)`"
-    if message.startswith("invalid ") and value[start] in _CHARACTERS:
-        advice = f"write {_CHARACTERS[value[start]]}"
-    if message.startswith("invalid ") and value[start] in _INVISIBLE:
-        advice = "delete this character, which cannot be seen"
     raise SyntaxFailure(start, max(end, start + 1), message, advice)
+
+
+def _advice(value: str, message: str, char: str) -> str | None:
+    """Return the advice for an expression that Python's parser refused at a character."""
+    if message.startswith("invalid ") and not message.startswith("invalid syntax"):
+        if char in _INVISIBLE:
+            return "delete this character, which cannot be seen"
+        if char in _CHARACTERS:
+            return f"write {_CHARACTERS[char]}"
+    if value.startswith("|"):
+        return "write `abs(x)`"
+    if message.startswith("expected 'else'") or value.startswith(("if ", "if(")):
+        return "write `x if condition else y`"
+    if _WORDS.fullmatch(value):
+        return "a label of several words needs its own quotes"
+    return None
 
 
 def _offset(value: str, line: int, column: int) -> int:
@@ -335,7 +343,7 @@ class _Reader:
         place = self.place(node)
         raise SyntaxFailure(place.start, place.end, message, hint, "E316")
 
-    def expr(self, node: ast.expr) -> s.Expr:
+    def expr(self, node: ast.expr) -> s.Expr:  # noqa: C901, PLR0912
         place = self.place(node)
         match node:
             case ast.Constant():

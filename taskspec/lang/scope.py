@@ -312,7 +312,7 @@ class BaseChecker(ABC):
 
     @contextmanager
     def lenient(self, on: bool = True) -> Iterator[None]:
-        """What has no value for these parameters is given up inside without a report; what a name stands for is not meant."""
+        """Give up inside without a report on what has no value for these parameters, apart from what names stand for."""
         before = self._lenient
         self._lenient = on
         try:
@@ -352,7 +352,7 @@ class BaseChecker(ABC):
 
     @contextmanager
     def repeated(self, count: int) -> Iterator[None]:
-        """What is checked inside is written out so many times."""
+        """Count expressions that are checked inside so many times."""
         self._times *= count
         try:
             yield

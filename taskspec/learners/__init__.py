@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from taskspec.learners.case import CannotLearn as CannotLearn
+from taskspec.learners.interface import CannotLearn as CannotLearn
 from taskspec.learners.learner import FAMILIES as FAMILIES
 from taskspec.learners.learner import Learner as Learner
 from taskspec.learners.learner import learner as learner

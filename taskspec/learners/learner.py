@@ -12,7 +12,7 @@ from types import NoneType
 from typing import Any, ClassVar, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
-from taskspec.learners.case import LearnerCase
+from taskspec.learners.interface import LearnerCase
 from taskspec.learners.table import BUILT_IN, BuiltIn
 from taskspec.source import Document, read_file
 from taskspec.source import Path as Place
@@ -46,7 +46,7 @@ class Learner:
     together: ClassVar[bool] = True
 
     def __call__(self, case: LearnerCase) -> list[Any]:
-        """Raises SpecError: E705 where JAX or optax are not installed, E713 for tasks that it cannot learn."""
+        """Train; raises SpecError: E705 where JAX or optax are not installed, E713 for tasks that it cannot learn."""
         module, _, function = self.trainer.partition(":")
         return getattr(import_module(module), function)(self.settings, case)  # type: ignore[no-any-return]
 

@@ -261,11 +261,11 @@ _DRLHP_SO = replace(_DRLHP_SA, reward=Reward(inputs="state", shaped=True, scaled
 _REWARD = ("reward",)
 _SHOWN = ("demonstrations",)
 _COMPARED = ("preferences",)
-_PPO = "taskspec.learners.deep.reinforce:train_ppo"
-_BC = "taskspec.learners.deep.reinforce:train_bc"
+_PPO = "taskspec.learners.deep.policy_training:train_ppo"
+_BC = "taskspec.learners.deep.policy_training:train_bc"
 _ADVERSARIAL = "taskspec.learners.deep.adversarial:train_adversarial"
-_PREFERENCES = "taskspec.learners.deep.preferences:train_from_preferences"
-_MAXENT = "taskspec.learners.tabular:train_maxent"
+_PREFERENCES = "taskspec.learners.deep.comparisons:train_from_preferences"
+_MAXENT = "taskspec.learners.maxent:train_maxent"
 
 BUILT_IN: dict[str, BuiltIn] = {
     entry.name: entry

@@ -298,7 +298,7 @@ def groups(model: Model, name: str) -> Array:
     return np.arange(space.size)[order].reshape(-1, int(np.prod(component.counts)))
 
 
-def differs(model: Model, action: str, state: str | None = None) -> tuple[bool | None, str]:
+def differs(model: Model, action: str, state: str | None = None) -> tuple[bool | None, str]:  # noqa: C901
     """Return whether the action component changes the distribution of the next value of a state component.
 
     Without `state`: of the whole next state, of the reward, or of the end, in a state where episodes act. None where

@@ -42,7 +42,7 @@ class Method:
 
     @classmethod
     def joined(cls, methods: Sequence[Method]) -> Method:
-        """Combined method: exact only if all parts are; the points of those that decide that."""
+        """Return the combined method: exact only if all parts are, with the points of the parts that decide that."""
         exact = all(m.exact for m in methods)
         points = sum(m.points for m in methods if m.exact == exact)
         return cls(exact, points, next((m.states for m in methods if m.states is not None), None))

@@ -78,7 +78,7 @@ class Original:
 
     @classmethod
     def of(cls, document: Document) -> Original:
-        """Raises SpecError when the document has no task, or one with mistakes that its own sections cause."""
+        """Build the task; raises SpecError when the document has none, or one with mistakes that its own sections cause."""
         names = list(variant_names(document.data).values())
         complete = [variant for variant in names if not merge(document, variant).missing]
         return cls(document, {variant: build(document, variant) for variant in complete})
@@ -100,13 +100,11 @@ def _judged(original: Original, mutant: Mutant) -> Judgement:
     except SpecError as error:
         return Judgement.by("error", error.diagnostics[0])
     if mutant.section == "parameters" and mutant.path[-1] in ("low", "high"):  # it decides the range of values alone
-        for _, task in pairs:
-            for diagnostic in check_ranges(task).diagnostics:
-                return Judgement.by("error", diagnostic)
-        return Judgement("range")
-    for _, task in pairs:
-        for _, diagnostic in wrong_examples(task):
-            return Judgement.by("example", diagnostic)  # which costs least
+        wrong = next((diagnostic for _, task in pairs for diagnostic in check_ranges(task).diagnostics), None)
+        return Judgement("range") if wrong is None else Judgement.by("error", wrong)
+    wrong = next((diagnostic for _, task in pairs for _, diagnostic in wrong_examples(task)), None)  # which costs least
+    if wrong is not None:
+        return Judgement.by("example", wrong)
     pairs = [pair for pair in pairs if not _are_same_everywhere(*pair)]
     if not pairs:
         return Judgement("equivalent")

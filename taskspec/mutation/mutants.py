@@ -164,8 +164,8 @@ class _Walk:
         for one, other in pairwise(keys):
             yield from self.exchanged(path, one, other)
 
-    def expression(self, value: Any, path: Path) -> Iterator[Mutant]:
-        """Changes of an expression in any of its forms."""
+    def expression(self, value: Any, path: Path) -> Iterator[Mutant]:  # noqa: C901
+        """Yield changes of an expression in any of its forms."""
         match value:
             case bool():
                 yield self.changed(path, not value, str(value).lower(), str(not value).lower())

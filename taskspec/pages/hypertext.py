@@ -12,21 +12,7 @@ from markupsafe import Markup
 
 from taskspec.base.bibliography import Reference
 from taskspec.base.display import ON_PAGES, visible
-from taskspec.pages.prose import (  # fmt: skip
-    Block,
-    Bullets,
-    Cite,
-    CodeSpan,
-    Emph,
-    Formula,
-    Inline,
-    Inlines,
-    Link,
-    Mark,
-    Paragraph,
-    Text,
-    is_safe,
-)
+from taskspec.pages import prose as p
 from taskspec.pages.sections import Section, SectionLine
 from taskspec.printers import tree as m
 from taskspec.printers.mathml import mathml
@@ -37,7 +23,7 @@ BREAK_AFTER = 34.0
 _SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
 
 
-def article(title: str, summary: Inlines, description: Iterable[Block], sections: Iterable[Section]) -> str:
+def article(title: str, summary: p.Inlines, description: Iterable[p.Block], sections: Iterable[Section]) -> str:
     """Return a page as one piece of HTML, for notebooks: no style, figure or references."""
     writer = HtmlWriter({})
     parts = [Markup("<h2>{}</h2><p>{}</p>").format(title, writer.prose(summary)), *map(writer.block, description)]
@@ -78,25 +64,25 @@ class HtmlWriter:
                 out += Markup('<span class="values">{}: {}</span>').format(title, self.prose(values))
         return out
 
-    def prose(self, content: Inlines) -> Markup:
+    def prose(self, content: p.Inlines) -> Markup:
         return Markup("").join(self.inline(piece) for piece in content)
 
-    def inline(self, piece: Inline) -> Markup:
+    def inline(self, piece: p.Inline) -> Markup:
         match piece:
-            case Text(text=text):
+            case p.Text(text=text):
                 return Markup(escape(text))
-            case Formula(math=math, display=display):
+            case p.Formula(math=math, display=display):
                 return formula(math, display)
-            case CodeSpan(text=text):
+            case p.CodeSpan(text=text):
                 return Markup("<code>{}</code>").format(text)
-            case Emph(inner=inner, strong=strong):
+            case p.Emph(inner=inner, strong=strong):
                 tag = "strong" if strong else "em"
                 return Markup(f"<{tag}>{{}}</{tag}>").format(self.prose(inner))
-            case Link(address=address, inner=inner):
+            case p.Link(address=address, inner=inner):
                 return Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, self.prose(inner))
-            case Cite():
+            case p.Cite():
                 return self.cite(piece)
-            case Mark(holds=holds, text=text):
+            case p.Mark(holds=holds, text=text):
                 sign, kind = ("?", "open") if holds is None else ("✓", "holds") if holds else ("✗", "fails")
                 return Markup('<span class="mark {}"><span aria-hidden="true">{}</span> {}</span>').format(
                     kind, sign, text
@@ -104,24 +90,24 @@ class HtmlWriter:
             case _:
                 assert_never(piece)
 
-    def cite(self, cite: Cite) -> Markup:
+    def cite(self, cite: p.Cite) -> Markup:
         found = self.references.get(cite.key)
         where = Markup(", {}").format(cite.where) if cite.where else Markup("")
         if found is None:
             return Markup("{}").format(cite.key) + where
         title = Markup("{}").format(found.plain("title"))
         address = found.plain("url")
-        if address and is_safe(address):
+        if address and p.is_safe(address):
             title = Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, title)
         venue = f", {found.venue}" if found.venue else ""
         head = Markup("{} ({}). ").format(found.authors, found.plain("year"))
         return head + title + Markup("{}").format(venue) + where
 
-    def block(self, block: Block) -> Markup:
+    def block(self, block: p.Block) -> Markup:
         match block:
-            case Paragraph(content=content):
+            case p.Paragraph(content=content):
                 return Markup("<p>{}</p>").format(self.prose(content))
-            case Bullets(items=items, ordered=ordered):
+            case p.Bullets(items=items, ordered=ordered):
                 tag = "ol" if ordered else "ul"
                 inner = Markup("").join(
                     Markup("<li>{}</li>").format(Markup("").join(map(self.block, i))) for i in items

@@ -119,6 +119,12 @@ class Section:
     run_on: bool = False  # short lines, which may follow each other with semicolons
     table: CellTable | None = None
 
+    def laid_out(self, lines: list[str]) -> tuple[str, list[str]]:
+        """Return the text beside the heading and the lines below it."""
+        if self.run_on:
+            return "; ".join(lines), []
+        return (lines[0], lines[1:]) if self.lead else ("", lines)
+
 
 _SECTIONS: tuple[tuple[str, str, lines.Maker, bool], ...] = (
     ("parameters", "Configurable parameters", lines.parameters, False),

@@ -129,35 +129,28 @@ def _episodes(path: Path, task: Task) -> list[list[Any]]:
     if not path.exists():
         raise SpecError([Diagnostic("E710", None, f"there is no file '{path}'")])
     text = path.read_text(encoding="utf-8", errors="replace")
+    is_list = len(task.action) > 1 or bool(task.action[0].type.shape)  # an action is written as a list
     if path.suffix == ".csv":
-        rows = [[_number(cell.strip()) for cell in row] for row in csv.reader(text.splitlines()) if any(row)]
-        items: Any = [row[0] if len(row) == 1 and not _is_list(task) else row for row in rows]
-        return [items[1:] if items and _is_header(items[0], task) else items]
+        items: list[Any] = []
+        for row in csv.reader(text.splitlines()):
+            if any(row):
+                cells = [_number(cell.strip()) for cell in row]
+                items.append(cells[0] if len(cells) == 1 and not is_list else cells)
+        names = [c.name for c in task.action]
+        if items and items[0] in (names, names[0]):
+            items = items[1:]
+        return [items]
     try:
-        items = json.loads(text)
+        data: Any = json.loads(text)
     except ValueError as error:
         raise SpecError([Diagnostic("E711", None, f"'{path}' is not JSON: {error}")]) from None
-    if not isinstance(items, list) or not items:
+    if not isinstance(data, list) or not data:
         hint = 'for example: ["safe", "risky"]'
         raise SpecError([Diagnostic("E713", None, f"'{path}' is not a list of actions", hint)])
-    return items if _is_nested(items, task) else [items]
-
-
-def _is_nested(items: list[Any], task: Task) -> bool:
-    """Return whether a script has a list of actions for each episode."""
-    if not all(isinstance(item, list) for item in items):
-        return False
-    return not _is_list(task) or all(isinstance(part, list | dict) for item in items for part in item)
-
-
-def _is_list(task: Task) -> bool:
-    """Return whether an action is written as a list."""
-    return len(task.action) > 1 or bool(task.action[0].type.shape)
-
-
-def _is_header(item: Any, task: Task) -> bool:
-    """Return whether the first line of a CSV names the components."""
-    return (item if isinstance(item, list) else [item]) == [c.name for c in task.action]
+    is_nested = all(isinstance(item, list) for item in data)
+    if is_nested and is_list:
+        is_nested = all(isinstance(part, list | dict) for item in data for part in item)
+    return data if is_nested else [data]
 
 
 def _number(cell: str) -> Any:

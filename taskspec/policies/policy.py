@@ -306,7 +306,7 @@ class RandomPolicy(NamedPolicy):
 
     def by_words(self, states: State, t: int, words: Array) -> Actions:
         """Return uniform actions, from one word for each number."""
-        found = {}
+        found: dict[str, Array] = {}
         first = 0
         for c in self.task.action:
             own = words[first : first + c.type.size]

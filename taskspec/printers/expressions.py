@@ -40,7 +40,7 @@ def condition(expr: s.Expr, notation: Notation) -> m.Math:
 class ExpressionWriter(Writer):
     """Writes each form of expression."""
 
-    def piece(self, expr: s.Expr) -> Piece:
+    def piece(self, expr: s.Expr) -> Piece:  # noqa: C901, PLR0912
         match expr:
             case s.Number(text=digits):
                 return _number(digits)

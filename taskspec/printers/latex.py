@@ -64,7 +64,7 @@ def latex(node: m.Math) -> str:
     return _write(node).strip()
 
 
-def _write(node: m.Math) -> str:
+def _write(node: m.Math) -> str:  # noqa: C901, PLR0912
     match node:
         case m.Ident():
             return _ident(node)

@@ -24,7 +24,7 @@ def mathml(node: m.Math, block: bool = False) -> str:
     return f'<math{display} alttext="{escape(plain(node))}">{_write(node)}</math>'
 
 
-def _write(node: m.Math) -> str:
+def _write(node: m.Math) -> str:  # noqa: C901, PLR0912
     match node:
         case m.Ident():
             return _ident(node)

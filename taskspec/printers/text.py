@@ -38,7 +38,7 @@ def _operands(operator: str, *exprs: s.Expr) -> list[str]:
     return parts
 
 
-def _write(expr: s.Expr) -> tuple[str, int]:
+def _write(expr: s.Expr) -> tuple[str, int]:  # noqa: C901, PLR0912
     """Return an expression, and how tightly its outermost operator binds."""
     match expr:
         case s.Number(text=written):
@@ -131,7 +131,7 @@ def _as_conditional(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], place:
     return _conditional(tuple(branches), last, place)
 
 
-def plain(node: m.Math) -> str:
+def plain(node: m.Math) -> str:  # noqa: C901, PLR0912
     """Return a readable line of Unicode text."""
     match node:
         case m.Ident(text=text, style="blackboard"):

@@ -196,7 +196,7 @@ def is_tall(node: Math) -> bool:
             return any(map(is_tall, children(node)))
 
 
-def width(node: Math) -> float:
+def width(node: Math) -> float:  # noqa: C901
     """Return about how wide a node is, in letters; enough to decide where a line breaks."""
     match node:
         case Ident(text=text) | Num(text=text) | Words(text=text):

@@ -102,7 +102,7 @@ def uniform(c: Component, lanes: int, rng: np.random.Generator) -> Array:
     rows: list[Array] = []
     for low, high in zip(c.low, c.high, strict=True):
         if c.is_finite:
-            row = rng.integers(int(low), int(high) + 1, lanes)
+            row: Array = rng.integers(int(low), int(high) + 1, lanes)
         elif math.isfinite(low) and math.isfinite(high):
             row = rng.uniform(low, high, lanes)
         elif math.isfinite(low):

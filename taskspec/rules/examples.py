@@ -266,7 +266,7 @@ class _Trial:
             return None
         return rewrite([node], leaf, self.builder.remake)[0]
 
-    def _consequence(self, follows: Followed) -> Consequence | None:
+    def _consequence(self, follows: Followed) -> Consequence | None:  # noqa: C901
         """Return a consequence in the task and in the example; None if one of them is wrong, which is reported."""
         task = self.task
         name = follows.name

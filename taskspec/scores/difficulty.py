@@ -64,9 +64,9 @@ def _on_model(function: Callable[[Model], float]) -> Callable[[Results], float]:
 
 def _branching(model: Model) -> float:
     """Return the mean number of possible next states of states in which episodes act."""
-    both = sum(model.step(0).matrices)
+    both: Any = sum(model.step(0).matrices)
     n = model.n_states
-    reached = sum(both[a * n : (a + 1) * n] for a in range(model.n_actions))
+    reached: Any = sum(both[a * n : (a + 1) * n] for a in range(model.n_actions))
     reached.eliminate_zeros()
     return float(np.diff(reached.indptr)[model.acting].mean())
 

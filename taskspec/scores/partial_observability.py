@@ -101,7 +101,7 @@ def hidden_bits(model: Model) -> float:
     size = sum(np.count_nonzero(each) for each in visits) * outcomes * sum(node.type.size for node in nodes)
     if size > limits().seconds * RATE:
         refuse(f"observations have {count_of(int(size))} numbers in all", how_to_raise("seconds", size / RATE))
-    parts = []
+    parts: list[tuple[Array, Array, Array]] = []
     for t, each in enumerate(visits):
         parts += _observed(model, nodes, t, each)
     state, rows, weight = (np.concatenate(column) for column in zip(*parts, strict=True))

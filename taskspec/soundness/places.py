@@ -129,7 +129,7 @@ class Written:
     guards: tuple[Node, ...]
 
 
-def distributions(expr: s.Expr, section: SectionScope, guards: tuple[Node, ...] = ()) -> Iterator[Written]:
+def distributions(expr: s.Expr, section: SectionScope, guards: tuple[Node, ...] = ()) -> Iterator[Written]:  # noqa: C901
     """Yield the distributions in an expression whose parameters have a meaning of their own."""
     match expr:
         case s.IfElse() | s.Piecewise() | s.Table():

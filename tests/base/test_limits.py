@@ -24,7 +24,7 @@ from taskspec.base import limits
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.limits import Limits, changed, count, how_to_raise, progress_listener, table
 from taskspec.exact import check
-from taskspec.experiments.reading import described
+from taskspec.experiments.experiment_file import described
 from taskspec.model.extract import extract
 from taskspec.rollout.rollout import at_random, simulate
 from taskspec.source import read_text

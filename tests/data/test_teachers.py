@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taskspec.data import Teacher, preferences
-from taskspec.data.transitions import Trajectory
+from taskspec.data.episodes import Trajectory
 from taskspec.source import read_text
 from taskspec.task.build import build
 

@@ -22,7 +22,7 @@ jnp = jax.numpy
 
 from taskspec.learners.deep.adversarial import Discriminator  # noqa: E402
 from taskspec.learners.deep.ppo import sampler  # noqa: E402
-from taskspec.learners.deep.rewards import RewardInputs, RewardModel, demonstration_inputs, reward_inputs  # noqa: E402
+from taskspec.learners.deep.reward_nets import RewardInputs, RewardModel, demonstration_inputs, reward_inputs  # noqa: E402
 from taskspec.learners.deep.trpo import TrpoUpdate, objective, ridge_regression  # noqa: E402
 from taskspec.learners.deep.world import StepBatch, World, in_complete_episode  # noqa: E402
 from tests.learners.test_deep import agrees  # noqa: E402

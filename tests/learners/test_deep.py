@@ -12,7 +12,7 @@ import taskspec
 from taskspec.data import demonstrations
 from taskspec.exact import score
 from taskspec.learners import learner
-from taskspec.learners.case import Vectors
+from taskspec.learners.interface import Vectors
 from taskspec.learners.table import Ppo
 from tests.shared.cases import Granted
 
@@ -151,7 +151,7 @@ def agrees(loss: Any, at: Any) -> None:
 
 @pytest.mark.parametrize("task", sparse(TASKS, 2))
 def test_policies_in_numpy_say_what_nets_say(task: str) -> None:
-    from taskspec.learners.deep.reinforce import policies
+    from taskspec.learners.deep.policy_training import policies
 
     world = World.of(taskspec.load(task), absorb=False)
     actor = init_actor(jax.random.key(0), world, (16, 16))
@@ -179,7 +179,7 @@ def test_policies_in_numpy_say_what_nets_say(task: str) -> None:
 
 
 def test_ties_are_drawn() -> None:
-    from taskspec.learners.learned import NetPolicy
+    from taskspec.learners.interface import NetPolicy
 
     vectors = Vectors.of(taskspec.load("RiskyPath").observation_layout)
     flat = NetPolicy(vectors, head("RiskyPath").vectors, [(np.zeros((4, 2)), np.zeros(2))], np.zeros(0))

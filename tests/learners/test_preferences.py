@@ -19,10 +19,10 @@ jax = pytest.importorskip("jax")
 pytest.importorskip("optax")
 jnp = jax.numpy
 
+from taskspec.learners.deep.comparisons import PreferenceRound  # noqa: E402
+from taskspec.learners.deep.policy_training import init_policy_state  # noqa: E402
 from taskspec.learners.deep.ppo import PpoUpdate  # noqa: E402
-from taskspec.learners.deep.preferences import PreferenceRound  # noqa: E402
-from taskspec.learners.deep.reinforce import init_policy_state  # noqa: E402
-from taskspec.learners.deep.rewards import NoveltyBonus, reward_inputs  # noqa: E402
+from taskspec.learners.deep.reward_nets import NoveltyBonus, reward_inputs  # noqa: E402
 from taskspec.learners.deep.world import World  # noqa: E402
 from tests.learners.test_deep import agrees  # noqa: E402
 from tests.shared.sparse import sparse  # noqa: E402

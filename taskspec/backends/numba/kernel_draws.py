@@ -122,7 +122,7 @@ def _pair(radius: Any, angle: Any) -> Any:
 
 @inner
 def normals(n: Any, words: Any, out: Any, width: Any, first: Any, size: Any) -> None:
-    """Standard normals `first` to `first + size` from the words of the same numbers, as float32 rows."""
+    """Write standard normals `first` to `first + size` from the words of the same numbers, as float32 rows."""
     for k in range(first, first + size, 2):
         radius = u32s(words, k * width)
         angle = u32s(words, (k + 1) * width)

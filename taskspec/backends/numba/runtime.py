@@ -150,7 +150,7 @@ def mod_int(a: Any, b: Any) -> Any:
 
 @inner
 def floordiv_real(a: Any, b: Any) -> Any:
-    """Rounded down from the exact quotient, which a / b may have been rounded up from: as Python and NumPy have it."""
+    """Return the exact quotient rounded down, as Python and NumPy do; a / b may have been rounded up."""
     if b == 0.0:
         return a / b
     if not (math.isfinite(a) and math.isfinite(b)):

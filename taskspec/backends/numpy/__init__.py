@@ -300,7 +300,7 @@ class _Block:
         self.episodes = Episodes(buffers, options.mode)
 
     def forget(self, lanes: Array | None) -> None:
-        """Some lanes were seeded anew."""
+        """Discard draws made ahead for lanes that have a new seed."""
         self.ahead.restart(everywhere=lanes is None)
         self._start.forget(slice(None) if lanes is None else lanes)
 

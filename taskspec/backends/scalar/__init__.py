@@ -95,7 +95,7 @@ class ScalarProgram:
         return [flat if c.type.shape else flat[0] for c, flat in zip(self.task.state, flats, strict=True)]
 
     def pack(self, flats: Sequence[tuple[Any, ...]]) -> Any:
-        """Evaluated observation components, flat, as an observation."""
+        """Return evaluated observation components, flat, as an observation."""
         return pack(self.observation, flats)
 
 

@@ -210,7 +210,7 @@ def _shifted(atom: str, start: int) -> str:
 
 
 def _row(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> tuple[str, list[str]]:
-    """Runs of elements written into the fresh row `o`; what the block filled in is left alone."""
+    """Return runs of elements written into the fresh row `o`; what the block filled in is left alone."""
     statements: list[str] = []
     run: list[Node] = []
     offset = start = 0

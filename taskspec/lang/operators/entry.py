@@ -129,7 +129,7 @@ class Function:
 
 
 def applies(name: str) -> Build:
-    """Makes a node of one operator."""
+    """Return a function that makes a node of one operator."""
     return lambda b, args: b.apply(name, *args)
 
 

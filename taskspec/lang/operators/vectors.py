@@ -351,8 +351,12 @@ def _product(b: NodeMaker, args: list[Node]) -> Node:
     if x.type.shape[-1] != y.type.shape[0]:
         shapes = " and ".join(str(list(a.type.shape)) for a in args)
         raise Refused(f"`dot` needs rows as long as columns: the shapes {shapes} do not match", "E307")
-    columns = _columns(b, y) if len(y.type.shape) == 2 else [y]
-    rows = [b.structure("element", [x], (i,)) for i in range(x.type.shape[0])] if len(x.type.shape) == 2 else [x]
+    rows = [x]
+    if len(x.type.shape) == 2:
+        rows = [b.structure("element", [x], (i,)) for i in range(x.type.shape[0])]
+    columns = [y]
+    if len(y.type.shape) == 2:
+        columns = _columns(b, y)
     found = [b.apply("sum", b.apply("mul", row, column)) for row in rows for column in columns]
     shape = (*x.type.shape[:-1], *y.type.shape[1:])
     return b.structure("reshape", [b.structure("vector", found)], shape) if shape else found[0]

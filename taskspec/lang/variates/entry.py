@@ -193,5 +193,5 @@ def clean(p: Array) -> Array:
 
 
 def power(base: float, exponent: int) -> float:
-    """`base ** exponent`; 1e300 stands for all that is beyond it, as it is finite for all that."""
+    """Return `base ** exponent`, at most 1e300."""
     return 1e300 if exponent * math.log(max(1.0, base)) > 690 else float(base) ** exponent

@@ -9,10 +9,8 @@ import jax.numpy as jnp
 import optax
 
 from taskspec.base.arrays import AnyArray
-from taskspec.learners.case import LearnerCase
-from taskspec.learners.deep.nets import forward
-from taskspec.learners.deep.ppo import PolicyNet
-from taskspec.learners.deep.reinforce import (
+from taskspec.learners.deep.nets import forward, gradient_step, ring_update
+from taskspec.learners.deep.policy_training import (
     PolicyState,
     Update,
     collect,
@@ -22,9 +20,16 @@ from taskspec.learners.deep.reinforce import (
     rounds,
     world_of,
 )
-from taskspec.learners.deep.rewards import RewardInputs, RewardModel, RewardNets, demonstration_inputs, reward_inputs
+from taskspec.learners.deep.ppo import PolicyNet
+from taskspec.learners.deep.reward_nets import (
+    RewardInputs,
+    RewardModel,
+    RewardNets,
+    demonstration_inputs,
+    reward_inputs,
+)
 from taskspec.learners.deep.world import Schedule, StepBatch, World, in_complete_episode, seed_slice, train_seeds
-from taskspec.learners.learned import NetPolicy
+from taskspec.learners.interface import LearnerCase, NetPolicy
 from taskspec.learners.table import Adversarial
 
 
@@ -94,8 +99,7 @@ class Discriminator:
             own, shown = draw(key)
             nets = self.reward.with_statistics(nets, jnp.concatenate([own.seen, shown.seen]))
             now = (nets.theta, nets.phi)
-            change, optimiser = self._adam.update(jax.grad(self.loss)(now, nets, actor, own, shown), optimiser)
-            theta, phi = optax.apply_updates(now, change)
+            (theta, phi), optimiser = gradient_step(self._adam, self.loss, now, optimiser, nets, actor, own, shown)
             return (nets._replace(theta=theta, phi=phi), optimiser), None
 
         keys = jax.random.split(key, self.config.updates)
@@ -134,19 +138,14 @@ class AdversarialRound:
         last = jax.tree.map(lambda x: x[-1], steps)
         valid = in_complete_episode(last) if self.policy.experience.whole else jnp.ones_like(last.ended)
         own = reward_inputs(last.flat())
-        recent, count = self._kept(contest, own)
+        recent = contest.recent
+        count = contest.count
+        if recent is not None:
+            recent = ring_update(recent, own, count, self.config.kept)
+            count = count + len(own.gone)
         draw = self._drawing(own if recent is None else recent, valid, count, shown)
         nets, optimiser = self.judge.update(contest.nets, contest.optimiser, learning.policy.actor, draw, keys[0])
         return AdversarialState(learning, nets, optimiser, recent, count)
-
-    def _kept(self, contest: AdversarialState, own: RewardInputs) -> tuple[RewardInputs | None, AnyArray]:
-        """Return the recent steps with those of a round in place of the oldest."""
-        if contest.recent is None:
-            return None, contest.count
-        size = len(own.gone)
-        places = (contest.count + jnp.arange(size)) % self.config.kept
-        kept = RewardInputs(*(old.at[places].set(new) for old, new in zip(contest.recent, own, strict=True)))
-        return kept, contest.count + size
 
     def _drawing(self, own: RewardInputs, valid: AnyArray, count: AnyArray, shown: RewardInputs) -> Any:
         """Return a function from a key to equally many steps of the learner and of the expert."""

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 
 from taskspec.base.arrays import AnyArray
-from taskspec.learners.case import Vectors
+from taskspec.learners.interface import Vectors
 
 Net = tuple[tuple[AnyArray, AnyArray], ...]
 """Weights (inputs, outputs) and biases (outputs,) of each layer."""
@@ -49,6 +51,25 @@ def forward(layers: Net, x: AnyArray, activation: str = "tanh") -> AnyArray:
     for u, c in inner:
         x = _FUNCTIONS[activation](x @ u + c)
     return x @ w + b
+
+
+def gradient_step(adam: Any, loss: Callable[..., AnyArray], nets: Any, optimiser: Any, *data: Any) -> tuple[Any, Any]:
+    """Return nets and the state of their optimiser after a step down the slope of `loss(nets, *data)`."""
+    change, optimiser = adam.update(jax.grad(loss)(nets, *data), optimiser, nets)
+    return optax.apply_updates(nets, change), optimiser
+
+
+def shuffled(key: AnyArray, size: int, epochs: int, batch: int, batches: int) -> AnyArray:
+    """Return the indices of minibatches (epochs * batches, batch), in a new order in each epoch."""
+    orders = jax.vmap(lambda k: jax.random.permutation(k, size))(jax.random.split(key, epochs))
+    return orders[:, : batch * batches].reshape(-1, batch)
+
+
+def ring_update(kept: Any, new: Any, count: AnyArray, size: int) -> Any:
+    """Return arrays of the latest `size` rows, with new ones in place of the oldest; `count` is how many there were."""
+    number = len(jax.tree.leaves(new)[0])
+    places = (count + jnp.arange(number)) % size
+    return jax.tree.map(lambda old, some: old.at[places].set(some), kept, new)
 
 
 LOG_2PI = float(np.log(2 * np.pi))

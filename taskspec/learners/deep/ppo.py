@@ -9,22 +9,19 @@ import jax.numpy as jnp
 import optax
 
 from taskspec.base.arrays import AnyArray
-from taskspec.learners.deep.nets import Net, forward, net, orthogonal
+from taskspec.learners.deep.nets import Net, forward, gradient_step, net, orthogonal, shuffled
 from taskspec.learners.deep.world import Act, RolloutState, StepBatch, World, in_complete_episode, round_length
 from taskspec.learners.table import Ppo
 
 
 def critic_observations(world: World, steps: StepBatch, walk: RolloutState, sees_time: bool) -> AnyArray:
     """Return the inputs (T + 1, E, D) of a critic: steps, and the states that they led to."""
-    return jnp.concatenate([_seen(world, *steps[:3], sees_time), _last(world, walk, sees_time)[None]])
+    last = _seen(world, walk.seen, walk.gone, walk.state.time, sees_time)
+    return jnp.concatenate([_seen(world, *steps[:3], sees_time), last[None]])
 
 
 def critic_input_size(world: World, sees_time: bool) -> int:
     return world.seen.size + world.absorbs + (sees_time and world.horizon is not None)
-
-
-def _last(world: World, walk: RolloutState, sees_time: bool) -> AnyArray:
-    return _seen(world, walk.seen, walk.gone, walk.state.time, sees_time)
 
 
 def _seen(world: World, seen: AnyArray, gone: AnyArray, time: AnyArray, sees_time: bool) -> AnyArray:
@@ -119,13 +116,10 @@ class PpoUpdate:
 
         def batch(carry: Any, chosen: AnyArray) -> tuple[Any, None]:
             nets, optimiser = carry
-            slope = jax.grad(self.loss)(nets, *(x[chosen] for x in data))
-            change, optimiser = self._adam.update(slope, optimiser, nets)
-            return (optax.apply_updates(nets, change), optimiser), None
+            return gradient_step(self._adam, self.loss, nets, optimiser, *(x[chosen] for x in data)), None
 
-        each = size // self.config.minibatches
-        orders = jax.vmap(lambda k: jax.random.permutation(k, size))(jax.random.split(key, self.config.epochs))
-        orders = orders[:, : each * self.config.minibatches].reshape(-1, each)
+        batches = self.config.minibatches
+        orders = shuffled(key, size, self.config.epochs, size // batches, batches)
         (nets, optimiser), _ = jax.lax.scan(batch, ((held.actor, held.critic), held.optimiser), orders)
         return ActorCritic(*nets, optimiser)
 
@@ -141,7 +135,9 @@ class PpoUpdate:
         values: AnyArray,
     ) -> AnyArray:
         """Return the loss over a minibatch, (N, ...) each: clipped surrogate, entropy bonus and squared error of the critic."""
-        (actor, critic), config, head = nets, self.config, self.world.head
+        actor, critic = nets
+        config = self.config
+        head = self.world.head
         output = forward(actor.net, seen)
         ratio = jnp.exp(head.log_prob(output, actor.deviations, action) - old)
         gain = standardise(advantages, weight)

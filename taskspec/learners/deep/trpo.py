@@ -11,7 +11,7 @@ import optax
 from jax.flatten_util import ravel_pytree
 
 from taskspec.base.arrays import AnyArray
-from taskspec.learners.deep.nets import forward, net, orthogonal, xavier
+from taskspec.learners.deep.nets import forward, gradient_step, net, orthogonal, shuffled, xavier
 from taskspec.learners.deep.ppo import (
     ActorCritic,
     PolicyNet,
@@ -80,7 +80,8 @@ class TrpoUpdate:
 
     def natural_gradient_step(self, actor: PolicyNet, steps: StepBatch, advantages: AnyArray) -> PolicyNet:
         """Return the policy after a step along the natural gradient, for standardised advantages (N,)."""
-        config, (start, whole) = self.config, ravel_pytree(actor)
+        config = self.config
+        start, whole = ravel_pytree(actor)
         better, distance = objective(self.world, actor, steps, advantages, config.entropy)
         some = StepBatch(*(x[:: config.fisher_every] for x in steps))
         _, near = objective(self.world, actor, some, advantages[:: config.fisher_every], 0.0)
@@ -110,15 +111,15 @@ class TrpoUpdate:
         config = self.config
         size = len(targets)
         each = min(config.critic_batch, size)
-        orders = jax.vmap(lambda k: jax.random.permutation(k, size))(jax.random.split(key, config.critic_epochs))
+
+        def error(critic: Any, rows: AnyArray, targets: AnyArray) -> AnyArray:
+            return ((forward(critic, rows)[:, 0] - targets) ** 2).mean()
 
         def batch(carry: Any, chosen: AnyArray) -> tuple[Any, None]:
             critic, optimiser = carry
-            slope = jax.grad(lambda c: ((forward(c, rows[chosen])[:, 0] - targets[chosen]) ** 2).mean())(critic)
-            change, optimiser = self._adam.update(slope, optimiser)
-            return (optax.apply_updates(critic, change), optimiser), None
+            return gradient_step(self._adam, error, critic, optimiser, rows[chosen], targets[chosen]), None
 
-        orders = orders[:, : size // each * each].reshape(-1, each)
+        orders = shuffled(key, size, config.critic_epochs, each, size // each)
         return jax.lax.scan(batch, (held.critic, held.optimiser), orders)[0]
 
 

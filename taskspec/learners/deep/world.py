@@ -15,8 +15,8 @@ from taskspec.backends.jax.program import acted, observed
 from taskspec.base.arrays import AnyArray
 from taskspec.base.limits import tell
 from taskspec.lang.ir import Const
-from taskspec.learners.case import LearnerCase, Vectors, cannot_learn
 from taskspec.learners.deep.nets import ActionHead
+from taskspec.learners.interface import LearnerCase, Vectors, cannot_learn
 from taskspec.learners.table import Experience
 from taskspec.modifiers import modify
 from taskspec.task.task import Task

@@ -10,22 +10,9 @@ from urllib.parse import quote
 from taskspec.base import __version__
 from taskspec.figures import tikz
 from taskspec.figures.tikz import colors as tikz_colors
+from taskspec.pages import prose as p
 from taskspec.pages.notation import notation
 from taskspec.pages.page import Family, Page, Sibling, families
-from taskspec.pages.prose import (  # fmt: skip
-    Block,
-    Bullets,
-    Cite,
-    CodeSpan,
-    Emph,
-    Formula,
-    Inline,
-    Inlines,
-    Link,
-    Mark,
-    Paragraph,
-    Text,
-)
 from taskspec.pages.render.suite import Suite, text_environment
 from taskspec.pages.sections import Section, SectionLine
 from taskspec.printers import tree as m
@@ -122,10 +109,7 @@ class LatexWriter:
     # -- sections -------------------------------------------------------------------------------------------------
 
     def section(self, section: Section, page: Page, room: float) -> dict[str, object]:
-        lines = [self.line(line, page, room) for line in section.lines]
-        if section.run_on:
-            lines = ["; ".join(lines)]
-        lead, rest = (lines[0], lines[1:]) if section.lead or section.run_on else ("", lines)
+        lead, rest = section.laid_out([self.line(line, page, room) for line in section.lines])
         return {"title": escape(section.title), "lead": lead, "lines": rest, "table": self.table(section)}
 
     def table(self, section: Section) -> str:
@@ -139,9 +123,12 @@ class LatexWriter:
         stacked = "".join(rf"\taskspecrow{{{_stacked(found.header, heads, row)}}}" for row in rows)
         return rf"\taskspectable{{{'l' * len(heads)}}}{{{body}}}{{{stacked}}}"
 
-    def cell(self, content: Inlines) -> str:
+    def cell(self, content: p.Inlines) -> str:
         """Return prose in a line of its own, in which formulas are not broken."""
-        return "".join(f"${latex(p.math)}$" if isinstance(p, Formula) else self.inline(p, WHOLE_ROOM) for p in content)
+        texts = []
+        for piece in content:
+            texts.append(f"${latex(piece.math)}$" if isinstance(piece, p.Formula) else self.inline(piece, WHOLE_ROOM))
+        return "".join(texts)
 
     def line(self, line: SectionLine, page: Page, room: float) -> str:
         text = self.prose(line.content, room)
@@ -164,42 +151,42 @@ class LatexWriter:
             told.append(rf"\taskspecaside{{{escape(title)}}}{{{self.prose(values, BRIEF_ROOM, closing)}}}")
         return " ".join(told)
 
-    def prose(self, content: Inlines, room: float = WHOLE_ROOM, end: str = "") -> str:
+    def prose(self, content: p.Inlines, room: float = WHOLE_ROOM, end: str = "") -> str:
         """Return pieces of prose; the sign that ends them stays with a formula on a line of its own."""
-        if end and content and isinstance(content[-1], Formula):
+        if end and content and isinstance(content[-1], p.Formula):
             return self.prose(content[:-1], room) + formula(content[-1].math, room, content[-1].display, end)
         return "".join(self.inline(piece, room) for piece in content) + end
 
-    def inline(self, piece: Inline, room: float) -> str:
+    def inline(self, piece: p.Inline, room: float) -> str:
         match piece:
-            case Text(text=text):
+            case p.Text(text=text):
                 return escape(text)
-            case Formula(math=math, display=display):
+            case p.Formula(math=math, display=display):
                 return formula(math, room, display)
-            case CodeSpan(text=text):
+            case p.CodeSpan(text=text):
                 return rf"\texttt{{{escape(text)}}}"
-            case Emph(inner=inner, strong=strong):
+            case p.Emph(inner=inner, strong=strong):
                 return rf"\{'textbf' if strong else 'emph'}{{{self.prose(inner, room)}}}"
-            case Link(address=address, inner=inner):
+            case p.Link(address=address, inner=inner):
                 return rf"\taskspeclink{{{_address(address)}}}{{{self.prose(inner, room)}}}"
-            case Cite():
+            case p.Cite():
                 return self.cite(piece)
-            case Mark(holds=holds, text=text):
+            case p.Mark(holds=holds, text=text):
                 return rf"\taskspec{'fails' if holds is False else 'holds'}{{{escape(text)}}}"
             case _:
                 assert_never(piece)
 
-    def cite(self, cite: Cite) -> str:
+    def cite(self, cite: p.Cite) -> str:
         where = f"[{{{escape(cite.where)}}}]" if cite.where else ""
         if cite.key in self.known:
             return rf"\cite{where}{{{cite.key}}}"
         return escape(f"{cite.key}, {cite.where}" if cite.where else cite.key)
 
-    def block(self, block: Block) -> str:
+    def block(self, block: p.Block) -> str:
         match block:
-            case Paragraph(content=content):
+            case p.Paragraph(content=content):
                 return self.prose(content)
-            case Bullets(items=items, ordered=ordered):
+            case p.Bullets(items=items, ordered=ordered):
                 kind = "enumerate" if ordered else "itemize"
                 inner = "\n".join(r"\item " + "\n\n".join(map(self.block, item)) for item in items)
                 return f"\\begin{{{kind}}}\n{inner}\n\\end{{{kind}}}"

@@ -8,21 +8,8 @@ from typing import assert_never
 from urllib.parse import quote
 
 from taskspec.base.display import ON_PAGES, visible
+from taskspec.pages import prose as p
 from taskspec.pages.page import Page
-from taskspec.pages.prose import (  # fmt: skip
-    Block,
-    Bullets,
-    Cite,
-    CodeSpan,
-    Emph,
-    Formula,
-    Inline,
-    Inlines,
-    Link,
-    Mark,
-    Paragraph,
-    Text,
-)
 from taskspec.pages.render.suite import Suite, text_environment
 from taskspec.pages.sections import Section, SectionLine
 from taskspec.printers import tree as m
@@ -41,7 +28,7 @@ def markdown(suite: Suite) -> dict[str, str]:
     env = text_environment()
     writer = MarkdownWriter(suite)
     files = {f"{page.anchor}.md": writer.page(page) for page in suite.pages}
-    rows = [(escape(p.name), p.anchor, escape(p.capability), writer.prose(p.summary)) for p in suite.pages]
+    rows = [(escape(x.name), x.anchor, escape(x.capability), writer.prose(x.summary)) for x in suite.pages]
     files["index.md"] = env.get_template("index.md").render(title=escape(suite.title), rows=rows)
     return {name: visible(text, ON_PAGES) for name, text in files.items()}
 
@@ -69,10 +56,7 @@ class MarkdownWriter:
         )  # fmt: skip
 
     def section(self, section: Section, page: Page) -> dict[str, object]:
-        lines = [self.line(line, page) for line in section.lines]
-        if section.run_on:
-            lines = ["; ".join(lines)]
-        lead, rest = (lines[0], lines[1:]) if section.lead or section.run_on else ("", lines)
+        lead, rest = section.laid_out([self.line(line, page) for line in section.lines])
         return {"title": escape(section.title), "lead": lead, "lines": rest, "table": self.table(section)}
 
     def table(self, section: Section) -> list[list[str]]:
@@ -83,10 +67,10 @@ class MarkdownWriter:
         rows = [[self.cell(cell) for cell in row] for row in found.rows]
         return [[escape(title) for title in found.header], *rows]
 
-    def cell(self, content: Inlines) -> str:
+    def cell(self, content: p.Inlines) -> str:
         """Return prose without the bars that would end a cell."""
-        spelled = {Formula: r"\vert ", CodeSpan: r"\|"}
-        return "".join(self.inline(p).replace("|", spelled.get(type(p), "|")) for p in content)
+        spelled = {p.Formula: r"\vert ", p.CodeSpan: r"\|"}
+        return "".join(self.inline(piece).replace("|", spelled.get(type(piece), "|")) for piece in content)
 
     def line(self, line: SectionLine, page: Page) -> str:
         text = self.prose(line.content)
@@ -97,45 +81,45 @@ class MarkdownWriter:
                 text += f" ({escape(setting.title)}: {self.prose(values)})"
         return text
 
-    def prose(self, content: Inlines) -> str:
+    def prose(self, content: p.Inlines) -> str:
         texts = [self.inline(piece) for piece in content]
         for i, piece in enumerate(content[1:]):
-            if isinstance(piece, Link) and texts[i].endswith("!"):  # a page loads no images from elsewhere
+            if isinstance(piece, p.Link) and texts[i].endswith("!"):  # a page loads no images from elsewhere
                 texts[i] = texts[i][:-1] + r"\!"
         return "".join(texts)
 
-    def inline(self, piece: Inline) -> str:
+    def inline(self, piece: p.Inline) -> str:
         match piece:
-            case Text(text=text):
+            case p.Text(text=text):
                 return _SPECIAL.sub(_inside, escape_entities(text))
-            case Formula(math=math):
+            case p.Formula(math=math):
                 return formula(math)
-            case CodeSpan(text=text):
+            case p.CodeSpan(text=text):
                 return _code(text)
-            case Emph(inner=inner, strong=strong):
+            case p.Emph(inner=inner, strong=strong):
                 mark = "**" if strong else "*"
                 return f"{mark}{self.prose(inner)}{mark}"
-            case Link(address=address, inner=inner):
+            case p.Link(address=address, inner=inner):
                 return f"[{self.prose(inner)}](<{quote(address, safe=':/?=&.,+-@!*;~%#')}>)"
-            case Cite():
+            case p.Cite():
                 return self.cite(piece)
-            case Mark(holds=holds, text=text):
+            case p.Mark(holds=holds, text=text):
                 return f"({'' if holds is None else '✓ ' if holds else '✗ '}{escape(text)})"
             case _:
                 assert_never(piece)
 
-    def cite(self, cite: Cite) -> str:
+    def cite(self, cite: p.Cite) -> str:
         found = self.suite.cited.get(cite.key)
         where = f", {escape(cite.where)}" if cite.where else ""
         if found is None:
             return escape(cite.key) + where
         return f"{escape(found.authors)} ({escape(found.plain('year'))}). {escape(found.plain('title'))}{where}"
 
-    def block(self, block: Block) -> str:
+    def block(self, block: p.Block) -> str:
         match block:
-            case Paragraph(content=content):
+            case p.Paragraph(content=content):
                 return self.prose(content)
-            case Bullets(items=items):
+            case p.Bullets(items=items):
                 return "\n".join("- " + " ".join(map(self.block, item)) for item in items)
             case _:
                 return "\n".join(f"    {row}" for row in block.text.splitlines())

@@ -12,12 +12,11 @@ import optax
 
 from taskspec.base.arrays import AnyArray
 from taskspec.data.episodes import role
-from taskspec.learners.case import LearnerCase
-from taskspec.learners.deep.nets import forward
+from taskspec.learners.deep.nets import forward, gradient_step
 from taskspec.learners.deep.ppo import ActorCritic, PolicyNet, PpoUpdate, init_actor, sampler
 from taskspec.learners.deep.trpo import TrpoUpdate
 from taskspec.learners.deep.world import RolloutState, Schedule, StepBatch, World, seed_slice, train_seeds
-from taskspec.learners.learned import NetPolicy
+from taskspec.learners.interface import LearnerCase, NetPolicy
 from taskspec.learners.table import Cloning, Experience, Ppo, Trpo
 from taskspec.model.model import misused
 from taskspec.modifiers import modify
@@ -122,9 +121,7 @@ def train_bc(config: Cloning, case: LearnerCase) -> list[NetPolicy]:
     def advance(state: Any, key: AnyArray, data: Any) -> Any:
         actor, optimiser = state
         chosen = jax.random.randint(key, (config.batch,), 0, rows)
-        slope = jax.grad(loss)(actor, config, world, data[0][chosen], data[1][chosen])
-        change, optimiser = adam.update(slope, optimiser)
-        return optax.apply_updates(actor, change), optimiser
+        return gradient_step(adam, loss, actor, optimiser, config, world, data[0][chosen], data[1][chosen])
 
     updates = max(config.updates, config.epochs * -(-rows // config.batch))
     actor, _ = train_seeds(case, init, advance, Schedule(updates, 0), data)

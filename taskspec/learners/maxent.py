@@ -17,7 +17,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.limits import tell
 from taskspec.data import Demonstrations, Tabular
 from taskspec.data.tabular import LookAlike, tabular
-from taskspec.learners.case import LearnerCase, cannot_learn
+from taskspec.learners.interface import LearnerCase, cannot_learn
 from taskspec.learners.table import Matching
 from taskspec.model.model import NoModel
 from taskspec.solve.backward import backward, first_values

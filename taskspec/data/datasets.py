@@ -19,9 +19,8 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.extras import need
 from taskspec.base.files import whole, whole_folder
-from taskspec.data.episodes import Demonstrations
+from taskspec.data.episodes import COLUMNS, Demonstrations, Trajectory, Transitions, columns
 from taskspec.data.preferences import Preferences
-from taskspec.data.transitions import COLUMNS, Trajectory, Transitions, columns
 from taskspec.making import made_by
 from taskspec.model.model import misused
 
@@ -40,7 +39,7 @@ SPACE = (np.dtype(np.int64), np.dtype(np.float32))
 
 
 def check_transitions(data: Transitions) -> None:
-    """Check the arrays of transitions, and that each episode or segment is a run of steps of which only the last may end it.
+    """Check the arrays of transitions, and that each episode or segment is a run of steps that only the last may end.
 
     Raises:
         ValueError: for the first array that is not as it should be.
@@ -111,7 +110,7 @@ def check_whole(data: Transitions) -> None:
 
 
 def check_pairs(segments: Transitions, preferences: Array, returns: Array, queries: Array) -> None:
-    """Check what is told of each pair of segments.
+    """Check the labels of each pair of segments.
 
     Raises:
         ValueError: for the first array that is not as it should be.
@@ -161,7 +160,7 @@ def write_table(
 
 
 def read_table(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return columns (N, *shape) and metadata, of which `shapes` says what each value was.
+    """Return columns (N, *shape) and metadata; its `shapes` are those of the values.
 
     Raises:
         SpecError: E705 where pyarrow is not installed.

@@ -10,10 +10,10 @@ import optax
 
 from taskspec.base.arrays import AnyArray
 from taskspec.lang.ir import draws
-from taskspec.learners.case import LearnerCase
+from taskspec.learners.deep.nets import gradient_step, ring_update
+from taskspec.learners.deep.policy_training import PolicyState, collect, init_policy_state, policies, rounds, world_of
 from taskspec.learners.deep.ppo import PpoUpdate, sampler
-from taskspec.learners.deep.reinforce import PolicyState, collect, init_policy_state, policies, rounds, world_of
-from taskspec.learners.deep.rewards import (
+from taskspec.learners.deep.reward_nets import (
     NoveltyBonus,
     NoveltyState,
     RewardInputs,
@@ -22,7 +22,7 @@ from taskspec.learners.deep.rewards import (
     reward_inputs,
 )
 from taskspec.learners.deep.world import Schedule, StepBatch, World, seed_slice, train_seeds
-from taskspec.learners.learned import NetPolicy
+from taskspec.learners.interface import LearnerCase, NetPolicy
 from taskspec.learners.table import Comparing
 
 
@@ -132,7 +132,11 @@ class PreferenceRound:
         ask, draw, play, improve = jax.random.split(key, 4)
         learning = survey.learning
         pairs, steps = self.query(learning, ask)
-        kept, count = self._kept(survey, pairs)
+        kept = survey.kept
+        count = survey.count
+        if kept is not None:
+            kept = ring_update(kept, pairs, count, self.config.kept)
+            count = count + self.pairs
         nets, optimiser = self._fit(survey, pairs if kept is None else kept, count, draw)
         if self.config.stale:
             walk = self.policy.world.begin(draw, self.policy.experience.lanes)
@@ -147,13 +151,6 @@ class PreferenceRound:
         policy = self.policy.update(learning.policy, own, walk, pay, improve)
         return PreferenceState(PolicyState(policy, walk), nets, optimiser, kept, count, novel)
 
-    def _kept(self, survey: PreferenceState, pairs: Pairs) -> tuple[Pairs | None, AnyArray]:
-        if survey.kept is None:
-            return None, survey.count
-        places = (survey.count + jnp.arange(self.pairs)) % self.config.kept
-        kept = jax.tree.map(lambda old, new: old.at[places].set(new), survey.kept, pairs)
-        return kept, survey.count + self.pairs
-
     def _fit(self, survey: PreferenceState, pairs: Pairs, count: AnyArray, key: AnyArray) -> tuple[RewardNets, Any]:
         """Return the reward after the gradient steps of a round."""
         config = self.config
@@ -166,8 +163,7 @@ class PreferenceRound:
             if config.batch:
                 chosen = jax.random.randint(key, (config.batch,), 0, known)
                 some = jax.tree.map(lambda x: x[chosen], pairs)
-            change, optimiser = self._adam.update(jax.grad(self.loss)(now, nets, some), optimiser)
-            theta, phi = optax.apply_updates(now, change)
+            (theta, phi), optimiser = gradient_step(self._adam, self.loss, now, optimiser, nets, some)
             return (nets._replace(theta=theta, phi=phi), optimiser), None
 
         keys = jax.random.split(key, config.updates)

@@ -11,9 +11,9 @@ import optax
 
 from taskspec.base.arrays import AnyArray
 from taskspec.data import Demonstrations
-from taskspec.learners.deep.nets import Net, forward, net
+from taskspec.learners.deep.nets import Net, forward, gradient_step, net
 from taskspec.learners.deep.world import StepBatch, World
-from taskspec.learners.learned import LearnedReward
+from taskspec.learners.interface import LearnedReward
 from taskspec.learners.table import Novelty, Reward
 
 
@@ -160,9 +160,12 @@ class NoveltyBonus:
 
     def fit(self, novel: NoveltyState, at: RewardInputs) -> NoveltyState:
         """Return the state after a gradient step on observed steps."""
-        slope = jax.grad(lambda n: self.distance(n, novel.target, at).mean())(novel.learner)
-        change, optimiser = self._adam.update(slope, novel.optimiser)
-        return novel._replace(learner=optax.apply_updates(novel.learner, change), optimiser=optimiser)
+
+        def error(learner: Net) -> AnyArray:
+            return self.distance(learner, novel.target, at).mean()
+
+        learner, optimiser = gradient_step(self._adam, error, novel.learner, novel.optimiser)
+        return novel._replace(learner=learner, optimiser=optimiser)
 
     def bonus(self, novel: NoveltyState, at: RewardInputs) -> tuple[AnyArray, NoveltyState]:
         """Return the bonus of steps (T, E), standardised by running averages, and the state with these averages."""

@@ -184,7 +184,7 @@ class Axis:
 
     @property
     def size(self) -> int:
-        """How many values there are; 0 where they are drawn."""
+        """The number of values; 0 where they are drawn."""
         return 0 if callable(self.values) else len(self.values)
 
     def without(self, names: frozenset[str]) -> Axis:

@@ -14,8 +14,8 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.data import Tabular, demonstrations, tabular
 from taskspec.exact import score
 from taskspec.learners import learner
+from taskspec.learners.maxent import expected_visits, soft_policy, visits
 from taskspec.learners.table import Matching
-from taskspec.learners.tabular import expected_visits, soft_policy, visits
 from tests.shared.cases import Granted
 
 pytest.importorskip("scipy")

@@ -1,24 +1,124 @@
-"""What an experiment asks of all its instances: whether there is such a thing, and what it costs."""
+"""Finds, reads and checks the files of experiments."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
-from taskspec.base.diagnostics import Collector, SpecError, suggest
+from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, suggest
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.exam.results import folder_name
-from taskspec.experiments.measure import COLUMNS, SPEEDS
-from taskspec.experiments.reading import ExperimentFile
 from taskspec.learners import learner
 from taskspec.policies.files import is_function, place_of
+from taskspec.registry import tasks_root
 from taskspec.scores.difficulty import MEASURES
+from taskspec.source import Document, read_file
 from taskspec.source import Path as Place
+from taskspec.task.schema.experiments import Experiment, check_document
+
+RETURNS = ("optimal", "expert", "random", "worst")
+COLUMNS = (
+    "states",
+    "actions",
+    "horizon",
+    "discount",
+    *(f"{n}{end}" for n in RETURNS for end in ("", "_half", "_status")),
+)
+"""Columns of every result, in addition to the measures and policies that were asked for."""
+SPEEDS = ("steps_per_second", "steps_per_second_vectorized")
+FOLDER = "experiments"
+"""The folder of a suite that holds the experiments that come with it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExperimentFile:
+    """An experiment as it is written: its sections, and the document that knows where each stands."""
+
+    experiment: Experiment
+    document: Document
+
+    @property
+    def folder(self) -> Path:
+        """The folder that paths of specs and learners start from."""
+        return Path(self.document.origin.name).parent
+
+    @property
+    def learners(self) -> list[str]:
+        """The learners, as `taskspec exam` takes them."""
+        return [self._found(name) for name in self.experiment.learners]
+
+    def _found(self, learner: str) -> str:
+        is_file = learner.endswith((".yaml", ".yml")) or is_function(learner)
+        return str(self.folder / learner) if is_file and not Path(learner).is_absolute() else learner
+
+
+def read(source: str | os.PathLike[str]) -> ExperimentFile:
+    """Return an experiment, by the path of its file, or as `suite/name` one that comes with a suite.
+
+    Raises:
+        SpecError: E710 when there is none, or with every mistake in its shape where too little of it is right.
+    """
+    return described(read_file(find(source)))
+
+
+def described(document: Document) -> ExperimentFile:
+    """Return the experiment that a document describes.
+
+    Raises:
+        SpecError: with every mistake in its shape.
+    """
+    found, problems = check_document(document, Experiment)
+    if found is None:
+        raise SpecError(problems)
+    return ExperimentFile(found, document)
+
+
+def read_if_experiment(source: str) -> ExperimentFile | None:
+    """Return the experiment of this name or path, if it is one; None for anything else.
+
+    Raises:
+        SpecError: with every mistake in its shape.
+    """
+    if source in shipped():
+        return read(source)
+    if not source.endswith((".yaml", ".yml")) or not Path(source).is_file():
+        return None
+    document = read_file(Path(source))
+    is_one = isinstance(document.data, dict) and "experiment" in document.data
+    return described(document) if is_one else None
+
+
+def find(source: str | os.PathLike[str]) -> Path:
+    """Return the file of an experiment.
+
+    Raises:
+        SpecError: E710 when there is none.
+    """
+    path = Path(source)
+    if path.exists() or path.suffix in (".yaml", ".yml"):
+        return path
+    known = shipped()
+    named = [at for name, at in known.items() if str(source) in (name, name.split("/")[1])]
+    if len(named) == 1:
+        return named[0]
+    hint = suggest(str(source), known) or f"a path ends in .yaml; with the suites come {', '.join(known) or 'none'}"
+    raise SpecError([Diagnostic("E710", None, f"there is no experiment '{source}'", hint)])
+
+
+def shipped() -> dict[str, Path]:
+    """Return the experiments that come with the suites, by `suite/name`."""
+    found = sorted(tasks_root().glob(f"*/{FOLDER}/*.yaml"))
+    return {f"{path.parent.parent.name}/{path.stem}": path for path in found}
 
 
 def check_questions(written: ExperimentFile, collector: Collector) -> None:
     """Report what is asked for and does not exist, or costs too much; tasks are not looked at."""
-    _check_measures(written, collector)
+    for i, name in enumerate(written.experiment.measures or ()):
+        if name not in MEASURES:
+            hint = suggest(name, MEASURES) or f"there are: {', '.join(MEASURES)}"
+            collector.add("E206", written.document.span(("measures", i)), f"there is no measure '{name}'", hint)
     _check_learners(written, collector)
     _check_episodes(written, collector)
     _check_shown(written, collector)
@@ -89,13 +189,6 @@ def _check_episodes(written: ExperimentFile, collector: Collector) -> None:
         message = f"{episodes:,} episodes{times} are too many; the limit is {most:,}"
         place: Place = ("episodes",) if experiment.episodes > most or rolled_out == 1 else ("seeds",)
         collector.add("E314", written.document.span(place), message, how_to_raise("episodes", episodes))
-
-
-def _check_measures(written: ExperimentFile, collector: Collector) -> None:
-    for i, name in enumerate(written.experiment.measures or ()):
-        if name not in MEASURES:
-            hint = suggest(name, MEASURES) or f"there are: {', '.join(MEASURES)}"
-            collector.add("E206", written.document.span(("measures", i)), f"there is no measure '{name}'", hint)
 
 
 def _check_learners(written: ExperimentFile, collector: Collector) -> None:
