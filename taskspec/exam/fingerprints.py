@@ -55,7 +55,7 @@ Reduce = Callable[[Array], Array]
 
 @dataclass(frozen=True, eq=False)
 class Dynamics:
-    """Dynamics that operators are applied to: those of a finite task that does not depend on the time, and the learner's discount.
+    """Dynamics of a finite task that does not depend on the time, with the learner's discount.
 
     Attributes:
         model: the exact model.
