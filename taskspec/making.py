@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from taskspec.envs.options import Autoreset
     from taskspec.envs.vector import AutoresetMode, InstanceLanes, VectorEnvironment
     from taskspec.modifiers import Written
-    from taskspec.task.parameters import Ending, RenderMode
+    from taskspec.task.parts import Ending, RenderMode
     from taskspec.task.task import Task, TaskLike
 
 SPEC_ID = "taskspec/Spec-v0"

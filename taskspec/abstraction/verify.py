@@ -75,8 +75,8 @@ def verify(found: Abstraction, seed: int = 0) -> AbstractionCheck:
     stand_in = found.stand_in
     for draw in draws((*stand_in.initial, *stand_in.next, stand_in.reward, stand_in.terminal)):
         if not is_finite(draw):
-            problem = f"it draws from a {draw.base} distribution, which has infinitely many outcomes"
-            return AbstractionCheck(why=why, problem=problem)
+            infinite = f"it draws from a {draw.base} distribution, which has infinitely many outcomes"
+            return AbstractionCheck(why=why, problem=infinite)
     test = _Test(found, seed)
     problem = test.starts()
     if problem is not None:
@@ -342,9 +342,9 @@ class _Comparison:
             action, state = np.divmod(rows, whole.n_states)
             row = own.differs(others, rows, action * self.other.n_states + self.mapped[state])
             if row is not None:
-                action, state = divmod(row, whole.n_states)
+                a, s = divmod(row, whole.n_states)
                 at = f" at t = {t}" if is_timed else ""
-                where = f"in {whole.state_name(state)} with {whole.action_name(action)}{at}"
+                where = f"in {whole.state_name(s)} with {whole.action_name(a)}{at}"
                 return f"{where} it gives another reward, end or next state, or with another probability"
         return None
 

@@ -339,7 +339,8 @@ def _sliced(task: Task, joined: bool = True) -> Iterator[list[_Slice]]:
         subscripts = [n for n in parts if isinstance(n, s.Subscript) and isinstance(n.indices[0], s.Slice)]
         if subscripts and left > 0:
             left -= len(subscripts)
-            yield [_Slice(n, n.indices[0], where) for n in subscripts if joined or id(n) not in arguments]
+            kept = [n for n in subscripts if joined or id(n) not in arguments]
+            yield [_Slice(n, n.indices[0], where) for n in kept if isinstance(n.indices[0], s.Slice)]
 
 
 def expressions(task: Task) -> Iterator[tuple[s.Expr, SectionScope]]:

@@ -30,7 +30,7 @@ from taskspec.cli.progress import counter, progress
 
 if TYPE_CHECKING:
     from taskspec.cli.rollouts import Episode, Summary, Watch
-    from taskspec.task.parameters import RenderMode
+    from taskspec.task.parts import RenderMode
     from taskspec.task.task import Task
 
 EPISODES = 100

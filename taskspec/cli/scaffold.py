@@ -94,19 +94,17 @@ def schema(
 
         [green]# yaml-language-server: $schema=taskspec.schema.json[/]
     """
-    from taskspec.task.schema.experiments import exam_schema, experiment_schema, findings_schema
+    from taskspec.task.schema.experiments import ExamDocument, Experiment, FindingsDocument, document_schema
     from taskspec.task.schema.export import json_schema
 
     if experiment + exam + findings > 1:
         raise misuse("--experiment, --exam and --findings are three schemas; ask for one")
-    make = json_schema
-    if experiment:
-        make = experiment_schema
-    elif exam:
-        make = exam_schema
-    elif findings:
-        make = findings_schema
-    text = to_json(make())
+    asked = {Experiment: experiment, ExamDocument: exam, FindingsDocument: findings}
+    schema = json_schema()
+    for model, wanted in asked.items():
+        if wanted:
+            schema = document_schema(model)
+    text = to_json(schema)
     if output is None:
         say(text)
         return

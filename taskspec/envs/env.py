@@ -23,7 +23,7 @@ from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.lang.variates import sampler
 from taskspec.registry import load
-from taskspec.task.parameters import Ending, RenderMode
+from taskspec.task.parts import Ending, RenderMode
 from taskspec.task.spaces import space
 from taskspec.task.task import Task, TaskLike
 

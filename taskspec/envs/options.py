@@ -11,7 +11,7 @@ import gymnasium.error
 
 from taskspec.base.diagnostics import SpecError, TaskspecError, spec_error, suggest
 from taskspec.base.limits import count, how_to_raise, limits
-from taskspec.task.parameters import Ending
+from taskspec.task.parts import Ending
 from taskspec.task.task import Task
 
 if TYPE_CHECKING:

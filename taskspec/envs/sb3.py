@@ -25,7 +25,7 @@ from taskspec.envs.window import Frames
 from taskspec.model.model import misused
 from taskspec.policies.experts import Expert
 from taskspec.registry import load
-from taskspec.task.parameters import RenderMode
+from taskspec.task.parts import RenderMode
 from taskspec.task.spaces import space
 from taskspec.task.task import Task, TaskLike
 
@@ -98,7 +98,10 @@ class Sb3VecEnv(VecEnv):
         if ended:
             final = b.final.view(copy=True)
             for lane in np.flatnonzero(b.ended).tolist():
-                infos[lane]["terminal_observation"] = of_lane(final, lane)
+                last = of_lane(final, lane)
+                if isinstance(last, dict):
+                    last = {name: np.asarray(part) for name, part in last.items()}
+                infos[lane]["terminal_observation"] = last if isinstance(last, dict) else np.asarray(last)
                 infos[lane]["TimeLimit.truncated"] = bool(b.truncated[lane] and not b.terminated[lane])
         return self._seen(), b.reward.astype(np.float32), b.ended.copy(), infos
 

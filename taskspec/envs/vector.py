@@ -46,7 +46,7 @@ from taskspec.envs.state import (
 from taskspec.envs.window import Frames
 from taskspec.modifiers import with_options
 from taskspec.registry import load
-from taskspec.task.parameters import Ending, RenderMode
+from taskspec.task.parts import Ending, RenderMode
 from taskspec.task.spaces import space
 from taskspec.task.task import Task, TaskLike
 

@@ -85,7 +85,7 @@ def _document(document: Document, names: Collection[str]) -> Document:
 
 def _sections(data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
     """Return the sections of a spec without some, and with a reward of 0 if that is one of them."""
-    found = _without(data, names)
+    found: dict[str, Any] = _without(data, names)
     if "reward" in names:
         found["reward"] = 0
     return found

@@ -298,7 +298,7 @@ def _exam(
     seeds = list(dict.fromkeys(seed for p in plan for seed in p.trial.seeds))
     cost: dict[str, float] = {}
     for name in ("steps", "demonstrations", "comparisons", "seconds"):
-        cost[name] = float(sum(s[name] or 0 for s in scores))  # type: ignore[literal-required]
+        cost[name] = float(sum(s[name] or 0 for s in scores))
     where = machine()
     return Exam(
         exam=FORMAT, learner=who.name, learns_from=list(who.learns_from), suite=suite, steps=terms.steps,

@@ -108,7 +108,7 @@ def page(exam: Mapping[str, Any]) -> str:
         "report.html", learner=exam["learner"], suite=exam["suite"], headline=score_rows.headline(exam),
         finding=score_rows.finding(exam),
         verdicts=[_verdict(name, verdict) for name, verdict in exam["verdicts"].items()],
-        rows=[_row(row, scores) for row in rows], axis=_picture(score_charts.strip_head(scores), "strip axis"),
+        rows=[_row(row, scores) for row in rows], axis=_embedded(score_charts.strip_head(scores), "strip axis"),
         curves=[_curves(row) for row in rows if row.curves],
         diagnoses=[each | {key: _code(each[key]) for key in ("message", "cause", "try")} for each in exam["diagnoses"]],
         flags=[flag | {"task": score_rows.named(flag["task"]), "size": _size(flag)} for flag in exam["flags"]],
@@ -131,7 +131,7 @@ def _mean(found: Mapping[str, Any]) -> str:
     return score_rows.decimal(found["mean"]) + (f", 95 % from {interval}" if interval else "")
 
 
-def _picture(scene: Scene, kind: str) -> Markup:
+def _embedded(scene: Scene, kind: str) -> Markup:
     return Markup(svg(scene, css=True, kind=kind))
 
 
@@ -139,7 +139,7 @@ def _curves(row: TaskRow) -> dict[str, Any]:
     last = max(x for curve in row.curves for x, _ in curve)
     return {
         "name": row.name,
-        "picture": _picture(score_charts.small_curves(row), "curves"),
+        "picture": _embedded(score_charts.small_curves(row), "curves"),
         "steps": score_rows.steps(last),
     }
 
@@ -147,7 +147,7 @@ def _curves(row: TaskRow) -> dict[str, Any]:
 def _row(row: TaskRow, scores: Scale) -> dict[str, Any]:
     constant = SeedCell(() if row.constant is None else (row.constant,))
     cells = (("printed", row.printed), ("twins", row.twins), ("drawn", row.drawn), ("constant", constant))
-    picture = _picture(score_charts.strip(row, scores), "strip")
+    picture = _embedded(score_charts.strip(row, scores), "strip")
     return {
         "name": row.name, "grade": row.grade, "sign": score_rows.SIGNS[row.grade] if row.grade else "",
         "picture": picture, "capability": row.capability, "cells": [_cell(name, cell) for name, cell in cells],

@@ -17,7 +17,7 @@ from taskspec.base.files import safe_name, write_text
 from taskspec.learners import BUILT_IN, FAMILIES
 from taskspec.source.document import json_span
 from taskspec.task.schema.check import shape_problem
-from taskspec.task.schema.problems import Problem
+from taskspec.task.schema.values import Problem
 
 FORMAT = 1
 NAME = "exam.json"

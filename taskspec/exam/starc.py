@@ -107,7 +107,7 @@ class RewardMdp:
         """For each step the states (S,) that running episodes may be in; without a horizon, those of all steps in one."""
         model = self.model
         here = model.p0 > 0
-        found = []
+        found: list[Array] = []
         step = (model.going.T > 0).astype(np.float64)
         while len(found) != model.horizon:
             found.append(here & ~model.absorbed)

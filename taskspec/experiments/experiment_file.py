@@ -16,7 +16,7 @@ from taskspec.registry import tasks_root
 from taskspec.scores.difficulty import MEASURES
 from taskspec.source import Document, read_file
 from taskspec.source import Path as Place
-from taskspec.task.schema.experiments import Experiment, check_experiment
+from taskspec.task.schema.experiments import Experiment, check_document
 
 RETURNS = ("optimal", "expert", "random", "worst")
 COLUMNS = (
@@ -69,7 +69,7 @@ def described(document: Document) -> ExperimentFile:
     Raises:
         SpecError: with every mistake in its shape.
     """
-    found, problems = check_experiment(document)
+    found, problems = check_document(document, Experiment)
     if found is None:
         raise SpecError(problems)
     return ExperimentFile(found, document)

@@ -16,6 +16,7 @@ from taskspec.exact import Model
 from taskspec.figures.states import State, reads_of
 from taskspec.registry import load
 from taskspec.solve import plans, solve
+from taskspec.solve.backward import Plan
 from taskspec.task.task import Task, TaskLike
 
 PARTS = ("values", "policy", "occupancy")
@@ -152,7 +153,7 @@ class _Known:
         return {code: often / most for code, often in self.visits.items()}
 
     @cached_property
-    def acting(self) -> tuple[Model, plans.Plan] | None:
+    def acting(self) -> tuple[Model, Plan] | None:
         """The plan of the expert, or of an optimal policy if there is none, and its model.
 
         They are those of the task with the memory of an expert that has one. None where the expert has no plan on a model.

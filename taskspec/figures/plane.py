@@ -139,7 +139,9 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     if len(task.action) == 1 and task.action[0].domain is not None:
         labels = task.action[0].domain.labels
         action = f"the action {labels[len(labels) // 2]}"
-    notes = (f"Arrows: where a step leads with {action}, drawn longer than it is. Dot: a first state.",)
+    notes: tuple[str, ...] = (
+        f"Arrows: where a step leads with {action}, drawn longer than it is. Dot: a first state.",
+    )
     if len(dots) > 1:
         notes += ("Line: an episode of the expert.",)
     return fitted(items, f"Phase portrait of {task.name}", notes, state=path[0])

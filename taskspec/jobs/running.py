@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need
-from taskspec.jobs.store import Job, JobResult, Store
+from taskspec.jobs.store import Job, JobResult, Status, Store
 from taskspec.jobs.work import GRACE, Ending, late, pack
 
 DEATHS = 2
@@ -175,7 +175,7 @@ class _Run:
     seconds: float | None
     progress: Listener | None
     total: int
-    statuses: Counter[str]
+    statuses: Counter[Status]
     attempts: Counter[str]
     deaths: Counter[str] = field(default_factory=Counter)
     suspects: list[Job] = field(default_factory=list)
@@ -430,7 +430,7 @@ def _cluster(address: str) -> Iterator[_Site]:
             threads = client.nthreads()
         except OSError as error:
             raise _no_cluster(f"the cluster at {address!r} does not answer any more: {error}") from error
-        return AHEAD * max(1, sum(threads.values()))
+        return AHEAD * max(1, sum(int(count) for count in threads.values()))
 
     with _quiet(), client, client.get_executor(pure=False) as executor:
         try:

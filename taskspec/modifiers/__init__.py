@@ -1,18 +1,266 @@
-"""Modifiers: difficulty that any task can be given without editing it. Each is one function from tasks to tasks, in one table."""
+"""Modifiers: functions from tasks to tasks, one entry of a table each; and the texts and mappings that name them."""
 
 from __future__ import annotations
 
-from taskspec.modifiers.apply import MODIFIERS as MODIFIERS
-from taskspec.modifiers.apply import Written as Written
-from taskspec.modifiers.apply import is_as_written as is_as_written
-from taskspec.modifiers.apply import keeps_observers as keeps_observers
-from taskspec.modifiers.apply import modifier as modifier
-from taskspec.modifiers.apply import modify as modify
-from taskspec.modifiers.apply import sentences as sentences
-from taskspec.modifiers.apply import stand_in as stand_in
-from taskspec.modifiers.apply import with_options as with_options
+import copyreg
+import hashlib
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any, NoReturn, TypeAlias
+
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.lang.types import Refused
+from taskspec.modifiers import actions, observations, rewards, symmetries
+from taskspec.modifiers.entry import KEPT, Arguments, Inapplicable
 from taskspec.modifiers.entry import ModifierArgument as ModifierArgument
 from taskspec.modifiers.entry import ModifierEntry as ModifierEntry
-from taskspec.task.task import Modifier as Modifier
+from taskspec.source import Packed, packed, unpacked
+from taskspec.task.build import build, reduce_task
+from taskspec.task.parts import Ending
+from taskspec.task.task import Modifier, Task
 
 __all__ = ["MODIFIERS", "Modifier", "modify"]
+
+MODIFIERS: dict[str, ModifierEntry] = {
+    entry.name: entry
+    for entry in (*actions.TABLE, *observations.TABLE, *symmetries.TABLE, *rewards.TABLE, *actions.EPISODE_TABLE)
+}
+"""Every modifier by its name: what `modifiers=` and `-m` take."""
+
+
+# Modifiers as people write them: texts as on the command line, mappings as in YAML; and messages about wrong ones.
+
+Written: TypeAlias = str | Mapping[str, Any] | Modifier
+"""A modifier as people write it: `"sticky=0.25"`, `{"distractors": {"count": 3}}`, or one that was read before."""
+_NAMED = re.compile(r"([a-z_]+)=(?!=)(.*)", re.DOTALL)
+_FIRST = ""
+"""Stands for the name of the first argument."""
+
+
+def modifier(written: Written) -> Modifier:
+    """Return a modifier with all that it was given: its first argument, and others where they differ from their defaults.
+
+    Raises:
+        SpecError: E718 for one that does not exist, E719 for its arguments.
+    """
+    name, given = _taken_apart(written)
+    entry = MODIFIERS.get(name)
+    if entry is None:
+        hint = suggest(name, MODIFIERS) or f"there are {', '.join(MODIFIERS)}"
+        raise SpecError([Diagnostic("E718", None, f"there is no modifier '{name}'", hint)])
+    return Modifier(name, tuple(_bound(entry, given)))
+
+
+def arguments(entry: ModifierEntry, bound: Modifier) -> dict[str, Any]:
+    """Return all arguments of a modifier that was read."""
+    return {a.name: a.default for a in entry.arguments} | dict(bound.arguments)
+
+
+def _open(text: str) -> bool:
+    """Return whether a text has brackets that are not closed."""
+    return sum(text.count(c) for c in "([{") > sum(text.count(c) for c in ")]}")
+
+
+def _taken_apart(written: Written) -> tuple[str, dict[str, Any]]:
+    """Return name and arguments."""
+    match written:
+        case Modifier():
+            return written.name, dict(written.arguments)
+        case str():
+            name, sign, rest = written.partition("=")
+            return name.strip(), dict(_texts(written, rest)) if sign else {}
+        case Mapping() if len(written) == 1:
+            ((name, value),) = written.items()
+            given = {} if value is None else dict(value) if isinstance(value, Mapping) else {_FIRST: value}
+            return str(name), given
+        case _:
+            hint = 'for example "sticky=0.25" or {"sticky": 0.25}'
+            raise SpecError([Diagnostic("E718", None, f"this is not a modifier: {written!r}", hint)])
+
+
+def _texts(written: str, rest: str) -> Iterator[tuple[str, str]]:
+    """Yield the arguments of a text, by name."""
+    for i, part in enumerate(_split(rest)):
+        named = _NAMED.fullmatch(part.strip())
+        if named is None and i:
+            _refuse(written, f"'{part.strip()}' is not of the form name=value")
+        yield (_FIRST, part) if named is None else (named[1], named[2])
+
+
+def _split(text: str) -> list[str]:
+    """Return parts between the commas that stand outside of brackets."""
+    found: list[str] = []
+    for part in text.split(","):
+        if found and _open(found[-1]):
+            found[-1] += f",{part}"
+        else:
+            found.append(part)
+    return found
+
+
+def _bound(entry: ModifierEntry, given: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield the arguments that are kept, in the order of the table."""
+    names = [a.name for a in entry.arguments]
+    if _FIRST in given and not names:
+        _refuse(entry.name, "it has no arguments")
+    given = {name or names[0]: value for name, value in given.items()}
+    for name in given:
+        if name not in names:
+            known = f"it has {', '.join(names)}" if names else "it has no arguments"
+            _refuse(entry.name, f"it has no argument '{name}'", suggest(str(name), names) or known)
+    for i, argument in enumerate(entry.arguments):
+        if argument.name not in given and argument.default is None:
+            _refuse(entry.name, f"'{argument.name}' is missing: {argument.doc}", f"it is {argument.range}")
+        value = _read(entry, argument, given.get(argument.name, argument.default))
+        if i == 0 or value != argument.default:
+            yield argument.name, value
+
+
+def _read(entry: ModifierEntry, argument: ModifierArgument, value: Any) -> Any:
+    try:
+        return argument.read(value)
+    except ValueError as error:
+        _refuse(entry.name, f"'{argument.name}' is {error}, not {value!r}")
+
+
+def _refuse(name: str, message: str, hint: str | None = None) -> NoReturn:
+    raise SpecError([Diagnostic("E719", None, f"the modifier {name}: {message}", hint)])
+
+
+# Tasks with modifiers.
+
+
+def modify(task: Task, *modifiers: Written) -> Task:
+    """Return the task with modifiers, one after the other.
+
+    Args:
+        task: the task; `taskspec.load(id, modifiers=[...])` is the same of an id or a path.
+        *modifiers: texts as on the command line (`"distractors=3,kind=normal"`), mappings as in YAML
+            (`{"distractors": {"count": 3, "kind": "normal"}}`, `{"sticky": 0.25}`), or those of another task (`Task.modifiers`).
+
+    An expert that is written out stays where the best policies do; one that is planned is planned for the changed task. Claims
+    and examples are about the task as written, and go, except with `absorbing` and `time_observed`.
+
+    Raises:
+        SpecError: E718 for an unknown modifier, E719 for wrong arguments, E720 for one that the task cannot be given.
+    """
+    if not isinstance(task, Task):
+        raise SpecError([Diagnostic("E701", None, f"`modify` takes a task, not {task!r}", "`taskspec.load` gives one")])
+    for written in modifiers:
+        task = _modified(task, modifier(written))
+    return task
+
+
+def with_options(task: Task, ending: Ending, observe_time: bool) -> Task:
+    """Return the task with the modifiers that options of environments stand for."""
+    asked = {"absorbing": ending == "absorb", "time_observed": observe_time}
+    return modify(task, *(name for name, wanted in asked.items() if wanted))
+
+
+def is_as_written(task: Task) -> bool:
+    """Return whether what a spec says about its task (claims, examples, accepted warnings) is about this one, too."""
+    return all(MODIFIERS[m.name].claims for m in task.modifiers)
+
+
+def keeps_observers(task: Task, *modifiers: Written) -> bool:
+    """Return whether modifiers keep the returns of those who see the observations of a task alone, too, as the table says it.
+
+    Raises:
+        SpecError: as `modify` does.
+    """
+    for written in modifiers:
+        given = modifier(written)
+        entry = MODIFIERS[given.name]
+        if not entry.keeps_observers(task, arguments(entry, given)):
+            return False
+        task = _modified(task, given)
+    return True
+
+
+def stand_in(task: Task, unmodified: Task) -> Task | None:
+    """Return the finite stand-in of a task from that of the task as written; None where modifiers leave it none."""
+    entries = [(m, MODIFIERS[m.name]) for m in task.modifiers]
+    ways = [(m, entry.abstraction(arguments(entry, m))) for m, entry in entries]
+    if any(way == "lost" for _, way in ways):
+        return None
+    return modify(unmodified, *(m for m, way in ways if way == "modified as well"))
+
+
+def sentences(task: Task) -> Iterator[tuple[Modifier, str]]:
+    """Yield what each modifier of a task does, in Markdown with mathematics."""
+    before = task.unmodified
+    for each in task.modifiers:
+        entry = MODIFIERS[each.name]
+        yield each, entry.says(before, arguments(entry, each))
+        before = _modified(before, each)
+
+
+def _modified(task: Task, given: Modifier) -> Task:
+    entry = MODIFIERS[given.name]
+    values = arguments(entry, given)
+    _check_time_limit(task, given, entry)
+    try:
+        changed = entry.change(task.new_builder(), task, values)
+    except Inapplicable as found:
+        raise _inapplicable(task, given, found.reason, found.hint) from None
+    except Refused as refused:  # a limit of vectors or of ints
+        raise _inapplicable(task, given, refused.message, refused.hint) from None
+    if changed is task:  # it was as the modifier makes it
+        return task
+    changed = _about(task, changed, entry, values)
+    return replace(
+        changed,
+        modifiers=(*task.modifiers, given),
+        written_as=task.unmodified,
+        content_hash=hashlib.sha256(f"{task.content_hash}+{given}".encode()).hexdigest(),
+    )
+
+
+def _check_time_limit(task: Task, given: Modifier, entry: ModifierEntry) -> None:
+    """Refuse to change a horizon that another modifier has read.
+
+    Raises:
+        SpecError: E720.
+    """
+    if entry.time_limit != "changed":
+        return
+    for earlier in task.modifiers:
+        if MODIFIERS[earlier.name].time_limit == "read":
+            reason = f"'{earlier}' depends on when episodes end"
+            raise _inapplicable(task, given, reason, "give the horizon before other modifiers")
+
+
+def _about(task: Task, changed: Task, entry: ModifierEntry, values: Arguments) -> Task:
+    """Return the changed task without what is true of the other one only."""
+    if entry.claims:
+        return changed
+    stays = KEPT.index(entry.kept(task, values)) <= KEPT.index("best policies")
+    expert = changed.expert if stays or not isinstance(changed.expert, tuple) else None
+    return replace(changed, claims=(), examples=(), expert=expert, memory=changed.memory if stays else None)
+
+
+def _inapplicable(task: Task, given: Modifier, reason: str, hint: str | None) -> SpecError:
+    return SpecError([Diagnostic("E720", None, f"{task.id} cannot be given '{given}': {reason}", hint)])
+
+
+def _reduce(task: Task) -> tuple[Any, ...]:
+    """Return a pickled task, with its modifiers, which are applied again when it is built."""
+    if not task.modifiers:
+        return reduce_task(task)
+    return _unpickled, (packed(task.document), task.variant, task.values, task.suite, task.modifiers, task.remembers)
+
+
+def _unpickled(
+    pack: Packed,
+    variant: str | None,
+    values: dict[str, Any],
+    suite: str,
+    modifiers: tuple[Modifier, ...],
+    remembers: bool,
+) -> Task:
+    task = modify(build(unpacked(pack), variant, values, suite), *modifiers)
+    return task.remembering() if remembers else task
+
+
+copyreg.pickle(Task, _reduce)  # in the place of what `build` registers for tasks without modifiers

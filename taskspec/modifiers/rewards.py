@@ -15,7 +15,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Const, Node, Role, reads
 from taskspec.lang.parse import parse
-from taskspec.lang.scope import Scope, Unavailable
+from taskspec.lang.scope import Unavailable
 from taskspec.lang.types import INT, REAL, Kind, Refused, Type
 from taskspec.modifiers.core import (
     AddedState,
@@ -46,8 +46,12 @@ def potential(b: Builder, task: Task, written: str) -> Node:
     collector = Collector()
     origin = Origin("potential", written)
     expr = parse(s.SourceText(written, lambda start, end: Span(origin, 1, start + 1, 1, end + 1)))
+    names = ["t", *(c.name for c in task.action)]
+    hidden = {name: Unavailable("E302", f"'{name}' cannot be used in a potential") for name in names}
+    scope = task.surface.scopes[SCOPE].child(dict(hidden))
+    scope.draws = "a potential is a function of the state"
     try:
-        node = Checker(b, collector).numeric(expr, _scope(task))
+        node = Checker(b, collector).numeric(expr, scope)
     except Refused as refused:
         raise SpecError([Diagnostic(refused.code, expr.place.span, refused.message, refused.hint)]) from None
     finally:
@@ -61,17 +65,6 @@ def potential(b: Builder, task: Task, written: str) -> Node:
             [Diagnostic("E302", expr.place.span, "a potential depends on the state alone, not on the time")]
         )
     return b.cast(node, Kind.REAL)
-
-
-def _scope(task: Task) -> Scope:
-    hidden = {name: Unavailable("E302", f"'{name}' cannot be used in a potential") for name in _beside(task)}
-    inner = task.surface.scopes[SCOPE].child(dict(hidden))
-    inner.draws = "a potential is a function of the state"
-    return inner
-
-
-def _beside(task: Task) -> list[str]:
-    return ["t", *(c.name for c in task.action)]
 
 
 # Rewards that are paid later: after some steps, or when the episode ends.

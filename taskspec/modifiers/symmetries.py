@@ -44,12 +44,9 @@ def values(b: Builder, root: Node) -> Values:
     """Return the constants that a number may come to; None where there may be others, or too many."""
     known: dict[int, Values] = {}
     for node in walk([root]):
-        known[id(node)] = _few(_values(b, node, [known[id(c)] for c in children(node)]))
+        found = _values(b, node, [known[id(c)] for c in children(node)])
+        known[id(node)] = found if found is not None and len(found) <= MOST_VALUES else None
     return known[id(root)]
-
-
-def _few(found: Values) -> Values:
-    return found if found is not None and len(found) <= MOST_VALUES else None
 
 
 def _values(b: Builder, node: Node, args: list[Values]) -> Values:
@@ -70,13 +67,9 @@ def _values(b: Builder, node: Node, args: list[Values]) -> Values:
 def _union(args: list[Values], b: Builder, node: Node) -> Values:
     if any(a is None for a in args):
         return _within_bounds(b, node)
-    return frozenset(_of_kind(b, v, node.type.kind) for a in args if a is not None for v in a)
-
-
-def _of_kind(b: Builder, value: Const, kind: Kind) -> Const:
-    found = b.cast(value, kind)
-    assert isinstance(found, Const)
-    return found
+    kind = node.type.kind
+    found = [b.cast(value, kind) for values in args if values is not None for value in values]
+    return frozenset(value for value in found if isinstance(value, Const))
 
 
 def _worked_out(b: Builder, op: str, args: list[Values]) -> Values:

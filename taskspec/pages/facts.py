@@ -169,7 +169,9 @@ def _estimate(value: Value) -> m.Math:
 
 def number(value: Value) -> m.Math:
     """Return a number for people: short decimals and small fractions exactly, anything else to six digits."""
-    size = abs(value)
+    size = value
+    if value < 0:
+        size = -value
     if isinstance(size, float) and math.isfinite(size):
         small = Fraction(size).limit_denominator(999)
         if abs(float(small) - size) <= 1e-13 * max(1.0, size):  # which it equals up to rounding

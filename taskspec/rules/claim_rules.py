@@ -165,7 +165,9 @@ def rule_named(expr: s.Expr | None, results: Results, number: Callable[[s.Expr],
                 return Greedy(value)
             if not 1e-9 <= value <= 1e9:
                 raise InvalidClaim("beta is a number between 1e-9 and 1e9", argument)
-            return {"soft": Boltzmann, "maxent": MaxEnt}[name](float(value))
+            if name == "soft":
+                return Boltzmann(float(value))
+            return MaxEnt(float(value))
         case _:
             names = ", ".join(w.written.split(", ")[0] for w in MODELS.values())
             raise InvalidClaim(f"a decision model is one of {names}", expr)

@@ -271,6 +271,7 @@ class _Trial:
         task = self.task
         name = follows.name
         entry: tuple[Sequence[Component], Sequence[Node], str]
+        nodes: Sequence[Node]
         match follows.section:
             case "initial":
                 entry = (task.state, task.initial, f"the first {name}")

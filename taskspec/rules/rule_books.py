@@ -21,8 +21,7 @@ from taskspec.task.schema.experiments import (
     ExamDocument,
     FindingEntry,
     FindingsDocument,
-    check_exam,
-    check_findings,
+    check_document,
 )
 
 EXAM = "exam.yaml"
@@ -56,7 +55,7 @@ def read_exam(path: str | os.PathLike[str]) -> RuleBook:
     Raises:
         SpecError: with every mistake in it, each at its place.
     """
-    return _read(Path(path), check_exam, "diagnoses", "when")
+    return _read(Path(path), ExamDocument, "diagnoses", "when")
 
 
 def read_findings(path: str | os.PathLike[str]) -> RuleBook:
@@ -65,7 +64,7 @@ def read_findings(path: str | os.PathLike[str]) -> RuleBook:
     Raises:
         SpecError: with every mistake in it, each at its place.
     """
-    return _read(Path(path), check_findings, "entries", "holds")
+    return _read(Path(path), FindingsDocument, "entries", "holds")
 
 
 def file_of(suite: str | os.PathLike[str], name: str) -> Path | None:
@@ -74,9 +73,9 @@ def file_of(suite: str | os.PathLike[str], name: str) -> Path | None:
     return next((path for path in places if path.is_file()), None)
 
 
-def _read(path: Path, check: Any, section: str, key: str) -> RuleBook:
+def _read(path: Path, model: type[ExamDocument | FindingsDocument], section: str, key: str) -> RuleBook:
     document = read_file(path)
-    described, diagnostics = check(document)
+    described, diagnostics = check_document(document, model)
     if described is None:
         raise SpecError(diagnostics)
     reader = _RuleReader(document, Collector())

@@ -244,7 +244,7 @@ def _drawn(task: Task, section: str, roots: Sequence[Node]) -> list[Check]:
     """Return checks of the parameters of distributions in a section."""
     if not draws(roots):
         return []
-    found = []
+    found: list[Check] = []
     where = SectionScope(task, section)
     for name, expr in entries(task, section):
         for written in distributions(expr, where):

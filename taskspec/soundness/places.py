@@ -41,8 +41,10 @@ class SectionScope:
         if known is not None:
             return known
         scope = self.task.surface.scopes.get(self.name)
+        if scope is None:
+            return None
         try:
-            return scope and Checker(self.builder, Collector()).check(expr, scope, want)
+            return Checker(self.builder, Collector()).check(expr, scope, want)
         except Refused:
             return None
 

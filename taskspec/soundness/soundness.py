@@ -262,10 +262,10 @@ def _ends(p: Parameter) -> list[Any]:
         if p.high is not None:
             high = min(high, p.high)
         return sorted({int(low), int(high)})
-    far = 4 * abs(float(p.default)) + 1
+    reach = 4 * abs(float(p.default)) + 1
     ends = []
     if p.low is not None:
-        ends.append(max(float(p.low), float(p.default) - far))
+        ends.append(max(float(p.low), float(p.default) - reach))
     if p.high is not None:
-        ends.append(min(float(p.high), float(p.default) + far))
+        ends.append(min(float(p.high), float(p.default) + reach))
     return sorted(ends)

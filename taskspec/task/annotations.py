@@ -15,7 +15,7 @@ from taskspec.lang.ir import Const, Node, Role, reads
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import INT_MAX, Kind
 from taskspec.source import Path
-from taskspec.task import parameters
+from taskspec.task import parts as parameters
 from taskspec.task.context import Context
 from taskspec.task.names import Names
 from taskspec.task.parts import FIGURE_KINDS, Component, ExpertMemory, Observation, Symmetry

@@ -23,7 +23,7 @@ from taskspec.task.annotations import figure, read_examples, remembered, symmetr
 from taskspec.task.context import Context
 from taskspec.task.merge import Merged, abstracted, merge, stripped
 from taskspec.task.names import Names, check_names, signature
-from taskspec.task.parameters import Varying
+from taskspec.task.parts import Varying
 from taskspec.task.task import Parameter, Task
 
 SEMANTIC = (
@@ -54,8 +54,14 @@ def build(
     values = parameters or {}
     if not well_formed:
         _check_form(document, variant)
+    given = tuple((name, value, _kind(value)) for name, value in values.items())
     try:
-        return _built_once(document, variant, values, suite)
+        hash(given)
+        built = _built
+    except TypeError:  # a list, say: no parameter takes one, and the build says so
+        built = _built.__wrapped__
+    try:
+        return built(document, variant, given, suite, limits())
     except Exception:
         if well_formed:
             _check_form(document, variant)
@@ -68,15 +74,6 @@ def _check_form(document: Document, variant: str | None) -> None:
 
     raise_if_errors(check_shape(document))
     validated(merge(document, variant))
-
-
-def _built_once(document: Document, variant: str | None, parameters: Mapping[str, Any], suite: str) -> Task:
-    given = tuple((name, value, _kind(value)) for name, value in parameters.items())
-    try:
-        hash(given)
-    except TypeError:  # a list, say: no parameter takes one, and the build says so
-        return _built.__wrapped__(document, variant, given, suite, limits())
-    return _built(document, variant, given, suite, limits())
 
 
 def _kind(value: Any) -> tuple[str, float]:

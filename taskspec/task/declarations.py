@@ -18,7 +18,7 @@ from taskspec.lang.types import BOOL, INT, INT_WIDEST, Domain, Kind, Refused, Ty
 from taskspec.lang.variates import WordLayout, sampler
 from taskspec.source import Path
 from taskspec.task.context import Context, poison
-from taskspec.task.parameters import Varying, article, brief, convert
+from taskspec.task.parts import Varying, article, brief, convert
 from taskspec.task.task import Component, Parameter
 
 OPTIONS = frozenset({"task", "path", "variant", "render_mode", "ending", "observe_time", "modifiers", "num_envs",

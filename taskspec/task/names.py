@@ -19,7 +19,7 @@ from taskspec.lang.types import Kind, Type
 from taskspec.source import Path
 from taskspec.task.context import Context, poison
 from taskspec.task.merge import Merged
-from taskspec.task.parameters import article
+from taskspec.task.parts import article
 from taskspec.task.reach import kept
 
 PRIMED = ("dynamics", "reward", "terminal")

@@ -18,6 +18,11 @@ _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 def record(task: Task) -> dict[str, Any]:
     """Return a task as plain data."""
     spec = task.spec
+    expert: str | None = "expression"
+    if task.expert is None or isinstance(task.expert, str):
+        expert = task.expert
+    elif isinstance(task.expert, Soft):
+        expert = f"soft({task.expert.beta:g})"
     return {
         "id": task.id,
         "name": task.name,
@@ -38,7 +43,7 @@ def record(task: Task) -> dict[str, Any]:
         "action_space": space(task.action_layout),
         "horizon": task.horizon,
         "discount": task.discount,
-        "expert": expert_kind(task),
+        "expert": expert,
         "content_hash": task.content_hash,
     }
 
@@ -66,16 +71,6 @@ def component(c: Component) -> dict[str, Any]:
 def _bound(values: Sequence[float]) -> Any:
     """Return the bounds of a component, or one number where all elements share it."""
     return values[0] if len(set(values)) == 1 else list(values)
-
-
-def expert_kind(task: Task) -> str | None:
-    match task.expert:
-        case None | "optimal":
-            return task.expert
-        case Soft(beta=beta):
-            return f"soft({beta:g})"
-        case _:
-            return "expression"
 
 
 def count(components: Sequence[Component]) -> int | None:

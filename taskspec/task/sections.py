@@ -13,7 +13,8 @@ from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Lazy, Poisoned, Scope, Value
 from taskspec.lang.types import Kind, Type
 from taskspec.source import Path
-from taskspec.task import declarations, parameters
+from taskspec.task import declarations
+from taskspec.task import parts as parameters
 from taskspec.task.context import Context, poison
 from taskspec.task.names import Names
 from taskspec.task.reach import Observed, kept, reach, saturated, too_wide, widest

@@ -18,11 +18,11 @@ from taskspec.lang.types import Kind
 from taskspec.lang.variates import WordLayout
 from taskspec.source import Document
 from taskspec.task.merge import Merged
-from taskspec.task.parameters import Ending
 from taskspec.task.parts import COUNTABLE as COUNTABLE
 from taskspec.task.parts import FINITE_SPACES as FINITE_SPACES
 from taskspec.task.parts import Claim as Claim
 from taskspec.task.parts import Component as Component
+from taskspec.task.parts import Ending
 from taskspec.task.parts import Example as Example
 from taskspec.task.parts import ExpertMemory as ExpertMemory
 from taskspec.task.parts import Figure as Figure

@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.making import register_shipped
 from taskspec.registry import entries, task_ids
 from taskspec.task.spaces import pack, unpack
 from taskspec.task.task import FINITE_SPACES, Task
@@ -154,7 +153,6 @@ def test_copies_go_on_alike(case: tuple[str, str | None]) -> None:
 
 @pytest.mark.parametrize("task_id", [i for i in task_ids() if "eals" not in i])  # whose spaces have no bounds
 def test_gymnasium_accepts_the_environment(task_id: str) -> None:
-    register_shipped()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         env = gym.make(task_id)

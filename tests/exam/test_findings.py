@@ -18,7 +18,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.exam.findings import evaluate, html, markdown
 from taskspec.exam.results import LIMIT
 from taskspec.rules.rule_books import read_findings
-from taskspec.task.schema.experiments import findings_schema
+from taskspec.task.schema.experiments import FindingsDocument, document_schema
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, exam
 
@@ -211,7 +211,7 @@ def test_the_file_is_checked_and_its_schema_takes_it(tmp_path: Path) -> None:
     assert Done("check", SUITE / "findings.yaml", "--json").data["findings"][0]["findings"] == 35
     data = yaml.safe_load((SUITE / "findings.yaml").read_text(encoding="utf-8"))
     schema = json.loads(Done("schema", "--findings").out)
-    assert schema == findings_schema()
+    assert schema == document_schema(FindingsDocument)
     jsonschema.Draft202012Validator(schema).validate(data)
 
 

@@ -16,7 +16,7 @@ import taskspec
 from taskspec import experiments
 from taskspec.base.diagnostics import SpecError
 from taskspec.experiments.experiment_file import shipped
-from taskspec.task.schema.experiments import experiment_schema
+from taskspec.task.schema.experiments import Experiment, document_schema
 from tests.shared.commands import Done
 
 HEAD = "experiment: 1\nname: e\ntasks:\n"
@@ -274,7 +274,7 @@ def test_check_takes_files_folders_and_suites(tmp_path: Path) -> None:
 
 def test_the_schema_for_editors_takes_what_is_read(tmp_path: Path) -> None:
     schema = json.loads(Done("schema", "--experiment").out)
-    assert schema == experiment_schema()
+    assert schema == document_schema(Experiment)
     validator = jsonschema.Draft202012Validator(schema)
     for path in shipped().values():
         validator.validate(yaml.safe_load(path.read_text(encoding="utf-8")))

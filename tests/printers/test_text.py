@@ -16,7 +16,7 @@ from taskspec.lang.parse import parse
 from taskspec.printers.names import nowhere
 from taskspec.printers.text import text
 from taskspec.source import read
-from taskspec.task.forms import Forms
+from taskspec.task.context import Forms
 from taskspec.task.merge import merge
 from tests.shared.expression_data import data
 

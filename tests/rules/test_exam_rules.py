@@ -33,7 +33,7 @@ from taskspec.rules.score_rules import (
     SeedScores,
     check_rule,
 )
-from taskspec.task.schema.experiments import exam_schema
+from taskspec.task.schema.experiments import ExamDocument, document_schema
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, entry, exam
 
@@ -306,7 +306,7 @@ def test_an_exam_is_no_spec(tmp_path: Path) -> None:
 def test_the_schema_takes_what_is_taken_and_nothing_else() -> None:
     data = yaml.safe_load((SUITE / "exam.yaml").read_text(encoding="utf-8"))
     schema = json.loads(Done("schema", "--exam").out)
-    assert schema == exam_schema()
+    assert schema == document_schema(ExamDocument)
     jsonschema.Draft202012Validator(schema).validate(data)
     data["diagnoses"]["reversed"].pop("cause")
     with pytest.raises(jsonschema.ValidationError):

@@ -24,7 +24,7 @@ from taskspec import source
 from taskspec.base.diagnostics import SpecError
 from taskspec.cli.scaffold import SCAFFOLD
 from taskspec.task.schema.check import check_shape
-from taskspec.task.schema.experiments import experiment_schema
+from taskspec.task.schema.experiments import Experiment, document_schema
 from taskspec.task.schema.export import json_schema
 from tests.shared.specs import specs
 
@@ -82,7 +82,7 @@ def test_specs_on_the_pages_are_accepted(page: Path) -> None:
             continue
         data = yaml.safe_load(body)
         if "experiment" in data:
-            Draft202012Validator(experiment_schema()).validate(data)
+            Draft202012Validator(document_schema(Experiment)).validate(data)
             continue
         if "learner" in data:
             continue

@@ -15,9 +15,9 @@ from taskspec.base.limits import how_to_raise, limits
 from taskspec.source import Document, Path
 from taskspec.source.scan import EXTENDS
 from taskspec.task.merge import Merged, statement, variant_names
-from taskspec.task.schema import problems, typed
+from taskspec.task.schema import typed, values
 from taskspec.task.schema.models import CHANGES, FORMAT, LIST, Extension, Spec
-from taskspec.task.schema.problems import Problem, advice
+from taskspec.task.schema.values import Problem, advice
 
 # What belongs where pydantic found something else, by the type of its error.
 _EXPECTED = {
@@ -70,7 +70,7 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
             add_problem(collector, document, problem)
         validate(document, collector, Extension if EXTENDS in document.data else Spec)
     else:
-        message = f"a spec is a mapping of sections, not {problems.kind(document.data)}"
+        message = f"a spec is a mapping of sections, not {values.kind(document.data)}"
         collector.add("E201", document.span(()), message, "start it with `taskspec: 1`")
     return collector.diagnostics
 
@@ -130,7 +130,7 @@ def problems_of(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Probl
             yield _missing_key(loc)
         case "extra_forbidden":
             known = _keys_at(model, loc[:-1])
-            yield problems.unknown_key(str(loc[-1]), tuple(known)).below(*loc)
+            yield values.unknown_key(str(loc[-1]), tuple(known)).below(*loc)
         case "literal_error":
             yield _not_an_option(error["input"], error["ctx"]["expected"], loc[-1:]).below(*loc)
         case other:
@@ -158,22 +158,22 @@ def _not_an_option(value: object, expected: str, key: Path) -> Problem:
         if isinstance(value, str)
         else None
     )
-    message = f"{problems.kind(value)} is not one of {', '.join(options)}"
+    message = f"{values.kind(value)} is not one of {', '.join(options)}"
     return Problem("E218" if value is None else "E206", (), message, hint)
 
 
 def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
     value = error["input"]
     if error_type in _MAPPINGS:
-        problem = problems.wrong_kind("named entries (`name: ...`)", value, _entry_meant(error["loc"], value))
+        problem = values.wrong_kind("named entries (`name: ...`)", value, _entry_meant(error["loc"], value))
         return problem if value is None else problem._replace(code="E201")
     if error_type == "greater_than_equal":
         return Problem("E204", (), f"{value} is too small: at least {error['ctx']['ge']}")
     if expected := _EXPECTED.get(error_type):
         is_number = isinstance(value, int | float)
         hint = "put it in quotes" if expected == "text" and is_number else None
-        return problems.wrong_kind(expected, value, hint)
-    return Problem("E204", (), f"{problems.kind(value)} is not allowed here: {error['msg']}")
+        return values.wrong_kind(expected, value, hint)
+    return Problem("E204", (), f"{values.kind(value)} is not allowed here: {error['msg']}")
 
 
 def _entry_meant(loc: Path, value: Any) -> str | None:
@@ -259,32 +259,17 @@ def _bases(document: Document) -> Iterator[Problem]:
         there = {} if other is None or not isinstance(other.data, dict) else other.data.get("variants")
         if other is not None and isinstance(base, str) and base not in (there or {}):
             yield _unknown_variant(base, list(there or {})).below(*path, "base")
-    bases = {k: v.get("base") for k, v in entries.items() if EXTENDS not in v}
-    circular = _circles(bases)
+    bases = {k: str(v["base"]) for k, v in entries.items() if EXTENDS not in v and isinstance(v.get("base"), str)}
     for key, base in bases.items():
         path = ("variants", key, "base")
-        if isinstance(base, str) and base not in entries:
+        if base not in entries:
             yield _unknown_variant(base, list(entries)).below(*path)
-        elif key in circular:
-            yield Problem("E212", path, f"these variants are based on each other: {circular[key]}")
-
-
-def _circles(bases: dict[str, Any]) -> dict[str, str]:
-    """Variants that are based on themselves by way of others, each with the circle in words."""
-    found: dict[str, str] = {}
-    done: set[str] = set()
-    for start in bases:
-        way: list[str] = []
-        key: Any = start
-        while isinstance(key, str) and key in bases and key not in done:
-            done.add(key)
-            way.append(key)
-            key = bases[key]
-        if key in way:
-            circle = way[way.index(key) :]
-            turns = [circle[i:] + circle[: i + 1] for i in range(len(circle))]
-            found |= {turn[0]: " -> ".join(turn) for turn in turns}
-    return found
+        circle = [key]
+        while bases.get(circle[-1]) not in (None, *circle):
+            circle.append(bases[circle[-1]])
+        if bases.get(circle[-1]) == key:
+            message = f"these variants are based on each other: {' -> '.join([*circle, key])}"
+            yield Problem("E212", path, message)
 
 
 def _unknown_variant(name: str, variants: list[str]) -> Problem:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, TypeAlias, TypeVar
 
-from pydantic import Field, TypeAdapter, WithJsonSchema, model_validator
+from pydantic import BaseModel, Field, TypeAdapter, WithJsonSchema, model_validator
 
 from taskspec.base.diagnostics import Collector, Diagnostic
 from taskspec.source import Document
-from taskspec.task.schema import problems, values
-from taskspec.task.schema.check import add_problem, validate
+from taskspec.task.schema import values
+from taskspec.task.schema.check import OTHER_FORMATS, add_problem, validate
 from taskspec.task.schema.models import Source
-from taskspec.task.schema.problems import Problem, wrong_kind
 from taskspec.task.schema.typed import Name, Strict, checked, fail
+from taskspec.task.schema.values import Problem, wrong_kind
 
 FORMAT = 1
 """The version of the format that is read here."""
@@ -46,7 +46,7 @@ def _span(value: dict[str, Any]) -> Iterator[Problem]:
     if key not in SPANS or len(value) > 1:
         stray = next((name for name in value if name not in SPANS), None)
         if stray is not None:
-            yield problems.unknown_key(stray, tuple(SPANS)).below(stray)
+            yield values.unknown_key(stray, tuple(SPANS)).below(stray)
         else:
             yield wrong_kind("one of `range`, `logrange`, `uniform`, `loguniform`", value)
         return
@@ -193,23 +193,10 @@ class Experiment(Strict):
     plot: Plot = Field(default_factory=Plot, description="What the picture shows.")
 
 
-def check_experiment(document: Document) -> tuple[Experiment | None, tuple[Diagnostic, ...]]:
-    """Return the experiment that a document describes (None where its shape is wrong), and all that is wrong with it."""
-    return _checked(document, Experiment, "experiment", "an experiment")
-
-
-def experiment_schema() -> dict[str, Any]:
-    """Return the JSON Schema (2020-12) of an experiment."""
-    found = TypeAdapter(Experiment).json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found, "title": "taskspec experiment"}
-
-
 # The shape of what comes with a suite beside its specs: the diagnoses of its exam, and findings about several learners.
 
-EXAM_FORMAT = 1
-"""The version of both formats that is read here."""
 _TASKS = "Tasks of the exam, by name, in the order of reports; all of the suite unless given."
-Described = TypeVar("Described", "ExamDocument", "FindingsDocument")
+Described = TypeVar("Described", bound=BaseModel)
 
 
 class DiagnosisEntry(Strict):
@@ -279,43 +266,25 @@ class FindingsDocument(Strict):
     entries: dict[Name, FindingEntry] = Field(description="The findings, by name.")
 
 
-def check_exam(document: Document) -> tuple[ExamDocument | None, tuple[Diagnostic, ...]]:
-    """Return the exam that a document describes (None where its shape is wrong), and all that is wrong with it."""
-    return _checked(document, ExamDocument, "exam", "an exam")
-
-
-def check_findings(document: Document) -> tuple[FindingsDocument | None, tuple[Diagnostic, ...]]:
-    """Return the findings that a document lists (None where its shape is wrong), and all that is wrong with it."""
-    return _checked(document, FindingsDocument, "findings", "a list of findings")
-
-
-def _checked(
-    document: Document, model: type[Described], key: str, what: str
-) -> tuple[Described | None, tuple[Diagnostic, ...]]:
+def check_document(document: Document, model: type[Described]) -> tuple[Described | None, tuple[Diagnostic, ...]]:
+    """Return a document as an experiment, an exam or findings (None where it is neither), and what is wrong with it."""
+    key = next(iter(model.model_fields))
     collector = Collector()
     if not isinstance(document.data, dict):
-        message = f"{what} is a mapping of sections, not {problems.kind(document.data)}"
-        collector.add("E201", document.span(()), message, f"start it with `{key}: {EXAM_FORMAT}`")
+        message = f"{OTHER_FORMATS[key][0]} is a mapping of sections, not {values.kind(document.data)}"
+        collector.add("E201", document.span(()), message, f"start it with `{key}: {FORMAT}`")
         return None, collector.diagnostics
     found = validate(document, collector, model)
     version = document.data.get(key)
-    if isinstance(version, int) and version != EXAM_FORMAT:
-        hint = f"write `{key}: {EXAM_FORMAT}`"
-        add_problem(collector, document, Problem("E207", (key,), f"format {version} is not known here", hint))
+    if isinstance(version, int) and version != FORMAT:
+        message = f"format {version} is not known here"
+        add_problem(collector, document, Problem("E207", (key,), message, f"write `{key}: {FORMAT}`"))
         found = None
     return found, collector.diagnostics
 
 
-def exam_schema() -> dict[str, Any]:
-    """Return the JSON Schema (2020-12) of an exam."""
-    return _schema(ExamDocument, "taskspec exam")
-
-
-def findings_schema() -> dict[str, Any]:
-    """Return the JSON Schema (2020-12) of a list of findings."""
-    return _schema(FindingsDocument, "taskspec findings")
-
-
-def _schema(model: type[ExamDocument | FindingsDocument], title: str) -> dict[str, Any]:
+def document_schema(model: type[BaseModel]) -> dict[str, Any]:
+    """Return the JSON Schema (2020-12) of experiments, exams or findings."""
     found = TypeAdapter(model).json_schema(by_alias=True)
+    title = f"taskspec {next(iter(model.model_fields))}"
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found, "title": title}

@@ -12,8 +12,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_mo
 from pydantic.fields import FieldInfo
 
 from taskspec.task.parts import FIGURE_KINDS
-from taskspec.task.schema import problems
-from taskspec.task.schema.problems import Problem
+from taskspec.task.schema import values
 from taskspec.task.schema.typed import (
     ComponentEntry,
     Constant,
@@ -36,6 +35,7 @@ from taskspec.task.schema.typed import (
     Warned,
     fail,
 )
+from taskspec.task.schema.values import Problem
 
 FORMAT = 1
 """The version of the format that is read here."""
@@ -338,7 +338,7 @@ class PartialParameters(BaseModel):
 
     @model_validator(mode="after")
     def _check(self) -> PartialParameters:
-        fail([problem for key in self.__pydantic_extra__ for problem in problems.name(key, (key,))])
+        fail([problem for key in self.__pydantic_extra__ for problem in values.name(key, (key,))])
         return self
 
 

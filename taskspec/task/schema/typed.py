@@ -19,9 +19,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from taskspec.task.schema import problems, values
-from taskspec.task.schema.problems import Problem
-from taskspec.task.schema.values import Kind
+from taskspec.task.schema import values
+from taskspec.task.schema.values import Kind, Problem
 
 PROBLEMS = "taskspec_problems"
 FORM = "x-form"  # pydantic follows every `$ref` it meets, so forms are linked afterwards
@@ -84,7 +83,7 @@ PartialObservation: TypeAlias = Annotated[Any, checked(values.partial_observatio
 LETTER = r"A-Za-z\u0080-\uffff"
 MORE = "0-9_"
 """The characters of a name, for patterns: `\\w` is ASCII to an editor, so there every other character passes."""
-NAME = rf"(?!(?:{'|'.join(problems.WORDS)})(?![{LETTER}{MORE}]))[{LETTER}][{LETTER}{MORE}]*"
+NAME = rf"(?!(?:{'|'.join(values.WORDS)})(?![{LETTER}{MORE}]))[{LETTER}][{LETTER}{MORE}]*"
 NAMES: dict[str, dict[str, Any]] = {
     title: {"type": "string", "pattern": f"^{pattern}$", "patternErrorMessage": f"Not {what}."}
     for title, pattern, what in (
@@ -98,7 +97,7 @@ NAMES: dict[str, dict[str, Any]] = {
 
 Name: TypeAlias = Annotated[
     str,
-    AfterValidator(_checked(problems.name)),
+    AfterValidator(_checked(values.name)),
     WithJsonSchema(NAMES["Name"]),
 ]
 Primed: TypeAlias = Annotated[
@@ -247,7 +246,7 @@ def _default_problems(entry: ParameterEntry) -> Iterator[Problem]:
     is_odd_bool = isinstance(value, bool) and entry.type != "bool"
     is_formula = isinstance(value, str) and entry.type in ("int", "real")
     if is_odd_bool or not (isinstance(value, wanted) or is_formula):
-        yield Problem("E213", ("default",), f"{problems.kind(value)} is not of type {entry.type}")
+        yield Problem("E213", ("default",), f"{values.kind(value)} is not of type {entry.type}")
     elif entry.type == "choice" and value not in (entry.values or ()):
         yield Problem("E213", ("default",), f"`{value}` is not one of the values")
     elif _is_number(value):
@@ -281,5 +280,5 @@ class Parameters(BaseModel):
 
     @model_validator(mode="after")
     def _check(self) -> Parameters:
-        fail([problem for key in self.entries for problem in problems.name(key, (key,))])
+        fail([problem for key in self.entries for problem in values.name(key, (key,))])
         return self
