@@ -135,6 +135,7 @@ def _applied(
     leave = function.enter(expr)
     try:
         inner = function.scope.child(dict(zip(function.arguments, given, strict=True)))
+        inner.draws = NO_DRAWS
         return checker.value(function.body, inner, want)
     finally:
         leave()

@@ -248,7 +248,13 @@ HINTS: list[tuple[str, str, str, str, str | None]] = [
     ("all(p' == (0, 3))", "mood == happy", "E313", "happy", None),
     ("      cross: calm", "      happy: calm", "E313", "happy", None),
     ("by: [mood, move]", "by: [mood]", "E208", "{up: cross, else: calm}", "add to `by` what these rows look at"),
-    ("      calm: {up: cross, else: calm}", "      calm: {up: cross}", "E410", "calm", "add the row, or `else:`"),
+    (
+        "      calm: {up: cross, else: calm}",
+        "      calm: {up: cross}",
+        "E410",
+        "by: [mood, move]\n    rows:\n      calm: {up: cross}\n      cross: calm",
+        "add the row, or `else:`",
+    ),
     (
         "mood: calm\n",
         "mood: 1 / 2\n",
