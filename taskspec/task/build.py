@@ -6,7 +6,7 @@ import copyreg
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -57,7 +57,7 @@ def build(
     given = tuple((name, value, _kind(value)) for name, value in values.items())
     try:
         hash(given)
-        built = _built
+        built: Callable[..., Task] = _built
     except TypeError:  # a list, say: no parameter takes one, and the build says so
         built = _built.__wrapped__
     try:
