@@ -144,14 +144,10 @@ def _print_source(code: str) -> None:
 # -- explain ------------------------------------------------------------------------------------------------------
 
 
-def complete_codes(incomplete: str) -> options.Completions:
-    return options.starting(incomplete.upper(), [(code.code, code.title) for code in CODES.values()])
-
-
 CodeArgument = Annotated[
     str | None,
     typer.Argument(
-        metavar="[CODE]", help="A code or its name; lists all if omitted.", autocompletion=complete_codes,
+        metavar="[CODE]", help="A code or its name; lists all if omitted.",
         show_default=False,
     ),
 ]  # fmt: skip
