@@ -105,9 +105,6 @@ def docs(
 def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[list[Task], list[Diagnostic]]:
     """Return all tasks of ids, files and folders, and the instances of experiments that are named; and what is wrong with
     others.
-
-    Raises:
-        SpecError: for a target that does not exist.
     """
     from taskspec.experiments import expand, read
     from taskspec.registry import load

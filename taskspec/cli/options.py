@@ -25,11 +25,7 @@ def flowed(doc: str) -> str:
 
 
 def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:
-    """Return the value of an option.
-
-    Raises:
-        UsageError: when it is not one of those allowed.
-    """
+    """Return the value of an option."""
     if value not in allowed:
         listed = ", ".join(allowed)
         raise misuse(f"{name} is one of {listed}, not '{value}'", suggest(value, allowed))
@@ -42,11 +38,7 @@ def split_names(texts: Sequence[str] | None) -> list[str]:
 
 
 def checked_choices(option: str, texts: Sequence[str] | None, allowed: Sequence[str]) -> list[str]:
-    """Return the names in an option that may be repeated, or given with commas.
-
-    Raises:
-        UsageError: when one is not allowed.
-    """
+    """Return the names in an option that may be repeated, or given with commas."""
     return [checked_choice(option, name, allowed) for name in split_names(texts)]
 
 

@@ -117,9 +117,6 @@ def score(
 def read_returns(path: Path) -> list[float]:
     """Return returns of episodes from a file: a JSON list, or `returns` of a JSON object; or CSV, in the first column or
     in `r`.
-
-    Raises:
-        SpecError: E710, E711 when there is no such file, or no numbers in it.
     """
     if not path.exists():
         raise spec_error("E710", f"there is no file '{path}'")
