@@ -32,11 +32,7 @@ def misused(message: str, hint: str | None = None) -> NoReturn:
 
 
 def scipy_sparse() -> Any:
-    """`scipy.sparse`, imported on first use.
-
-    Raises:
-        SpecError: (E705) with the command that installs it.
-    """
+    """`scipy.sparse`, imported on first use."""
     return need("scipy.sparse", "exact", "an exact model")
 
 

@@ -45,10 +45,6 @@ def policy_value(results: Results, policy: Any, deterministic: bool | None = Non
         policy: a table over the states of the exact model (see `plan_of_table`), a function of the states and the time, an
             `Expert`, an object with `predict`, or a `TaskPolicy`.
         deterministic: passed to `predict`.
-
-    Raises:
-        SpecError: E706 for actions outside the action space, E712 where an exact model is needed and there is none, E713 for
-            anything else.
     """
     if is_table(policy):
         return _table_value(results, np.asarray(policy))
@@ -109,11 +105,7 @@ def _table_value(results: Results, table: Array) -> PolicyValue:
 
 
 def plan_of_table(model: Model, table: Array) -> Plan:
-    """Return the plan of a table: actions (S,) or (T, S), or probabilities (S, A) or (T, S, A).
-
-    Raises:
-        SpecError: E713 for another table.
-    """
+    """Return the plan of a table: actions (S,) or (T, S), or probabilities (S, A) or (T, S, A)."""
     a = model.n_actions
     n = model.n_states
     if table.dtype.kind in "iu" and table.shape[-1:] == (n,) and table.ndim <= 2 and table.shape != (n, a):
@@ -169,9 +161,6 @@ def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
         results: of the task.
         policy: an object with `predict` (and maybe `probabilities`), a function of the observation, or a table (see `_of_table`).
         seed: of what it draws.
-
-    Raises:
-        SpecError: E706 for actions outside the action space, E713 for anything that is not a policy.
     """
     if is_table(policy):
         return _of_table(results, np.asarray(policy), seed)

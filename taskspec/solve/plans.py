@@ -119,11 +119,7 @@ class MaxEnt(PlannedRule):
     is_rational: ClassVar[bool] = False
 
     def backup(self, numbers: Bounded) -> Callable[[int, Bound], Bound]:
-        """Return the function that gives log Z (A, S) at t from log Z (S,) at t + 1.
-
-        Raises:
-            SpecError: (E712) where such trajectories have no distribution that could be worked out.
-        """
+        """Return the function that gives log Z (A, S) at t from log Z (S,) at t + 1."""
         model = numbers.model
         if model.horizon is None:
             refuse("trajectories without a horizon have no maximum-entropy distribution", "give the task a horizon")
