@@ -13,12 +13,11 @@ import numpy as np
 from taskspec.base.diagnostics import Diagnostic, SpecError, raise_if_errors
 from taskspec.base.files import write_text
 from taskspec.figures import raster
-from taskspec.figures.marks import keyed
 from taskspec.figures.overlays import OVERLAYS as OVERLAYS
 from taskspec.figures.overlays import PARTS
 from taskspec.figures.overlays import Overlay as Overlay
 from taskspec.figures.overlays import overlay as overlay
-from taskspec.figures.scene import Label
+from taskspec.figures.scene import Label, keyed
 from taskspec.figures.scene import Scene as Scene
 from taskspec.figures.series import episode_series
 from taskspec.figures.states import not_drawn, state_table

@@ -11,9 +11,23 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.display import fixed
-from taskspec.figures.marks import HIGHLIGHTS, SIGNS, marked, sign, signed
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import Box, Color, Item, Label, Line, Scene, fitted, shifted, text_width
+from taskspec.figures.scene import (
+    HIGHLIGHTS,
+    SIGNS,
+    Box,
+    Color,
+    Item,
+    Label,
+    Line,
+    Scene,
+    fitted,
+    marked,
+    shifted,
+    sign,
+    signed,
+    text_width,
+)
 from taskspec.figures.states import State, at_state, at_states, expert_path, reads_of
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Read

@@ -10,8 +10,7 @@ from itertools import groupby
 
 import numpy as np
 
-from taskspec.figures.marks import ROLES, marked, sign
-from taskspec.figures.scene import BROAD, Box, Circle, Color, Item, Label, Line, Point, text_width
+from taskspec.figures.scene import BROAD, ROLES, Box, Circle, Color, Item, Label, Line, Point, marked, sign, text_width
 from taskspec.lang.ir import Role
 from taskspec.model.space import Space
 from taskspec.model.transitions import Steps

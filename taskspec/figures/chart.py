@@ -11,8 +11,7 @@ import numpy as np
 
 from taskspec.base.display import number
 from taskspec.figures import scene as sc
-from taskspec.figures.marks import signed
-from taskspec.figures.scene import Area, Box, Circle, Dash, Hex, Item, Label, Line, Paint, Point
+from taskspec.figures.scene import Area, Box, Circle, Dash, Hex, Item, Label, Line, Paint, Point, signed
 from taskspec.printers import tree as m
 
 SMALL = 0.25

@@ -8,10 +8,24 @@ from functools import lru_cache
 
 from taskspec.figures.layout import DOTS, DX, DY, Arc, Drawing, Vertex, drawings, ordered, whole
 from taskspec.figures.machine import Captions, Machine, explore
-from taskspec.figures.marks import RADIUS, chance, equal, marked, shape
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.route import ARROW, STATE, Spot, along, at_loop, beside, loops, placed, routed, stubs, ways
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Point, Scene, fitted, text_width
+from taskspec.figures.scene import (
+    RADIUS,
+    Box,
+    Circle,
+    Item,
+    Label,
+    Line,
+    Point,
+    Scene,
+    chance,
+    equal,
+    fitted,
+    marked,
+    shape,
+    text_width,
+)
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
 

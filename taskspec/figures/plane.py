@@ -13,9 +13,8 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.figures.board import central
 from taskspec.figures.chart import Axes, Scale, arrow_axes
-from taskspec.figures.marks import ROLES, sign
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import Box, Circle, Item, Line, Point, Scene, fitted
+from taskspec.figures.scene import ROLES, Box, Circle, Item, Line, Point, Scene, fitted, sign
 from taskspec.figures.states import Reads, at_state, at_states, expert_path, first_state, reads_of
 from taskspec.lang import batch, interval
 from taskspec.lang.ir import Apply, Node, Read, draws, walk

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskspec.figures.chart import GAP, SYMBOL, TICKS
-from taskspec.figures.marks import signed
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.plane import WIDTH, runs, turn
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted
+from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted, signed
 from taskspec.figures.states import STEPS, State, at_state, expert_path
 from taskspec.lang import interval
 from taskspec.lang import syntax as s

@@ -10,12 +10,11 @@ from typing import Any
 
 from taskspec.lang import syntax as s
 from taskspec.printers import tree as m
-from taskspec.printers.elements import rank
 from taskspec.printers.expressions import ExpressionWriter, condition, mathematics
 from taskspec.printers.idioms import interval
 from taskspec.printers.names import Notation, expression, of_task, symbol
 from taskspec.printers.pieces import prime
-from taskspec.printers.rewrites import is_draw, shows_probabilities, substitute, take_apart
+from taskspec.printers.rewrites import is_draw, rank, shows_probabilities, substitute, take_apart
 from taskspec.task.names import signature
 from taskspec.task.schema.models import Spec
 from taskspec.task.schema.typed import ComponentEntry, ParameterEntry

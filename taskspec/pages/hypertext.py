@@ -15,7 +15,7 @@ from taskspec.base.display import ON_PAGES, visible
 from taskspec.pages import prose as p
 from taskspec.pages.sections import Section, SectionLine
 from taskspec.printers import tree as m
-from taskspec.printers.mathml import mathml
+from taskspec.printers.markup import mathml
 from taskspec.printers.text import plain
 
 BREAK_AFTER = 34.0

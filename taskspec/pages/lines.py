@@ -10,7 +10,7 @@ from taskspec.base.display import lettered, number
 from taskspec.lang import syntax as s
 from taskspec.pages.equations import Writing, unchanged
 from taskspec.pages.prose import CodeSpan, Formula, Inline, Inlines, Text, inlines, listing, separated
-from taskspec.printers import piecewise
+from taskspec.printers import idioms
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import ExpressionWriter
 from taskspec.printers.names import expression
@@ -245,9 +245,9 @@ def dynamics(w: Writing) -> Iterator[Inlines]:
 def _transition(w: Writing, name: str, expr: s.Expr) -> Iterator[Inlines]:
     actions = list(w.spec.action)
     expr = w.put(expr)
-    if len(w.task.state) == 1 and isinstance(expr, s.Table) and piecewise.has_arrows(expr, name, actions):
+    if len(w.task.state) == 1 and isinstance(expr, s.Table) and idioms.has_arrows(expr, name, actions):
         writer = ExpressionWriter(w.notation, name)
-        for line in piecewise.arrows(writer, expr, name, w.whole(actions), actions[0]):
+        for line in idioms.arrows(writer, expr, name, w.whole(actions), actions[0]):
             yield (Formula(line),)
     else:
         yield (Formula(w.equation(w.symbol(name, primed=True), expr, name)),)

@@ -12,7 +12,8 @@ from typing import assert_never
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import is_distribution
 from taskspec.lang.operators import FUNCTIONS, INFIX
-from taskspec.printers import idioms, piecewise
+from taskspec.printers import idioms
+from taskspec.printers import idioms as piecewise
 from taskspec.printers import tree as m
 from taskspec.printers.names import Notation, Writer, label
 from taskspec.printers.pieces import Piece, applied, fill, multiply, operands, prime

@@ -17,10 +17,9 @@ from taskspec.base.extras import need
 from taskspec.figures import Scene, svg
 from taskspec.pages.facts import lines as score_lines
 from taskspec.pages.hypertext import HtmlWriter
-from taskspec.pages.notation import notation
 from taskspec.pages.page import Page
 from taskspec.pages.prose import is_safe
-from taskspec.pages.render.suite import Suite, html_environment
+from taskspec.pages.render.suite import Suite, html_environment, notation
 
 
 def site(suite: Suite, links: Mapping[str, str] | None = None) -> dict[str, str]:

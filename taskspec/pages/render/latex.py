@@ -11,12 +11,11 @@ from taskspec.base import __version__
 from taskspec.figures import tikz
 from taskspec.figures.tikz import colors as tikz_colors
 from taskspec.pages import prose as p
-from taskspec.pages.notation import notation
 from taskspec.pages.page import Family, Page, Sibling, families
-from taskspec.pages.render.suite import Suite, text_environment
+from taskspec.pages.render.suite import Suite, notation, text_environment
 from taskspec.pages.sections import Section, SectionLine
 from taskspec.printers import tree as m
-from taskspec.printers.latex import LONG, escape, latex
+from taskspec.printers.markup import LONG, escape, latex
 
 BESIDE = frozenset({
     "parameters", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",

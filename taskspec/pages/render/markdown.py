@@ -13,7 +13,7 @@ from taskspec.pages.page import Page
 from taskspec.pages.render.suite import Suite, text_environment
 from taskspec.pages.sections import Section, SectionLine
 from taskspec.printers import tree as m
-from taskspec.printers.latex import latex
+from taskspec.printers.markup import latex
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]()#+!|~$>-])")
 _NUMBERED = re.compile(r"^(\d+)([.)])")
