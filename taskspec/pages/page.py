@@ -88,7 +88,7 @@ def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[s
     changed = [f"{p.name}={p.value!r}" for p in task.parameters if p.value != p.default]
     if task.modifiers:
         changed.append(f"modifiers={list(map(str, task.modifiers))!r}")
-    make = f"gymnasium.make({', '.join((json.dumps(task.id, ensure_ascii=False), *changed))})"
+    make = f"gymnasium.make({', '.join((json.dumps('taskspec:' + task.id, ensure_ascii=False), *changed))})"
     return Page(
         id=task.id, name=task.name, anchor=anchor(task.name), title=task.title,
         capability=task.spec.capability or "", summary=inlines(task.spec.summary),

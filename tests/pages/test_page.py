@@ -282,7 +282,7 @@ def test_links_in_the_head_of_a_site(tmp_path: Path) -> None:
 
 
 def test_make_line_names_what_differs_from_the_defaults() -> None:
-    assert page(registry.load("derail/Branching-v0", L=4)).make == 'gymnasium.make("derail/Branching-v0", L=4)'
+    assert page(registry.load("derail/Branching-v0", L=4)).make == 'gymnasium.make("taskspec:derail/Branching-v0", L=4)'
 
 
 @given(
