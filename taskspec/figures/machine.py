@@ -42,8 +42,7 @@ MAX_TRANSITIONS = 20_000
 MAX_ACTIONS = 100
 MAX_CONSIDERED = 200_000
 """Outcomes that are looked at in one go: many more than a graph could show, and few enough to take a second."""
-FEW = 3
-"""As many states of one colour are always shown, and named where they are not, if there is room."""
+FEW = 3  # as many states of one colour are always shown, and named where they are not, if there is room
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +139,6 @@ def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Trans
 
 
 def _left(steps: Steps, last: list[int]) -> frozenset[int]:
-    """Return those states that some step leaves."""
     try:
         return frozenset(t.source for t in _from(steps, last) if t.source != t.target)
     except SpecError:
@@ -178,7 +176,6 @@ class Captions:
 
     @cached_property
     def labels(self) -> Mapping[int, m.Math]:
-        """States as mathematics, by code."""
         return {code: self._combination(self.space, self.machine.task.state, code) for code in self.machine.states}
 
     @cached_property
@@ -273,7 +270,6 @@ class Captions:
             yield f"No arrow leads on from {self.named(last)}, as the time is up there."
 
     def code_of(self, overlay: Overlay) -> int | None:
-        """Return the code of the present state of a frame."""
         if overlay.here is None:
             return None
         task = self.machine.task
@@ -282,22 +278,16 @@ class Captions:
 
 
 SIDE = 7.0
-LARGEST_CELL = 0.55
-"""Of the table and of a cell, in centimetres."""
+LARGEST_CELL = 0.55  # of the table and of a cell, in centimetres
 LETTERS = 0.28
 NAMED = 30
-ROOM = 0.36
-"""As many states are all named, and the height of a row with a name, in centimetres."""
+ROOM = 0.36  # as many states are all named, and the height of a row with a name, in centimetres
 GAP = 0.08
-CLEAR = 0.25
-"""Between numbers beside one another, in centimetres, and between names, which may have spaces in them."""
-STRIP = 0.3
-"""Width of the column that says which states are good, bad or an end, in centimetres."""
-MOST = 300
-"""States whose cells can still be seen."""
+CLEAR = 0.25  # between numbers beside one another, in centimetres, and between names, which may have spaces in them
+STRIP = 0.3  # width of the column that says which states are good, bad or an end, in centimetres
+MOST = 300  # states whose cells can still be seen
 LEAST_SHADE = 0.12
-HEAD_ROOM = 0.13
-"""Height of a row, in centimetres, beside which an arrow head has room."""
+HEAD_ROOM = 0.13  # height of a row, in centimetres, beside which an arrow head has room
 DRAWN = {
     "values": "V", "policy": "frames where they lead", "occupancy": "shade, {0}, in the column on the right",
 }  # fmt: skip
@@ -361,7 +351,6 @@ class _Matrix:
             yield Box((self.side + GAP, 0), STRIP, self.side, None, "faint")
 
     def labels(self) -> Iterator[Label]:
-        """Yield names of states on the left, with numbers where columns have no room for names, and values on the right."""
         texts = [self.says.labels[code] for code in self.place]
         widest = max(text_width(text, LETTERS) for text in texts)
         all_numbers = all(isinstance(text, m.Num) for text in texts)

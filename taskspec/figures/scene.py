@@ -11,11 +11,9 @@ from typing import Any, Literal, NewType, assert_never
 from taskspec.base.display import number
 from taskspec.printers import tree as m
 
-BROAD = 1.15
-"""How much wider labels may be in the broadest of the fonts that figures are shown in."""
+BROAD = 1.15  # how much wider labels may be in the broadest of the fonts that figures are shown in
 Color = Literal["ink", "muted", "faint", "paper", "good", "bad", "end", "accent", "second"]
-Hex = NewType("Hex", str)
-"""A colour that is not a role, as `#0072b2`."""
+Hex = NewType("Hex", str)  # A colour that is not a role, as `#0072b2`
 Paint = Color | Hex
 Point = tuple[float, float]
 Anchor = Literal["start", "middle", "end"]
@@ -29,7 +27,6 @@ COLORS: dict[str, str] = {
 
 
 def hex_color(paint: Paint) -> str:
-    """Return a colour as `#rrggbb`."""
     return COLORS.get(paint, paint)
 
 
@@ -57,8 +54,6 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A polygon."""
-
     points: tuple[Point, ...]
     fill: Paint | None = "paper"
     line: Paint | None = None
@@ -123,7 +118,6 @@ class Scene:
 
     @property
     def caption(self) -> str:
-        """The description and the notes."""
         return " ".join((f"{self.alt}.", *self.notes))
 
     def shows(self, other: Scene | None) -> bool:
@@ -131,13 +125,11 @@ class Scene:
         return other is not None and (self.items, self.notes) == (other.items, other.notes)
 
     def extended(self, more: Iterable[Item], alt: str | None = None) -> Scene:
-        """Return the scene with more items."""
         items = (*self.items, *more)
         return fitted(items, alt or self.alt, self.notes, state=self.state, focus=self.focus, drawn=self.drawn)
 
 
 def text_width(tree: m.Math, size: float = 0.36) -> float:
-    """Return about how wide a label is, in centimetres."""
     return m.width(tree) * size * 0.62
 
 
@@ -150,7 +142,6 @@ def fitted(
     focus: Point | None = None,
     drawn: Mapping[str, str] | None = None,
 ) -> Scene:
-    """Return a scene just large enough for its items."""
     items = tuple(items)
     lefts, tops, rights, bottoms = zip(*(map(_extent, items) if items else [(0.0, 0.0, 1.0, 1.0)]), strict=True)
     left = min(lefts) - margin
@@ -162,7 +153,6 @@ def fitted(
 
 
 def _extent(item: Item) -> tuple[float, float, float, float]:
-    """Return left, top, right and bottom."""
     match item:
         case Circle(centre=(x, y), radius=r):
             return x - r, y - r, x + r, y + r
@@ -206,7 +196,6 @@ def shifted(item: Item, dx: float, dy: float) -> Item:
 
 
 def bezier(points: tuple[Point, ...], t: float) -> Point:
-    """Return the point of a cubic curve at t in [0, 1]."""
     weights = ((1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3)
     x = sum(w * p[0] for w, p in zip(weights, points, strict=True))
     y = sum(w * p[1] for w, p in zip(weights, points, strict=True))
@@ -217,7 +206,6 @@ HEAD = 0.17
 
 
 def head(line: Line) -> tuple[Point, Point, Point]:
-    """Return the triangle at the end of an arrow."""
     x0, y0 = line.at(0.9) if line.curved else line.points[-2]
     x1, y1 = line.points[-1]
     length = math.hypot(x1 - x0, y1 - y0) or 1.0
@@ -240,8 +228,7 @@ def shaft(line: Line) -> tuple[Point, ...]:
 RADIUS = 0.31
 ROUND = 0.2
 HATCH = 0.12
-RIM = 0.03
-"""Centimetres between two lines of a hatching, and between these and the outline."""
+RIM = 0.03  # centimetres between two lines of a hatching, and between these and the outline
 
 SIGNS: dict[Paint, tuple[tuple[Point, ...], ...]] = {
     "good": (((-0.5, 0.0), (-0.15, 0.4), (0.5, -0.4)),),
@@ -253,8 +240,7 @@ ROLES: dict[str, Color] = {"good": "good", "bad": "bad", "end": "end"}
 HIGHLIGHTS: dict[str, Color] = {**ROLES, "first": "accent", "second": "second"}
 """Colours of highlights: of roles, which have signs, and of all."""
 KEY = 0.36
-WORD = 0.26
-"""The side of a square in the key to a figure, and the height of the letters beside it."""
+WORD = 0.26  # the side of a square in the key to a figure, and the height of the letters beside it
 
 
 def shape(x: float, y: float, half: float, radius: float, fill: Color, shade: float = 1.0) -> Circle | Box:
@@ -264,7 +250,6 @@ def shape(x: float, y: float, half: float, radius: float, fill: Color, shade: fl
 
 
 def _sides(item: Circle | Box) -> tuple[float, float, float, float]:
-    """Return the centre of a shape, and half its width and its height."""
     if isinstance(item, Circle):
         return *item.centre, item.radius, item.radius
     return item.corner[0] + item.width / 2, item.corner[1] + item.height / 2, item.width / 2, item.height / 2
@@ -317,7 +302,6 @@ def marked(item: Circle | Box, clear: float = 0.0, corner: tuple[int, int] = (1,
 
 
 def sign(role: Paint, at: Point, size: float) -> Iterator[Line]:
-    """Yield the sign of a role."""
     for stroke in SIGNS[role]:
         yield Line(tuple((at[0] + size * x, at[1] + size * y) for x, y in stroke), width=0.035)
 
@@ -342,7 +326,6 @@ def signed(value: float) -> m.Math:
 
 
 def equal(name: str, value: float) -> m.Math:
-    """Return `V = 1.5`."""
     return m.Row((m.Ident(name), m.Sym("="), signed(value)))
 
 

@@ -20,8 +20,7 @@ from taskspec.task.schema.models import Spec
 from taskspec.task.schema.typed import ComponentEntry, ParameterEntry
 from taskspec.task.task import Task
 
-LETTERS = ("xi", "zeta", "chi", "eta")
-"""Letters for what is drawn inside an expression, the usual one first."""
+LETTERS = ("xi", "zeta", "chi", "eta")  # letters for what is drawn inside an expression, the usual one first
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,6 @@ class Writing:
         return condition(self.put(expr), notation or self.notation)
 
     def declared(self, value: Any) -> m.Math:
-        """Return a bound or a length as declared."""
         return self.math(expression(value))
 
     def symbol(self, name: str, primed: bool = False) -> m.Math:

@@ -120,7 +120,6 @@ def _given(role: Role) -> Callable[[Writing, Example], Inlines]:
 
 
 def _what_follows(w: Writing, example: Example) -> Inlines:
-    """Return everything that follows, as one list."""
     ends = {f.section: f.expr for f in example.follows if f.section in _ENDS}
     said = [f for f in example.follows if f.section not in _ENDS]
     parts = [_of_section(w, section, list(found)) for section, found in groupby(said, lambda f: f.section)]
@@ -135,7 +134,6 @@ def _what_follows(w: Writing, example: Example) -> Inlines:
 
 
 def _of_section(w: Writing, section: str, found: list[Followed]) -> Inlines:
-    """Return what follows in one section, after its word."""
     items = []
     for f in found:
         if f.name is None:
@@ -305,7 +303,6 @@ def all_sections(w: Writing, facts: Facts) -> list[Section]:
 
 
 def _single(section: Section) -> Section:
-    """Put a single line beside its heading."""
     if len(section.lines) == 1 and section.lines[0].verbatim is None:
         return replace(section, lead=True)
     return section

@@ -22,25 +22,16 @@ from taskspec.printers.text import text
 
 
 def mathematics(expr: s.Expr, notation: Notation, of: str | None = None) -> m.Math:
-    """Return the mathematics of a value; a condition becomes its indicator.
-
-    Args:
-        expr: what to print.
-        notation: symbols of the names.
-        of: the component that the value belongs to, whose labels it may name.
-    """
+    """Return the mathematics of a value; a condition becomes its indicator."""
     return ExpressionWriter(notation, of).number(expr).tree
 
 
 def condition(expr: s.Expr, notation: Notation) -> m.Math:
-    """Return the mathematics of a condition."""
     return ExpressionWriter(notation).truth(expr).tree
 
 
 @dataclass(frozen=True)
 class ExpressionWriter(Writer):
-    """Writes each form of expression."""
-
     def piece(self, expr: s.Expr) -> Piece:  # noqa: C901, PLR0912
         match expr:
             case s.Number(text=digits):

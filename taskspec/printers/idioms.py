@@ -20,7 +20,6 @@ IF = m.Words("if ")  # what a condition of a case begins with
 
 
 def cases(w: Writer, expr: s.Expr) -> m.Math:
-    """Return a value by cases."""
     if not isinstance(expr, s.Weights):
         return m.Cases(tuple(_rows(w, expr)))
     rows = []
@@ -56,7 +55,6 @@ class _Group:
 
 
 def _table(w: Writer, table: s.Table) -> Iterator[tuple[m.Math, m.Math]]:
-    """Yield lines, the first of which that applies gives the value."""
     for group in _groups(table.rows):
         tree = w.number(group.cell).tree
         if any(not any(keys) for keys in group.rows):
@@ -107,7 +105,6 @@ def _overlap(one: Keys, other: Keys) -> bool:
 
 
 def _flat(rows: Iterable[s.TableRow], before: Keys = ()) -> Iterator[tuple[Keys, s.Expr]]:
-    """Yield the cells with their keys, `else` after the others."""
     for row in sorted(rows, key=lambda row: row.key is None):
         keys = (*before, row.key)
         if isinstance(row.body, tuple):
@@ -146,15 +143,7 @@ def has_arrows(table: s.Expr, state: str, actions: Sequence[str]) -> bool:
 
 
 def arrows(w: Writer, table: s.Table, state: str, action: m.Math, actions: str) -> list[m.Math]:
-    """Return one line for each state: `s --a--> s'` for every action.
-
-    Args:
-        w: writes the labels of the state.
-        table: by the state, and maybe by the action.
-        state: name of the state component.
-        action: what stands for any action.
-        actions: name of the action component.
-    """
+    """Return one line for each state: `s --a--> s'` for every action."""
     target = replace(w, of=state)
     lines: list[m.Math] = []
     for row in table.rows:
@@ -248,7 +237,6 @@ def _big(sign: m.Big, body: Piece) -> Piece:
 
 
 def _over_domains(w: Writer, arg: s.Comprehension, sign: str) -> Piece:
-    """Return the sum of a comprehension: one term for each value of its variables, equal ones included."""
     return _big(m.Big(sign, _over(w, arg)), under(w, arg).number(arg.element))
 
 
@@ -350,7 +338,6 @@ def interval(low: m.Math, high: m.Math) -> m.Math:
 
 
 def comprehension(w: Writer, expr: s.Comprehension) -> m.Math:
-    """Return a set-builder; a vector's comprehension as a family with its index below."""
     inner = under(w, expr).number(expr.element).tree
     if not expr.is_set:
         return m.Script(m.brackets(inner), _over(w, expr))

@@ -25,8 +25,7 @@ _STYLE = {
 }  # fmt: skip
 _MATH_CHAR = {"{": r"\{", "}": r"\}", "#": r"\#", "%": r"\%", "&": r"\&", "$": r"\$", "‖": r"\Vert ", "|": r"\vert ",
               "≢": r"\not\equiv "}  # fmt: skip
-LONG = 16.0
-"""From this width on, in letters, a list may break after its commas."""
+LONG = 16.0  # from this width on, in letters, a list may break after its commas
 _RELATIONS = frozenset(c.TEX_SYMBOL) - {"∞"}
 _NAMES = {"arg min": r"\arg\min ", "arg max": r"\arg\max "} | {name: rf"\{name} " for name in c.FUNCTIONS}
 _SYMBOLS = {"mod": r" \bmod ", ",": ", ", ";": "; ", "′": "'"}
@@ -51,7 +50,6 @@ def _character(char: str) -> str:
 
 
 def _glyph(char: str) -> str:
-    """Return one character in mathematics."""
     name = c.TEX_LETTER.get(char) or c.TEX_SYMBOL.get(char)
     if name is not None:
         return rf"\{name}" if name.isalpha() else name

@@ -23,7 +23,6 @@ _EXACT: dict[str, Callable[[Any, Any], Any]] = {
 
 
 def renamed(node: Any, old: str, new: str) -> Any:
-    """Return the same tree with another name in the place of a name."""
     if isinstance(node, s.Name) and node.id == old:
         return s.Name(new, node.primed, node.place)
     return mapped(node, partial(renamed, old=old, new=new))
@@ -98,7 +97,6 @@ class Drawn:
 
 
 def is_draw(expr: s.Expr) -> bool:
-    """Return whether an expression is a distribution as a whole."""
     return isinstance(expr, s.Weights) or (isinstance(expr, s.Call) and is_distribution(expr.function))
 
 
@@ -189,7 +187,6 @@ def _axes_of_call(w: Writer, call: s.Call) -> int:
 
 
 def _axes_of_distribution(w: Writer, call: s.Call) -> int:
-    """Return the number of axes of a distribution, by its `shape` or its parameters."""
     given = dict(call.keywords)
     shape = given.pop("shape", None)
     if shape is not None:

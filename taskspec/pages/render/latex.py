@@ -195,7 +195,6 @@ class LatexWriter:
 
 
 def _base(sibling: Sibling, head: Page) -> str:
-    """Return the name of the page that another is compared with, unless it is the first one."""
     return "" if sibling.base is head else escape(sibling.base.name)
 
 
@@ -214,12 +213,10 @@ def _parts(math: m.Math) -> Iterator[m.Math]:
 
 
 def _has_fraction(math: m.Math) -> bool:
-    """Return whether there is a fraction within: in the style of a line, one in another is too small to read."""
     return any(isinstance(part, m.Frac) for child in m.children(math) for part in _parts(child))
 
 
 def _is_rigid(math: m.Math) -> bool:
-    """Return whether some part of a formula cannot be broken across lines."""
     return any(
         isinstance(part, m.Cases | m.Matrix)
         or (isinstance(part, m.Fence) and m.is_tall(part.body))
@@ -234,6 +231,5 @@ def _address(address: str) -> str:
 
 
 def _stacked(titles: Sequence[str], heads: Sequence[str], row: Sequence[str]) -> str:
-    """Return the cells of a row, one after the other."""
     cells = zip(titles, heads, row, strict=True)
     return r"\quad ".join(f"{head} {cell}" if title else cell for title, head, cell in cells if cell)

@@ -135,7 +135,6 @@ def escape_entities(text: str) -> str:
 
 
 def _code(text: str) -> str:
-    """Return code between as many backticks as it needs."""
     ticks = "`" * (max((len(run) for run in re.findall("`+", text)), default=0) + 1)
     pad = " " if text.startswith("`") or text.endswith("`") else ""
     return f"{ticks}{pad}{text}{pad}{ticks}"

@@ -59,7 +59,6 @@ class Other:
 
     @property
     def caption(self) -> str:
-        """The values, and what is seen."""
         return f"{self.title}. {self.scene.caption}"
 
 
@@ -97,7 +96,6 @@ class Suite:
         return {anchor: tuple(pages) for anchor, pages in found.items()}
 
     def others(self, page: Page) -> list[Other]:
-        """Return the figures of a page's settings."""
         found = ((setting.title, setting_anchor(page, setting)) for setting in page.settings)
         return [Other(title, name, self.scenes[name]) for title, name in found if name in self.scenes]
 
@@ -155,7 +153,6 @@ def notation(pages: Iterable[Page]) -> Inlines:
 
 
 def _draws(pages: Iterable[Page]) -> Iterator[str]:
-    """Yield the sentence on letters for draws."""
     letters: dict[str, m.Math] = {}
     for page in pages:
         writing = Writing(page.task, {})
@@ -173,14 +170,12 @@ def _has(letter: m.Math, tree: m.Math) -> bool:
 
 
 def _has_cases(tree: m.Math) -> bool:
-    """Return whether there is a choice between several conditions."""
     if isinstance(tree, m.Cases) and sum(IF in m.children(condition) for _, condition in tree.rows) > 1:
         return True
     return any(map(_has_cases, m.children(tree)))
 
 
 def _pieces(page: Page) -> Iterator[Inline]:
-    """Yield all prose in the sections of a page, with its settings and its tables."""
     for section in page.sections:
         contents: list[Inlines] = []
         for line in section.lines:
