@@ -38,6 +38,8 @@ class ExperimentFile:
 
     experiment: Experiment
     document: Document
+    problems: tuple[Diagnostic, ...] = ()
+    """Mistakes in its shape, whose entries `experiment` lacks; `expand` reports them with all others."""
 
     @property
     def folder(self) -> Path:
@@ -67,19 +69,19 @@ def described(document: Document) -> ExperimentFile:
     """Return the experiment that a document describes.
 
     Raises:
-        SpecError: with every mistake in its shape.
+        SpecError: with every mistake in its shape where too little of it is right.
     """
     found, problems = check_document(document, Experiment)
     if found is None:
         raise SpecError(problems)
-    return ExperimentFile(found, document)
+    return ExperimentFile(found, document, problems)
 
 
 def read_if_experiment(source: str) -> ExperimentFile | None:
     """Return the experiment of this name or path, if it is one; None for anything else.
 
     Raises:
-        SpecError: with every mistake in its shape.
+        SpecError: with every mistake in its shape where too little of it is right.
     """
     if source in shipped():
         return read(source)

@@ -158,6 +158,7 @@ def expand(written: ExperimentFile, instead: Sequence[Mapping[str, Any]] = ()) -
     that have the parameters.
     """
     collector = Collector()
+    collector.extend(written.problems)
     check_questions(written, collector)
     names = dict[str, bool]()
     found: dict[str, Instance] = {}
