@@ -1,17 +1,15 @@
-"""Scores: the returns of a task that others are normalised by, and the place of a policy between them."""
+"""Scores: the returns of a task that others are normalised by."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
-import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError
 from taskspec.base.display import html_table
 from taskspec.base.files import write_text
@@ -21,9 +19,6 @@ from taskspec.registry import load
 from taskspec.rollout.rollout import EPISODES
 from taskspec.scores.returns import Results, Return, normalised
 from taskspec.task.task import TaskLike
-
-if TYPE_CHECKING:
-    from taskspec.policies.policy import Asking
 
 RETURNS = ("optimal", "random", "worst", "expert")
 
@@ -134,75 +129,3 @@ def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) ->
         task.id, task.content_hash, task.values, results.optimal, results.random, results.worst, results.expert,
         states, actions, results.why_not, tuple(map(str, task.modifiers)),
     )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Score:
-    """A policy's return and its place between random actions (0) and the expert (1).
-
-    `asked` is the basis of the return: the policy's "probabilities" of actions, its "actions" if they are deterministic,
-    "samples" of them in episodes, or given "returns". Only the first two can be exact.
-    """
-
-    value: Return
-    normalised: float
-    scores: Scores
-    asked: Asking | Literal["returns"]
-
-    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Return the confidence interval of the normalised score."""
-        low, high = self.value.interval(confidence)
-        return self.scores.normalise(low), self.scores.normalise(high)
-
-
-def score(
-    task: TaskLike,
-    policy: Any = None,
-    *,
-    returns: Sequence[float] | None = None,
-    deterministic: bool | None = None,
-    episodes: int = EPISODES,
-    seed: int = 0,
-    known: Scores | None = None,
-) -> Score:
-    """Return the score of a policy, or of the returns of its episodes.
-
-    Args:
-        policy: a table of probabilities (S, A) or (T, S, A), or of actions (S,) or (T, S), in the order of the exact model; a
-            function from the state by component (arrays, batch axis last) and the time to actions by component; or an object
-            with `predict(observations, ...)`, as models of Stable-Baselines3 are. If such an object gives probabilities, as
-            `action_probabilities(observations)` of shape (N, A) or as Stable-Baselines3 does, the stochastic policy is scored.
-        returns: of episodes, instead of a policy.
-        deterministic: True scores the deterministic version of an object with `predict`, False what it samples; None what the
-            policy is by itself.
-        episodes: of an estimate, if the policy has to be simulated.
-        seed: of these episodes.
-        known: scores of the task that were computed before.
-
-    Raises:
-        SpecError: E706 for actions outside the action space, E712 if a missing exact model is needed, E713 for anything that
-            is not a policy.
-    """
-    from taskspec.policies.values import policy_value
-
-    if (policy is None) == (returns is None):
-        misused("`score` takes a policy, or `returns=` of episodes")
-    task = load(task)
-    measured = known or scores(task, episodes, seed)
-    if returns is not None:
-        value = Return.estimated(_numbers(returns))
-        return Score(value, measured.normalise(value.value), measured, "returns")
-    found = policy_value(Results(task, episodes, seed), policy, deterministic)
-    return Score(found.value, measured.normalise(found.value.value), measured, found.asked)
-
-
-def _numbers(returns: Sequence[float]) -> Array:
-    try:
-        array = np.asarray(returns, np.float64)
-    except (TypeError, ValueError):
-        array = np.zeros((0, 0))
-    if array.ndim != 1 or not array.size:
-        misused("`returns` is a list of numbers, one for each episode")
-    if np.isnan(array).any():
-        misused(f"return number {int(np.isnan(array).argmax()) + 1} of {array.size} is nan")
-    return array

@@ -199,7 +199,7 @@ class Bounded:
 
     @cached_property
     def is_faint(self) -> bool:
-        """Whether some outcome is so improbable that products with its probability may be rounded to 0."""
+        """True if some outcome is so improbable that products with its probability may be rounded to 0."""
         weights = [self.model.start]
         for step in self.model.steps:
             weights += [matrix.data for matrix in step.matrices]
