@@ -96,11 +96,7 @@ def score(
     found = task_of(task, variant, parameters or [], modifiers or [])
     known = None
     if scores is not None:
-        try:
-            known = exact.Scores.load(scores, found)
-        except (KeyError, TypeError, json_.JSONDecodeError):
-            hint = "`taskspec solve TASK -o FILE` writes some"
-            raise spec_error("E711", f"'{scores}' contains no scores", hint) from None
+        known = exact.Scores.load(scores, found)
     result = exact.score(found, returns=read_returns(returns), known=known)
     if json:
         write_json({
