@@ -270,3 +270,10 @@ def compare(shown: str, came: str, start: int, end: int, page: Page) -> None:
 
 def plain(text: str) -> str:
     return DURATION.sub("0 s", text)
+
+
+def test_the_files_that_the_architecture_names_are_there() -> None:
+    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([a-z_]+(?:/[a-z_]+)*\.(?:py|md))`", page))
+    missing = sorted(name for name in named if not (DOCS.parent / "taskspec" / name).exists() and "/" in name)
+    assert len(named) > 15 and missing == []
