@@ -95,31 +95,13 @@ NAMES: dict[str, dict[str, Any]] = {
 }
 """What keys may be, by title; the message is an editor's."""
 
-Name: TypeAlias = Annotated[
-    str,
-    AfterValidator(_checked(values.name)),
-    WithJsonSchema(NAMES["Name"]),
-]
-Primed: TypeAlias = Annotated[
-    str,
-    AfterValidator(_checked(values.primed)),
-    WithJsonSchema(NAMES["PrimedName"]),
-]
-Warned: TypeAlias = Annotated[
-    str,
-    AfterValidator(_checked(values.warning)),
-    WithJsonSchema(NAMES["Warning"]),
-]
+Name: TypeAlias = Annotated[str, AfterValidator(_checked(values.name)), WithJsonSchema(NAMES["Name"])]
+Primed: TypeAlias = Annotated[str, AfterValidator(_checked(values.primed)), WithJsonSchema(NAMES["PrimedName"])]
+Warned: TypeAlias = Annotated[str, AfterValidator(_checked(values.warning)), WithJsonSchema(NAMES["Warning"])]
 Reason: TypeAlias = Annotated[
-    str,
-    AfterValidator(_checked(values.reason)),
-    WithJsonSchema({"type": "string", "pattern": r"\S"}),
+    str, AfterValidator(_checked(values.reason)), WithJsonSchema({"type": "string", "pattern": r"\S"})
 ]
-Defined: TypeAlias = Annotated[
-    str,
-    AfterValidator(_checked(values.definition)),
-    WithJsonSchema(NAMES["Definition"]),
-]
+Defined: TypeAlias = Annotated[str, AfterValidator(_checked(values.definition)), WithJsonSchema(NAMES["Definition"])]
 
 
 # Parameters and components: entries with a type, and the keys that each type has.
