@@ -110,7 +110,7 @@ def bounds(part: MapPart) -> Iterator[tuple[float, float]]:
 
 
 def _made(moves: Moves, flat: Array) -> Array:
-    """Return what elements become that are moved; a source of -1 stands for 0."""
+    """Return what elements become that are moved; 0 without a source."""
     return moves.sign * np.append(flat, 0.0)[moves.source] + moves.shift
 
 
