@@ -28,11 +28,7 @@ class Unfactored(Exception):
 
 
 def factored(found: Abstraction) -> Task:
-    """Return the task of an abstraction over the mapped state alone, without an expert that depends on more.
-
-    Raises:
-        Unfactored: if that cannot be shown.
-    """
+    """Return the task of an abstraction over the mapped state alone, without an expert that depends on more."""
     return _Factoring(found).result()
 
 
@@ -109,11 +105,7 @@ class _Factoring:
         return rewrite([node], leaf, self.builder.remake)[0]
 
     def _final(self, nodes: Sequence[Node]) -> tuple[Node, ...]:
-        """Return expressions over the mapped state, under the names of the stand-in.
-
-        Raises:
-            Unfactored: if one still depends on something else of the state.
-        """
+        """Return expressions over the mapped state, under the names of the stand-in."""
         for name in self.ranked:
             if any(how is not Dependence.INVARIANT for how in dependence(nodes, name)):
                 raise Unfactored(f"something depends on more of '{name}' than the order of its elements")

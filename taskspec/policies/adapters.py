@@ -44,11 +44,7 @@ ASKS = 16
 
 
 def policy_of(task: Task, policy: Any) -> TaskPolicy:
-    """Return the policy of a name, of `model.py:fn`, of a function of an observation, or of an object with `predict`.
-
-    Raises:
-        SpecError: E710, E711 for a file that does not exist, or fails; E712, E713 as for `named`; E713 for anything else.
-    """
+    """Return the policy of a name, of `model.py:fn`, of a function of an observation, or of an object with `predict`."""
     if isinstance(policy, str) and not is_function(policy):
         return named(task, policy)
     name = policy if isinstance(policy, str) else getattr(policy, "__name__", type(policy).__name__)
@@ -315,11 +311,7 @@ class Varies(Exception):
 
 
 def one_hot(model: Model, values: list[Array]) -> Array:
-    """Return actions by component, (*shape, S), as probabilities (A, S).
-
-    Raises:
-        SpecError: E706 for an action outside the action space.
-    """
+    """Return actions by component, (*shape, S), as probabilities (A, S)."""
     code, outside = model.actions.encode(values, model.n_states)
     if outside is not None and outside.any():
         state = model.state_name(int(np.flatnonzero(outside)[0]))

@@ -185,12 +185,7 @@ _CALL = re.compile(r"(\w+)\((.+)\)")
 
 
 def named(task: Task, name: str) -> NamedPolicy:
-    """Return the policy of a name.
-
-    Raises:
-        SpecError: E712, where an exact model is needed and there is none; E713 for an unknown name, or one that this task does
-            not have.
-    """
+    """Return the policy of a name."""
     given = planned(name)
     if given is not None:
         return PlannedPolicy(task, name, given)
@@ -264,11 +259,7 @@ class NamedPolicy(TaskPolicy):
         return self.by_words(batch.states, batch.t, batch.draws.words(self.words))
 
     def plan(self, model: Model) -> Plan:
-        """Return its probabilities of actions (A, S) at each time on an exact model of its task.
-
-        Raises:
-            SpecError: E712, where they are unknown.
-        """
+        """Return its probabilities of actions (A, S) at each time on an exact model of its task."""
         rule = rule_of(model, self.given)
         if rule is None:
             problem = "remembers, or draws from too many outcomes: it has no table"

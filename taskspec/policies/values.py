@@ -1,10 +1,10 @@
-"""Expected returns of policies: tables, functions, experts, and objects with `predict`."""
+"""Expected returns and scores of policies: tables, functions, experts, and objects with `predict`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,12 +21,14 @@ from taskspec.policies.adapters import (
 )  # fmt: skip
 from taskspec.policies.experts import Expert
 from taskspec.policies.policy import Asking, EpisodeBatch, TaskPolicy, greedy, planned, states_of
-from taskspec.rollout.rollout import Rollout, State
+from taskspec.registry import load
+from taskspec.rollout.rollout import EPISODES, Rollout, State
 from taskspec.scores.returns import Results, Return
+from taskspec.scores.scores import Scores, scores
 from taskspec.solve import solve
 from taskspec.solve.backward import Plan
 from taskspec.solve.plans import stationary, timed
-from taskspec.task.task import Task
+from taskspec.task.task import Task, TaskLike
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +47,6 @@ def policy_value(results: Results, policy: Any, deterministic: bool | None = Non
         policy: a table over the states of the exact model (see `plan_of_table`), a function of the states and the time, an
             `Expert`, an object with `predict`, or a `TaskPolicy`.
         deterministic: passed to `predict`.
-
-    Raises:
-        SpecError: E706 for actions outside the action space, E712 where an exact model is needed and there is none, E713 for
-            anything else.
     """
     if is_table(policy):
         return _table_value(results, np.asarray(policy))
@@ -109,11 +107,7 @@ def _table_value(results: Results, table: Array) -> PolicyValue:
 
 
 def plan_of_table(model: Model, table: Array) -> Plan:
-    """Return the plan of a table: actions (S,) or (T, S), or probabilities (S, A) or (T, S, A).
-
-    Raises:
-        SpecError: E713 for another table.
-    """
+    """Return the plan of a table: actions (S,) or (T, S), or probabilities (S, A) or (T, S, A)."""
     a = model.n_actions
     n = model.n_states
     if table.dtype.kind in "iu" and table.shape[-1:] == (n,) and table.ndim <= 2 and table.shape != (n, a):
@@ -169,9 +163,6 @@ def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
         results: of the task.
         policy: an object with `predict` (and maybe `probabilities`), a function of the observation, or a table (see `_of_table`).
         seed: of what it draws.
-
-    Raises:
-        SpecError: E706 for actions outside the action space, E713 for anything that is not a policy.
     """
     if is_table(policy):
         return _of_table(results, np.asarray(policy), seed)
@@ -258,3 +249,76 @@ def _timed_value(results: Results, table: Array) -> Return:
         misused(f"a table over the time is a policy where observations show the state, not on {results.task.id}")
     observations = policy.observe(states_of(model), 0, np.random.default_rng(0)) - policy.layout.starts[0]
     return _table_value(results, table[:, observations].astype(np.float64)).value
+
+
+# -- scores -----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Score:
+    """A policy's return and its place between random actions (0) and the expert (1).
+
+    `asked` is the basis of the return: the policy's "probabilities" of actions, its "actions" if they are deterministic,
+    "samples" of them in episodes, or given "returns". Only the first two can be exact.
+    """
+
+    value: Return
+    normalised: float
+    scores: Scores
+    asked: Asking | Literal["returns"]
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Return the confidence interval of the normalised score."""
+        low, high = self.value.interval(confidence)
+        return self.scores.normalise(low), self.scores.normalise(high)
+
+
+def score(
+    task: TaskLike,
+    policy: Any = None,
+    *,
+    returns: Sequence[float] | None = None,
+    deterministic: bool | None = None,
+    episodes: int = EPISODES,
+    seed: int = 0,
+    known: Scores | None = None,
+) -> Score:
+    """Return the score of a policy, or of the returns of its episodes.
+
+    Args:
+        policy: a table of probabilities (S, A) or (T, S, A), or of actions (S,) or (T, S), in the order of the exact model; a
+            function from the state by component (arrays, batch axis last) and the time to actions by component; or an object
+            with `predict(observations, ...)`, as models of Stable-Baselines3 are. If such an object gives probabilities, as
+            `action_probabilities(observations)` of shape (N, A) or as Stable-Baselines3 does, the stochastic policy is scored.
+        returns: of episodes, instead of a policy.
+        deterministic: True scores the deterministic version of an object with `predict`, False what it samples; None what the
+            policy is by itself.
+        episodes: of an estimate, if the policy has to be simulated.
+        seed: of these episodes.
+        known: scores of the task that were computed before.
+
+    Raises:
+        SpecError: E706 for actions outside the action space, E712 if a missing exact model is needed, E713 for anything that
+            is not a policy.
+    """
+    if (policy is None) == (returns is None):
+        misused("`score` takes a policy, or `returns=` of episodes")
+    task = load(task)
+    measured = known or scores(task, episodes, seed)
+    if returns is not None:
+        value = Return.estimated(_numbers(returns))
+        return Score(value, measured.normalise(value.value), measured, "returns")
+    found = policy_value(Results(task, episodes, seed), policy, deterministic)
+    return Score(found.value, measured.normalise(found.value.value), measured, found.asked)
+
+
+def _numbers(returns: Sequence[float]) -> Array:
+    try:
+        array = np.asarray(returns, np.float64)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.ndim != 1 or not array.size:
+        misused("`returns` is a list of numbers, one for each episode")
+    if np.isnan(array).any():
+        misused(f"return number {int(np.isnan(array).argmax()) + 1} of {array.size} is nan")
+    return array

@@ -44,9 +44,6 @@ def observation_classes(model: Model) -> Array:
     """Return a number (T, S) for the observation of each state at each time, T being 1 where the time is not observed.
 
     Noise that does not depend on the state tells nothing, and is left out.
-
-    Raises:
-        SpecError: (E712) where noise on the state decides what is observed.
     """
     nodes = []
     for node in model.task.observation.nodes:
