@@ -79,7 +79,7 @@ def _cache_key(source: str) -> str:
 
 # -- on disk ------------------------------------------------------------------------------------------------------
 #
-# Machine code is run as it is found. So it is read only from a folder of this user that nobody else may write to, and only
+# Machine code is run without further checks, so it is read only from a folder of this user that nobody else may write to, and only
 # from regular files of this user's own. Every file begins with the SHA-256 hash of its name and content, so that damaged
 # files are compiled again.
 
@@ -98,7 +98,7 @@ def cache_folder() -> Path:
 def private_folder(path: Path) -> Path | None:
     """Return a folder that this user alone may enter, which is made if there is none; None if it cannot be used.
 
-    That somebody else may write to it is said in a warning.
+    A warning says so where somebody else may write to it.
     """
     if not hasattr(os, "geteuid"):  # Windows cannot say who may write to a folder, and keeps nothing
         return None
