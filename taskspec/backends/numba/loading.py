@@ -79,9 +79,9 @@ def _cache_key(source: str) -> str:
 
 # -- on disk ------------------------------------------------------------------------------------------------------
 #
-# Machine code is run without further checks, so it is read only from a folder of this user that nobody else may write to, and only
-# from regular files of this user's own. Every file begins with the SHA-256 hash of its name and content, so that damaged
-# files are compiled again.
+# Machine code is run without further checks, so it is read only from a folder of this user that nobody else may write to,
+# and only from regular files of this user's own. Every file begins with the SHA-256 hash of its name and content, so that
+# damaged files are compiled again.
 
 HASH_SIZE = 32
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
