@@ -383,9 +383,9 @@ class InstancesEngine:
 
     def place(self, values: tuple[Array, ...], lanes: Array) -> None:
         for engine, chosen, mine in self._parts(lanes):
-            engine.place(
-                tuple(v[..., chosen] for v in values), np.arange(engine.buffers.lanes) if mine is None else mine
-            )
+            if mine is None:
+                mine = np.arange(engine.buffers.lanes)
+            engine.place(tuple(v[..., chosen] for v in values), mine)
         self._gather()
 
     def _gather(self) -> None:
