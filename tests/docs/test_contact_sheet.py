@@ -110,9 +110,8 @@ def drawn(name: str, **values: object) -> Scene:
 
 def test_a_cliff_of_a_hundred_cells_keeps_its_ends() -> None:
     found = drawn("seals/CliffWorldLarge")
-    told = words(found).split()
-    assert {"0", "1", "2", "97", "98", "99"} <= set(told)
-    assert "50" not in told
+    (agent,) = (x for x in found.items if isinstance(x, Circle))
+    assert agent.centre[0] < 0.5 and found.width > 12
     assert sum(isinstance(x, Box) and x.fill == "good" for x in found.items) == 1 + 1  # in the key
 
 
