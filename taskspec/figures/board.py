@@ -157,7 +157,7 @@ class Board:
         written = cell in self.values or cell in self.letters or cell in self.agents
         ways = {(round(way[0]), round(way[1])) for at, way in self.moves if at == cell}
         free = next((corner for corner in ((1, -1), (-1, -1), (-1, 1), (1, 1)) if corner not in ways), (1, -1))
-        yield from marked(box, 0.3 * self.cell if written else 0.0, free)
+        yield from marked(box, written, free)
 
     def _contents(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:  # noqa: C901
         middle = {cell: self._middle(place) for cell, place in at.items()}

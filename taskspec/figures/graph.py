@@ -259,7 +259,7 @@ def _vertex(v: Vertex, spot: Spot, plan: Plan, says: Captions, overlay: Overlay)
         yield body
         if v in overlay.occupancy:
             yield shape(x, y, spot.half, RADIUS, "accent", min(1.0, overlay.occupancy[v]))
-        yield from marked(body, min(RADIUS / 2, text_width(says.labels[v], STATE) / 2))
+        yield from marked(body)
         yield Label((x, y), says.labels[v], STATE)
         yield from plan.words.get(v, ())
     else:

@@ -166,17 +166,6 @@ def test_tables_of_transitions_show_each_transition() -> None:
     assert max(cells.values()) == pytest.approx(0.12 + 0.88 * step.max())
 
 
-@pytest.mark.parametrize("name", ["seals/CliffWorld", "derail/RiskyPath", "derail/InitShiftExpert"])
-def test_what_is_bad_is_hatched(name: str) -> None:
-    """Green and red cannot be told apart by everyone."""
-    found = drawn(name)
-    bad = [extent(x) for x in found.items if isinstance(x, Box | Circle) and x.fill == "bad"]
-    lines = [extent(x) for x in found.items if isinstance(x, Line) and x.color == "paper"]
-    assert bad
-    for x0, y0, x1, y1 in bad:
-        assert sum(x0 <= a and y0 <= b and c <= x1 and d <= y1 for a, b, c, d in lines) >= 3
-
-
 STROKES = {"good": 1, "bad": 2, "end": 1}
 
 
