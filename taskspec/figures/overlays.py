@@ -115,7 +115,7 @@ class _Known:
         if "values" not in self.wanted:
             return {}
         acting = self.model.acting
-        values = solve.solve(self.model).value[acting]
+        values = solve.best(self.model).value[acting]
         return dict(zip(self.model.codes[acting].tolist(), values.tolist(), strict=True))
 
     @cached_property

@@ -27,11 +27,7 @@ def is_function(name: str) -> bool:
 
 
 def place_of(name: str) -> tuple[Path, str]:
-    """Return the file of `model.py:fn` and the name of the function; nothing is run.
-
-    Raises:
-        SpecError: E710 when there is no such file.
-    """
+    """Return the file of `model.py:fn` and the name of the function; nothing is run."""
     place, _, attribute = name.rpartition(":")
     if not Path(place).is_file():
         raise SpecError([Diagnostic("E710", None, f"there is no file '{place}'")])
@@ -43,9 +39,6 @@ def function_of(name: str, form: str = "(observation)") -> Any:
 
     Args:
         form: the function's parameters, for a hint.
-
-    Raises:
-        SpecError: E710, E711 when there is no such file, or it fails; E713 when it has no function or policy of that name.
     """
     path, attribute = place_of(name)
     found = getattr(_module(path), attribute, None)
@@ -111,11 +104,7 @@ class ScriptedPolicy(TaskPolicy):
         self.episode = -1
 
     def choose(self, batch: EpisodeBatch) -> Actions:
-        """Return the next action.
-
-        Raises:
-            ScriptEnd: when there are no more actions for this episode.
-        """
+        """Return the next action."""
         if batch.t == 0:
             self.episode += 1
         actions = self.episodes[self.episode % len(self.episodes)]

@@ -7,7 +7,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -58,7 +58,7 @@ def build(
     given = tuple((name, value, _kind(value)) for name, value in values.items())
     try:
         hash(given)
-        built = _built
+        built: Callable[..., Task] = _built
     except TypeError:  # a list, say: no parameter takes one, and the build says so
         built = _built.__wrapped__
     try:
