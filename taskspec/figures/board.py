@@ -131,7 +131,7 @@ class Board:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every cell is drawn as large as usual; the cells of larger boards are as small as that needs."""
+        """True if every cell is drawn as large as usual; those of larger boards are as small as that needs."""
         return max(len(self.columns), len(self.rows)) <= LARGEST
 
     def _cells(self) -> Iterator[Item]:
@@ -216,6 +216,8 @@ class Board:
 
         fills: dict[Cell, Color] = {**dict.fromkeys(self.letters, "muted"), **self.colors}
         yield from (Box(corner(cell), size, size, role, None) for cell, role in fills.items())
+        for cell, shade in self.shades.items():
+            yield Box(corner(cell), size, size, "accent", None, shade=shade)
         for role in ROLES.values():
             spots = [corner(cell) for cell in fills if fills[cell] == role]
             if spots:

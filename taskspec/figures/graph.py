@@ -33,6 +33,7 @@ LOOPS_UP_TO = 6
 MOST_ARROWS = 40
 MOST_CROSSINGS = 6  # more arrows or more crossings of them than these are too tangled to draw
 WIDEST = 20.0  # centimetres between vertices that are farthest apart: on a page wider graphs are too small to read
+STRETCH = 1.4  # of distances, where there is no room for labels at the usual ones
 RIM = 0.07
 DRAWN = {"values": "V", "policy": "thick arrows", "occupancy": "shade, {0}"}  # how results are drawn
 
@@ -86,7 +87,7 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
             tuple(_on_arrow(says, arc) for arc in found.arcs),
             tuple((v, word) for v in vertices for word in _at_state(says, v, overlay)),
         )
-        plan = _planned(request)
+        plan = _planned(request) or _planned(replace(request, stretch=STRETCH))
         if plan is None or (plan.width > WIDEST and not is_frame):
             continue
         cost = (len(says.kept.difference(vertices)), plan.cost)
@@ -133,6 +134,7 @@ class _Request:
     widths: tuple[tuple[Vertex, float], ...]
     texts: tuple[m.Math | None, ...]  # by arc
     words: tuple[tuple[Vertex, m.Math], ...]
+    stretch: float = 1.0
 
 
 @lru_cache(maxsize=16)
@@ -198,13 +200,13 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
     sizes = {v: _size(v, widths) for v in drawing.vertices}
     arcs = zip(drawing.arcs, request.texts, strict=True)
     longest = max((text_width(t, ARROW) for a, t in arcs if a.source != a.target and t), default=0.0)
-    step = max(DX, longest + 2 * max(half for half, _ in sizes.values()) + 0.35)
+    step = max(DX, longest + 2 * max(half for half, _ in sizes.values()) + 0.35) * request.stretch
     on = {a.source for a in drawing.arcs if a.source != a.target}
     mains = [[v for v in layer if v in on or (v in request.good and v == layer[-1])] for layer in drawing.layers]
     straight = all(len(main) <= 1 for main in mains)
     found = {}
     for i, layer in enumerate(drawing.layers):
-        heights = {v: DY * (k - (len(layer) - 1) / 2) for k, v in enumerate(layer)}
+        heights = {v: request.stretch * DY * (k - (len(layer) - 1) / 2) for k, v in enumerate(layer)}
         shift = heights[mains[i][0]] if straight and mains[i] else 0.0
         for v in layer:
             half, radius = sizes[v]
