@@ -127,7 +127,7 @@ def plan_of_table(model: Model, table: Array) -> Plan:
     table = table.astype(np.float64)
     if np.isnan(table).any():
         misused("the table of probabilities has NaN in it", "every entry is a probability")
-    if not _are_probabilities(table):
+    if not are_probabilities(table):
         is_square_transposed = a == n and np.allclose(table.sum(axis=-2), 1)
         hint = _transposed(table, n, a) if is_square_transposed else None
         misused("the probabilities of the actions in a state are at least 0, and sum to 1", hint)
@@ -135,7 +135,8 @@ def plan_of_table(model: Model, table: Array) -> Plan:
     return stationary(by_action) if table.ndim == 2 else timed(list(by_action))
 
 
-def _are_probabilities(table: Array) -> bool:
+def are_probabilities(table: Array) -> bool:
+    """Return whether the rows of a table are probabilities."""
     return bool((table >= 0).all() and np.allclose(table.sum(axis=-1), 1))
 
 
@@ -175,7 +176,7 @@ def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
     """
     if is_table(policy):
         return _of_table(results, np.asarray(policy), seed)
-    probabilities = _probabilities(policy, results.task)
+    probabilities = observed_probabilities(policy, results.task)
     if probabilities is not None:
         return _of_probabilities(results, probabilities, probabilities, seed)
     if hasattr(policy, "predict"):
@@ -191,7 +192,7 @@ def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
     return ObservedValue(value, value)
 
 
-def _probabilities(policy: Any, task: Task) -> Probabilities | None:
+def observed_probabilities(policy: Any, task: Task) -> Probabilities | None:
     """Return the probabilities that a policy gives of finite actions; None where it gives none."""
     if task.action_layout.form == "box":
         return None
@@ -241,7 +242,7 @@ def _of_table(results: Results, table: Array, seed: int) -> ObservedValue:
     if not np.isfinite(table).all():
         what = "NaN" if np.isnan(table).any() else "an infinite number"
         misused(f"the table of probabilities or values of actions has {what} in it", "every entry is a finite number")
-    stochastic = table if _are_probabilities(table) else greedy(table)
+    stochastic = table if are_probabilities(table) else greedy(table)
     if table.ndim == 3:
         return ObservedValue(_timed_value(results, greedy(table)), _timed_value(results, stochastic))
     start = seen.starts[0]
