@@ -321,14 +321,16 @@ def _dynamics(task: Task, gamma: float) -> Dynamics:
     clipped = extract(_paid(task, lambda b, r: b.apply("min2", b.apply("max2", r, b.scalar(-1)), b.scalar(1))))
     signs = extract(_paid(task, lambda b, r: b.apply("sign", r)))
     shape = (model.n_actions, model.n_states)
-    rewards = [each.step(0).R.reshape(shape) for each in (model, clipped, signs)]
+    R = model.step(0).R.reshape(shape)
+    clipped_rewards = clipped.step(0).R.reshape(shape)
+    sign_rewards = signs.step(0).R.reshape(shape)
     P = model.step(0).P
     P_end = model.step(0).P_end
     if P.shape[0] * P.shape[1] <= DENSE:
         P = P.toarray()
         if P_end is not None:
             P_end = P_end.toarray()
-    return Dynamics(model, gamma, P, P_end, *rewards)
+    return Dynamics(model, gamma, P, P_end, R, clipped_rewards, sign_rewards)
 
 
 def _paid(task: Task, change: Callable[[Builder, Node], Node]) -> Task:
