@@ -17,7 +17,7 @@ from docutils import nodes
 from taskspec import __version__
 from taskspec.pages.render.html import gallery_style
 from taskspec.printers import tex
-from taskspec.printers.mathml import mathml
+from taskspec.printers.markup import mathml
 
 project = "taskspec"
 author = project_copyright = "the taskspec authors"

@@ -60,7 +60,7 @@ _ROOMS = ("data", "envs", "exact")
 
 
 def __getattr__(name: str) -> object:
-    """Import a public name on first use, so that `import taskspec` costs next to nothing."""
+    """Import a public name on first use."""
     from importlib import import_module
 
     if name in _ROOMS:
@@ -76,6 +76,14 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *_PUBLIC, *_ROOMS})
 
 
-# Gymnasium learns the ids of the shipped tasks where it was imported before.
-if "gymnasium.envs.registration" in sys.modules:
-    __import__("taskspec.making").making.register()  # by name, since an import would put the package above its layers
+def _is_command() -> bool:
+    """Return whether this process is the command line or works for it, and starts sooner without Gymnasium."""
+    program = sys.argv[0].replace("\\", "/") if sys.argv else ""
+    if program == "-m":  # the package is imported before its `__main__` is found
+        return "-m taskspec" in " ".join(sys.orig_argv)
+    return program.endswith(("/taskspec", "/taskspec.exe", "/taskspec/__main__.py"))
+
+
+if not _is_command():
+    # Gymnasium learns the ids of the shipped tasks. By name: an import would put the package above its layers.
+    __import__("taskspec.making").making.register()

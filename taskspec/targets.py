@@ -208,11 +208,10 @@ def settings(texts: Sequence[str]) -> list[dict[str, Any]]:
 
 def _document(path: str) -> Document:
     """Return the document of a file with a valid shape."""
-    from taskspec.base.diagnostics import raise_if_errors
-    from taskspec.task.schema.check import check_shape
+    from taskspec.task.build import check_document
 
     document = registry.document(path)
-    raise_if_errors(check_shape(document))
+    check_document(document)
     return document
 
 

@@ -12,12 +12,10 @@ from typing import Any
 import gymnasium.vector
 import pytest
 
-import taskspec
 from taskspec import modifiers
 from taskspec.task import build
 from tests.shared.invariants import checked
 
-taskspec.register()  # a plugin of pytest may have imported the package before Gymnasium
 build._pipeline = checked(build._pipeline)  # every task that any test builds
 modifiers._modified = checked(modifiers._modified)
 os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")  # tests run in as many processes as there are cores

@@ -21,7 +21,7 @@ from taskspec.lang.parse import parse
 from taskspec.lang.scope import Scope
 from taskspec.lang.syntax import SourceText
 from taskspec.rules import claim_rules
-from taskspec.scores import saved
+from taskspec.scores.returns import CLAIMS, NUMBERS
 from taskspec.source import read_text
 from taskspec.source.scan import EXTENDS, REQUIRED
 from taskspec.task.build import build
@@ -287,7 +287,7 @@ def _figures() -> str:
 
 
 def _statuses(which: str) -> str:
-    found = saved.CLAIMS.values() if which == "claims" else saved.NUMBERS.values()
+    found = CLAIMS.values() if which == "claims" else NUMBERS.values()
     return table(("status", "meaning"), ((code(s.word), s.doc + (f" ({s.code})" if s.code else "")) for s in found))
 
 

@@ -278,9 +278,6 @@ def difference(
         nodes: the mapped state, as expressions over the state of the first model.
         with_expert: whether the experts, given by expressions, are compared as well.
         as_paid: whether the distributions of rewards have to be the same, instead of their expectations.
-
-    Raises:
-        Uncompared: if they are too large, or probabilities are not rationals.
     """
     try:
         return _Comparison(whole, nodes, other, as_paid).found(with_expert)

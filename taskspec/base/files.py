@@ -53,9 +53,6 @@ def whole(place: Path, new: bool = False) -> Iterator[Path]:
     Args:
         place: the path of the file; missing folders are created.
         new: raise an error if the file exists.
-
-    Raises:
-        SpecError: E716 when it cannot be written, or exists.
     """
     with refused(place):
         file = Unfinished(place, new)
@@ -74,9 +71,6 @@ def whole_folder(place: Path, mark: str) -> Iterator[Path]:
     Args:
         place: the path of the folder. An existing one is replaced if it is empty or contains a file called `mark`.
         mark: the name of a file that such folders have.
-
-    Raises:
-        SpecError: E716 when it cannot be written, or something else exists there.
     """
     with refused(place):
         place = place.resolve()
@@ -98,11 +92,7 @@ def whole_folder(place: Path, mark: str) -> Iterator[Path]:
 
 @contextmanager
 def refused(place: Path) -> Iterator[None]:
-    """Turn errors of the system about a file into messages.
-
-    Raises:
-        SpecError: E716.
-    """
+    """Turn errors of the system about a file into messages."""
     try:
         yield
     except OSError as error:

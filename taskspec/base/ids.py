@@ -34,11 +34,7 @@ class InstanceId:
 
 
 def parse(text: str) -> InstanceId:
-    """Read an id or a path, with the parameters and modifiers behind it.
-
-    Raises:
-        SpecError: E713 for anything but `name=value` behind the question mark, or a name that occurs there twice.
-    """
+    """Read an id or a path, with the parameters and modifiers behind it."""
     found = _FORM.fullmatch(text)
     if found is None:
         raise spec_error("E713", f"'{text}' is not the id of a task", _HINT)

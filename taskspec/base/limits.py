@@ -71,21 +71,13 @@ class Limits:
 
 @lru_cache(maxsize=1)
 def limits() -> Limits:
-    """Return the current limits.
-
-    Raises:
-        SpecError: E713 when the environment variable cannot be understood.
-    """
+    """Return the current limits."""
     return changed(Limits(), os.environ.get(VARIABLE, ""))
 
 
 @contextmanager
 def also(text: str) -> Iterator[None]:
-    """Change limits within the block, on top of the environment variable, also for processes that are started there.
-
-    Raises:
-        SpecError: E713 when the text cannot be understood.
-    """
+    """Change limits within the block, on top of the environment variable, also for processes that are started there."""
     before = os.environ.get(VARIABLE, "")
     both = f"{before},{text}"
     changed(Limits(), both)

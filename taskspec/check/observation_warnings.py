@@ -20,7 +20,7 @@ from taskspec.model.space import Reads, plain, words
 from taskspec.modifiers import modify
 from taskspec.rollout.rollout import Choose, State, by_expert, reads_of, simulate
 from taskspec.scores.returns import normalised
-from taskspec.solve import solve
+from taskspec.solve.plans import optimal_plan
 from taskspec.task.task import Component, Task
 
 
@@ -53,7 +53,7 @@ def hidden_goal(context: LintContext) -> Iterator[Doubt]:
     seen = _first_observations(model, first)
     if seen is None or len(np.unique(seen, axis=0)) == len(first) or context.results.optimal is None:
         return
-    best = solve.first_choices(model)[:, first]
+    best = optimal_plan(model)(0)[:, first] > 0
     _, groups = np.unique(seen, axis=0, return_inverse=True)
     for group in range(int(groups.max()) + 1):
         members = np.flatnonzero(groups.reshape(-1) == group)

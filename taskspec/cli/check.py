@@ -13,18 +13,8 @@ import typer
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order, records, render
 from taskspec.base.display import plural
+from taskspec.cli import options
 from taskspec.cli.console import VisibleText, columns, console, line, print_diagnostics, say, write_json
-from taskspec.cli.options import (
-    Jobs,
-    Json,
-    LimitsGiven,
-    Modifiers,
-    Parameters,
-    Targets,
-    Variant,
-    checked_choice,
-    choices_option,
-)
 from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -45,20 +35,20 @@ NOUNS: dict[Kind, str] = {"findings": "findings file"}
 
 
 def check(
-    targets: Targets = None,
-    variant: Variant = None,
-    parameters: Parameters = None,
-    modifiers: Modifiers = None,
+    targets: options.Targets = None,
+    variant: options.Variant = None,
+    parameters: options.Parameters = None,
+    modifiers: options.Modifiers = None,
     format: Annotated[
-        str, choices_option("--format", allowed=FORMATS, help="Text, JSON, or GitHub annotations.")
+        str, options.choices_option("--format", allowed=FORMATS, help="Text, JSON, or GitHub annotations.")
     ] = "text",
-    json: Json = False,
+    json: options.Json = False,
     strict: Annotated[bool, typer.Option("--strict", help="Count warnings as errors.")] = False,
     quick: Annotated[
         bool, typer.Option("--quick", help="Only soundness for the given parameters; no sanity checks, no claims.")
     ] = False,
-    jobs: Jobs = None,
-    limits: LimitsGiven = None,
+    jobs: options.Jobs = None,
+    limits: options.LimitsGiven = None,
 ) -> None:
     """Prove that specs are correct, or say exactly what is wrong and where.
 
@@ -73,7 +63,7 @@ def check(
     from taskspec.targets import files_of, others_of
 
     start = time.perf_counter()
-    checked_choice("--format", format, FORMATS)
+    options.checked_choice("--format", format, FORMATS)
     files = files_of(targets or [], parameters or [], modifiers or [])
     if variant is not None:
         files = [replace(file, variants=(variant,)) for file in files]
@@ -260,10 +250,11 @@ def _record(path: str, each: Checked) -> dict[str, Any]:
 
     errors, warnings = counts(each.diagnostics)
     found = each.finding
+    statuses = [verdict["status"] for verdict in found.verdicts]
     return {
         "id": each.id, "name": each.name, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
-        "method": found.method, "other_parameter_values": found.cases, "claims_proved": found.proved,
-        "claims_tested": found.tested, "claims": found.verdicts, "examples": found.examples,
+        "method": found.method, "other_parameter_values": found.cases, "claims_proved": statuses.count("proved"),
+        "claims_tested": statuses.count("tested"), "claims": found.verdicts, "examples": found.examples,
         "examples_wrong": found.wrong_examples, "skipped": found.skipped, "symmetries": found.symmetries,
         "seconds": round(each.seconds, 6),
     }  # fmt: skip

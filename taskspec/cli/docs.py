@@ -13,20 +13,8 @@ from taskspec.base.display import plural
 from taskspec.base.extras import install, is_installed
 from taskspec.base.files import near
 from taskspec.base.limits import telling
+from taskspec.cli import options
 from taskspec.cli.console import print_diagnostics, say, write_json
-from taskspec.cli.options import (
-    Json,
-    LimitsGiven,
-    Modifiers,
-    Parameters,
-    Targets,
-    TaskArgument,
-    Variant,
-    checked_choices,
-    choices_option,
-    folder_option,
-    formats_option,
-)
 from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -49,25 +37,25 @@ FigureFile = Annotated[
 ]  # fmt: skip
 Overlays = Annotated[
     list[str] | None,
-    choices_option(
+    options.choices_option(
         "--overlay", allowed=OVERLAYS, help="Lay exact results over the states; may be repeated, or given with commas."
     ),
 ]
 
 
 def docs(
-    targets: Targets = None,
+    targets: options.Targets = None,
     format: Annotated[
-        list[str] | None, formats_option(FORMATS, "What to write; may be repeated. HTML by default.")
+        list[str] | None, options.formats_option(FORMATS, "What to write; may be repeated. HTML by default.")
     ] = None,
-    output: Annotated[Path, folder_option("Where to write.")] = Path("build/docs"),
-    parameters: Parameters = None,
-    modifiers: Modifiers = None,
+    output: Annotated[Path, options.folder_option("Where to write.")] = Path("build/docs"),
+    parameters: options.Parameters = None,
+    modifiers: options.Modifiers = None,
     results: Results = True,
     brief: Brief = False,
     title: Title = "",
-    json: Json = False,
-    limits: LimitsGiven = None,
+    json: options.Json = False,
+    limits: options.LimitsGiven = None,
 ) -> None:
     """Write the appendix of a paper: every task with its figure.
 
@@ -84,7 +72,7 @@ def docs(
     from taskspec.figures import HINT
     from taskspec.targets import settings
 
-    wanted = checked_choices("--format", format or ["html"], FORMATS)
+    wanted = options.checked_choices("--format", format or ["html"], FORMATS)
     columns = settings(parameters) if parameters else ()
     tasks: list[Task] = []
     warnings: list[Diagnostic] = []
@@ -117,9 +105,6 @@ def docs(
 def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[list[Task], list[Diagnostic]]:
     """Return all tasks of ids, files and folders, and the instances of experiments that are named; and what is wrong with
     others.
-
-    Raises:
-        SpecError: for a target that does not exist.
     """
     from taskspec.experiments import expand, read
     from taskspec.registry import load
@@ -171,12 +156,12 @@ def _facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Fa
 
 
 def figure(
-    task: TaskArgument,
+    task: options.TaskArgument,
     output: FigureFile,
     overlays: Overlays = None,
-    variant: Variant = None,
-    parameters: Parameters = None,
-    modifiers: Modifiers = None,
+    variant: options.Variant = None,
+    parameters: options.Parameters = None,
+    modifiers: options.Modifiers = None,
 ) -> None:
     """Draw the figure of a task, as SVG, TikZ, PNG or PDF.
 
@@ -186,7 +171,7 @@ def figure(
     from taskspec.targets import beside, tasks_of
 
     found = tasks_of(task, variant, parameters or [], modifiers or [])
-    wanted = checked_choices("--overlay", overlays, OVERLAYS)
+    wanted = options.checked_choices("--overlay", overlays, OVERLAYS)
     for each in found:
         place = output if len(found) == 1 else beside(output, each)
         say(f"wrote {pages.figure(each, place, wanted)}")

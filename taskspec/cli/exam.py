@@ -11,18 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.base.files import near, safe_name
+from taskspec.cli import options
 from taskspec.cli.console import misuse, say, write_json
-from taskspec.cli.options import (
-    Cluster,
-    Jobs,
-    Json,
-    LimitsGiven,
-    Retry,
-    complete_learners,
-    folder_option,
-    split_names,
-    time_limit_option,
-)
 from taskspec.cli.progress import job_progress
 
 if TYPE_CHECKING:
@@ -41,7 +31,7 @@ def _option(*names: str, help: str, **more: Any) -> Any:
 LearnerArgument = Annotated[
     str,
     typer.Argument(
-        metavar="LEARNER|EXPERIMENT", show_default=False, autocompletion=complete_learners,
+        metavar="LEARNER|EXPERIMENT", show_default=False, autocompletion=options.complete_learners,
         help="[cyan]FILE.py:train[/] or [cyan]module:train[/], a function of a case that gives a policy; or one that comes with "
         "the package, by its name ([cyan]bc[/]) or as a YAML file of its settings. Or an experiment, by its path or as "
         "[cyan]suite/name[/]: its learners, on its tasks.",
@@ -84,7 +74,7 @@ Against = Annotated[
     ),
 ]  # fmt: skip
 Output = Annotated[
-    Path | None, folder_option("Where results are stored; build/exams/NAME by default.", show_default=False)
+    Path | None, options.folder_option("Where results are stored; build/exams/NAME by default.", show_default=False)
 ]
 
 
@@ -100,14 +90,14 @@ def exam(
     learns_from: LearnsFrom = None,
     against: Against = None,
     output: Output = None,
-    jobs: Jobs = None,
-    cluster: Cluster = None,
+    jobs: options.Jobs = None,
+    cluster: options.Cluster = None,
     time_limit: Annotated[
-        float | None, time_limit_option("Time limit for one seed, or block of seeds, on a task.")
+        float | None, options.time_limit_option("Time limit for one seed, or block of seeds, on a task.")
     ] = None,
-    retry: Retry = False,
-    json: Json = False,
-    limits: LimitsGiven = None,
+    retry: options.Retry = False,
+    json: options.Json = False,
+    limits: options.LimitsGiven = None,
 ) -> None:
     """Examine a learner: train it on every task, and on twins of them, and say which capability fails.
 
@@ -135,9 +125,9 @@ def exam(
         _examine_all(written, output, running, terms, json)
         return
     if tasks is not None:
-        terms["tasks"] = _tasks(split_names(tasks))
+        terms["tasks"] = _tasks(options.split_names(tasks))
     if learns_from is not None:
-        terms["learns_from"] = split_names(learns_from)
+        terms["learns_from"] = options.split_names(learns_from)
     _examine_one(learner, output, running, {"suite": suite or "derail", "against": against, **terms}, json)
 
 

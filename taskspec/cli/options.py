@@ -12,7 +12,6 @@ import typer
 from taskspec.base.diagnostics import suggest
 from taskspec.cli.console import misuse
 
-CHARTS = (".svg", ".png", ".pdf")
 MAX_OFFERED = 100
 
 Completions = list[tuple[str, str]]
@@ -26,11 +25,7 @@ def flowed(doc: str) -> str:
 
 
 def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:
-    """Return the value of an option.
-
-    Raises:
-        UsageError: when it is not one of those allowed.
-    """
+    """Return the value of an option."""
     if value not in allowed:
         listed = ", ".join(allowed)
         raise misuse(f"{name} is one of {listed}, not '{value}'", suggest(value, allowed))
@@ -43,11 +38,7 @@ def split_names(texts: Sequence[str] | None) -> list[str]:
 
 
 def checked_choices(option: str, texts: Sequence[str] | None, allowed: Sequence[str]) -> list[str]:
-    """Return the names in an option that may be repeated, or given with commas.
-
-    Raises:
-        UsageError: when one is not allowed.
-    """
+    """Return the names in an option that may be repeated, or given with commas."""
     return [checked_choice(option, name, allowed) for name in split_names(texts)]
 
 
@@ -105,60 +96,11 @@ def complete_learners(incomplete: str) -> Completions:
     return starting(incomplete, known) + complete_experiments(incomplete)
 
 
-def complete_parameters(ctx: typer.Context, incomplete: str) -> Completions:
-    """Return `L=10` for the parameters of the task on the command line: with their defaults, and what they mean."""
-    from taskspec import registry
-    from taskspec.base.display import setting
-
-    target = _target_in(ctx)
-    if target is None:
-        return []
-    try:
-        task = registry.load(target, ctx.params.get("variant"))
-    except (ValueError, OSError):
-        return []
-    found: Completions = []
-    for p in task.parameters:
-        if incomplete.startswith(f"{p.name}="):
-            found += [(f"{p.name}={value}", "") for value in p.values or ()]
-        else:
-            found.append((f"{p.name}={setting(p.default)}", p.doc or p.kind))
-    return starting(incomplete, found)
-
-
-def complete_variants(ctx: typer.Context, incomplete: str) -> Completions:
-    """Return variants of the spec on the command line."""
-    from taskspec import registry
-    from taskspec.source.scan import scan
-
-    try:
-        name = registry.instance(_target_in(ctx) or "").name
-        path = Path(name) if registry.is_path(name) else registry.find(name).path
-        found = scan(path.read_text(encoding="utf-8")).tasks
-    except (ValueError, OSError):
-        return []
-    return starting(incomplete, [(variant, name) for name, variant in found if variant is not None])
-
-
-def _target_in(ctx: typer.Context) -> str | None:
-    """Return the task that the words before the cursor name. An option still without its value leaves them all in `args`."""
-    found = ctx.params.get("task") or ctx.params.get("targets") or ctx.args
-    words = [found] if isinstance(found, str) else found
-    return next((word for word in words if not word.startswith("-")), None)
-
-
 def complete_modifiers(incomplete: str) -> Completions:
     """Return `sticky=` and the others: with what they do."""
     from taskspec.modifiers import MODIFIERS
 
     return starting(incomplete, [(name + "=" * bool(e.arguments), e.doc) for name, e in MODIFIERS.items()])
-
-
-def complete_limits(incomplete: str) -> Completions:
-    """Return `seconds=10` for the limits that can be changed: with their defaults, and what they are about."""
-    from taskspec.base.limits import table
-
-    return starting(incomplete, [(f"{row.name}={row.value}", row.what) for row in table() if not row.fixed])
 
 
 def complete_policies(incomplete: str) -> Completions:
@@ -225,14 +167,13 @@ Targets = Annotated[
 ]  # fmt: skip
 Variant = Annotated[
     str | None,
-    typer.Option("--variant", "-v", metavar="NAME", help="A variant of the spec.", autocompletion=complete_variants),
+    typer.Option("--variant", "-v", metavar="NAME", help="A variant of the spec."),
 ]
 Parameters = Annotated[
     list[str] | None,
     typer.Option(
         "-p", "--param", metavar="NAME=VALUE,...",
         help="A parameter, such as [green]-p L=20[/], or several values, [green]-p L=5,10,20[/]; may be repeated.",
-        autocompletion=complete_parameters,
     ),
 ]  # fmt: skip
 Modifiers = Annotated[
@@ -245,7 +186,7 @@ Modifiers = Annotated[
 LimitsGiven = Annotated[
     list[str] | None,
     typer.Option(
-        "--limit", metavar="NAME=VALUE", callback=_set_limits, autocompletion=complete_limits, show_default=False,
+        "--limit", metavar="NAME=VALUE", callback=_set_limits, show_default=False,
         help="Limit the cost of an analysis: [green]--limit seconds=60[/], or [green]seconds=0[/] to skip it; may be repeated.",
     ),
 ]  # fmt: skip

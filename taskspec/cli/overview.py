@@ -10,17 +10,8 @@ import typer
 
 from taskspec.base.diagnostics import CLASSES, CODES, Code, Diagnostic, SpecError, spec_error, suggest
 from taskspec.base.display import visible
+from taskspec.cli import options
 from taskspec.cli.console import VisibleText, colored, columns, console, fail, line, say, write_json, write_records
-from taskspec.cli.options import (
-    Completions,
-    Json,
-    Modifiers,
-    Parameters,
-    Targets,
-    TaskArgument,
-    Variant,
-    starting,
-)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -33,7 +24,7 @@ WIDEST = 150
 """From this width on, rows have room for a summary."""
 
 
-def list_tasks(targets: Targets = None, json: Json = False) -> None:
+def list_tasks(targets: options.Targets = None, json: options.Json = False) -> None:
     """List tasks with their parameters, size and horizon.
 
     The size is states × actions, and tasks are grouped by the capability that they isolate.
@@ -102,12 +93,12 @@ def _task_table(tasks: Sequence[Task], width: int) -> Table:
 
 
 def show(
-    task: TaskArgument,
-    variant: Variant = None,
-    parameters: Parameters = None,
-    modifiers: Modifiers = None,
+    task: options.TaskArgument,
+    variant: options.Variant = None,
+    parameters: options.Parameters = None,
+    modifiers: options.Modifiers = None,
     source: Annotated[bool, typer.Option("--source", help="The code generated for its environment.")] = False,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Show a task as a page, or the code generated from it."""
     from taskspec.cli.page import print_page
@@ -153,20 +144,16 @@ def _print_source(code: str) -> None:
 # -- explain ------------------------------------------------------------------------------------------------------
 
 
-def complete_codes(incomplete: str) -> Completions:
-    return starting(incomplete.upper(), [(code.code, code.title) for code in CODES.values()])
-
-
 CodeArgument = Annotated[
     str | None,
     typer.Argument(
-        metavar="[CODE]", help="A code or its name; lists all if omitted.", autocompletion=complete_codes,
+        metavar="[CODE]", help="A code or its name; lists all if omitted.",
         show_default=False,
     ),
 ]  # fmt: skip
 
 
-def explain(code: CodeArgument = None, json: Json = False) -> None:
+def explain(code: CodeArgument = None, json: options.Json = False) -> None:
     """Explain an error or a warning, such as E302, with an example."""
     found = list(CODES.values()) if code is None else [_find(code)]
     if json:

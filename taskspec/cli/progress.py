@@ -1,13 +1,12 @@
 """Progress of commands that take long.
 
-On a terminal, a line that changes and is gone when the work is done; elsewhere, lines that stay.
+On a terminal, a line that changes and is gone when the work is done; elsewhere, only jobs are reported, in lines that stay.
 """
 
 from __future__ import annotations
 
 import shutil
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -27,10 +26,6 @@ EVERY = 0.1
 """Seconds between changes of the line."""
 BETWEEN_LINES = 10.0
 """Seconds between lines about jobs where there is no terminal."""
-SLOW = 10.0
-"""Seconds after which a line names a part that takes long, where there is no terminal."""
-LOOK = 0.5
-"""Seconds between looks at the clock."""
 WIDTH = 20
 """The width of a bar in characters."""
 
@@ -43,7 +38,7 @@ def is_terminal() -> bool:
 @contextmanager
 def progress(name: str) -> Iterator[None]:
     """Within the block, standard error shows what `base.limits.tell` reports, with a bar where it reports shares."""
-    display = ProgressLine(name) if is_terminal() else _SlowParts(name)
+    display = ProgressLine(name)
     try:
         with progress_listener(display.show):
             yield
@@ -62,9 +57,8 @@ def job_progress(name: str) -> Iterator[Callable[[JobProgress], None]]:
         words = f"{reached.over}/{reached.total}"
         if reached.failed:
             words += f", {reached.failed} failed"
-        if is_terminal():
-            display.show(f"{name} {words}", reached.over / max(reached.total, 1))
-        elif time.monotonic() >= due:
+        display.show(f"{name} {words}", reached.over / max(reached.total, 1))
+        if not is_terminal() and time.monotonic() >= due:
             if reached.left is not None:
                 words += f", {reached.rate:.3g}/s, {timedelta(seconds=round(reached.left))} left"
             say(f"{name}: {words}", err=True)
@@ -85,8 +79,7 @@ def counter(name: str, total: int) -> Iterator[Callable[[], None]]:
     def advance() -> None:
         nonlocal done
         done += 1
-        if is_terminal():
-            display.show(f"{name} {done}/{total}", done / total)
+        display.show(f"{name} {done}/{total}", done / total)
 
     try:
         yield advance
@@ -107,6 +100,8 @@ class ProgressLine:
         self.began = self.start
 
     def show(self, what: str, share: float | None = None) -> None:
+        if not is_terminal():
+            return
         now = time.monotonic()
         if share is not None:  # what is reported from now on is of this part
             if self.share is None or share < self.share:
@@ -138,38 +133,3 @@ class ProgressLine:
         if self.is_shown:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
-
-
-class _SlowParts:
-    """A line for each part that takes long. A thread looks at the clock, for a long part may report nothing for minutes."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self.part = ""
-        self.step = ""
-        self.since = time.monotonic()
-        self.is_reported = False
-        self.over = threading.Event()
-        self.thread = threading.Thread(target=self._look, daemon=True)
-        self.thread.start()
-
-    def show(self, what: str, share: float | None = None) -> None:
-        if share is None:
-            self.step = what
-            return
-        self.part = what
-        self.step = ""
-        self.since = time.monotonic()
-        self.is_reported = False
-
-    def _look(self) -> None:
-        while not self.over.wait(LOOK):
-            if not self.is_reported and time.monotonic() - self.since >= SLOW:
-                self.is_reported = True
-                words = ": ".join(filter(None, (self.name, self.part, self.step)))
-                sys.stderr.write(visible(f"{words} takes more than {SLOW:g} s") + "\n")
-                sys.stderr.flush()
-
-    def clear(self) -> None:
-        self.over.set()
-        self.thread.join()

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from taskspec.task.schema.experiments import Experiment
 
 FORMATS = ("html", "png", "pdf", "svg", "parquet")
-GRADES = {"masters": "good", "unsure": "warn", "fails": "bad"}
+GRADES = {"masters": "good", "passes": "warn", "unsure": "warn", "fails": "bad"}
 OUTCOMES = {"confirmed": "good", "refuted": "bad", "undecided": "warn", "not run": "quiet"}
 Folders = Annotated[
     list[Path],
@@ -148,7 +148,10 @@ def _exam_table(exam: Mapping[str, Any]) -> Table:
         for row in found:
             if row.capability != capability:
                 continue
-            ends = interval(*row.printed.interval) if len(row.printed.scores) > 1 else ""
+            count = len(row.printed.scores)
+            ends = ""
+            if count > 1:  # equal scores have no interval
+                ends = interval(*row.printed.interval) or f"{row.printed.passed}/{count} pass"
             constant = SeedCell(() if row.constant is None else (row.constant,))
             others = [_shaded(cell) for cell in (row.twins, row.drawn, constant)]
             table.add_row(f"  {row.name}", _shaded(row.printed), ends, *others)

@@ -40,11 +40,7 @@ MOST_ELEMENTS = 16
 
 
 def policy_for(name: str, env: Environment, seed: int) -> Act:
-    """Return a policy that acts in an environment, one episode after the other.
-
-    Raises:
-        SpecError: for a policy that does not exist, or that this task does not have.
-    """
+    """Return a policy that acts in an environment, one episode after the other."""
     if name == "random":
         env.action_space.seed(seed % 2**32)
         return lambda observation: env.action_space.sample()

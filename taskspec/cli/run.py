@@ -13,19 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.base.display import decimal, estimate
+from taskspec.cli import options
 from taskspec.cli.console import VisibleText, columns, console, line, misuse, say, write_records
-from taskspec.cli.options import (
-    Json,
-    Modifiers,
-    Parameters,
-    PolicyName,
-    TaskArgument,
-    Variant,
-    checked_choice,
-    choices_option,
-    file_option,
-    seed_option,
-)
 from taskspec.cli.progress import counter, progress
 
 if TYPE_CHECKING:
@@ -49,30 +38,30 @@ EpisodeCount = Annotated[
 ]
 Render = Annotated[
     str | None,
-    choices_option(
+    options.choices_option(
         "--render", allowed=tuple(RENDER_MODES), help="Show every state: as text, in a window, or as a video."
     ),
 ]
 FilmFile = Annotated[
     Path | None,
-    file_option("--output", "-o", help="The video, .gif or .mp4; named after the task by default."),
+    options.file_option("--output", "-o", help="The video, .gif or .mp4; named after the task by default."),
 ]
 
 
 def run(
-    task: TaskArgument,
-    policy: PolicyName = "random",
+    task: options.TaskArgument,
+    policy: options.PolicyName = "random",
     episodes: EpisodeCount = None,
-    seed: Annotated[int, seed_option("Seed of the episodes.")] = 0,
-    variant: Variant = None,
-    parameters: Parameters = None,
-    modifiers: Modifiers = None,
+    seed: Annotated[int, options.seed_option("Seed of the episodes.")] = 0,
+    variant: options.Variant = None,
+    parameters: options.Parameters = None,
+    modifiers: options.Modifiers = None,
     render: Render = None,
     output: FilmFile = None,
     max_steps: Annotated[
         int, typer.Option("--max-steps", min=1, help="Stop episodes that do not end by themselves.")
     ] = MAX_STEPS,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Roll out a policy and print its results.
 
@@ -111,7 +100,7 @@ def _kind_of(render: str | None, output: Path | None) -> str | None:
     suffix = output.suffix[1:].lower() if output is not None else None
     kind = render or suffix
     if kind is not None:
-        checked_choice("--render", kind, tuple(RENDER_MODES))
+        options.checked_choice("--render", kind, tuple(RENDER_MODES))
     if output is not None and (kind not in FILMS or suffix != kind):
         raise misuse(f"--output is a video: its name ends in .gif or .mp4, as --render says, not '{output.name}'")
     return kind
@@ -218,10 +207,10 @@ def _mean(summary: Summary) -> Any:
 
 
 def play(
-    task: TaskArgument,
-    variant: Variant = None,
-    parameters: Parameters = None,
-    modifiers: Modifiers = None,
+    task: options.TaskArgument,
+    variant: options.Variant = None,
+    parameters: options.Parameters = None,
+    modifiers: options.Modifiers = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of the first episode; random if omitted.")] = None,
     fps: Annotated[int, typer.Option("--fps", min=1, help="Steps per second while a key is held.")] = 4,
 ) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -99,7 +99,7 @@ def schema(
 
     if experiment + exam + findings > 1:
         raise misuse("--experiment, --exam and --findings are three schemas; ask for one")
-    asked = {Experiment: experiment, ExamDocument: exam, FindingsDocument: findings}
+    asked: dict[Any, bool] = {Experiment: experiment, ExamDocument: exam, FindingsDocument: findings}
     schema = json_schema()
     for model, wanted in asked.items():
         if wanted:

@@ -12,17 +12,8 @@ import typer
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import decimal, estimate, number
+from taskspec.cli import options
 from taskspec.cli.console import Console, columns, console, line, write_json, write_records
-from taskspec.cli.options import (
-    Json,
-    LimitsGiven,
-    Modifiers,
-    Parameters,
-    TaskArgument,
-    Variant,
-    file_option,
-    seed_option,
-)
 from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -39,21 +30,21 @@ ReturnsFile = Annotated[
 
 
 def solve(
-    task: TaskArgument,
-    variant: Variant = None,
-    parameters: Parameters = None,
-    modifiers: Modifiers = None,
+    task: options.TaskArgument,
+    variant: options.Variant = None,
+    parameters: options.Parameters = None,
+    modifiers: options.Modifiers = None,
     episodes: Annotated[int, typer.Option("--episodes", "-n", min=2, help="Used where simulation is needed.")] = 1000,
-    seed: Annotated[int, seed_option("Used where simulation is needed.")] = 0,
+    seed: Annotated[int, options.seed_option("Used where simulation is needed.")] = 0,
     difficulty: Annotated[
         bool,
         typer.Option(
             "--difficulty", help="Measures of difficulty from theory besides: `docs/difficulty.md` lists them."
         ),
     ] = False,
-    output: Annotated[Path | None, file_option("--output", "-o", help="Save the scores to this file.")] = None,
-    json: Json = False,
-    limits: LimitsGiven = None,
+    output: Annotated[Path | None, options.file_option("--output", "-o", help="Save the scores to this file.")] = None,
+    json: options.Json = False,
+    limits: options.LimitsGiven = None,
 ) -> None:
     """Compute optimal, expert, random and worst return.
 
@@ -87,13 +78,13 @@ def solve(
 
 
 def score(
-    task: TaskArgument,
+    task: options.TaskArgument,
     returns: ReturnsFile,
-    variant: Variant = None,
-    parameters: Parameters = None,
-    modifiers: Modifiers = None,
-    scores: Annotated[Path | None, file_option("--scores", help="Scores saved by `solve -o`.")] = None,
-    json: Json = False,
+    variant: options.Variant = None,
+    parameters: options.Parameters = None,
+    modifiers: options.Modifiers = None,
+    scores: Annotated[Path | None, options.file_option("--scores", help="Scores saved by `solve -o`.")] = None,
+    json: options.Json = False,
 ) -> None:
     """Score returns: 0 is random actions, 1 is the expert.
 
@@ -105,11 +96,7 @@ def score(
     found = task_of(task, variant, parameters or [], modifiers or [])
     known = None
     if scores is not None:
-        try:
-            known = exact.Scores.load(scores, found)
-        except (KeyError, TypeError, json_.JSONDecodeError):
-            hint = "`taskspec solve TASK -o FILE` writes some"
-            raise spec_error("E711", f"'{scores}' contains no scores", hint) from None
+        known = exact.Scores.load(scores, found)
     result = exact.score(found, returns=read_returns(returns), known=known)
     if json:
         write_json({
@@ -126,9 +113,6 @@ def score(
 def read_returns(path: Path) -> list[float]:
     """Return returns of episodes from a file: a JSON list, or `returns` of a JSON object; or CSV, in the first column or
     in `r`.
-
-    Raises:
-        SpecError: E710, E711 when there is no such file, or no numbers in it.
     """
     if not path.exists():
         raise spec_error("E710", f"there is no file '{path}'")

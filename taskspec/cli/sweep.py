@@ -10,20 +10,8 @@ import typer
 
 from taskspec.base.display import decimal, estimate
 from taskspec.base.files import near, safe_name
+from taskspec.cli import options
 from taskspec.cli.console import VisibleText, columns, console, line, say, write_json
-from taskspec.cli.options import (
-    Cluster,
-    Jobs,
-    Json,
-    LimitsGiven,
-    Parameters,
-    Retry,
-    checked_choices,
-    complete_experiments,
-    folder_option,
-    formats_option,
-    time_limit_option,
-)
 from taskspec.cli.progress import job_progress
 
 if TYPE_CHECKING:
@@ -38,27 +26,29 @@ MEASURES = ("solution_length", "best_at_random")
 ExperimentName = Annotated[
     str,
     typer.Argument(
-        metavar="EXPERIMENT", help="The path of an experiment, or suite/name.", autocompletion=complete_experiments,
+        metavar="EXPERIMENT", help="The path of an experiment, or suite/name.", autocompletion=options.complete_experiments,
         show_default=False,
     ),
 ]  # fmt: skip
 Format = Annotated[
     list[str] | None,
-    formats_option(FORMATS, "What else to write; may be repeated, or given with commas. JSON, CSV and SVG by default."),
+    options.formats_option(
+        FORMATS, "What else to write; may be repeated, or given with commas. JSON, CSV and SVG by default."
+    ),
 ]
 
 
 def sweep(
     experiment: ExperimentName,
-    output: Annotated[Path, folder_option("Where results are stored and looked up.")] = Path("build/sweeps"),
-    parameters: Parameters = None,
+    output: Annotated[Path, options.folder_option("Where results are stored and looked up.")] = Path("build/sweeps"),
+    parameters: options.Parameters = None,
     format: Format = None,
-    jobs: Jobs = None,
-    cluster: Cluster = None,
-    time_limit: Annotated[float | None, time_limit_option("Time limit for one instance.")] = None,
-    retry: Retry = False,
-    json: Json = False,
-    limits: LimitsGiven = None,
+    jobs: options.Jobs = None,
+    cluster: options.Cluster = None,
+    time_limit: Annotated[float | None, options.time_limit_option("Time limit for one instance.")] = None,
+    retry: options.Retry = False,
+    json: options.Json = False,
+    limits: options.LimitsGiven = None,
 ) -> None:
     """Measure every instance of an experiment: sizes, returns, difficulty, roll-outs.
 
@@ -73,7 +63,7 @@ def sweep(
     from taskspec.experiments.sweeping import WRITERS
     from taskspec.targets import settings
 
-    wanted = checked_choices("--format", format or ["json,csv,svg"], FORMATS)
+    wanted = options.checked_choices("--format", format or ["json,csv,svg"], FORMATS)
     written = experiments.read(experiment)
     found = experiments.expand(written, settings(parameters) if parameters else ())
     found.raise_if_wrong()

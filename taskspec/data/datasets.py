@@ -39,11 +39,7 @@ SPACE = (np.dtype(np.int64), np.dtype(np.float32))
 
 
 def check_transitions(data: Transitions) -> None:
-    """Check the arrays of transitions, and that each episode or segment is a run of steps that only the last may end.
-
-    Raises:
-        ValueError: for the first array that is not as it should be.
-    """
+    """Check the arrays of transitions, and that each episode or segment is a run of steps that only the last may end."""
     rows = len(data.rews) if np.ndim(data.rews) else 0
     if not rows:
         raise ValueError("it has no transitions")
@@ -93,11 +89,7 @@ def _check_steps(data: Transitions) -> None:
 
 
 def check_whole(data: Transitions) -> None:
-    """Check that the transitions are those of whole episodes.
-
-    Raises:
-        ValueError: for the first episode that begins late or has no end.
-    """
+    """Check that the transitions are those of whole episodes."""
     late = np.flatnonzero(data.time[data.starts] != 0)
     if len(late):
         raise ValueError(f"episode {data.episode[data.starts[late[0]]]} does not begin at time 0")
@@ -110,11 +102,7 @@ def check_whole(data: Transitions) -> None:
 
 
 def check_pairs(segments: Transitions, preferences: Array, returns: Array, queries: Array) -> None:
-    """Check the labels of each pair of segments.
-
-    Raises:
-        ValueError: for the first array that is not as it should be.
-    """
+    """Check the labels of each pair of segments."""
     pairs = len(preferences) if np.ndim(preferences) else 0
     if not np.array_equal(segments.episode[segments.starts], np.arange(2 * pairs)):
         raise ValueError(f"`episode` does not number the segments of {pairs} pairs from 0 to {2 * pairs - 1}")
@@ -147,11 +135,7 @@ KEY = b"taskspec"
 def write_table(
     path: Path, columns: Mapping[str, Array | Sequence[Any]], metadata: Mapping[str, Any] | None = None
 ) -> None:
-    """Write columns: arrays (N, *shape), or N values of one type, None where there is none.
-
-    Raises:
-        SpecError: E705 where pyarrow is not installed.
-    """
+    """Write columns: arrays (N, *shape), or N values of one type, None where there is none."""
     arrow = need("pyarrow", "parquet", "Parquet")
     parquet = need("pyarrow.parquet", "parquet", "Parquet")
     table = arrow.table({name: _column(arrow, values) for name, values in columns.items()})
@@ -160,12 +144,7 @@ def write_table(
 
 
 def read_table(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return columns (N, *shape) and metadata; its `shapes` are those of the values.
-
-    Raises:
-        SpecError: E705 where pyarrow is not installed.
-        ValueError, KeyError: where the file is none of ours.
-    """
+    """Return columns (N, *shape) and metadata; its `shapes` are those of the values."""
     parquet = need("pyarrow.parquet", "parquet", "Parquet")
     table = parquet.read_table(path)
     metadata = json.loads((table.schema.metadata or {})[KEY])
@@ -191,11 +170,7 @@ _NAME = re.compile(r"[-_\w]*\w-v\d+")
 
 
 def write_minari(folder: Path, place: Path, data: Demonstrations) -> None:
-    """Write the dataset `place` into a folder that is going to be there.
-
-    Raises:
-        SpecError: E705 where Minari, or h5py, is not installed; E713 where the last part of the place is no name of a dataset.
-    """
+    """Write the dataset `place` into a folder that is going to be there."""
     if not _NAME.fullmatch(place.name):
         misused(f"Minari cannot call a dataset '{place.name}'", "end the folder's name in a version: expert-v0")
     if data.task is None:
@@ -311,11 +286,7 @@ def write(data: Data, path: str | PathLike[str], format: str | None = None) -> N
 
 
 def format_of(path: Path, name: str | None = None) -> Format:
-    """Return the format of a name, or of the suffix of a path.
-
-    Raises:
-        SpecError: E713, for one that there is not.
-    """
+    """Return the format of a name, or of the suffix of a path."""
     if name is not None and name not in FORMATS:
         misused(f"there is no format '{name}'", suggest(name, FORMATS) or ", ".join(FORMATS))
     found = FORMATS.get(name or "") or next((f for f in FORMATS.values() if f.suffix and f.suffix == path.suffix), None)

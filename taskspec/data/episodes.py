@@ -180,11 +180,7 @@ LONGEST = 20_000
 def recorded(
     task: Task, policy: Any, episodes: int | None, transitions: int | None, seed: int, jobs: int
 ) -> Transitions:
-    """Whole episodes: so many, or as many as make at least so many transitions.
-
-    Raises:
-        SpecError: E706 for actions that are none, E712 when episodes do not end, E713 for what is no policy.
-    """
+    """Whole episodes: so many, or as many as make at least so many transitions."""
     size = _together(task)
     _check_sent(policy, jobs)
     with _mapping(jobs) as run:

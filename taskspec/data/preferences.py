@@ -136,11 +136,7 @@ _CALL = re.compile(r"(\w+)\(([^()]+)\)")
 
 
 def teacher_of(text: str | Teacher) -> Teacher:
-    """Return the teacher of a text such as `myopic(0.9) + mistaken(0.1)`.
-
-    Raises:
-        SpecError: E713 when it is none.
-    """
+    """Return the teacher of a text such as `myopic(0.9) + mistaken(0.1)`."""
     if isinstance(text, Teacher):
         return text
     found = Teacher()
@@ -275,11 +271,7 @@ def _labels(segments: Transitions, task: Task, who: Teacher, ends: tuple[float, 
 
 
 def return_ends(task: Task, length: int | None) -> tuple[float, float]:
-    """Return the worst and the optimal return, exact; of segments the share that they have in the horizon.
-
-    Raises:
-        SpecError: E712 where there is no exact model, E713 where all policies earn the same.
-    """
+    """Return the worst and the optimal return, exact; of segments the share that they have in the horizon."""
     results = Results(task)
     if results.model is None or results.enclosure("worst") is None or results.enclosure("optimal") is None:
         why = results.why_not or "its returns are not finite"

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from taskspec.abstraction.abstraction import extract as extract
 from taskspec.check.report import Report as Report
-from taskspec.check.report import Score as Score
-from taskspec.check.report import Scores as Scores
-from taskspec.check.report import StaleScores as StaleScores
 from taskspec.check.report import check as check
-from taskspec.check.report import score as score
-from taskspec.check.report import scores as scores
 from taskspec.check.warnings import Accepted as Accepted
 from taskspec.check.warnings import warnings as warnings
 from taskspec.model.model import Model as Model
 from taskspec.policies.experts import Expert as Expert
+from taskspec.policies.values import Score as Score
+from taskspec.policies.values import score as score
 from taskspec.rules.claim_verdicts import Verdict as Verdict
 from taskspec.rules.claim_verdicts import verdicts as verdicts
 from taskspec.rules.examples import wrong_examples as wrong_examples
@@ -26,6 +23,9 @@ from taskspec.scores.partial_observability import pomdp_bounds as pomdp_bounds
 from taskspec.scores.returns import Results as Results
 from taskspec.scores.returns import Return as Return
 from taskspec.scores.returns import normalised as normalised
+from taskspec.scores.scores import Scores as Scores
+from taskspec.scores.scores import StaleScores as StaleScores
+from taskspec.scores.scores import scores as scores
 from taskspec.soundness.soundness import Soundness as Soundness
 from taskspec.soundness.soundness import check_ranges as check_ranges
 from taskspec.soundness.soundness import examine as examine

@@ -100,6 +100,7 @@ def _imported(place: str) -> tuple[Any, str]:
         return ours, hashlib.sha256(repr(ours).encode()).hexdigest()
     module, _, name = place.partition(":")
     path = _file_of(place)
+    taskspec.register()  # the module may make environments by id
     try:
         found = getattr(importlib.import_module(module), name, None)
     except Exception as error:

@@ -120,8 +120,12 @@ def page(exam: Mapping[str, Any]) -> str:
 def _verdict(capability: str, verdict: Mapping[str, Any]) -> dict[str, str]:
     grade = verdict["verdict"]
     twins = verdict["twins"]
+    passed = ""
+    if "passed" in verdict:
+        passed = f"{verdict['passed']} of {verdict['seeds']} seeds pass"
     return {
         "capability": capability, "grade": grade, "sign": score_rows.SIGNS[grade], "mean": _mean(verdict),
+        "passed": passed,
         "twins": _mean(twins) if twins and twins["verdict"] != "masters" else "",
     }  # fmt: skip
 

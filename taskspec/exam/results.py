@@ -27,7 +27,8 @@ BASELINES = "baselines"
 """The folder of a suite with exams that others can be compared with."""
 LIMIT = 256 * 2**20
 """Bytes of an exam, unpacked; the benchmark of the paper leaves some 100 kB for a learner."""
-Grade = Literal["masters", "unsure", "fails"]
+Grade = Literal["masters", "passes", "unsure", "fails"]
+"""Seeds that pass where one fixed action passes, too, show no mastery: `passes`."""
 Score = TypedDict(
     "Score",
     {
@@ -46,7 +47,11 @@ known ones (`taskspec.exam.starc`)."""
 
 
 class Examined(TypedDict):
-    """A task of the exam: returns, the score of the best constant action, and why the learner cannot learn it (None: it can)."""
+    """A task of the exam: returns, the score of the best constant action, and why the learner cannot learn it (None: it can).
+
+    `fixed` is the score of the best action that is the same as printed and on twins: the lower of its score as printed and its
+    mean score on twins.
+    """
 
     capability: str
     title: str
@@ -55,17 +60,24 @@ class Examined(TypedDict):
     optimal: float | None
     worst: float | None
     constant: float | None
+    fixed: NotRequired[float | None]
     content_hash: str
     cannot: str | None
 
 
 class MeanScore(TypedDict):
-    """A mean score over seeds with its 95 % interval, and what follows from it."""
+    """A mean score over seeds with its 95 % interval, the number of seeds that pass, and the verdict.
+
+    `rate_low` and `rate_high` are the 95 % interval of the share of seeds that pass.
+    """
 
     verdict: Grade
     mean: float | None
     low: float | None
     high: float | None
+    passed: NotRequired[int]
+    rate_low: NotRequired[float]
+    rate_high: NotRequired[float]
 
 
 class CapabilityVerdict(MeanScore):

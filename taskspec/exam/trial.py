@@ -56,7 +56,7 @@ def key_of(*content: Any) -> str:
 
 
 def baselines(task: Task, episodes: int, limits: str) -> dict[str, Any]:
-    """Return returns of random actions, the expert and the optimum, and the score of the best constant action, as JSON data.
+    """Return returns of random actions, the expert and the optimum, and the scores of constant actions, as JSON data.
 
     Args:
         limits: that hold, as `taskspec.base.limits.also` takes them.
@@ -69,8 +69,13 @@ def baselines(task: Task, episodes: int, limits: str) -> dict[str, Any]:
             found[name] = None if value is None else value.value
         if found["expert"] is None:
             found["expert"] = found["optimal"]
-        constant = max(policy_value(results, _Constant(a), True).value.value for a in _constant_actions(task))
-        return found | {"constant": score(constant, found["random"], found["expert"])}
+        constants = []
+        for action in _constant_actions(task):
+            value = policy_value(results, _Constant(action), True).value.value
+            constants.append(score(value, found["random"], found["expert"]))
+        if None in constants:
+            constants = []
+        return found | {"constants": constants}
 
 
 def score(value: float, random: float | None, expert: float | None) -> float | None:

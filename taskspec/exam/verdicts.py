@@ -10,14 +10,18 @@ from typing import Literal
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam.results import CapabilityVerdict, Exam, Examined, Flag, Grade, MeanScore, Score
-from taskspec.rollout.statistics import ALARM, CONFIDENCE, estimate, mean, paired, unpaired
+from taskspec.rollout.statistics import ALARM, CONFIDENCE, paired, rate_interval, seeds_interval, unpaired
 from taskspec.rules.score_rules import side
 
-# Verdicts: which capabilities a learner masters, from the interval of its mean score and not from the mean.
+# Verdicts: which capabilities a learner masters, from the share of seeds that pass and not from the mean.
 
 MASTERED = 0.9
-"""The score from which a task is mastered."""
-WORST_FIRST: tuple[Grade, ...] = ("fails", "unsure", "masters")
+"""The score from which a seed passes a task."""
+RATE = 0.75
+"""The share of all seeds that pass where a task is mastered."""
+FEWEST = 13
+"""The fewest seeds that can show this, if all of them pass."""
+WORST_FIRST: tuple[Grade, ...] = ("fails", "unsure", "passes", "masters")
 
 
 def by_seed(scores: Sequence[Score], task: str, which: str) -> dict[int, float]:
@@ -29,22 +33,31 @@ def by_seed(scores: Sequence[Score], task: str, which: str) -> dict[int, float]:
     return {seed: sum(values) / len(values) for seed, values in sorted(found.items())}
 
 
-def grade(low: float | None, high: float | None) -> Grade:
-    """Return the verdict from an interval of the mean score."""
-    if low is None or high is None:
-        return "unsure"
-    if low >= MASTERED:
-        return "masters"
-    return "fails" if high < MASTERED else "unsure"
+def mean_score(values: Sequence[float], fixed: float | None) -> MeanScore:
+    """Return the mean of the scores of seeds, the share that passes, their intervals, and the verdict.
 
-
-def mean_score(values: Sequence[float], key: str) -> MeanScore:
-    """Return the mean of the scores of seeds, its interval, and the verdict."""
+    Args:
+        fixed: the score of the best fixed action. Where that passes, mastery needs scores that are nearer to the expert's than
+            to that.
+    """
     if not values:
         return MeanScore(verdict="unsure", mean=None, low=None, high=None)
-    found = estimate(values, mean, key)
-    low, high = (end if math.isfinite(end) else None for end in found.interval)
-    return MeanScore(verdict=grade(low, high), mean=found.value, low=low, high=high)
+    passed = sum(value >= MASTERED for value in values)
+    rate_low, rate_high = rate_interval(passed, len(values))
+    verdict: Grade = "unsure"
+    if rate_high < RATE:
+        verdict = "fails"
+    elif rate_low >= RATE:
+        verdict = "masters"
+        if fixed is not None and fixed >= MASTERED:
+            above = sum(value - fixed > max(1 - value, ROUNDING) for value in values)
+            if rate_interval(above, len(values))[0] < RATE:
+                verdict = "passes"
+    low, high = (end if math.isfinite(end) else None for end in seeds_interval(values))
+    mean = sum(values) / len(values)
+    return MeanScore(
+        verdict=verdict, mean=mean, low=low, high=high, passed=passed, rate_low=rate_low, rate_high=rate_high
+    )  # fmt: skip
 
 
 def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> dict[str, CapabilityVerdict]:
@@ -58,22 +71,23 @@ def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> dict[str
         twins = []
         seeds = []
         for task in names:
+            fixed = tasks[task].get("fixed")
             own = by_seed(scores, task, "printed")
             other = by_seed(scores, task, "twin")
             seeds.append(len(own))
-            printed.append(mean_score(list(own.values()), task))
+            printed.append(mean_score(list(own.values()), fixed))
             if other:
-                twins.append(mean_score(list(other.values()), task))
-        worst = _worst(printed)
-        verdict = _worst([*printed, *twins])["verdict"]
+                twins.append(mean_score(list(other.values()), fixed))
         found[capability] = CapabilityVerdict(
-            verdict=verdict, mean=worst["mean"], low=worst["low"], high=worst["high"], tasks=names, seeds=min(seeds),
-            twins=_worst(twins) if twins else None,
+            **worst(printed) | {"verdict": worst([*printed, *twins])["verdict"]}, tasks=names, seeds=min(seeds),
+            twins=worst(twins) if twins else None,
         )  # fmt: skip
     return found
 
 
-def _worst(found: Sequence[MeanScore]) -> MeanScore:
+def worst(found: Sequence[MeanScore]) -> MeanScore:
+    """Return the worst of some mean scores: by its verdict, then by its mean."""
+
     def rank(each: MeanScore) -> tuple[int, float]:
         return WORST_FIRST.index(each["verdict"]), -math.inf if each["mean"] is None else each["mean"]
 

@@ -38,6 +38,8 @@ class ExperimentFile:
 
     experiment: Experiment
     document: Document
+    problems: tuple[Diagnostic, ...] = ()
+    """Mistakes in its shape, whose entries `experiment` lacks; `expand` reports them with all others."""
 
     @property
     def folder(self) -> Path:
@@ -64,23 +66,15 @@ def read(source: str | os.PathLike[str]) -> ExperimentFile:
 
 
 def described(document: Document) -> ExperimentFile:
-    """Return the experiment that a document describes.
-
-    Raises:
-        SpecError: with every mistake in its shape.
-    """
+    """Return the experiment that a document describes."""
     found, problems = check_document(document, Experiment)
     if found is None:
         raise SpecError(problems)
-    return ExperimentFile(found, document)
+    return ExperimentFile(found, document, problems)
 
 
 def read_if_experiment(source: str) -> ExperimentFile | None:
-    """Return the experiment of this name or path, if it is one; None for anything else.
-
-    Raises:
-        SpecError: with every mistake in its shape.
-    """
+    """Return the experiment of this name or path, if it is one; None for anything else."""
     if source in shipped():
         return read(source)
     if not source.endswith((".yaml", ".yml")) or not Path(source).is_file():
@@ -91,11 +85,7 @@ def read_if_experiment(source: str) -> ExperimentFile | None:
 
 
 def find(source: str | os.PathLike[str]) -> Path:
-    """Return the file of an experiment.
-
-    Raises:
-        SpecError: E710 when there is none.
-    """
+    """Return the file of an experiment."""
     path = Path(source)
     if path.exists() or path.suffix in (".yaml", ".yml"):
         return path

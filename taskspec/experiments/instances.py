@@ -47,9 +47,6 @@ class Option:
 def options(written: str | Mapping[str, Any]) -> list[Option]:
     """Return what a modifier stands for: `{sticky: [0.1, 0.25]}` is two, `{distractors: {count: [1, 4], kind: normal}}` as
     well.
-
-    Raises:
-        SpecError: E718 for one that does not exist, E719 for its arguments, E214 for numbers with a rule that give no values.
     """
     if isinstance(written, str):
         return [Option(modifier(written))]
@@ -158,6 +155,7 @@ def expand(written: ExperimentFile, instead: Sequence[Mapping[str, Any]] = ()) -
     that have the parameters.
     """
     collector = Collector()
+    collector.extend(written.problems)
     check_questions(written, collector)
     names = dict[str, bool]()
     found: dict[str, Instance] = {}

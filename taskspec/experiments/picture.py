@@ -42,9 +42,6 @@ def draw(experiment: Experiment, rows: Sequence[Measured], path: Path, learners:
 
     Args:
         learners: whose scores are drawn, in place of returns.
-
-    Raises:
-        SpecError: E705 for PNG or PDF without matplotlib.
     """
     save(figure(experiment, rows, learners), path)
 

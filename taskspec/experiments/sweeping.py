@@ -79,11 +79,7 @@ def key(content_hash: str, modifiers: tuple[str, ...], wanted: Questions) -> str
 
 
 def measure(about: Sent, wanted: Questions) -> dict[str, Any]:
-    """Return sizes, returns, measures of difficulty and roll-outs of an instance, as JSON data.
-
-    Raises:
-        SpecError: where there is no such task, or a question has no answer for any task.
-    """
+    """Return sizes, returns, measures of difficulty and roll-outs of an instance, as JSON data."""
     with also(wanted.limits):
         task = modify(build(_document(about.text), about.variant, about.parameters, about.suite), *about.modifiers)
         tell("the exact model")
@@ -214,11 +210,7 @@ def write_csv(rows: Sequence[Measured], path: Path) -> None:
 
 
 def write_parquet(rows: Sequence[Measured], path: Path) -> None:
-    """Write the same columns in Parquet.
-
-    Raises:
-        SpecError: E705 without pyarrow.
-    """
+    """Write the same columns in Parquet."""
     names, values = table(rows)
     with whole(path) as unfinished:
         write_table(unfinished, {name: _of_one_type([row[i] for row in values]) for i, name in enumerate(names)})

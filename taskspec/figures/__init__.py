@@ -13,12 +13,11 @@ import numpy as np
 from taskspec.base.diagnostics import Diagnostic, SpecError, raise_if_errors
 from taskspec.base.files import write_text
 from taskspec.figures import raster
-from taskspec.figures.marks import keyed
 from taskspec.figures.overlays import OVERLAYS as OVERLAYS
 from taskspec.figures.overlays import PARTS
 from taskspec.figures.overlays import Overlay as Overlay
 from taskspec.figures.overlays import overlay as overlay
-from taskspec.figures.scene import Label
+from taskspec.figures.scene import Label, keyed
 from taskspec.figures.scene import Scene as Scene
 from taskspec.figures.series import episode_series
 from taskspec.figures.states import not_drawn, state_table
@@ -87,11 +86,7 @@ def _legend(task: Task, drawn: Scene, over: Overlay) -> Iterator[str]:
 
 
 def _drawn(task: Task, over: Overlay) -> Scene | None:
-    """Return the figure, or None if it cannot be drawn.
-
-    Raises:
-        SpecError: with the mistakes of an unsound task, if they are why it cannot be drawn.
-    """
+    """Return the figure, or None if it cannot be drawn."""
     kind = DEFAULT if task.figure is None else task.figure.kind
     kinds = [kind, "matrix"] if task.figure is not None and kind == "graph" else [kind]
     for name in kinds:
@@ -154,11 +149,7 @@ def figure(task: TaskLike, path: Path | str, overlays: Iterable[str] = ()) -> Pa
 
 
 def save(scene: Scene, path: Path) -> Path:
-    """Write a scene to a file that ends in `.svg`, `.tex` (TikZ), `.png` or `.pdf`; the same scene gives the same bytes.
-
-    Raises:
-        SpecError: E713 for another ending; E705 without matplotlib, which PNG and PDF need.
-    """
+    """Write a scene to a file that ends in `.svg`, `.tex` (TikZ), `.png` or `.pdf`; the same scene gives the same bytes."""
     match path.suffix:
         case ".svg":
             write_text(path, svg(scene) + "\n")

@@ -11,9 +11,23 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.display import fixed
-from taskspec.figures.marks import HIGHLIGHTS, SIGNS, marked, sign, signed
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import Box, Color, Item, Label, Line, Scene, fitted, shifted, text_width
+from taskspec.figures.scene import (
+    HIGHLIGHTS,
+    SIGNS,
+    Box,
+    Color,
+    Item,
+    Label,
+    Line,
+    Scene,
+    fitted,
+    marked,
+    shifted,
+    sign,
+    signed,
+    text_width,
+)
 from taskspec.figures.states import State, at_state, at_states, expert_path, reads_of
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Read
@@ -24,8 +38,7 @@ from taskspec.task.task import Task
 CELLS_UP_TO = 8
 ROWS = 4
 SEEDS = 6
-LONGEST = 100
-"""Steps of an episode that are followed, so that figures stay quick."""
+LONGEST = 100  # steps of an episode that are followed, so that figures stay quick
 MOST_BARS = 400
 BELOW = 2.5
 LETTERS = 0.28
@@ -71,7 +84,6 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
 
 
 def _changes(task: Task, node: Node, path: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the states of a path in which the vector has another value than in the one before."""
     rows = [at_state(task, node, state) for state in path]
     return [state for i, state in enumerate(path) if i == 0 or not np.array_equal(rows[i], rows[i - 1])]
 
@@ -96,7 +108,6 @@ def _sums(row: Array, colors: list[Color], step: float, y: float) -> Iterator[La
 
 
 def _vector(task: Task) -> Node | None:
-    """Return the vector that the figure names, else the first component of the state that is one."""
     b = Builder()
     nodes: list[Node] = [b.read(*c.read, c.type, c.least, c.most) for c in task.state]
     if task.figure is not None and task.figure.values is not None:
@@ -128,7 +139,6 @@ def _colors(task: Task, node: Node, state: State) -> list[Color]:
 
 
 def _bound(node: Node) -> float | None:
-    """Return the largest size of an element, where it is known beforehand."""
     most = max(abs(node.low), abs(node.high)) if isinstance(node, Read) else math.inf
     return most if 0 < most < math.inf else None
 
@@ -164,7 +174,6 @@ def _binned(values: Array, colors: list[Color]) -> tuple[Array, list[Color]]:
 
 
 def _step(count: int) -> float:
-    """Return how far bars lie apart."""
     return min(0.3, 7.0 / count)
 
 

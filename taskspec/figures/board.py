@@ -10,8 +10,7 @@ from itertools import groupby
 
 import numpy as np
 
-from taskspec.figures.marks import ROLES, marked, sign
-from taskspec.figures.scene import BROAD, Box, Circle, Color, Item, Label, Line, Point, text_width
+from taskspec.figures.scene import BROAD, ROLES, Box, Circle, Color, Item, Label, Line, Point, marked, sign, text_width
 from taskspec.lang.ir import Role
 from taskspec.model.space import Space
 from taskspec.model.transitions import Steps
@@ -25,25 +24,20 @@ _WORDS: dict[str, Cell] = {
     "south": (0, 1), "stay": (0, 0), "wait": (0, 0), "noop": (0, 0),
 }  # fmt: skip
 CELL = 0.8
-ROOMY = 1.15
-"""Sides of cells, and of those that have room for a number and arrows beside it."""
-LARGEST = 24
-"""Columns or rows that are drawn one by one."""
-KEPT = 2
-"""Columns that are drawn on either side of those that are left out, as they are alike."""
+ROOMY = 1.15  # sides of cells, and of those that have room for a number and arrows beside it
+LARGEST = 24  # columns or rows that are drawn one by one
+KEPT = 2  # columns that are drawn on either side of those that are left out, as they are alike
 WIDEST = 12.0
 SIGN = 0.26
 """In centimetres: the cells of boards that are larger still are as small as that needs, and their signs stay as large."""
-CORNERS = ((-1, 1), (1, 1), (-1, -1), (1, -1))
-"""Corners of a cell, from its middle, for the objects that share it."""
+CORNERS = ((-1, 1), (1, 1), (-1, -1), (1, -1))  # corners of a cell, from its middle, for the objects that share it
 BADGE = (0.3, 0.36)
 BESIDE_VALUE = (0.34, 0.28)
 """How far from the middle of a cell objects in its corners are, and how large, as shares of its side; and beside a value."""
 WALL = "#"
 COORDINATE = 0.26
 LETTER = 0.3
-VALUE = 0.24
-"""Heights of letters."""
+VALUE = 0.24  # heights of letters
 
 
 def chosen_ways(
@@ -151,7 +145,6 @@ class Board:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every cell is drawn, as large as usual."""
         return max(len(self.columns), len(self.rows)) <= LARGEST
 
     @cached_property
@@ -212,7 +205,6 @@ class Board:
         yield from marked(box, 0.3 * self.cell if written else 0.0, free)
 
     def _contents(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:  # noqa: C901
-        """Yield the contents of the drawn cells at their places; values are left out beside objects."""
         middle = {cell: self._middle(place) for cell, place in at.items()}
         for cell, text in self.letters.items():
             if cell in middle and cell not in self.values and text != WALL:
@@ -262,7 +254,6 @@ class Board:
         yield Label((x, y), word, min(0.7 * side, 0.9 * side / (BROAD * text_width(word, 1.0))))
 
     def _map(self) -> Iterator[Item]:
-        """Yield cells too small for a grid: those with a colour or a letter, and the agents."""
         size = WIDEST / max(len(self.columns), len(self.rows))
 
         def corner(cell: Cell) -> Point:
@@ -321,7 +312,6 @@ class Board:
 
 
 def central(points: Sequence[Point]) -> Point:
-    """Return that of some points which is nearest to their middle."""
     at = np.array(points)
     x, y = at[np.abs(at - at.mean(axis=0)).sum(axis=1).argmin()].tolist()
     return x, y

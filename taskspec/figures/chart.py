@@ -11,17 +11,16 @@ import numpy as np
 
 from taskspec.base.display import number
 from taskspec.figures import scene as sc
-from taskspec.figures.marks import signed
-from taskspec.figures.scene import Area, Box, Circle, Dash, Hex, Item, Label, Line, Paint, Point
+from taskspec.figures.scene import Area, Box, Circle, Dash, Hex, Item, Label, Line, Paint, Point, signed
 from taskspec.printers import tree as m
 
 SMALL = 0.25
-FONT = 0.28
-"""Sizes of letters."""
+FONT = 0.28  # sizes of letters
 EDGE = Hex("#9aa3ad")
 GRID = Hex("#e7eaed")
 STRIPE = Hex("#f3f4f5")
 RULE = Hex("#4a545e")
+# Colours of Okabe and Ito, which people with any colour vision can tell apart.
 BLUE = Hex("#0072B2")
 VERMILION = Hex("#D55E00")
 GREEN = Hex("#009E73")
@@ -29,7 +28,6 @@ PURPLE = Hex("#CC79A7")
 ORANGE = Hex("#E69F00")
 SKY = Hex("#56B4E9")
 YELLOW = Hex("#F0E442")
-"""Colours of Okabe and Ito, which people with any colour vision can tell apart."""
 CIVIDIS = (
     "#00204D", "#00336F", "#39486B", "#575C6D", "#707173", "#8A8779", "#A69D75", "#C4B56C", "#E4CF5B", "#FFEA46",
 )  # fmt: skip
@@ -42,12 +40,10 @@ CORNERS: dict[Shape, tuple[Point, ...]] = {
     "up": ((0.0, -1.2), (1.2, 0.9), (-1.2, 0.9), (0.0, -1.2)),
     "down": ((0.0, 1.2), (1.2, -0.9), (-1.2, -0.9), (0.0, 1.2)),
 }
-TICK = 0.1
-"""The length of a tick."""
+TICK = 0.1  # the length of a tick
 GAP = 0.15
 SYMBOL = 0.3
-TICKS = 0.25
-"""Of axes that are arrows: their distance from the plane, and the sizes of symbols and numbers."""
+TICKS = 0.25  # of axes that are arrows: their distance from the plane, and the sizes of symbols and numbers
 Rgb = tuple[int, int, int]
 
 
@@ -84,7 +80,6 @@ def blend(colors: Sequence[str | Rgb], share: float) -> Rgb:
 
 
 def hexadecimal(color: Rgb) -> Hex:
-    """Return a colour as `#rrggbb`."""
     return Hex("#{:02x}{:02x}{:02x}".format(*color))
 
 
@@ -173,7 +168,6 @@ def words(text: str, at: Point, size: float = FONT, anchor: sc.Anchor = "middle"
 
 
 def breadth(text: str, size: float = FONT) -> float:
-    """Return how much room the longest line of a text needs."""
     return max(sc.BROAD * sc.text_width(m.Words(line), size) for line in text.split("\n"))
 
 
@@ -243,12 +237,10 @@ def polyline(plot: Axes, xs: Sequence[float], ys: Sequence[float], color: Paint,
 
 
 def level(plot: Axes, y: float, color: Paint = RULE, dash: Dash = "dashed", width: float = 0.03) -> Line:
-    """Return a line across the plot at a height."""
     return Line((plot.at(plot.x.low, y), plot.at(plot.x.high, y)), color=color, width=width, dash=dash)
 
 
 def upright(plot: Axes, x: float, color: Paint = RULE, dash: Dash = "dashed", width: float = 0.03) -> Line:
-    """Return a line from the bottom of the plot to its top."""
     return Line((plot.at(x, plot.y.low), plot.at(x, plot.y.high)), color=color, width=width, dash=dash)
 
 
@@ -279,7 +271,6 @@ def error_bar(plot: Axes, x: float, low: float, high: float, color: Paint) -> It
 
 
 def mark(at: Point, shape: Shape, color: Paint, size: float = 0.075, filled: bool = False) -> Circle | Area:
-    """Return the mark of a point, `size` from its centre to its edge."""
     fill: Paint = color if filled else "paper"
     if shape == "circle":
         return Circle(at, size, fill, color)
@@ -301,9 +292,6 @@ def box_plot(
     """Yield one sample at a place of the other axis.
 
     A dot for each value, a box for the interval of the mean, a line at the mean, and a line over the range.
-
-    Args:
-        half: half the width of the box, in centimetres.
     """
     if not sample.values:
         return
@@ -391,5 +379,4 @@ def legend(entries: Sequence[LegendEntry], left: float, top: float, room: float,
 
 
 def chart(items: Iterable[Item], alt: str, margin: float = 0.2) -> sc.Scene:
-    """Return the items as a scene in the font of charts."""
     return replace(sc.fitted(items, alt, margin=margin), font="sans")

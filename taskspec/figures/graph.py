@@ -8,23 +8,34 @@ from functools import lru_cache
 
 from taskspec.figures.layout import DOTS, DX, DY, Arc, Drawing, Vertex, drawings, ordered, whole
 from taskspec.figures.machine import Captions, Machine, explore
-from taskspec.figures.marks import RADIUS, chance, equal, marked, shape
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.route import ARROW, STATE, Spot, along, at_loop, beside, loops, placed, routed, stubs, ways
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Point, Scene, fitted, text_width
+from taskspec.figures.scene import (
+    RADIUS,
+    Box,
+    Circle,
+    Item,
+    Label,
+    Line,
+    Point,
+    Scene,
+    chance,
+    equal,
+    fitted,
+    marked,
+    shape,
+    text_width,
+)
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
 LOOPS_UP_TO = 6
 MOST_ARROWS = 40
-MOST_CROSSINGS = 6
-"""More arrows or more crossings of them than these are too tangled to draw."""
-WIDEST = 20.0
-"""Centimetres between vertices that are farthest apart: on a page wider graphs are too small to read."""
+MOST_CROSSINGS = 6  # more arrows or more crossings of them than these are too tangled to draw
+WIDEST = 20.0  # centimetres between vertices that are farthest apart: on a page wider graphs are too small to read
 STRETCHES = (1.0, 1.4)
 RIM = 0.07
-DRAWN = {"values": "V", "policy": "thick arrows", "occupancy": "shade, {0}"}
-"""How results are drawn."""
+DRAWN = {"values": "V", "policy": "thick arrows", "occupancy": "shade, {0}"}  # how results are drawn
 
 
 def graph(task: Task, overlay: Overlay) -> Scene | None:
@@ -58,7 +69,6 @@ class Plan:
 
     @property
     def width(self) -> float:
-        """The distance of the first vertex from the last."""
         ends = [spot.at[0] for spot in self.spots.values()]
         return max(ends) - min(ends)
 
@@ -225,7 +235,6 @@ def _is_chance(v: Vertex) -> bool:
 
 
 def _size(v: Vertex, widths: Mapping[Vertex, float]) -> tuple[float, float]:
-    """Return half the width and half the height of a vertex."""
     if isinstance(v, int):
         return max(RADIUS, widths[v] / 2 + 0.1), RADIUS
     return (0.12, 0.12) if _is_chance(v) else (0.26, 0.26)

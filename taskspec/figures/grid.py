@@ -10,9 +10,8 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.figures.board import CELL, LARGEST, ROOMY, WIDEST, Board, Cell, Thing, chosen_ways
-from taskspec.figures.marks import ROLES
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import Color, Scene, fitted, shifted
+from taskspec.figures.scene import ROLES, Color, Scene, fitted, shifted
 from taskspec.figures.states import Reads, all_states, at_states, first_state, is_noisy, observed, reads_of
 from taskspec.lang.ir import Node, Read, reads
 from taskspec.lang.ir import Role as Reading
@@ -20,12 +19,9 @@ from taskspec.model.space import Space
 from taskspec.model.transitions import Steps
 from taskspec.task.task import Task
 
-FARTHEST = 5_000
-"""Columns or rows of a world that is drawn whole, and how far off what is marked of another may be."""
-NOWHERE = 2**53
-"""Places beyond it, or that are no number, are taken for this one."""
-SMALL = 0.44
-"""The side of a cell, in centimetres, where a part of a vast grid is drawn."""
+FARTHEST = 5_000  # columns or rows of a world that is drawn whole, and how far off what is marked of another may be
+NOWHERE = 2**53  # places beyond it, or that are no number, are taken for this one
+SMALL = 0.44  # the side of a cell, in centimetres, where a part of a vast grid is drawn
 DRAWN = {"values": "numbers", "policy": "arrows", "occupancy": "shade, {0}"}
 DRAWN_TOGETHER = {
     "values": "numbers, of the best state in a cell",
@@ -90,7 +86,6 @@ class _Grid:
         return word[:1].upper() + word[1:]
 
     def key(self) -> tuple[str, ...]:
-        """Return a note that explains the letters of objects."""
         words = [f"{self.short(word)}: {word}" for word in self.figure.objects if len(word) > 1]
         return (f"{', '.join(words)}.",) if words else ()
 
@@ -144,7 +139,6 @@ class _Grid:
         return fitted(board.items(), alt, notes, state=state, drawn=how)
 
     def _agents(self, by_code: Mapping[int, Cell]) -> dict[Cell, float]:
-        """Return the cells of the agent with their probabilities."""
         if self.overlay.here is not None:
             return {self._own(): 1.0}
         codes, weights = Steps(self.task).starts()
@@ -187,7 +181,6 @@ class _Grid:
         return fitted(board.items(), alt, (*notes, *board.notes()), state=self.state)
 
     def _bounds(self) -> tuple[range, range] | None:
-        """Return columns and rows where a map or the bounds of the agent's place say them, and they are few."""
         place = self.figure.at
         ends = [(node.low, node.high) for node in place[:2] if isinstance(node, Read)]
         if self.figure.map:
@@ -221,7 +214,6 @@ def _cell(place: Array) -> Cell:
 def _by_cell(
     by_code: Mapping[int, Cell], found: Mapping[int, float], together: Callable[[float, float], float]
 ) -> dict[Cell, float]:
-    """Return numbers of cells from those of states."""
     cells: dict[Cell, float] = {}
     for code, number in found.items():
         cell = by_code[code]

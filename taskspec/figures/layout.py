@@ -20,8 +20,7 @@ WHOLE_WIDE = 10
 """As many states, layers, and states of a layer as a frame of an episode has room for, which leaves none out."""
 BACK = 3
 """Layers that arrows may lead back among those left out; where they lead further, these are no family that dots stand for."""
-FIRSTS = 2
-"""So many states of several in which episodes start are tried as the first column."""
+FIRSTS = 2  # so many states of several in which episodes start are tried as the first column
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +168,6 @@ def _narrow(layer: list[Vertex], on: Collection[Vertex], marked: Collection[Vert
 
 
 def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: Iterable[Arc] = ()) -> Drawing | None:
-    """Return the drawing of some vertices; None if one of them would wrongly seem to lead nowhere."""
     shown = {v for layer in kept for v in layer}
     leaving = [a for a in arcs if a.source in shown and a.source != a.target]
     inside = [*(a for a in leaving if a.target in shown), *links]
@@ -184,8 +182,7 @@ DX = 1.55
 DY = 1.05
 SWEEPS = 4
 TRIALS = 1500
-CLOSE = 0.4
-"""An arrow nearer to the centre of a vertex than this passes over it."""
+CLOSE = 0.4  # an arrow nearer to the centre of a vertex than this passes over it
 Layers = tuple[tuple[Vertex, ...], ...]
 
 

@@ -1,4 +1,4 @@
-"""The part of a finite task that episodes visit, as transitions, and what a graph or table of them says in words and colours."""
+"""The part of a finite task that episodes visit, as transitions, with what figures say of it; and a table of them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,21 @@ import numpy as np
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import number
 from taskspec.base.limits import limits
-from taskspec.figures.marks import HIGHLIGHTS
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import Color
+from taskspec.figures.scene import (
+    HIGHLIGHTS,
+    Box,
+    Circle,
+    Color,
+    Item,
+    Label,
+    Line,
+    Scene,
+    equal,
+    fitted,
+    marked,
+    text_width,
+)
 from taskspec.figures.states import at_states, reads_of
 from taskspec.lang.ir import Read, Role, walk
 from taskspec.model.space import Space
@@ -30,8 +42,7 @@ MAX_TRANSITIONS = 20_000
 MAX_ACTIONS = 100
 MAX_CONSIDERED = 200_000
 """Outcomes that are looked at in one go: many more than a graph could show, and few enough to take a second."""
-FEW = 3
-"""As many states of one colour are always shown, and named where they are not, if there is room."""
+FEW = 3  # as many states of one colour are always shown, and named where they are not, if there is room
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +139,6 @@ def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Trans
 
 
 def _left(steps: Steps, last: list[int]) -> frozenset[int]:
-    """Return those states that some step leaves."""
     try:
         return frozenset(t.source for t in _from(steps, last) if t.source != t.target)
     except SpecError:
@@ -166,7 +176,6 @@ class Captions:
 
     @cached_property
     def labels(self) -> Mapping[int, m.Math]:
-        """States as mathematics, by code."""
         return {code: self._combination(self.space, self.machine.task.state, code) for code in self.machine.states}
 
     @cached_property
@@ -261,9 +270,122 @@ class Captions:
             yield f"No arrow leads on from {self.named(last)}, as the time is up there."
 
     def code_of(self, overlay: Overlay) -> int | None:
-        """Return the code of the present state of a frame."""
         if overlay.here is None:
             return None
         task = self.machine.task
         state = reads_of(task, overlay.here)
         return int(self.space.encode([state[c.read] for c in task.state], 1)[0][0])
+
+
+SIDE = 7.0
+LARGEST_CELL = 0.55  # of the table and of a cell, in centimetres
+LETTERS = 0.28
+NAMED = 30
+ROOM = 0.36  # as many states are all named, and the height of a row with a name, in centimetres
+GAP = 0.08
+CLEAR = 0.25  # between numbers beside one another, in centimetres, and between names, which may have spaces in them
+STRIP = 0.3  # width of the column that says which states are good, bad or an end, in centimetres
+MOST = 300  # states whose cells can still be seen
+LEAST_SHADE = 0.12
+HEAD_ROOM = 0.13  # height of a row, in centimetres, beside which an arrow head has room
+DRAWN = {
+    "values": "V", "policy": "frames where they lead", "occupancy": "shade, {0}, in the column on the right",
+}  # fmt: skip
+"""How results are drawn."""
+
+
+def matrix(task: Task, overlay: Overlay) -> Scene | None:
+    """Draw how likely a step of random actions leads from each state (rows) to each other (columns); None for too many states."""
+    machine = explore(task)
+    if machine is None or len(machine.states) > MOST:
+        return None
+    drawn = _Matrix(Captions(machine), overlay)
+    notes = ["Shade: how likely a uniformly random action leads from the state of a row to that of a column."]
+    if machine.timed:
+        notes.append("The time ends episodes, too.")
+    notes += drawn.says.unmarked(machine.states)
+    alt = f"Transitions of {task.name} as a table: {len(machine.states)} states, {machine.n_actions} actions"
+    items = [*drawn.cells(), *drawn.results(), *drawn.labels(), *drawn.starts()]
+    return fitted(items, alt, tuple(notes), drawn=DRAWN)
+
+
+class _Matrix:
+    def __init__(self, says: Captions, overlay: Overlay) -> None:
+        self.says = says
+        self.overlay = overlay
+        self.place = {code: i for i, code in enumerate(sorted(says.machine.states))}
+        self.named = len(self.place) <= NAMED
+        self.cell = min(LARGEST_CELL, max(SIDE / len(self.place), ROOM if self.named else 0.0))
+        self.side = self.cell * len(self.place)
+        self.strip = STRIP if says.fills else 0.0
+        self.right = self.side + (GAP + STRIP if overlay.occupancy else 0.0)  # of all columns
+
+    def cells(self) -> Iterator[Item]:
+        machine = self.says.machine
+        total: dict[tuple[int, int], float] = {}
+        for t in machine.transitions:
+            key = (self.place[t.source], self.place[t.target])
+            total[key] = total.get(key, 0.0) + t.probability / machine.n_actions
+        for (row, column), p in total.items():
+            shade = min(1.0, LEAST_SHADE + (1 - LEAST_SHADE) * p)
+            yield Box((column * self.cell, row * self.cell), self.cell, self.cell, "ink", None, shade=shade)
+        yield Box((0, 0), self.side, self.side, None, "faint")
+        for code, role in self.says.fills.items():
+            box = Box((-self.strip, self.place[code] * self.cell), self.strip, self.cell, role, "faint")
+            yield box
+            yield from marked(box)
+        here = self.says.code_of(self.overlay)
+        if here is not None and here in self.place:
+            yield Box((0, self.place[here] * self.cell), self.side, self.cell, "accent", None, shade=0.4)
+
+    def results(self) -> Iterator[Item]:
+        """Yield frames around where the chosen actions lead, and on the right how often states are visited."""
+        chosen = (t for t in self.says.machine.transitions if self.overlay.chosen(t.source, t.action))
+        for row, column in dict.fromkeys((self.place[t.source], self.place[t.target]) for t in chosen):
+            yield Box((column * self.cell, row * self.cell), self.cell, self.cell, None, "accent")
+        for code, share in self.overlay.occupancy.items():
+            if code in self.place:
+                corner = (self.side + GAP, self.place[code] * self.cell)
+                yield Box(corner, STRIP, self.cell, "accent", None, shade=min(1.0, share))
+        if self.overlay.occupancy:
+            yield Box((self.side + GAP, 0), STRIP, self.side, None, "faint")
+
+    def labels(self) -> Iterator[Label]:
+        texts = [self.says.labels[code] for code in self.place]
+        widest = max(text_width(text, LETTERS) for text in texts)
+        all_numbers = all(isinstance(text, m.Num) for text in texts)
+        room = widest + (GAP if all_numbers else CLEAR)
+        left = -0.12 - self.strip
+        beside = left
+        heads = texts
+        if self.named and room > self.cell and not all_numbers:
+            heads = [m.Num(str(i)) for i in range(len(texts))]
+            beside = left - text_width(heads[-1], LETTERS) - 2 * GAP
+            room = self.cell
+        for i in self._spaced(ROOM):
+            y = (i + 0.5) * self.cell
+            yield Label((beside, y), texts[i], LETTERS, "end", "muted")
+            if heads is not texts:
+                yield Label((left, y), heads[i], LETTERS, "end", "muted")
+        for i in self._spaced(room):
+            yield Label(((i + 0.5) * self.cell, -0.22), heads[i], LETTERS, "middle", "muted")
+        for code, value in self.overlay.values.items() if self.named else ():
+            if code in self.place:
+                y = (self.place[code] + 0.5) * self.cell
+                yield Label((self.right + 0.6, y), equal("V", value), LETTERS, "start", "muted")
+        yield Label((self.side / 2, -0.65), m.Words("to"), LETTERS)
+        yield Label((beside - widest - 0.23, self.side / 2), m.Words("from"), LETTERS, "end")
+
+    def _spaced(self, room: float) -> range:
+        """Return every state, or every second, fifth, tenth, …, so that each has some room, in centimetres."""
+        steps = (k * 10**e for e in range(4) for k in (1, 2, 5))
+        return range(0, len(self.place), next(k for k in steps if k * self.cell >= room - 1e-9))
+
+    def starts(self) -> Iterator[Item]:
+        """Yield arrows to the rows in which episodes start, or dots where there is no room."""
+        for code in self.says.machine.start:
+            y = (self.place[code] + 0.5) * self.cell
+            if self.cell > HEAD_ROOM:
+                yield Line(((self.right + 0.5, y), (self.right + 0.06, y)), arrow=True, color="muted")
+            else:
+                yield Circle((self.right + 0.1, y), 0.05, "muted", None)

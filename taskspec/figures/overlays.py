@@ -20,10 +20,8 @@ from taskspec.solve.backward import Plan
 from taskspec.task.task import Task, TaskLike
 
 PARTS = ("values", "policy", "occupancy")
-OVERLAYS = ("values", "policy", "expert", "occupancy")
-"""Names of overlays."""
-MOST_NAMED = 3
-"""Actions that are named."""
+OVERLAYS = ("values", "policy", "expert", "occupancy")  # names of overlays
+MOST_NAMED = 3  # actions that are named
 
 
 @dataclass(frozen=True)
@@ -114,11 +112,10 @@ class _Known:
 
     @cached_property
     def values(self) -> Mapping[int, float]:
-        """Optimal values of the states in which some episode acts."""
         if "values" not in self.wanted:
             return {}
         acting = self.model.acting
-        values = solve.solve(self.model).value[acting]
+        values = solve.best(self.model).value[acting]
         return dict(zip(self.model.codes[acting].tolist(), values.tolist(), strict=True))
 
     @cached_property
@@ -146,7 +143,6 @@ class _Known:
 
     @cached_property
     def occupancy(self) -> Mapping[int, float]:
-        """Visits by code, relative to the most visited state."""
         if "occupancy" not in self.wanted:
             return {}
         most = max(self.visits.values(), default=0.0) or 1.0
@@ -172,7 +168,6 @@ class _Known:
         return code // (whole.states.size // self.model.states.size)
 
     def at_state(self, state: State) -> Mapping[str, str]:
-        """Return the value of a state and the actions taken in it, by part of the overlay."""
         task = self.model.task if self.abstraction is None else self.abstraction.task
         arrays = {c.name: reads_of(task, state)[c.read] for c in task.state}
         if self.abstraction is not None:

@@ -13,9 +13,8 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.figures.board import central
 from taskspec.figures.chart import Axes, Scale, arrow_axes
-from taskspec.figures.marks import ROLES, sign
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import Box, Circle, Item, Line, Point, Scene, fitted
+from taskspec.figures.scene import ROLES, Box, Circle, Item, Line, Point, Scene, fitted, sign
 from taskspec.figures.states import Reads, at_state, at_states, expert_path, first_state, reads_of
 from taskspec.lang import batch, interval
 from taskspec.lang.ir import Apply, Node, Read, draws, walk
@@ -26,22 +25,19 @@ from taskspec.printers.names import of_task
 from taskspec.task.task import Task
 
 WIDTH = 5.0
-HEIGHT = 3.0
-"""Of the plane of a curve or a phase portrait, in centimetres."""
+HEIGHT = 3.0  # of the plane of a curve or a phase portrait, in centimetres
 SAMPLES = 60
 SEED = 8
 MOST_DOTS = 40
 ACROSS = 11
-DOWN = 7
-"""Arrows of a flow."""
+DOWN = 7  # arrows of a flow
 WIDE = 100
 HIGH = 60
 SEAM = 0.01
 SIGN = 0.26
 """Into how many parts the plane is cut to shade it, how far strips overlap, and the size of signs, in centimetres."""
 LINK = 1.2
-REACH = 6.0
-"""Length of a link, and how far an arm may reach at most, in centimetres."""
+REACH = 6.0  # length of a link, and how far an arm may reach at most, in centimetres
 MOST_LINKS = 30
 
 
@@ -210,7 +206,6 @@ class _Plane:
 
 
 def _neutral(task: Task) -> Reads:
-    """Return the action in the middle of those there are."""
     if all(c.is_finite for c in task.action):
         space = Space(task.action, Reading.ACTION)
         return dict(space.decode(np.array([space.size // 2])))

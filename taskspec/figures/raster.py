@@ -27,8 +27,7 @@ TITLE = 0.2
 LINE = 0.4  # room for words above a frame and for each line of them, in centimetres
 LEAST_SCALE = 0.6
 LARGEST_SCALE = 1.6
-OVERLAP = 2.5
-"""Centimetres that are seen on two pages, where a frame has no room for all."""
+OVERLAP = 2.5  # centimetres that are seen on two pages, where a frame has no room for all
 
 
 def save(scene: Scene, path: Path, kind: str) -> None:
@@ -93,7 +92,6 @@ def _quiet() -> Iterator[None]:
 
 
 def _canvas(width: float, height: float) -> tuple[Any, Any]:
-    """Return a figure of a size in centimetres, with axes that fill it."""
     figure = need("matplotlib.figure", "figures").Figure(figsize=(width / INCH, height / INCH), dpi=DPI)
     need("matplotlib.backends.backend_agg", "figures").FigureCanvasAgg(figure)
     axes = figure.add_axes((0, 0, 1, 1))

@@ -10,23 +10,17 @@ from typing import TypeVar
 
 import numpy as np
 
-from taskspec.figures.marks import RADIUS, ROUND
-from taskspec.figures.scene import BROAD, Anchor, Label, Line, Point, head, text_width
+from taskspec.figures.scene import BROAD, RADIUS, ROUND, Anchor, Label, Line, Point, head, text_width
 from taskspec.printers import tree as m
 
 T = TypeVar("T")
 BENDS = (0.0, 0.32, -0.32, 0.75, -0.75, 1.2, -1.2)
-PIECES = 10
-"""Straight pieces by which curves are compared."""
-TOUCH = 0.09
-"""Arrows nearer than this, in centimetres, cannot be told apart."""
-MARGIN = 0.06
-"""Room between an arrow and a vertex that it passes, in centimetres."""
-CHUNK = 2000
-"""Pairs of ways compared at once, which bounds the memory."""
+PIECES = 10  # straight pieces by which curves are compared
+TOUCH = 0.09  # arrows nearer than this, in centimetres, cannot be told apart
+MARGIN = 0.06  # room between an arrow and a vertex that it passes, in centimetres
+CHUNK = 2000  # pairs of ways compared at once, which bounds the memory
 OVER = 5.0
-BEND = 0.03
-"""What passing over a vertex and another way than the first cost, in crossings."""
+BEND = 0.03  # what passing over a vertex and another way than the first cost, in crossings
 LOOP_OUT = 0.62
 LOOP_WIDE = 0.42
 
@@ -134,7 +128,6 @@ def loops(v: Spot) -> list[Line]:
 
 
 def stubs(v: Spot) -> list[Line]:
-    """Return short arrows to a state in which episodes start: from the left, or from elsewhere."""
     x, y = v.at
     found = []
     for dx, dy in ((-1, 0), (0, -1), (0, 1), (1, 0)):
@@ -152,13 +145,7 @@ class Routed:
 
 
 def routed(options: Sequence[Sequence[Line]], ends: Sequence[tuple[int, int]], spots: Sequence[Spot]) -> Routed:
-    """Choose a line for every arrow.
-
-    Args:
-        options: ways by arrow, the usual one first.
-        ends: the indices in `spots` of each arrow's ends.
-        spots: the vertices.
-    """
+    """Choose a line for every arrow."""
     if not options:
         return Routed((), 0, 0)
     flat, groups, of, place = _flattened(options)
@@ -182,13 +169,7 @@ def _flattened(options: Sequence[Sequence[T]]) -> tuple[list[T], list[range], np
 
 
 def _descend(groups: Sequence[range], alone: np.ndarray, pair: np.ndarray) -> list[int]:
-    """Choose one option of each group by coordinate descent from the first of each.
-
-    Args:
-        groups: indices of options by group.
-        alone: cost of each option, (options,).
-        pair: cost of two options together, (options, options), symmetric.
-    """
+    """Choose one option of each group by coordinate descent from the first of each."""
     chosen = np.array([g.start for g in groups], dtype=np.int64)
     for _ in range(12):
         before = chosen.copy()
@@ -263,17 +244,13 @@ def _over(paths: np.ndarray, ends: Sequence[tuple[int, int]], spots: Sequence[Sp
 # Places of labels.
 
 ARROW = 0.25
-STATE = 0.28
-"""Heights of letters beside arrows and states."""
+STATE = 0.28  # heights of letters beside arrows and states
 PAPER = 0.05
-MUCH = 0.35
-"""How far the paper behind a label reaches beyond its letters, and which part of its own arrow it may hide."""
-APART = 0.06
-"""Less room than this between labels, in centimetres, makes one of two."""
+MUCH = 0.35  # how far the paper behind a label reaches beyond its letters, and which part of its own arrow it may hide
+APART = 0.06  # less room than this between labels, in centimetres, makes one of two
 OVERLAP = 20.0
 COVER = 1.0
-FAR = 0.02
-"""What it costs to lie over a label, vertex or arrow head, over a line, and further down the list."""
+FAR = 0.02  # what it costs to lie over a label, vertex or arrow head, over a line, and further down the list
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,14 +271,7 @@ def box(label: Label) -> tuple[float, float, float, float]:
 def placed(
     options: Sequence[Sequence[Label]], own: Sequence[int], lines: Sequence[Line], spots: Sequence[Spot]
 ) -> Placement:
-    """Choose a place for every label.
-
-    Args:
-        options: places by label, the usual one first.
-        own: the indices in `lines` of the arrows that the first labels belong to.
-        lines: the arrows.
-        spots: the vertices.
-    """
+    """Choose a place for every label."""
     if not options:
         return Placement((), 0, 0)
     flat, groups, of, place = _flattened(options)
@@ -331,7 +301,6 @@ def placed(
 
 
 def _shapes(lines: Sequence[Line], spots: Sequence[Spot]) -> list[tuple[float, float, float, float, float]]:
-    """Return vertices and arrow heads as a rectangle (its centre, half its sides) and how far the shape reaches beyond it."""
     found = [(*s.at, *s.core) for s in spots]
     for line in lines:
         if line.arrow:
@@ -369,7 +338,6 @@ def along(line: Line, text: m.Math) -> list[Label]:
 
 
 def at_loop(line: Line, text: m.Math, v: Spot) -> list[Label]:
-    """Return places of a loop's label: outside it, then along it."""
     _, (x0, y0), (x1, y1), _ = line.points
     x = (x0 + x1) / 2
     y = (y0 + y1) / 2

@@ -1,22 +1,19 @@
-"""Figures as data, in centimetres, y downwards: circles, boxes, areas, lines and labels.
-
-Colours are roles, so that a page can show the same scene on light and dark paper; charts have colours of their own.
-"""
+"""Figures as data, in centimetres, y downwards: circles, boxes, areas, lines and labels; signs of roles and their key."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from typing import Any, Literal, NewType, assert_never
 
+from taskspec.base.display import number
 from taskspec.printers import tree as m
 
-BROAD = 1.15
-"""How much wider labels may be in the broadest of the fonts that figures are shown in."""
+BROAD = 1.15  # how much wider labels may be in the broadest of the fonts that figures are shown in
 Color = Literal["ink", "muted", "faint", "paper", "good", "bad", "end", "accent", "second"]
-Hex = NewType("Hex", str)
-"""A colour that is not a role, as `#0072b2`."""
+Hex = NewType("Hex", str)  # A colour that is not a role, as `#0072b2`
 Paint = Color | Hex
 Point = tuple[float, float]
 Anchor = Literal["start", "middle", "end"]
@@ -30,7 +27,6 @@ COLORS: dict[str, str] = {
 
 
 def hex_color(paint: Paint) -> str:
-    """Return a colour as `#rrggbb`."""
     return COLORS.get(paint, paint)
 
 
@@ -58,8 +54,6 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A polygon."""
-
     points: tuple[Point, ...]
     fill: Paint | None = "paper"
     line: Paint | None = None
@@ -124,7 +118,6 @@ class Scene:
 
     @property
     def caption(self) -> str:
-        """The description and the notes."""
         return " ".join((f"{self.alt}.", *self.notes))
 
     def shows(self, other: Scene | None) -> bool:
@@ -132,13 +125,11 @@ class Scene:
         return other is not None and (self.items, self.notes) == (other.items, other.notes)
 
     def extended(self, more: Iterable[Item], alt: str | None = None) -> Scene:
-        """Return the scene with more items."""
         items = (*self.items, *more)
         return fitted(items, alt or self.alt, self.notes, state=self.state, focus=self.focus, drawn=self.drawn)
 
 
 def text_width(tree: m.Math, size: float = 0.36) -> float:
-    """Return about how wide a label is, in centimetres."""
     return m.width(tree) * size * 0.62
 
 
@@ -151,7 +142,6 @@ def fitted(
     focus: Point | None = None,
     drawn: Mapping[str, str] | None = None,
 ) -> Scene:
-    """Return a scene just large enough for its items."""
     items = tuple(items)
     lefts, tops, rights, bottoms = zip(*(map(_extent, items) if items else [(0.0, 0.0, 1.0, 1.0)]), strict=True)
     left = min(lefts) - margin
@@ -163,7 +153,6 @@ def fitted(
 
 
 def _extent(item: Item) -> tuple[float, float, float, float]:
-    """Return left, top, right and bottom."""
     match item:
         case Circle(centre=(x, y), radius=r):
             return x - r, y - r, x + r, y + r
@@ -207,7 +196,6 @@ def shifted(item: Item, dx: float, dy: float) -> Item:
 
 
 def bezier(points: tuple[Point, ...], t: float) -> Point:
-    """Return the point of a cubic curve at t in [0, 1]."""
     weights = ((1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3)
     x = sum(w * p[0] for w, p in zip(weights, points, strict=True))
     y = sum(w * p[1] for w, p in zip(weights, points, strict=True))
@@ -218,7 +206,6 @@ HEAD = 0.17
 
 
 def head(line: Line) -> tuple[Point, Point, Point]:
-    """Return the triangle at the end of an arrow."""
     x0, y0 = line.at(0.9) if line.curved else line.points[-2]
     x1, y1 = line.points[-1]
     length = math.hypot(x1 - x0, y1 - y0) or 1.0
@@ -236,3 +223,117 @@ def shaft(line: Line) -> tuple[Point, ...]:
         return line.points
     _, (ax, ay), (bx, by) = head(line)
     return (*line.points[:-1], ((ax + bx) / 2, (ay + by) / 2))
+
+
+RADIUS = 0.31
+ROUND = 0.2
+HATCH = 0.12
+RIM = 0.03  # centimetres between two lines of a hatching, and between these and the outline
+
+SIGNS: dict[Paint, tuple[tuple[Point, ...], ...]] = {
+    "good": (((-0.5, 0.0), (-0.15, 0.4), (0.5, -0.4)),),
+    "bad": (((-0.4, -0.4), (0.4, 0.4)), ((-0.4, 0.4), (0.4, -0.4))),
+    "end": (((-0.35, -0.35), (0.35, -0.35), (0.35, 0.35), (-0.35, 0.35), (-0.35, -0.35)),),
+}
+"""Strokes of a sign, around (0, 0), one centimetre wide at most."""
+ROLES: dict[str, Color] = {"good": "good", "bad": "bad", "end": "end"}
+HIGHLIGHTS: dict[str, Color] = {**ROLES, "first": "accent", "second": "second"}
+"""Colours of highlights: of roles, which have signs, and of all."""
+KEY = 0.36
+WORD = 0.26  # the side of a square in the key to a figure, and the height of the letters beside it
+
+
+def shape(x: float, y: float, half: float, radius: float, fill: Color, shade: float = 1.0) -> Circle | Box:
+    if half <= radius + 0.02:
+        return Circle((x, y), radius, fill, shade=shade)
+    return Box((x - half, y - radius), 2 * half, 2 * radius, fill, round=ROUND, shade=shade)
+
+
+def _sides(item: Circle | Box) -> tuple[float, float, float, float]:
+    if isinstance(item, Circle):
+        return *item.centre, item.radius, item.radius
+    return item.corner[0] + item.width / 2, item.corner[1] + item.height / 2, item.width / 2, item.height / 2
+
+
+def hatched(item: Circle | Box, clear: float = 0.0) -> Iterator[Line]:
+    """Yield diagonal lines within a shape, which tell it apart without its colour; none within `clear` of its centre."""
+    x, y, rx, ry = _sides(item)
+    if isinstance(item, Circle):
+        rx -= RIM
+        ry -= RIM
+    count = int((rx + ry) / math.sqrt(2) / HATCH)
+    for i in range(-count, count + 1):
+        off = i * HATCH  # distance from the centre
+        rise = off * math.sqrt(2)
+        middle = off / math.sqrt(2)
+        if isinstance(item, Circle):
+            half = math.sqrt(max(0.0, rx * rx - off * off) / 2)
+            low = middle - half
+            high = middle + half
+        else:
+            inset = RIM + item.round * 0.3
+            low = max(-rx + inset, rise - ry + inset)
+            high = min(rx - inset, rise + ry - inset)
+        free = math.sqrt(max(0.0, clear * clear - off * off) / 2)
+        for start, end in ((low, middle - free), (middle + free, high)) if free else ((low, high),):
+            if end - start > 0.04:
+                yield Line(((x + start, y + rise - start), (x + end, y + rise - end)), color="paper", width=0.03)
+
+
+def marked(item: Circle | Box, clear: float = 0.0, corner: tuple[int, int] = (1, -1)) -> Iterator[Line]:
+    """Yield the sign of a good, bad or terminal state: a tick, a cross on hatching, or a square.
+
+    The mark is at the top of what is round, and in the middle of a cell, or in a corner, its upper right one if no
+    other is named, where something is written within `clear` of the middle.
+    """
+    if item.fill not in SIGNS:
+        return
+    x, y, half, top = _sides(item)
+    if item.fill == "bad":
+        yield from hatched(item, clear or 0.56 * top)
+    if isinstance(item, Circle) or item.round:
+        yield from sign(item.fill, (x, y - 0.7 * top), 0.42 * top)
+    elif clear:
+        side = 2 * min(half, top)
+        at = (x + corner[0] * (half - 0.17 * side), y + corner[1] * (top - 0.17 * side))
+        yield from sign(item.fill, at, 0.22 * side)
+    else:
+        yield from sign(item.fill, (x, y), 0.8 * min(half, top))
+
+
+def sign(role: Paint, at: Point, size: float) -> Iterator[Line]:
+    for stroke in SIGNS[role]:
+        yield Line(tuple((at[0] + size * x, at[1] + size * y) for x, y in stroke), width=0.035)
+
+
+def keyed(scene: Scene) -> Scene:
+    """Return the scene with a key of its roles below it, on its left; as it is without any."""
+    shown = {item.fill for item in scene.items if isinstance(item, Circle | Box)}
+    key = list[Item]()
+    x = 0.0
+    y = scene.height + KEY
+    for role in ROLES.values():
+        if role in shown:
+            swatch = Box((x, y - KEY / 2), KEY, KEY, role, "muted")
+            word = Label((x + KEY + 0.1, y), m.Words(role), WORD, "start", "muted")
+            key += [swatch, *marked(swatch), word]
+            x += KEY + 0.1 + text_width(word.text, WORD) + 0.3
+    return scene.extended(key) if key else scene
+
+
+def signed(value: float) -> m.Math:
+    return m.Num(number(value, 4))
+
+
+def equal(name: str, value: float) -> m.Math:
+    return m.Row((m.Ident(name), m.Sym("="), signed(value)))
+
+
+def chance(p: float) -> m.Math:
+    """Return a probability as per cent where that is short, else as a fraction or three digits."""
+    if p >= 0.01 and abs(100 * p - round(100 * p)) < 1e-9:
+        return m.Num(f"{round(100 * p)}%")
+    ratio = Fraction(p).limit_denominator(99)
+    if abs(float(ratio) - p) < 1e-12:
+        return m.Num(f"{ratio.numerator}/{ratio.denominator}")
+    return m.Num(f"{p:.3g}")

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskspec.figures.chart import GAP, SYMBOL, TICKS
-from taskspec.figures.marks import signed
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.plane import WIDTH, runs, turn
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted
+from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted, signed
 from taskspec.figures.states import STEPS, State, at_state, expert_path
 from taskspec.lang import interval
 from taskspec.lang import syntax as s
@@ -25,8 +24,7 @@ from taskspec.task.task import Task
 
 MOST = 6
 PANEL = 1.0
-APART = 1.35
-"""Numbers that are followed, how high the picture of one is, and how far these lie apart, in centimetres."""
+APART = 1.35  # numbers that are followed, how high the picture of one is, and how far these lie apart, in centimetres
 BEFORE = 1.2
 AFTER = 2.8
 """Room for numbers on the left, and for what is equal to one on the right, so that all frames of an episode are alike."""
@@ -104,7 +102,6 @@ def _scale(number: _Number) -> tuple[float, float]:
 
 
 def _wide(low: float, high: float) -> tuple[float, float]:
-    """Return a range that is not empty."""
     return (low - 0.5, high + 0.5) if low == high else (low, high)
 
 
@@ -132,7 +129,6 @@ def _panel(
 
 
 def _time(first: int, last: int, panels: int) -> Iterator[Item]:
-    """Yield the axis of time, below the panels."""
     y = PANEL + (panels - 1) * APART + GAP
     yield Line(((0.0, y), (WIDTH + GAP, y)), arrow=True, color="muted", width=0.02)
     yield Label((WIDTH + GAP + 0.22, y), m.Ident("t"), SYMBOL)
@@ -141,7 +137,6 @@ def _time(first: int, last: int, panels: int) -> Iterator[Item]:
 
 
 def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
-    """Return the first numbers to follow, along the path."""
     node = None if task.figure is None else task.figure.values
     found = []
     if node is None:
@@ -159,7 +154,6 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
 
 
 def _symbols(task: Task, node: Node) -> list[m.Math]:
-    """Return the symbol of each element of a node, as it is written."""
     names = of_task(task)
     written = None if task.spec.figure is None else task.spec.figure.values
     whole = expression("v" if written is None else written)

@@ -25,10 +25,8 @@ from taskspec.task.task import Component, Task
 
 State = Mapping[str, Any]
 Reads = dict[tuple[Role, str], Array]
-STEPS = 200
-"""Steps of an episode that are followed."""
-MANY = 20_000
-"""States that are drawn all at once."""
+STEPS = 200  # steps of an episode that are followed
+MANY = 20_000  # states that are drawn all at once
 
 
 def at_states(task: Task, node: Node, reads: Reads, count: int = 1) -> Array:
@@ -39,7 +37,6 @@ def at_states(task: Task, node: Node, reads: Reads, count: int = 1) -> Array:
 
 
 def at_state(task: Task, node: Node, state: State) -> Array:
-    """Return the value of a node in one state, as floats."""
     found: Array = at_states(task, node, reads_of(task, state))[0].astype(float)
     return found
 
@@ -66,7 +63,6 @@ def all_states(task: Task) -> tuple[Reads, int] | None:
 
 
 def first_state(task: Task, seed: int = 0) -> dict[str, Any]:
-    """Return the first state after a reset with this seed."""
     found: dict[str, Any] = {}
     for c, flat in zip(task.state, _reset(task, task.initial, seed), strict=True):
         found[c.name] = np.array([float(x) for x in flat]).reshape(c.type.shape) if c.type.shape else flat[0]
@@ -104,8 +100,7 @@ WIDTH = 3.4
 HALF = 0.45
 LETTERS = 0.28
 APART = 0.15
-MOST = 100
-"""Elements of a vector that are drawn."""
+MOST = 100  # elements of a vector that are drawn
 ELEMENTS = 6
 TABLE_WIDTH = 9.0
 FRAME_LETTERS = 44
@@ -188,7 +183,6 @@ def not_drawn(task: Task, needs: str) -> Scene:
 
 
 def _count(components: tuple[Component, ...], noun: str, finite: bool = True) -> str:
-    """Return how many states or actions there are, or how many numbers one has: `48 states`, `states of 4 numbers`."""
     if finite and all(c.type.kind is not Kind.REAL for c in components):
         return f"{Space(components, components[0].read[0]).size:,} {noun}s"
     return f"{noun}s of {sum(c.type.size for c in components):,} numbers"

@@ -11,8 +11,7 @@ from taskspec.figures.scene import Area, Box, Circle, Item, Label, Line, hex_col
 from taskspec.printers import tree as m
 from taskspec.printers.text import plain
 
-SCALE = 38.0
-"""Pixels in a centimetre."""
+SCALE = 38.0  # pixels in a centimetre
 _FONTS = {
     "serif": "'Latin Modern Math','STIX Two Math','Cambria Math','DejaVu Serif',serif",
     "sans": "'DejaVu Sans',Verdana,'Segoe UI',Helvetica,Arial,sans-serif",
@@ -24,13 +23,7 @@ _DASHES: dict[sc.Dash, tuple[float, ...]] = {
 
 
 def svg(scene: sc.Scene, css: bool = False, kind: str = "figure") -> str:
-    """Return an SVG picture.
-
-    Args:
-        scene: what to draw.
-        css: for a page whose style sheet gives the colours; otherwise they are fixed, on white.
-        kind: the class of the picture, for the style sheet.
-    """
+    """Return an SVG picture."""
     width = _n(scene.width)
     height = _n(scene.height)
     body = "".join(_item(item) for item in scene.items)

@@ -6,7 +6,7 @@ from typing import assert_never
 
 from taskspec.figures import scene as sc
 from taskspec.figures.scene import Area, Box, Circle, Item, Label, Line
-from taskspec.printers.latex import latex
+from taskspec.printers.markup import latex
 
 
 def tikz(scene: sc.Scene, scale: float = 1.0) -> str:

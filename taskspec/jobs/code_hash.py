@@ -20,9 +20,6 @@ def code_hash(path: Path | str, function: str) -> str:
     Args:
         path: the file; where its folder is a part of a package, the whole package counts as its folder.
         function: its name in the file.
-
-    Raises:
-        SpecError: E710 where a file cannot be read.
     """
     contents = code_files(path)
     digest = hashlib.sha256(function.encode())
@@ -35,11 +32,7 @@ def code_hash(path: Path | str, function: str) -> str:
 
 
 def code_files(path: Path | str) -> dict[Path, bytes]:
-    """Return the contents of a file and of all that it imports from its own folder, by their places (see `code_hash`).
-
-    Raises:
-        SpecError: E710 where a file cannot be read.
-    """
+    """Return the contents of a file and of all that it imports from its own folder, by their places (see `code_hash`)."""
     start = Path(path).resolve()
     home = _home(start)
     folders = [start.parent]

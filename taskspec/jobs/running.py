@@ -246,6 +246,7 @@ There may be a process for each processor, and with two threads JAX was seen to 
 """
 START = """
 import os, pickle, signal, sys
+del sys.argv[0]  # what is left is the name of the program that this process works for
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 questions = os.fdopen(os.dup(0), "rb")
 sys.path[:] = pickle.load(questions)
@@ -306,7 +307,8 @@ class _Process:
         self._answers: Queue[Ending | None] = Queue()
         environment = {**ONE_THREAD, **os.environ}
         pipe = subprocess.PIPE
-        self._process = subprocess.Popen([sys.executable, "-c", START], stdin=pipe, stdout=pipe, env=environment)
+        command = [sys.executable, "-c", START, *sys.argv[:1]]
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment)
         self._send(sys.path)
         Thread(target=self._listen, daemon=True).start()
 

@@ -89,11 +89,7 @@ class Vectors:
 
     @classmethod
     def of(cls, layout: SpaceLayout) -> Vectors:
-        """Return the vectors of a space.
-
-        Raises:
-            CannotLearn: for dicts.
-        """
+        """Return the vectors of a space."""
         match layout.form:
             case "discrete":
                 return cls(layout.counts, (), start=layout.starts[0], single=True)
@@ -176,11 +172,7 @@ class NetPolicy:
         return (chosen[0] if alone else chosen), None
 
     def action_probabilities(self, observations: Any) -> Array:
-        """Return float64 (N, A), the probability of every action; the last component varies fastest.
-
-        Raises:
-            TypeError: for real actions.
-        """
+        """Return float64 (N, A), the probability of every action; the last component varies fastest."""
         if not self.actions.counts:
             raise TypeError("real actions have no probabilities")
         parts = self._groups(np.asarray(observations))

@@ -111,11 +111,7 @@ _KINDS = {bool: "true or false", int: "a whole number", float: "a number", NoneT
 
 
 def changed(base: T, document: Document, path: Place) -> T:
-    """Return settings with those at a path of a document in their place, section by section.
-
-    Raises:
-        SpecError: with every mistake: E201 for what is no mapping, E202 for an unknown setting, E204 and E206 for its value.
-    """
+    """Return settings with those at a path of a document in their place, section by section."""
     data: Any = document.data
     for step in path:
         data = data[step]

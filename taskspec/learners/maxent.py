@@ -61,11 +61,7 @@ class TimedPolicy:
 
 
 def train_maxent(config: Matching, case: LearnerCase) -> list[TimedPolicy]:
-    """Train a policy for each seed; seeds begin with different random rewards.
-
-    Raises:
-        CannotLearn: the task has no exact model, no horizon, or states with equal observations.
-    """
+    """Train a policy for each seed; seeds begin with different random rewards."""
     try:
         return _train(config, case)
     except (NoModel, LookAlike) as error:

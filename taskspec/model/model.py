@@ -32,11 +32,7 @@ def misused(message: str, hint: str | None = None) -> NoReturn:
 
 
 def scipy_sparse() -> Any:
-    """`scipy.sparse`, imported on first use.
-
-    Raises:
-        SpecError: (E705) with the command that installs it.
-    """
+    """`scipy.sparse`, imported on first use."""
     return need("scipy.sparse", "exact", "an exact model")
 
 
@@ -163,9 +159,16 @@ class Model:
 
     def state_index(self, values: Mapping[str, Any]) -> int:
         """Return the index of a state given by component (labels for choices). KeyError if it is not in the model."""
-        code = code_of(self.states, values)
+        arrays = []
+        for c in self.states.components:
+            value = np.asarray(values[c.name])
+            if c.domain is not None:
+                labels = c.domain.labels
+                value = np.reshape([labels.index(str(label)) for label in value.flat], value.shape)
+            arrays.append(value[..., None])
+        (code,), outside = self.states.encode(arrays, 1)
         index = int(np.searchsorted(self.codes, code))
-        if index == len(self.codes) or self.codes[index] != code:
+        if outside is not None or index == len(self.codes) or self.codes[index] != code:
             raise KeyError(f"the model has no state {dict(values)}")
         return index
 
@@ -186,9 +189,6 @@ class Model:
             words = ", ".join(f"{c.name} = {shown(c, state[c.name])}" for c in self.states.components)
             refuse(f"nothing is planned for {words}: no episode of {self.task.name} comes there")
         return np.asarray(found)
-
-    def action_index(self, values: Mapping[str, Any]) -> int:
-        return code_of(self.actions, values)
 
     # -- where episodes go ------------------------------------------------------------------------
 
@@ -262,21 +262,6 @@ class Model:
     def reads(self, t: int = 0, some: slice = slice(None)) -> dict[tuple[Role, str], Array]:
         """Return what expressions read in every state (S,), or some of them, at a time."""
         return dict(self.states.decode(self.codes[some])) | {(Role.TIME, "t"): np.array([t], dtype=np.int64)}
-
-
-def code_of(space: Space, values: Mapping[str, Any]) -> int:
-    """Return the code of a combination given by component."""
-    arrays = []
-    for c in space.components:
-        value = np.asarray(values[c.name])
-        if c.domain is not None:
-            labels = c.domain.labels
-            value = np.reshape([labels.index(str(label)) for label in value.flat], value.shape)
-        arrays.append(value[..., None])
-    code, outside = space.encode(arrays, 1)
-    if outside is not None and outside.any():
-        raise KeyError(f"{dict(values)} is outside the declared domains")
-    return int(code[0])
 
 
 # -- whether a component of the action makes any difference -----------------------------------------------------------

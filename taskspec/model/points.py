@@ -228,11 +228,7 @@ class Budget:
         self.most = limits().seconds
 
     def spend(self, cost: Cost, points: float, beside: float = 0.0) -> None:
-        """Begin a batch of so many points, with so many seconds for what is done beside them.
-
-        Raises:
-            SpecError: (E712) when the time is over.
-        """
+        """Begin a batch of so many points, with so many seconds for what is done beside them."""
         self.spent += cost.seconds(points) + beside
         if self.spent > self.most:
             message = f"{self.what} take more than {self.most} seconds, the limit"

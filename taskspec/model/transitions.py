@@ -328,11 +328,7 @@ class Steps:
         return OutcomeTable(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def starts(self, numbers: ProbabilityArithmetic = FLOATS) -> tuple[Array, Array]:
-        """Return codes (N,) of the first states and their probabilities (N,), each code once.
-
-        Raises:
-            SpecError: (E712) when there are too many, or more states than there are codes, or one is outside the state space.
-        """
+        """Return codes (N,) of the first states and their probabilities (N,), each code once."""
         found = count(draws(self.first), {})
         most = limits().outcomes
         if found > most:

@@ -175,9 +175,6 @@ def judgements(
     Args:
         jobs: processes; with one, everything happens here.
         tick: called whenever a mutant is judged.
-
-    Raises:
-        SpecError: when the spec itself cannot be built.
     """
     made = _prepared(path)[1]
     with ExitStack() as stack:

@@ -10,19 +10,17 @@ from typing import Any
 
 from taskspec.lang import syntax as s
 from taskspec.printers import tree as m
-from taskspec.printers.elements import rank
 from taskspec.printers.expressions import ExpressionWriter, condition, mathematics
 from taskspec.printers.idioms import interval
 from taskspec.printers.names import Notation, expression, of_task, symbol
 from taskspec.printers.pieces import prime
-from taskspec.printers.rewrites import is_draw, shows_probabilities, substitute, take_apart
+from taskspec.printers.rewrites import is_draw, rank, shows_probabilities, substitute, take_apart
 from taskspec.task.names import signature
 from taskspec.task.schema.models import Spec
 from taskspec.task.schema.typed import ComponentEntry, ParameterEntry
 from taskspec.task.task import Task
 
-LETTERS = ("xi", "zeta", "chi", "eta")
-"""Letters for what is drawn inside an expression, the usual one first."""
+LETTERS = ("xi", "zeta", "chi", "eta")  # letters for what is drawn inside an expression, the usual one first
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,6 @@ class Writing:
         return condition(self.put(expr), notation or self.notation)
 
     def declared(self, value: Any) -> m.Math:
-        """Return a bound or a length as declared."""
         return self.math(expression(value))
 
     def symbol(self, name: str, primed: bool = False) -> m.Math:

@@ -89,7 +89,6 @@ def _facts(found: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> Fa
 
 
 def _bounds(name: str, value: Enclosure | None) -> dict[str, ScoreFact]:
-    """Return a value, or its two bounds where these are apart."""
     if value is None:
         return {}
     if value.error <= 1e-9 * abs(value.value):
@@ -114,7 +113,6 @@ def title(facts: Facts) -> str:
 
 
 def lines(task: Task, facts: Facts) -> Iterator[Inlines]:
-    """Yield each score with its name before it."""
     for name, value in _scores(task, facts):
         yield (Text(f"{name} "), *value)
 

@@ -15,11 +15,10 @@ from taskspec.base.display import ON_PAGES, visible
 from taskspec.pages import prose as p
 from taskspec.pages.sections import Section, SectionLine
 from taskspec.printers import tree as m
-from taskspec.printers.mathml import mathml
+from taskspec.printers.markup import mathml
 from taskspec.printers.text import plain
 
-BREAK_AFTER = 34.0
-"""Letters of a formula that is longer than a line on small screens."""
+BREAK_AFTER = 34.0  # letters of a formula that is longer than a line on small screens
 _SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
 
 
@@ -131,7 +130,6 @@ def formula(math: m.Math, display: bool = False) -> Markup:
 
 
 def _pieces(math: m.Math) -> list[m.Math]:
-    """Return a row cut before its signs and after its commas."""
     out: list[list[m.Math]] = [[]]
     for item in _flat(math):
         if isinstance(item, m.Sym) and item.text in _SIGNS and item.text != "," and len(out[-1]) > 0:
@@ -143,7 +141,6 @@ def _pieces(math: m.Math) -> list[m.Math]:
 
 
 def _flat(math: m.Math) -> list[m.Math]:
-    """Return the items of a row, with those of rows inside it."""
     return [x for item in math.items for x in _flat(item)] if isinstance(math, m.Row) else [math]
 
 

@@ -10,7 +10,7 @@ from taskspec.base.display import lettered, number
 from taskspec.lang import syntax as s
 from taskspec.pages.equations import Writing, unchanged
 from taskspec.pages.prose import CodeSpan, Formula, Inline, Inlines, Text, inlines, listing, separated
-from taskspec.printers import piecewise
+from taskspec.printers import idioms
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import ExpressionWriter
 from taskspec.printers.names import expression
@@ -25,12 +25,10 @@ _SPACES = {
     "multi_discrete": "as a vector of integers", "box": "as one vector of reals", "discrete": "as one integer",
 }  # fmt: skip
 _MANY = 40
-_OF_STEPS = ("dynamics", "reward", "terminal", "observation")
-"""Sections whose draws are made in every step."""
+_OF_STEPS = ("dynamics", "reward", "terminal", "observation")  # sections whose draws are made in every step
 
 
-Maker = Callable[[Writing], Iterator[Inlines]]
-"""Makes the lines of a section."""
+Maker = Callable[[Writing], Iterator[Inlines]]  # makes the lines of a section
 
 
 def formula(*items: m.Math) -> Formula:
@@ -48,7 +46,6 @@ def parameters(w: Writing) -> Iterator[Inlines]:
 
 
 def cases(w: Writing, given: Iterable[Mapping[str, Any]]) -> Inlines:
-    """Return the parameter values of cases: `L = 3, B = 5; L = 6, B = 3`."""
     found = []
     for case in given:
         equal: list[Inlines] = [(formula(w.symbol(name), m.Sym("="), setting(x)),) for name, x in case.items()]
@@ -57,7 +54,6 @@ def cases(w: Writing, given: Iterable[Mapping[str, Any]]) -> Inlines:
 
 
 def setting(value: Any) -> m.Math:
-    """Return the value of a parameter."""
     if isinstance(value, bool):
         return m.upright(str(value).lower())
     if isinstance(value, int | float):
@@ -67,7 +63,6 @@ def setting(value: Any) -> m.Math:
 
 
 def _range(w: Writing, name: str) -> Inlines:
-    """Return the allowed values of a parameter, in brackets."""
     entry = w.spec.parameters.entries[name]
     low = entry.low
     high = entry.high
@@ -83,7 +78,6 @@ def _range(w: Writing, name: str) -> Inlines:
 
 
 def grids(w: Writing) -> Iterator[tuple[str, str]]:
-    """Yield text grids among the constants."""
     for name, value in w.spec.constants.items():
         if isinstance(value, Mapping) and "grid" in value:
             text = value["grid"] if isinstance(value["grid"], str) else "\n".join(value["grid"])
@@ -200,7 +194,6 @@ def termination(w: Writing) -> Iterator[Inlines]:
 
 
 def definitions(w: Writing) -> Iterator[Inlines]:
-    """Yield constants, named expressions and functions, and noise."""
     for name, value in w.spec.constants.items():
         if isinstance(value, Mapping) and "grid" in value:
             continue
@@ -245,9 +238,9 @@ def dynamics(w: Writing) -> Iterator[Inlines]:
 def _transition(w: Writing, name: str, expr: s.Expr) -> Iterator[Inlines]:
     actions = list(w.spec.action)
     expr = w.put(expr)
-    if len(w.task.state) == 1 and isinstance(expr, s.Table) and piecewise.has_arrows(expr, name, actions):
+    if len(w.task.state) == 1 and isinstance(expr, s.Table) and idioms.has_arrows(expr, name, actions):
         writer = ExpressionWriter(w.notation, name)
-        for line in piecewise.arrows(writer, expr, name, w.whole(actions), actions[0]):
+        for line in idioms.arrows(writer, expr, name, w.whole(actions), actions[0]):
             yield (Formula(line),)
     else:
         yield (Formula(w.equation(w.symbol(name, primed=True), expr, name)),)
@@ -273,13 +266,11 @@ def initial(w: Writing) -> Iterator[Inlines]:
 
 
 def roles(w: Writing) -> Iterator[Inlines]:
-    """Yield the variants in which the expert and the learner act."""
     if w.spec.roles is not None:
         yield (Text(f"the expert acts in {w.spec.roles.expert}, and the learner in {w.spec.roles.learner}"),)
 
 
 def expert(w: Writing) -> Iterator[Inlines]:
-    """Yield the expert's memory, and its actions."""
     for c in () if w.task.memory is None else w.task.memory.components:
         memory = w.parsed("memory")
         symbol = w.symbol(c.name)

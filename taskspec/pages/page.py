@@ -58,11 +58,7 @@ class Page:
         return next((s for s in self.sections if s.key == key), None)
 
     def _repr_html_(self) -> str:
-        """Return the page for notebooks.
-
-        Raises:
-            SpecError: E705 where the packages are not installed that write HTML.
-        """
+        """Return the page for notebooks."""
         hypertext = need("taskspec.pages.hypertext", "docs", "a page in a notebook")
         found: str = hypertext.article(f"{self.name} {self.title}", self.summary, self.description, self.sections)
         return found
@@ -88,7 +84,7 @@ def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[s
     changed = [f"{p.name}={p.value!r}" for p in task.parameters if p.value != p.default]
     if task.modifiers:
         changed.append(f"modifiers={list(map(str, task.modifiers))!r}")
-    make = f"gymnasium.make({', '.join((json.dumps(task.id, ensure_ascii=False), *changed))})"
+    make = f"gymnasium.make({', '.join((json.dumps('taskspec:' + task.id, ensure_ascii=False), *changed))})"
     return Page(
         id=task.id, name=task.name, anchor=anchor(task.name), title=task.title,
         capability=task.spec.capability or "", summary=inlines(task.spec.summary),
@@ -195,7 +191,6 @@ def _shorter(line: SectionLine) -> SectionLine:
 
 
 def families(pages: Iterable[Page]) -> list[Family]:
-    """Return neighbours that are tasks of one spec, together."""
     found = []
     for _, group in groupby(pages, key=lambda page: page.task.document.origin.name):
         head, *others = group

@@ -78,8 +78,6 @@ Inlines = tuple[Inline, ...]
 
 @dataclass(frozen=True, slots=True)
 class CellTable:
-    """A heading for each column, and rows of cells."""
-
     header: tuple[str, ...]
     rows: tuple[tuple[Inlines, ...], ...]
 
@@ -101,8 +99,7 @@ class Verbatim:
 
 
 Block = Paragraph | Bullets | Verbatim
-_MINUS = re.compile(r"(?<![^\s([{,;:=])-(?=\d)")
-"""The sign of a negative number in prose."""
+_MINUS = re.compile(r"(?<![^\s([{,;:=])-(?=\d)")  # the sign of a negative number in prose
 
 
 @lru_cache(maxsize=1)
@@ -116,7 +113,6 @@ def _parser() -> MarkdownIt:
 
 
 def blocks(text: str | None) -> tuple[Block, ...]:
-    """Return the blocks of a Markdown text."""
     if not text:
         return ()
     tokens = iter(_parser().parse(text))
@@ -204,7 +200,6 @@ def _merge(pieces: Iterator[Inline]) -> Inlines:
 
 
 def separated(items: Sequence[Inlines], mark: str = ", ", last: str | None = None) -> Inlines:
-    """Return items with a mark between them, and maybe another one before the last."""
     out: list[Inline] = []
     for i, item in enumerate(items):
         if i:

@@ -28,13 +28,11 @@ _WRITERS: dict[str, Callable[[Suite, Mapping[str, str]], dict[str, str]]] = {
     "markdown": lambda suite, links: render.markdown(suite),
     "svg": lambda suite, links: {},
 }
-FORMATS = (*_WRITERS, "pdf")
-"""Names of the formats that pages are written in."""
+FORMATS = (*_WRITERS, "pdf")  # names of the formats that pages are written in
 
 _SCRATCH = ("aux", "bbl", "blg", "log", "out")
 """Endings of what TeX leaves beside a document; where it fails, they stay."""
-_TAKEN = ("index", "appendix", "document", "preamble")
-"""Names of the files around the pages."""
+_TAKEN = ("index", "appendix", "document", "preamble")  # names of the files around the pages
 
 
 def write(
@@ -106,11 +104,7 @@ def gather_pages(
     references: Mapping[str, Reference] | None = None,
     brief: bool = False,
 ) -> Suite:
-    """Return pages and figures of tasks, ready to be rendered.
-
-    Raises:
-        SpecError: (E703) for values that a parameter cannot have, (E702) for a name that no task has a parameter for.
-    """
+    """Return pages and figures of tasks, ready to be rendered."""
     known = {name for task in tasks for p in task.parameters for name in (p.name, p.alias)}
     for name, value in ((n, v) for column in columns for n, v in column.items() if n not in known):
         load(tasks[0], **{name: value})  # which says what is wrong
@@ -142,7 +136,6 @@ def _settings(tasks: Sequence[Task]) -> tuple[Task, list[Mapping[str, Any]]]:
 
 
 def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:
-    """Give pages different anchors, none of them a name of the files around them."""
     taken = set(_TAKEN)
     found = []
     for each in pages:
@@ -166,11 +159,7 @@ def _save(files: Mapping[str, str], folder: Path) -> list[Path]:
 
 
 def compile_pdf(folder: Path) -> Path:
-    """Compile `document.tex` in a folder.
-
-    Raises:
-        SpecError: with the first error of TeX.
-    """
+    """Compile `document.tex` in a folder."""
     for command in telling(("pdflatex", "bibtex", "pdflatex", "pdflatex"), "document.pdf, {}".format):
         options = ["document"] if command == "bibtex" else [
             "-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "document.tex"]  # fmt: skip

@@ -156,11 +156,7 @@ class Expert:
 
 
 def _shown_by(task: Task, wanted: set[str]) -> dict[str, int]:
-    """Return the index of the observed component that shows each of some state components.
-
-    Raises:
-        SpecError: E712 where one is not shown as it is.
-    """
+    """Return the index of the observed component that shows each of some state components."""
     found: dict[str, int] = {}
     for i, node in enumerate(task.observation.nodes):
         if isinstance(node, Read) and node.role is Role.STATE:

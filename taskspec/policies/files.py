@@ -27,11 +27,7 @@ def is_function(name: str) -> bool:
 
 
 def place_of(name: str) -> tuple[Path, str]:
-    """Return the file of `model.py:fn` and the name of the function; nothing is run.
-
-    Raises:
-        SpecError: E710 when there is no such file.
-    """
+    """Return the file of `model.py:fn` and the name of the function; nothing is run."""
     place, _, attribute = name.rpartition(":")
     if not Path(place).is_file():
         raise SpecError([Diagnostic("E710", None, f"there is no file '{place}'")])
@@ -43,9 +39,6 @@ def function_of(name: str, form: str = "(observation)") -> Any:
 
     Args:
         form: the function's parameters, for a hint.
-
-    Raises:
-        SpecError: E710, E711 when there is no such file, or it fails; E713 when it has no function or policy of that name.
     """
     path, attribute = place_of(name)
     found = getattr(_module(path), attribute, None)
@@ -58,6 +51,7 @@ def function_of(name: str, form: str = "(observation)") -> Any:
 def _module(path: Path) -> Any:
     """Run a file as a module; as for a script, modules in its folder can be imported."""
     name = f"{path.stem}_{zlib.crc32(str(path.resolve()).encode()):08x}"
+    sys.modules["taskspec"].register()  # the file may make environments by id; by name, since `making` is above
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -110,11 +104,7 @@ class ScriptedPolicy(TaskPolicy):
         self.episode = -1
 
     def choose(self, batch: EpisodeBatch) -> Actions:
-        """Return the next action.
-
-        Raises:
-            ScriptEnd: when there are no more actions for this episode.
-        """
+        """Return the next action."""
         if batch.t == 0:
             self.episode += 1
         actions = self.episodes[self.episode % len(self.episodes)]

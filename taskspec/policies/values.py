@@ -1,10 +1,10 @@
-"""Expected returns of policies: tables, functions, experts, and objects with `predict`."""
+"""Expected returns and scores of policies: tables, functions, experts, and objects with `predict`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,16 +17,17 @@ from taskspec.policies.adapters import (
     ProbabilisticPolicy,
     StateFunction,
     Varies,
-    normaliser,
 )  # fmt: skip
 from taskspec.policies.experts import Expert
 from taskspec.policies.policy import Asking, EpisodeBatch, TaskPolicy, greedy, planned, states_of
-from taskspec.rollout.rollout import Rollout, State
+from taskspec.registry import load
+from taskspec.rollout.rollout import EPISODES, Rollout, State
 from taskspec.scores.returns import Results, Return
+from taskspec.scores.scores import Scores, scores
 from taskspec.solve import solve
 from taskspec.solve.backward import Plan
 from taskspec.solve.plans import stationary, timed
-from taskspec.task.task import Task
+from taskspec.task.task import Task, TaskLike
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +46,6 @@ def policy_value(results: Results, policy: Any, deterministic: bool | None = Non
         policy: a table over the states of the exact model (see `plan_of_table`), a function of the states and the time, an
             `Expert`, an object with `predict`, or a `TaskPolicy`.
         deterministic: passed to `predict`.
-
-    Raises:
-        SpecError: E706 for actions outside the action space, E712 where an exact model is needed and there is none, E713 for
-            anything else.
     """
     if is_table(policy):
         return _table_value(results, np.asarray(policy))
@@ -109,30 +106,31 @@ def _table_value(results: Results, table: Array) -> PolicyValue:
 
 
 def plan_of_table(model: Model, table: Array) -> Plan:
-    """Return the plan of a table: actions (S,) or (T, S), or probabilities (S, A) or (T, S, A).
-
-    Raises:
-        SpecError: E713 for another table.
-    """
-    a = model.n_actions
-    n = model.n_states
-    if table.dtype.kind in "iu" and table.shape[-1:] == (n,) and table.ndim <= 2 and table.shape != (n, a):
-        if not ((table >= 0) & (table < a)).all():
-            misused(f"an action of the table is not in 0 to {a - 1}")
-        hot = np.moveaxis(np.eye(a)[table], -1, -2)
-        return stationary(hot) if table.ndim == 1 else timed(list(hot))
-    if table.shape[-2:] != (n, a) or table.ndim > 3:
-        message = f"a table of probabilities has shape ({n}, {a}) or (T, {n}, {a}), not {table.shape}"
-        misused(message, _transposed(table, n, a))
-    table = table.astype(np.float64)
-    if np.isnan(table).any():
-        misused("the table of probabilities has NaN in it", "every entry is a probability")
+    """Return the plan of a table: actions (S,) or (T, S), or probabilities (S, A) or (T, S, A)."""
+    table = _by_row(table, model.n_states, model.n_actions)
     if not are_probabilities(table):
-        is_square_transposed = a == n and np.allclose(table.sum(axis=-2), 1)
-        hint = _transposed(table, n, a) if is_square_transposed else None
+        hint = None
+        if model.n_actions == model.n_states and np.allclose(table.sum(axis=-2), 1):
+            hint = _transposed(table)
         misused("the probabilities of the actions in a state are at least 0, and sum to 1", hint)
     by_action = np.moveaxis(table, -1, -2)
     return stationary(by_action) if table.ndim == 2 else timed(list(by_action))
+
+
+def _by_row(table: Array, rows: int, actions: int, first: int = 0) -> Array:
+    """Return a table of actions (counted from `first`), probabilities or values as one of (rows, A) or (T, rows, A)."""
+    if table.dtype.kind in "iu" and table.shape[-1:] == (rows,) and table.shape[-2:] != (rows, actions):
+        if not ((table >= first) & (table < first + actions)).all():
+            misused(f"an action of the table is not in {first} to {first + actions - 1}")
+        table = np.eye(actions)[table - first]
+    if table.ndim not in (2, 3) or table.shape[-2:] != (rows, actions):
+        forms = f"({rows},) for actions, ({rows}, {actions}) for their probabilities or values"
+        hint = _transposed(table) if table.shape[-2:] == (actions, rows) else None
+        misused(f"a table has shape {forms}; maybe with the time in front; not {table.shape}", hint)
+    if not np.isfinite(table).all():
+        what = "NaN" if np.isnan(table).any() else "an infinite number"
+        misused(f"the table of probabilities or values of actions has {what} in it", "every entry is a finite number")
+    return table.astype(np.float64)
 
 
 def are_probabilities(table: Array) -> bool:
@@ -140,10 +138,8 @@ def are_probabilities(table: Array) -> bool:
     return bool((table >= 0).all() and np.allclose(table.sum(axis=-1), 1))
 
 
-def _transposed(table: Array, rows: int, actions: int) -> str | None:
-    """Return the hint for a table whose actions come before its states or observations; None for any other."""
-    if table.ndim not in (2, 3) or table.shape[-2:] != (actions, rows):
-        return None
+def _transposed(table: Array) -> str:
+    """Return the hint for a table whose actions come before its states or observations."""
     way = "table.T" if table.ndim == 2 else "np.moveaxis(table, -1, -2)"
     return f"this table is transposed: actions are its last axis, as in {way}"
 
@@ -170,9 +166,6 @@ def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
         results: of the task.
         policy: an object with `predict` (and maybe `probabilities`), a function of the observation, or a table (see `_of_table`).
         seed: of what it draws.
-
-    Raises:
-        SpecError: E706 for actions outside the action space, E713 for anything that is not a policy.
     """
     if is_table(policy):
         return _of_table(results, np.asarray(policy), seed)
@@ -196,11 +189,8 @@ def observed_probabilities(policy: Any, task: Task) -> Probabilities | None:
     """Return the probabilities that a policy gives of finite actions; None where it gives none."""
     if task.action_layout.form == "box":
         return None
-    if hasattr(policy, "probabilities"):
-        normalise = normaliser(policy)
-        return lambda observations: np.asarray(policy.probabilities(normalise(observations)), np.float64)
     predictor = Predictor(task, policy)
-    if not hasattr(policy, "action_probabilities"):
+    if not predictor.gives_probabilities:
         if not hasattr(policy, "predict"):
             return None
         start = predictor.observe(Rollout(task, 1).start(), 0, np.random.default_rng(0))
@@ -226,22 +216,8 @@ def _of_table(results: Results, table: Array, seed: int) -> ObservedValue:
     actions = results.task.action_layout
     if seen.form != "discrete" or actions.form not in ("discrete", "multi_discrete"):
         misused(f"a table is a policy where observations are one number and actions finite, not on {results.task.id}")
-    o = seen.counts[0]
-    a = int(np.prod(actions.counts))
-    if table.dtype.kind in "iu" and table.shape[-1:] == (o,) and table.shape[-2:] != (o, a):
-        index = table - actions.starts[0] if actions.form == "discrete" else table
-        if not ((index >= 0) & (index < a)).all():
-            misused(f"an action of the table is not in {results.task.action_space}")
-        table = np.eye(a)[index]
-    if table.ndim not in (2, 3) or table.shape[-2:] != (o, a):
-        misused(
-            f"a table has shape ({o},) for actions, ({o}, {a}) for their probabilities or values; maybe with "
-            f"the time in front; not {table.shape}",
-            _transposed(table, o, a),
-        )
-    if not np.isfinite(table).all():
-        what = "NaN" if np.isnan(table).any() else "an infinite number"
-        misused(f"the table of probabilities or values of actions has {what} in it", "every entry is a finite number")
+    first = actions.starts[0] if actions.form == "discrete" else 0
+    table = _by_row(table, seen.counts[0], int(np.prod(actions.counts)), first)
     stochastic = table if are_probabilities(table) else greedy(table)
     if table.ndim == 3:
         return ObservedValue(_timed_value(results, greedy(table)), _timed_value(results, stochastic))
@@ -259,3 +235,76 @@ def _timed_value(results: Results, table: Array) -> Return:
         misused(f"a table over the time is a policy where observations show the state, not on {results.task.id}")
     observations = policy.observe(states_of(model), 0, np.random.default_rng(0)) - policy.layout.starts[0]
     return _table_value(results, table[:, observations].astype(np.float64)).value
+
+
+# -- scores -----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Score:
+    """A policy's return and its place between random actions (0) and the expert (1).
+
+    `asked` is the basis of the return: the policy's "probabilities" of actions, its "actions" if they are deterministic,
+    "samples" of them in episodes, or given "returns". Only the first two can be exact.
+    """
+
+    value: Return
+    normalised: float
+    scores: Scores
+    asked: Asking | Literal["returns"]
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Return the confidence interval of the normalised score."""
+        low, high = self.value.interval(confidence)
+        return self.scores.normalise(low), self.scores.normalise(high)
+
+
+def score(
+    task: TaskLike,
+    policy: Any = None,
+    *,
+    returns: Sequence[float] | None = None,
+    deterministic: bool | None = None,
+    episodes: int = EPISODES,
+    seed: int = 0,
+    known: Scores | None = None,
+) -> Score:
+    """Return the score of a policy, or of the returns of its episodes.
+
+    Args:
+        policy: a table of probabilities (S, A) or (T, S, A), or of actions (S,) or (T, S), in the order of the exact model; a
+            function from the state by component (arrays, batch axis last) and the time to actions by component; or an object
+            with `predict(observations, ...)`, as models of Stable-Baselines3 are. If such an object gives probabilities, as
+            `action_probabilities(observations)` of shape (N, A) or as Stable-Baselines3 does, the stochastic policy is scored.
+        returns: of episodes, instead of a policy.
+        deterministic: True scores the deterministic version of an object with `predict`, False what it samples; None what the
+            policy is by itself.
+        episodes: of an estimate, if the policy has to be simulated.
+        seed: of these episodes.
+        known: scores of the task that were computed before.
+
+    Raises:
+        SpecError: E706 for actions outside the action space, E712 if a missing exact model is needed, E713 for anything that
+            is not a policy.
+    """
+    if (policy is None) == (returns is None):
+        misused("`score` takes a policy, or `returns=` of episodes")
+    task = load(task)
+    measured = known or scores(task, episodes, seed)
+    if returns is not None:
+        value = Return.estimated(_numbers(returns))
+        return Score(value, measured.normalise(value.value), measured, "returns")
+    found = policy_value(Results(task, episodes, seed), policy, deterministic)
+    return Score(found.value, measured.normalise(found.value.value), measured, found.asked)
+
+
+def _numbers(returns: Sequence[float]) -> Array:
+    try:
+        array = np.asarray(returns, np.float64)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.ndim != 1 or not array.size:
+        misused("`returns` is a list of numbers, one for each episode")
+    if np.isnan(array).any():
+        misused(f"return number {int(np.isnan(array).argmax()) + 1} of {array.size} is nan")
+    return array

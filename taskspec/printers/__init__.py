@@ -6,8 +6,8 @@ Mathematics goes through one tree (`printers.tree`), so that the two forms canno
 from __future__ import annotations
 
 from taskspec.printers.expressions import mathematics as mathematics
-from taskspec.printers.latex import latex as latex
-from taskspec.printers.mathml import mathml as mathml
+from taskspec.printers.markup import latex as latex
+from taskspec.printers.markup import mathml as mathml
 from taskspec.printers.names import Notation as Notation
 from taskspec.printers.text import plain as plain
 from taskspec.printers.text import text as text

@@ -12,7 +12,8 @@ from typing import assert_never
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import is_distribution
 from taskspec.lang.operators import FUNCTIONS, INFIX
-from taskspec.printers import idioms, piecewise
+from taskspec.printers import idioms
+from taskspec.printers import idioms as piecewise
 from taskspec.printers import tree as m
 from taskspec.printers.names import Notation, Writer, label
 from taskspec.printers.pieces import Piece, applied, fill, multiply, operands, prime
@@ -21,25 +22,16 @@ from taskspec.printers.text import text
 
 
 def mathematics(expr: s.Expr, notation: Notation, of: str | None = None) -> m.Math:
-    """Return the mathematics of a value; a condition becomes its indicator.
-
-    Args:
-        expr: what to print.
-        notation: symbols of the names.
-        of: the component that the value belongs to, whose labels it may name.
-    """
+    """Return the mathematics of a value; a condition becomes its indicator."""
     return ExpressionWriter(notation, of).number(expr).tree
 
 
 def condition(expr: s.Expr, notation: Notation) -> m.Math:
-    """Return the mathematics of a condition."""
     return ExpressionWriter(notation).truth(expr).tree
 
 
 @dataclass(frozen=True)
 class ExpressionWriter(Writer):
-    """Writes each form of expression."""
-
     def piece(self, expr: s.Expr) -> Piece:  # noqa: C901, PLR0912
         match expr:
             case s.Number(text=digits):

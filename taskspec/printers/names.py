@@ -22,7 +22,6 @@ _LETTERS = GREEK | {"inf": "∞", "nan": "NaN"}
 
 
 def symbol(name: str, given: str | None = None) -> m.Math:
-    """Return the symbol of a name; the author's own, in TeX, comes first."""
     if given is not None:
         return _given(given)
     found = _letter(name)
@@ -39,7 +38,6 @@ def symbol(name: str, given: str | None = None) -> m.Math:
 
 
 def _given(text: str) -> m.Math:
-    """Return a symbol in TeX; a bare word (`dx`) is a name, not a product of letters."""
     if text.isalnum() and len(text) > 1 and not text.isdigit():
         return m.Ident(text)
     return read(text)
@@ -52,7 +50,6 @@ def _letter(name: str) -> m.Math | None:
 
 
 def label(name: str, given: str | None = None) -> m.Math:
-    """Return the symbol of a label of a choice: the author's, or the word itself."""
     if given is not None:
         found = _given(given)
         return m.Ident(found.text) if isinstance(found, m.Sym) else found
@@ -78,7 +75,6 @@ class Notation:
         return self.symbols.get(name) or symbol(name)
 
     def label(self, name: str, of: str | None) -> m.Math | None:
-        """Return the symbol of a label, of the given component or of the first that has it."""
         if of is not None and name in self.labels.get(of, {}):
             return self.labels[of][name]
         if name in self.symbols:
@@ -107,7 +103,6 @@ class Writer(ABC):
         return self.piece(expr)
 
     def truth(self, expr: s.Expr) -> Piece:
-        """Return an expression used as a condition."""
         if isinstance(expr, s.Boolean):
             return Piece(m.upright(str(expr.value).lower()))
         return self.piece(expr)
@@ -128,7 +123,6 @@ class Writer(ABC):
         return [self.number(e).tree for e in exprs]
 
     def with_axes(self, more: Mapping[str, int]) -> Writer:
-        """Return a writer that knows the axes of more names."""
         return replace(self, notation=replace(self.notation, axes={**self.notation.axes, **more}))
 
 
@@ -168,7 +162,6 @@ def of_task(task: Task) -> Notation:
 
 
 def expression(value: Any) -> s.Expr:
-    """Return a value of a declaration (a bound, a length) as surface syntax; it has been checked, so it parses."""
     if isinstance(value, list):
         return s.Vector(tuple(map(expression, value)), s.Place(nowhere(""), 0, 0))
     written = nowhere(str(value))

@@ -70,12 +70,10 @@ def operands(operator: str, pieces: Iterable[Piece]) -> list[m.Math]:
 
 
 def applied(operator: str, tree: m.Math, signed: bool = False) -> Piece:
-    """Return the application of an operator, as a piece."""
     return Piece(tree, NOTATION.get(operator, ENCLOSED).own, signed)
 
 
 def prime(tree: m.Math, primed: bool = True) -> m.Math:
-    """Return a symbol with a prime, after its subscript."""
     if not primed:
         return tree
     if isinstance(tree, m.Script) and tree.sup is None:

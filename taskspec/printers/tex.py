@@ -110,7 +110,6 @@ class _TexReader:
         return self.tokens[self.at] if self.at < len(self.tokens) else None
 
     def take(self) -> str:
-        """Return the next token, or "" at the end."""
         self.at += 1
         return self.tokens[self.at - 1] if self.at <= len(self.tokens) else ""
 
@@ -157,7 +156,6 @@ class _TexReader:
         return m.Script(base, sub, sup, primes)
 
     def argument(self) -> Math:
-        """Return a group, or the next single thing."""
         self.skip_blanks()
         return m.Row(()) if self.peek() is None else m.row(*self.one())
 

@@ -27,7 +27,6 @@ def text(expr: s.Expr) -> str:
 
 
 def _operands(operator: str, *exprs: s.Expr) -> list[str]:
-    """Return the operands of an operator, with the brackets that it asks for."""
     rule = TEXT[operator]
     parts = []
     for i, expr in enumerate(exprs):

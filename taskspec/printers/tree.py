@@ -126,12 +126,10 @@ Math = (
 
 
 def row(*items: Math) -> Math:
-    """Return things side by side; a single one stands for itself."""
     return items[0] if len(items) == 1 else Row(items)
 
 
 def joined(items: Iterable[Math], mark: str = ",") -> Math:
-    """Return items with a mark between them."""
     found: list[Math] = []
     for item in items:
         if found:
@@ -197,7 +195,6 @@ def is_tall(node: Math) -> bool:
 
 
 def width(node: Math) -> float:  # noqa: C901
-    """Return about how wide a node is, in letters; enough to decide where a line breaks."""
     match node:
         case Ident(text=text) | Num(text=text) | Words(text=text):
             return 0.9 * len(text)

@@ -281,11 +281,7 @@ CUT = 1e-12
 
 
 def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0) -> Array:
-    """Return the returns float64 (N,) of episodes, discounted as the task says. Episode i has the environment's seed `seed + i`.
-
-    Raises:
-        SpecError: (E712) when episodes without a horizon do not end.
-    """
+    """Return the returns float64 (N,) of episodes, discounted. Episode i has the environment's seed `seed + i`."""
     never_ends = isinstance(task.terminal, Const) and not task.terminal.value
     if never_ends and task.discount == 1 and (task.horizon is None or task.horizon > LONGEST):
         _refuse_endless(task, LONGEST)

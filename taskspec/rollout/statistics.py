@@ -1,8 +1,8 @@
 """Statistics of samples: confidence intervals of means, bootstrap intervals over seeds, and tests of differences.
 
 The normal approximation fails for rare outcomes: a return of a million with probability 1e-6 leaves no trace in a thousand
-episodes. So a claim is contradicted by `mean_interval`, which holds for every distribution with bounds. Scores over seeds have
-percentile bootstrap intervals, and are compared with Student's or Welch's t-test.
+episodes. So a claim is contradicted by `mean_interval`, which holds for every distribution with bounds. Verdicts rest on the
+exact interval of a success rate over seeds. Rules over scores use percentile bootstrap intervals.
 """
 
 from __future__ import annotations
@@ -44,16 +44,60 @@ def mean_interval(mean: float, error: float, count: int, low: float, high: float
     return Enclosure(max(found.low, Enclosure.exactly(low).low), min(found.high, Enclosure.exactly(high).high))
 
 
+# -- rates, and means over seeds --------------------------------------------------------------------------------------
+
+CONFIDENCE = 0.95
+DIGITS = 9
+"""Decimals that the ends of intervals are rounded to, so that rounding errors of floats do not matter."""
+ALIKE = 0.02
+"""Scores that differ by less count as one value, where scores have two."""
+
+
+def rate_interval(successes: int, count: int) -> tuple[float, float]:
+    """Return the exact 95 % interval of a rate (Clopper and Pearson 1934)."""
+    special = need("scipy.special", "exact")
+    tail = (1 - CONFIDENCE) / 2
+    low = 0.0
+    high = 1.0
+    if successes > 0:
+        low = float(special.betaincinv(successes, count - successes + 1, tail))
+    if successes < count:
+        high = float(special.betaincinv(successes + 1, count - successes, 1 - tail))
+    return low, high
+
+
+def seeds_interval(sample: Sequence[float]) -> tuple[float, float]:
+    """Return the 95 % interval of the mean over seeds; (-inf, inf) for fewer than two.
+
+    Student's; where scores have two values only, the exact interval of the share of the larger one. Equal scores have an interval
+    of width 0, which says nothing of scores that did not occur: `rate_interval` does.
+    """
+    values = np.asarray(sample, float)
+    count = len(values)
+    if count < 2:
+        return -math.inf, math.inf
+    is_low = values <= values.min() + ALIKE
+    is_high = values >= values.max() - ALIKE
+    if not (is_low & is_high).any() and (is_low | is_high).all():
+        bottom = float(values[is_low].mean())
+        top = float(values[is_high].mean())
+        low, high = (bottom + share * (top - bottom) for share in rate_interval(int(is_high.sum()), count))
+    else:
+        tail = (1 - CONFIDENCE) / 2
+        error = float(values.std(ddof=1)) / math.sqrt(count)
+        reach = -error * float(need("scipy.special", "exact").stdtrit(count - 1, tail))
+        low = float(values.mean()) - reach
+        high = float(values.mean()) + reach
+    return round(low, DIGITS), round(high, DIGITS)
+
+
 # -- bootstrap --------------------------------------------------------------------------------------------------------
 
 Statistic = Callable[[Array], Array]
 """A function from samples (..., n) to a number for each (...)."""
 RESAMPLES = 10_000
-CONFIDENCE = 0.95
 SEED = 20201203
 """The seed of the resampling: the same results always have the same intervals."""
-DIGITS = 9
-"""Decimals that the ends of intervals are rounded to, so that rounding errors of floats do not matter."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,87 +47,52 @@ from taskspec.solve.enclosure import (
 from taskspec.solve.plans import MaxEnt
 from taskspec.solve.solve import Solver
 
-RESULTS: dict[str, Word] = {
-    w.name: w
-    for w in (
-        Word(
-            "optimal_return", "optimal_return", "Expected return of the best policy, which knows the state.",
-            "optimal return",
-        ),
-        Word("random_return", "random_return", "Expected return of uniformly random actions.", "random return"),
-        Word("worst_return", "worst_return", "Expected return of the worst policy.", "worst return"),
-        Word("expert_return", "expert_return", "Expected return of the expert.", "expert return"),
-        Word(
-            "remembering_return", "remembering_return",
-            "Expected return of the best policy that sees observations only, and remembers all that it saw and did.",
-            "return of the best policy with memory",
-        ),
-        Word(
-            "memoryless_return", "memoryless_return",
-            "Expected return of the best policy that always does the same when it sees the same.",
-            "return of the best memoryless policy",
-        ),
-        Word(
-            "states", "states", "The number of reachable states, the last one of an episode included.",
-            "number of states",
-        ),
-        Word("actions", "actions", "How many actions there are.", "number of actions"),
-    )
-}  # fmt: skip
+
+def _vocabulary(*rows: tuple[str, ...]) -> dict[str, Word]:
+    return {row[0]: Word(*row) for row in rows}
+
+
+RESULTS = _vocabulary(
+    ("optimal_return", "optimal_return", "Expected return of the best policy, which knows the state.", "optimal return"),
+    ("random_return", "random_return", "Expected return of uniformly random actions.", "random return"),
+    ("worst_return", "worst_return", "Expected return of the worst policy.", "worst return"),
+    ("expert_return", "expert_return", "Expected return of the expert.", "expert return"),
+    ("remembering_return", "remembering_return",
+     "Expected return of the best policy that sees observations only, and remembers all that it saw and did.",
+     "return of the best policy with memory"),
+    ("memoryless_return", "memoryless_return",
+     "Expected return of the best policy that always does the same when it sees the same.",
+     "return of the best memoryless policy"),
+    ("states", "states", "The number of reachable states, the last one of an episode included.", "number of states"),
+    ("actions", "actions", "How many actions there are.", "number of actions"),
+)  # fmt: skip
 RETURNS = tuple(name for name in RESULTS if name.endswith("_return"))
-
-FUNCTIONS: dict[str, Word] = {
-    w.name: w
-    for w in (
-        Word("reachable", "reachable(condition)", "Some episode visits a state that fulfils the condition."),
-        Word(
-            "probability", "probability(condition, under=model)",
-            "How likely an episode visits such a state; under uniformly random actions unless `under` says otherwise.",
-        ),
-        Word(
-            "prefers", "prefers(model, condition, at=condition)",
-            "In every state that fulfils `at` and in which an action is taken, the actions that the model takes most often "
-            "fulfil the condition. Times at which it is indifferent (within 10⁻⁹) are left out, such as a last action that "
-            "changes nothing, but it must have a preference in each such state at some time. Both conditions may use `t`.",
-        ),
-        Word(
-            "influences", "influences(action, state)",
-            "The action component can change the next value of the state component.",
-        ),
-        Word("abs", "abs(number)", "Absolute value of a number made of results."),
-    )
-}  # fmt: skip
-
-MODELS: dict[str, Word] = {
-    w.name: w
-    for w in (
-        Word(
-            "optimal", "optimal", "Takes the best actions, each equally often where several are best.",
-            "an optimal agent",
-        ),
-        Word(
-            "soft", "soft(beta)",
-            "Causal maximum entropy: actions in proportion to exp(beta Q), where Q includes the entropy.",
-            "a causal maximum-entropy agent", "with inverse temperature",
-        ),
-        Word(
-            "maxent", "maxent, maxent(beta)",
-            "Non-causal maximum entropy: whole trajectories in proportion to their probability times exp(beta return), "
-            "as if the outcomes of chance could be chosen. beta is 1 unless given.",
-            "a non-causal maximum-entropy learner", "with inverse temperature",
-        ),
-        Word(
-            "zero_terminal_value", "zero_terminal_value, zero_terminal_value(shift)",
-            "Optimal for the reward plus a constant, with a value of 0 after a terminal state. A learner that knows "
-            "rewards up to a constant cannot tell the shifts apart.",
-            "a learner that values every terminal state at zero", "with rewards shifted by",
-        ),
-        Word("uniform", "uniform", "Uniformly random actions.", "a random agent"),
-        Word("expert", "expert", "The expert of the spec.", "the expert"),
-    )
-}  # fmt: skip
-
-
+FUNCTIONS = _vocabulary(
+    ("reachable", "reachable(condition)", "Some episode visits a state that fulfils the condition."),
+    ("probability", "probability(condition, under=model)",
+     "How likely an episode visits such a state; under uniformly random actions unless `under` says otherwise."),
+    ("prefers", "prefers(model, condition, at=condition)",
+     "In every state that fulfils `at` and in which an action is taken, the actions that the model takes most often "
+     "fulfil the condition. Times at which it is indifferent (within 10⁻⁹) are left out, such as a last action that "
+     "changes nothing, but it must have a preference in each such state at some time. Both conditions may use `t`."),
+    ("influences", "influences(action, state)", "The action component can change the next value of the state component."),
+    ("abs", "abs(number)", "Absolute value of a number made of results."),
+)  # fmt: skip
+MODELS = _vocabulary(
+    ("optimal", "optimal", "Takes the best actions, each equally often where several are best.", "an optimal agent"),
+    ("soft", "soft(beta)", "Causal maximum entropy: actions in proportion to exp(beta Q), where Q includes the entropy.",
+     "a causal maximum-entropy agent", "with inverse temperature"),
+    ("maxent", "maxent, maxent(beta)",
+     "Non-causal maximum entropy: whole trajectories in proportion to their probability times exp(beta return), "
+     "as if the outcomes of chance could be chosen. beta is 1 unless given.",
+     "a non-causal maximum-entropy learner", "with inverse temperature"),
+    ("zero_terminal_value", "zero_terminal_value, zero_terminal_value(shift)",
+     "Optimal for the reward plus a constant, with a value of 0 after a terminal state. A learner that knows "
+     "rewards up to a constant cannot tell the shifts apart.",
+     "a learner that values every terminal state at zero", "with rewards shifted by"),
+    ("uniform", "uniform", "Uniformly random actions.", "a random agent"),
+    ("expert", "expert", "The expert of the spec.", "the expert"),
+)  # fmt: skip
 PLAIN_MODELS: Mapping[str, Callable[[], Rule]] = {
     "uniform": Uniform, "optimal": Greedy, "maxent": MaxEnt, "zero_terminal_value": Greedy,
 }  # fmt: skip
@@ -142,11 +107,7 @@ def holds_of_all(op: str, left: str, right: str) -> bool:
 
 
 def rule_named(expr: s.Expr | None, results: Results, number: Callable[[s.Expr], Enclosure]) -> Rule:
-    """Return the policy rule of the decision model that an expression names; uniformly random actions for None.
-
-    Raises:
-        InvalidClaim: when there is no such model.
-    """
+    """Return the policy rule of the decision model that an expression names; uniformly random actions for None."""
     match expr:
         case None:
             return Uniform()
@@ -331,15 +292,15 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
             if not isinstance(part, s.Name | s.Call):
                 continue
             name = part.id if isinstance(part, s.Name) else part.function
-            if self._is_bound(name):
+            if self._is_bound(name) or name not in (*RESULTS, *FUNCTIONS):
                 continue
-            if isinstance(part, s.Call) and name in FUNCTIONS and name not in ("probability", "abs"):
+            if isinstance(part, s.Call) and name in ("reachable", "prefers", "influences"):
                 hint = f"write `{part.place.written}`, or `not {part.place.written}`"
                 message = f"`{name}(...)` is a condition by itself: it is true or false, and no number"
                 raise InvalidClaim(message, part, hint)
             if isinstance(part, s.Call) and name in RESULTS:
                 raise InvalidClaim(f"'{name}' is a number, not a function", part, f"write `{name}`, without brackets")
-            if part is not expr and (name in RESULTS or name == "probability"):
+            if part is not expr:
                 raise InvalidClaim(NO_FUNCTION, part, "for `max` and `min`, compare each part in a claim of its own")
 
     def _return(self, name: str, expr: s.Expr) -> Enclosure:

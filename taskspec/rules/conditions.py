@@ -29,11 +29,7 @@ MOST_LEVELS = 2**32
 
 
 def node_of(expr: s.Expr, task: Task) -> Node:
-    """Return a condition of a claim as a core node.
-
-    Raises:
-        InvalidClaim: with the checker's own message.
-    """
+    """Return a condition of a claim as a core node."""
     collector = Collector()
     checker = Checker(Builder(), collector)
     try:

@@ -50,20 +50,12 @@ class RuleBook:
 
 
 def read_exam(path: str | os.PathLike[str]) -> RuleBook:
-    """Read the exam in a file.
-
-    Raises:
-        SpecError: with every mistake in it, each at its place.
-    """
+    """Read the exam in a file."""
     return _read(Path(path), ExamDocument, "diagnoses", "when")
 
 
 def read_findings(path: str | os.PathLike[str]) -> RuleBook:
-    """Read the findings in a file.
-
-    Raises:
-        SpecError: with every mistake in it, each at its place.
-    """
+    """Read the findings in a file."""
     return _read(Path(path), FindingsDocument, "entries", "holds")
 
 

@@ -147,11 +147,7 @@ class SeedScores:
                 self.records[learner, names[record["task"]], side(record)].append(record)
 
     def values(self, learner: str, task: str, side: str, entry: str) -> Array:
-        """Return one number for each seed (n,), seeds in order; the mean over twins if there are several.
-
-        Raises:
-            Undecidable: if there are none.
-        """
+        """Return one number for each seed (n,), seeds in order; the mean over twins if there are several."""
         if self.drawn and entry == "deterministic":
             entry = "stochastic"
         by_seed: dict[int, list[float]] = defaultdict(list)
@@ -168,11 +164,7 @@ class SeedScores:
         return found
 
     def constant(self, task: str) -> float:
-        """Return the score of the best constant action.
-
-        Raises:
-            Undecidable: if it is not known.
-        """
+        """Return the score of the best constant action."""
         found = self.tasks.get(task, {}).get("constant")
         if found is None:
             raise Undecidable(f"the best constant action of {task} is not known")
@@ -306,11 +298,7 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         return numbers[0].map(_NUMERIC[op], *numbers[1:])
 
     def quantity(self, expr: s.Expr) -> Estimate:
-        """Return a number over seeds.
-
-        Raises:
-            Undecidable: if results that it needs are missing.
-        """
+        """Return a number over seeds."""
         match expr:
             case s.Call(function="count"):
                 return _counted(list(self._each(expr)))

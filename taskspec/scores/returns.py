@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from statistics import NormalDist
-from types import NoneType
-from typing import Any, Literal, NoReturn, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from taskspec.abstraction.abstraction import Abstraction, abstraction
 from taskspec.abstraction.verify import AbstractionCheck, verify
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import SpecError
 from taskspec.model.extract import extract
-from taskspec.model.model import Model, misused, refuse
+from taskspec.model.model import Model, refuse
 from taskspec.registry import load
 from taskspec.rollout.rollout import EPISODES, Choose, at_random, by_expert, is_bounded, return_range, simulate
 from taskspec.rollout.statistics import CONFIDENCE, mean_interval
@@ -337,49 +334,3 @@ def normalised(value: float, random: float, expert: float, floor: float | None =
         return math.nan
     score = (value - random) / (expert - random)
     return score if floor is None or math.isnan(score) else max(floor, score)
-
-
-def read(path: str | Path, returns: Iterable[str]) -> dict[str, Any]:
-    """Read a file of scores, by name; `returns` are the names of returns.
-
-    Raises:
-        SpecError: E710, E711 when there is no such file, or it cannot be read; E713 when it contains no scores.
-    """
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise SpecError([Diagnostic("E710", None, f"there is no file {str(path)!r}")]) from None
-    except OSError as error:
-        raise SpecError([Diagnostic("E711", None, f"cannot read {str(path)!r}: {error.strerror or error}")]) from None
-    except (ValueError, RecursionError):
-        _damaged(path, "it is not JSON")
-    if not isinstance(data, dict):
-        _damaged(path, "it is not a JSON object")
-    wrong = _wrong_field(data, _SCORES | dict.fromkeys(returns, (dict, NoneType)))
-    for name in returns:
-        if wrong is None and data[name] is not None and _wrong_field(data[name], _RETURN):
-            wrong = name
-    if wrong is None and not all(isinstance(modifier, str) for modifier in data["modifiers"]):
-        wrong = "modifiers"
-    if wrong is not None:
-        _damaged(path, f"`{wrong}` is missing, or wrong")
-    return {name: data[name] for name in (*_SCORES, *returns)}
-
-
-_SCORES = {
-    "id": (str,), "content_hash": (str,), "parameters": (dict,), "why_not_exact": (str, NoneType), "modifiers": (list,),
-    "states": (int, NoneType), "actions": (int, NoneType),
-}  # fmt: skip
-_RETURN = {"value": (int, float), "error": (int, float), "bound": (int, float), "episodes": (int,), "tested": (int,)}
-
-
-def _wrong_field(data: dict[str, Any], types: Mapping[str, tuple[type, ...]]) -> str | None:
-    """Return the first field that is missing, or of another type; None if there is none."""
-    for name, kinds in types.items():
-        if name not in data or type(data[name]) not in kinds:
-            return name
-    return None
-
-
-def _damaged(path: str | Path, why: str) -> NoReturn:
-    misused(f"{str(path)!r} contains no scores: {why}", "compute them again, and save them")

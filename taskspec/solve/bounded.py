@@ -35,10 +35,8 @@ TAIL = 1e-20
 """More than the probability of the outcomes that are left out of a draw of infinitely many."""
 UNDERFLOW = 1e-300
 """More than what a sum of products that are too small for a float can lose."""
-SMALLEST = 1e-290
-"""Products above this are rounded relative to their size."""
-FAINT = 1e-190
-"""Products of smaller probabilities with rewards may be below `SMALLEST`."""
+FAINT = 1e-50
+"""Products with smaller probabilities may be too small for a float."""
 DEEPEST = 1e4
 """Exponents from here on make weights of 0."""
 STATES = 65_536
@@ -53,11 +51,9 @@ def gamma(n: float) -> float:
     return n * UNIT / (1 - n * UNIT)
 
 
-def smallest_size(values: Array) -> float:
-    """Return the smallest size of a number that is not 0; infinity where there is none."""
-    positive = np.min(values, where=values > 0, initial=math.inf)
-    negative = np.max(values, where=values < 0, initial=-math.inf)
-    return float(min(positive, -negative))
+def _has_faint(weights: Array) -> bool:
+    """Return whether some probability is below `FAINT`, and not 0."""
+    return bool(np.min(weights, where=weights > 0, initial=1.0) < FAINT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,38 +148,24 @@ class Slack:
 
 @dataclass(frozen=True, slots=True)
 class ExpectationError:
-    """Errors of expectations: `relative` to the sum of all sizes, and `absolute` for values of size 1.
-
-    `smallest` is the smallest probability.
-    """
+    """Errors of expectations: `relative` to the sum of all sizes, and `absolute` for values of size 1."""
 
     relative: float
     absolute: float
-    smallest: float
 
     @classmethod
-    def of(cls, terms: int, slack: Slack, smallest: float) -> ExpectationError:
+    def of(cls, terms: int, slack: Slack, is_faint: bool) -> ExpectationError:
         absolute = slack.absolute * terms + 2 * slack.missing
-        if smallest < SMALLEST:  # it stands for a probability that no float holds
+        if is_faint:
             absolute += UNDERFLOW * terms
-        return cls(gamma(terms + 8) + slack.relative, absolute, smallest)
+        return cls(gamma(terms + 8) + slack.relative, absolute)
 
-    def expectation(self, value: Array, of: Bound, smallest: float | None = None) -> Bound:
-        """Return computed expectations `value` of some numbers, with their errors.
-
-        Args:
-            value: float64 (...,), the expectations.
-            of: float64 (S,), the numbers.
-            smallest: the smallest size of the numbers, where it is known.
-        """
+    def expectation(self, value: Array, of: Bound) -> Bound:
+        """Return computed expectations `value` (...,) of some numbers (S,), with their errors."""
         size = of.size
         if size == 0:
             return Bound(value, is_signed=of.is_signed)
-        if smallest is None:
-            smallest = smallest_size(of.value)
         absolute = of.absolute * (1 + self.relative) + self.absolute * size
-        if self.smallest * min(1.0, smallest) < SMALLEST:
-            absolute += UNDERFLOW
         relative = of.relative + self.relative + of.relative * self.relative
         if of.is_signed:
             return Bound(value, relative, absolute, True)
@@ -200,9 +182,7 @@ class Bounded:
         steps = Steps(model.task)
         self.slack = Slack.of(steps.draws, steps.reward)
         first = draws(steps.first)
-        slack = Slack.of(first)
-        self.start_error = ExpectationError.of(int(count(first, {})), slack, smallest_size(model.start))
-        self._errors: dict[int, ExpectationError] = {}
+        self.start_error = ExpectationError.of(int(count(first, {})), Slack.of(first), self.is_faint)
 
     @cached_property
     def is_whole(self) -> bool:
@@ -218,6 +198,14 @@ class Bounded:
         return True
 
     @cached_property
+    def is_faint(self) -> bool:
+        """True if some outcome is so improbable that products with its probability may be rounded to 0."""
+        weights = [self.model.start]
+        for step in self.model.steps:
+            weights += [matrix.data for matrix in step.matrices]
+        return any(_has_faint(each) for each in weights)
+
+    @cached_property
     def is_signed(self) -> bool:
         """Whether no step pays more than 0, or none less."""
         found = [step.rounding for step in self.model.steps]
@@ -225,11 +213,7 @@ class Bounded:
 
     def errors(self, step: Step) -> ExpectationError:
         """Return the errors of discounted expectations over the outcomes of a step."""
-        if id(step) not in self._errors:
-            smallest = min(smallest_size(matrix.data) for matrix in step.matrices)
-            found = ExpectationError.of(step.rounding.terms, self.slack, smallest)
-            self._errors[id(step)] = replace(found, smallest=smallest * self.model.discount)
-        return self._errors[id(step)]
+        return ExpectationError.of(step.rounding.terms, self.slack, self.is_faint)
 
     # -- values -------------------------------------------------------------------------------------------------------
 
@@ -245,17 +229,17 @@ class Bounded:
         value += step.R
         return self.with_errors(step, value.reshape(self.shape), V)
 
-    def with_errors(self, step: Step, value: Array, V: Bound, smallest: float | None = None) -> Bound:
-        """Return computed values of R + discount * P V with their errors; `smallest` is the smallest size in V."""
+    def with_errors(self, step: Step, value: Array, V: Bound) -> Bound:
+        """Return computed values of R + discount * P V with their errors."""
         if self.is_whole and V.is_exact:
             return Bound(value, is_signed=V.is_signed)
         discount = self.model.discount
         errors = self.errors(step)
-        later = errors.expectation(value, V, smallest)
+        later = errors.expectation(value, V)
         paid = step.rounding.size
         absolute = discount * later.absolute + self.slack.missing * self.slack.beyond
         absolute += self.slack.absolute * step.rounding.terms * paid
-        if paid and errors.smallest < FAINT:
+        if self.is_faint:
             absolute += UNDERFLOW * max(1.0, paid)
         if V.is_signed:
             return Bound(value, max(later.relative, errors.relative), absolute, True)
@@ -308,20 +292,19 @@ class Bounded:
             total[is_open] = (low + high) / 2
             q = replace(q, absolute=q.absolute + float(np.max(high - low, initial=0.0)) / 2 * (1 + 8 * UNIT))
         number = len(policy.table)
-        errors = ExpectationError(
-            gamma(number + 4) + policy.relative, number * policy.absolute, smallest_size(policy.table)
-        )
+        errors = ExpectationError(gamma(number + 4) + policy.relative, number * policy.absolute)
         return errors.expectation(total, q)
 
     def at_start(self, V: Bound) -> Enclosure:
         """Return the expectation of V over the first state."""
         first = np.flatnonzero(self.model.start)
         some = replace(V, value=V.value[first])
-        if len(first) == 1:
-            return Enclosure.around(float(some.value[0]), float(some.error[0]))
-        mean = math.fsum(self.model.start[first] * some.value)
-        found = self.start_error.expectation(np.array(mean), some)
-        return Enclosure.around(mean, float(found.error))
+        mean = float(some.value[0])
+        error = float(some.error[0])
+        if len(first) > 1:
+            mean = math.fsum(self.model.start[first] * some.value)
+            error = float(self.start_error.expectation(np.array(mean), some).error)
+        return Enclosure.around(mean, error)
 
     # -- policies -----------------------------------------------------------------------------------------------------
 
@@ -379,7 +362,7 @@ class Bounded:
         slack = Slack.of(drawn)
         terms = int(count(drawn, {}))
         absolute = slack.absolute * terms + slack.missing
-        if smallest_size(table) < SMALLEST:
+        if _has_faint(table):
             absolute += UNDERFLOW
         return Policy(table, slack.relative + gamma(8 + terms), absolute)
 

@@ -192,11 +192,7 @@ _MONOTONE: dict[str, Callable[[Fraction, Fraction], Fraction | int]] = {
 
 
 def arithmetic(op: str, a: Enclosure, b: Enclosure) -> Enclosure:
-    """Return the result of an operation on two numbers.
-
-    Raises:
-        NoNumber: division by zero, a root of a negative number, or a power of more than `MOST_BITS` bits.
-    """
+    """Return the result of an operation on two numbers."""
     if op == "**":
         return _power(a, b)
     low, high, other_low, other_high = _finite(a.low, a.high, b.low, b.high)

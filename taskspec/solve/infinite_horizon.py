@@ -47,9 +47,6 @@ def chain_values(matrix: Any, gain: Array, inside: Array) -> Array:
 
     Returns:
         float64 (S,), by sparse LU with one step of refinement; of many states by repeated substitution.
-
-    Raises:
-        SpecError: (E712) where the chain is never left.
     """
     states = np.flatnonzero(inside)
     found = np.zeros(len(inside))
@@ -193,9 +190,6 @@ class InfiniteHorizon(Bounded):
             weight: float64 (S,), w.
             later: the largest expectation of w (S,) after a step.
             inside: bool (S,), the states that count.
-
-        Raises:
-            SpecError: (E712) where it cannot be shown that the operator is a contraction.
         """
         if not inside.any():
             return Bound(candidate)
@@ -244,11 +238,7 @@ class InfiniteHorizon(Bounded):
 
     @QUIET
     def stationary_values(self) -> Bound:
-        """Return the largest values (S,).
-
-        Raises:
-            SpecError: (E712) where they cannot be enclosed.
-        """
+        """Return the largest values (S,)."""
         live = self.live
         candidate = self._policy_iteration(self.only.R.reshape(self.shape), live)
         weight = self._weight(live)
@@ -262,11 +252,7 @@ class InfiniteHorizon(Bounded):
         return self._policy_iteration(np.ones(self.shape), live)
 
     def _policy_iteration(self, reward: Array, live: Array) -> Array:
-        """Return nearly the largest values (S,) of rewards (A, S).
-
-        Raises:
-            SpecError: (E712) where some policy on the way never ends.
-        """
+        """Return nearly the largest values (S,) of rewards (A, S)."""
         P = self.only.P
         states = np.arange(self.model.n_states)
         discount = self.model.discount

@@ -8,9 +8,6 @@ all blocks, those included whose steps all end the episode.
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
 import numpy as np
 from numba import njit
 
@@ -18,11 +15,7 @@ from taskspec.base.arrays import Array
 from taskspec.model.model import Step
 from taskspec.solve.bounded import Bound, Bounded
 
-Slots = tuple[Array, Array, tuple[int, ...], tuple[int, ...]]
-"""Columns (A, S, K) and weights (A, K) of outcomes, and a tuple each as long as there are actions and outcomes, which is part of
-its type: what is compiled knows how many."""
 BLOCK = 1024
-MOST_OUTCOMES = 64
 
 
 def extreme_values(numbers: Bounded, largest: bool) -> Bound:
@@ -34,39 +27,21 @@ def extreme_values(numbers: Bounded, largest: bool) -> Bound:
     before: Step | None = None
     blocks = np.empty((0, 2), np.int64)
     changed = active = np.ones(0, np.bool_)
-    smallest = math.inf
     for t in range(numbers.horizon - 1, -1, -1):
         step = model.step(t)
+        P = step.P
+        rows = (P.indptr, P.indices, P.data)
         if step is before:
             active = _active(blocks, changed)
         else:
-            P = step.P
-            rows = P.indptr, P.indices, P.data
-            slots = _slots(P, model.n_actions)
             blocks = _successors(P.indptr, P.indices, model.n_states, model.n_actions)
             changed = active = np.ones(len(blocks), np.bool_)
         value = bound.value
-        changed, least = _swept(rows, slots, step.R, active, changed, value, spare, (model.discount, sign))
-        bound = numbers.with_errors(step, spare, bound, smallest)
-        smallest = min(smallest, least)
+        changed = _swept(rows, step.R, active, changed, value, spare, (model.discount, sign))
+        bound = numbers.with_errors(step, spare, bound)
         spare = value
         before = step
     return bound
-
-
-def _slots(P: Any, actions: int) -> Slots | None:
-    """Return the outcomes of actions whose rows have all the same probabilities in the same order; else None."""
-    size, states = P.shape
-    outcomes = P.nnz // size
-    if not outcomes or outcomes * size != P.nnz or outcomes * actions > MOST_OUTCOMES:
-        return None
-    if not np.array_equal(P.indptr, outcomes * np.arange(size + 1)):
-        return None
-    table = P.data.reshape(actions, states, outcomes)
-    if not all((rows == rows[0]).all() for rows in table):
-        return None
-    columns = P.indices.reshape(actions, states, outcomes)
-    return columns, np.ascontiguousarray(table[:, 0]), (0,) * actions, (0,) * outcomes
 
 
 @njit(cache=True)
@@ -101,19 +76,17 @@ def _active(blocks: Array, changed: Array) -> Array:
 
 @njit(cache=True, fastmath={"contract"})
 def _swept(
-    rows: tuple[Array, ...], slots: Slots | None, reward: Array, active: Array, changed: Array,
+    rows: tuple[Array, ...], reward: Array, active: Array, changed: Array,
     value: Array, out: Array, constants: tuple[float, ...],
-) -> tuple[Array, float]:  # fmt: skip
-    """Write the values one step before into `out`; return which blocks differ from `value`, and the smallest new size but 0.
+) -> Array:  # fmt: skip
+    """Write the values one step before into `out`; return which blocks differ from `value`.
 
-    Numba compiles one of the two ways to read outcomes; with `slots` loops are of known length, and twice as fast. In `changed`
-    blocks `value` differs from what `out` holds.
+    In `changed` blocks `value` differs from what `out` holds.
     """
     indptr, columns, weights = rows
     discount, sign = constants
     states = len(out)
     after = np.zeros(len(active), np.bool_)
-    smallest = np.inf
     for b in range(len(active)):
         first = b * BLOCK
         last = min(states, (b + 1) * BLOCK)
@@ -123,18 +96,12 @@ def _swept(
             continue
         for s in range(first, last):
             best = -np.inf
-            for a in range(len(reward) // states if slots is None else len(slots[2])):
+            for a in range(len(reward) // states):
                 row = a * states + s
                 ahead = 0.0
-                if slots is None:
-                    for k in range(indptr[row], indptr[row + 1]):
-                        ahead += weights[k] * value[columns[k]]
-                else:
-                    for k in range(len(slots[3])):
-                        ahead += slots[1][a, k] * value[slots[0][a, s, k]]
+                for k in range(indptr[row], indptr[row + 1]):
+                    ahead += weights[k] * value[columns[k]]
                 best = max(best, sign * (reward[row] + discount * ahead))
             out[s] = sign * best
-            if best != 0:
-                smallest = min(smallest, abs(best))
             after[b] |= out[s] != value[s]
-    return after, smallest
+    return after

@@ -12,8 +12,8 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.model.model import Model, refuse
 from taskspec.model.transitions import OutcomeTable, Steps
-from taskspec.solve.backward import Boltzmann, FixedRule, Greedy, Plan, PlannedRule, Rule, backward, rule_of
-from taskspec.solve.bounded import SMALLEST, UNIT, Bound, Bounded, Policy
+from taskspec.solve.backward import FixedRule, Greedy, Plan, PlannedRule, Rule, backward, rule_of
+from taskspec.solve.bounded import UNIT, Bound, Bounded, Policy
 from taskspec.solve.infinite_horizon import InfiniteHorizon
 
 MEMORY = 2**29
@@ -89,14 +89,6 @@ def optimal_plan(model: Model) -> Plan:
     return tables(model, Greedy())
 
 
-def soft_plan(model: Model, beta: float) -> Plan:
-    return tables(model, Boltzmann(beta))
-
-
-def maxent_plan(model: Model, beta: float = 1.0) -> Plan:
-    return tables(model, MaxEnt(beta))
-
-
 def expert_plan(model: Model) -> Plan | None:
     """Return the expert that the task's spec gives, or None."""
     rule = rule_of(model)
@@ -127,11 +119,7 @@ class MaxEnt(PlannedRule):
     is_rational: ClassVar[bool] = False
 
     def backup(self, numbers: Bounded) -> Callable[[int, Bound], Bound]:
-        """Return the function that gives log Z (A, S) at t from log Z (S,) at t + 1.
-
-        Raises:
-            SpecError: (E712) where such trajectories have no distribution that could be worked out.
-        """
+        """Return the function that gives log Z (A, S) at t from log Z (S,) at t + 1."""
         model = numbers.model
         if model.horizon is None:
             refuse("trajectories without a horizon have no maximum-entropy distribution", "give the task a horizon")
@@ -175,7 +163,7 @@ class _LogOutcomes:
         slack = numbers.slack
         off = slack.relative + 2 * slack.absolute / weights + 8 * UNIT * (np.abs(self.logs) + 1)
         self.error = float(np.max(off, initial=0.0))
-        if slack.missing > 0 or weights.min(initial=1.0) < SMALLEST:  # outcomes that are left out may pay anything
+        if slack.missing > 0 or numbers.is_faint:  # outcomes that are left out may pay anything
             self.error = np.inf
         self.counts = np.bincount(row, minlength=model.n_actions * model.n_states)
 

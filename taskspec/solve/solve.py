@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -21,10 +21,8 @@ from taskspec.base.extras import is_installed
 from taskspec.base.limits import tell
 from taskspec.model.model import Model
 from taskspec.solve.backward import (
-    Boltzmann,
     FixedRule,
     Given,
-    Greedy,
     Plan,
     PlannedRule,
     Rule,
@@ -35,7 +33,6 @@ from taskspec.solve.backward import (
 from taskspec.solve.bounded import QUIET, Bound, Bounded
 from taskspec.solve.enclosure import Enclosure, Inexact, Reader
 from taskspec.solve.infinite_horizon import InfiniteHorizon
-from taskspec.solve.plans import tables
 from taskspec.solve.rational import Rational
 
 LONG = 100_000_000
@@ -175,21 +172,7 @@ def why_endless(solver: Solver) -> str:
     return "it has no finite value that floats could hold"
 
 
-# -- values (S,) at the start, as floats with bounds ----------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Solution:
-    """Values (S,) at the start, and their expectation over the start."""
-
-    value: Array
-    expected: float
-
-
-def solve(model: Model, rule: Callable[[Model], Bound] | None = None) -> Solution:
-    """Return values at the first time under a rule: `best` (or None), `worst`, or `soft(beta)`."""
-    value = (rule or best)(model).value
-    return Solution(value, float(model.start @ value))
+# -- values (S,) at the first time, as floats with bounds -------------------------------------------------------------
 
 
 def best(model: Model) -> Bound:
@@ -207,29 +190,12 @@ def worst(model: Model) -> Bound:
     return value
 
 
-def soft(beta: float) -> Callable[[Model], Bound]:
-    """Return the causal maximum-entropy value: log sum exp(beta Q) / beta."""
-
-    def rule(model: Model) -> Bound:
-        if model.horizon is None:
-            numbers = InfiniteHorizon(model)
-            return numbers.soft(numbers.soft_q_values(beta), beta)
-        found: Bound = first_values(Boltzmann(beta).plan(Bounded(model)))
-        return found
-
-    return rule
-
-
 # -- returns as floats ------------------------------------------------------------------------------------------------
 
 
 def optimal_return(model: Model) -> float:
     """Return the expected return of the best policy."""
     return Solvers(model).of().best().value
-
-
-def worst_return(model: Model) -> float:
-    return Solvers(model).of().worst().value
 
 
 def random_return(model: Model) -> float:
@@ -240,11 +206,6 @@ def random_return(model: Model) -> float:
 def policy_return(model: Model, plan: Plan) -> float:
     """Return the expected return of a policy given by its tables."""
     return Solvers(model).in_floats.value(Given(plan)).value
-
-
-def visit_probability(model: Model, plan: Plan, states: Array) -> float:
-    """Return the probability that an episode under a policy is ever in one of the states (S,), its last one included."""
-    return Solvers(model).in_floats.probability(Given(plan), states).value
 
 
 def occupancy(model: Model, plan: Plan) -> Array:
@@ -262,8 +223,3 @@ def occupancy(model: Model, plan: Plan) -> Array:
         now = model.step(t).P.T @ (plan(t) * now).reshape(-1)
         factor *= model.discount
     return total
-
-
-def first_choices(model: Model) -> Array:
-    """Return which actions (A, S) are best in the first step."""
-    return np.asarray(tables(model, Greedy())(0) > 0)

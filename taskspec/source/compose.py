@@ -75,21 +75,23 @@ class _Builder:
         self.most = limits().values
 
     def take(self, event: Any) -> None:
+        start: Any = event.start_mark
+        end: Any = event.end_mark
         match event:
             case yaml.ScalarEvent():
                 self._refuse_properties(event)
                 style = _STYLES.get(event.style, "plain")
-                self._place(ScalarNode(event.value, event.start_mark.index, event.end_mark.index, style))
+                self._place(ScalarNode(event.value, start.index, end.index, style))
             case yaml.MappingStartEvent() | yaml.SequenceStartEvent():
                 self._refuse_properties(event)
                 kind = MappingNode if isinstance(event, yaml.MappingStartEvent) else SequenceNode
-                self._begin(kind(event.start_mark.index, bool(event.flow_style)))
+                self._begin(kind(start.index, bool(event.flow_style)))
             case yaml.MappingEndEvent() | yaml.SequenceEndEvent():
-                self._end(event.end_mark.index)
+                self._end(end.index)
             case yaml.AliasEvent():
                 self._refuse_properties(event)
             case yaml.DocumentStartEvent() if self.result.root is not None:
-                where = event.start_mark.index
+                where = start.index
                 message = "a second YAML document begins here"
                 hint = "one file holds one task: remove the `---`, or use `variants`"
                 raise RefusedError(TextProblem("E116", where, where + 3, message, hint))

@@ -58,11 +58,7 @@ def _read_file(path: str | os.PathLike[str], name: str, chain: tuple[str, ...], 
 
 
 def read_text(text: str, name: str = "<string>", known: Mapping[str, Document] | None = None) -> Document:
-    """Read a spec from its text, and the files that it extends unless they are given.
-
-    Raises:
-        SpecError: with every problem found.
-    """
+    """Read a spec from its text, and the files that it extends unless they are given."""
     found = _read_text(text, name)
     if known is not None:
         return replace(found, others=known)

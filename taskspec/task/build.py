@@ -6,7 +6,8 @@ import copyreg
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -21,7 +22,7 @@ from taskspec.source import Document, Packed, packed, unpacked
 from taskspec.task import declarations, sections
 from taskspec.task.annotations import figure, read_examples, remembered, symmetries
 from taskspec.task.context import Context
-from taskspec.task.merge import Merged, abstracted, merge, stripped
+from taskspec.task.merge import Merged, abstracted, merge, stripped, variant_names
 from taskspec.task.names import Names, check_names, signature
 from taskspec.task.parts import Varying
 from taskspec.task.task import Parameter, Task
@@ -53,27 +54,58 @@ def build(
     """
     values = parameters or {}
     if not well_formed:
-        _check_form(document, variant)
+        _check_form(document, variant, values)
     given = tuple((name, value, _kind(value)) for name, value in values.items())
     try:
         hash(given)
-        built = _built
+        built: Callable[..., Task] = _built
     except TypeError:  # a list, say: no parameter takes one, and the build says so
         built = _built.__wrapped__
     try:
         return built(document, variant, given, suite, limits())
     except Exception:
         if well_formed:
-            _check_form(document, variant)
+            _check_form(document, variant, values)
         raise
 
 
-def _check_form(document: Document, variant: str | None) -> None:
+def _check_form(document: Document, variant: str | None, values: Mapping[str, Any]) -> None:
     """Raise SpecError if a document, or a variant of it, does not have the shape of a spec."""
-    from taskspec.task.schema.check import check_shape, validated
+    from taskspec.task.schema.check import validated
 
-    raise_if_errors(check_shape(document))
+    check_document(document, [variant], values)
     validated(merge(document, variant))
+
+
+def check_document(
+    document: Document, variants: Sequence[str | None] = (), values: Mapping[str, Any] | None = None
+) -> None:
+    """Check the shape of a document; where it is wrong, the rest of its tasks is checked as well.
+
+    Args:
+        variants: the tasks that are meant, all of them unless given.
+
+    Raises:
+        SpecError: with every mistake of the shape, and those that do not follow from it.
+    """
+    from taskspec.task.schema.check import check_shape, remainder
+
+    found = list(check_shape(document))
+    if not found:
+        return
+    rest, words = remainder(document)
+    if rest is not None:
+        for variant in variants or variant_names(rest.data).values():
+            try:
+                build_merged(merge(rest, variant), values or {}, "")
+            except SpecError as error:
+                found += [d for d in error.diagnostics if not _follows(d, words)]
+    raise_if_errors(list({(d.code, d.span): d for d in found}.values()))
+
+
+def _follows(found: Diagnostic, words: set[str]) -> bool:
+    """Return whether a mistake follows from entries that were left out: it names one, or something is missing."""
+    return found.code in ("E203", "E210", "E217") or bool(words & set(re.findall(r"['`](\w+)", found.message)))
 
 
 def _kind(value: Any) -> tuple[str, float]:

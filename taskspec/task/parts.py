@@ -362,7 +362,7 @@ _ENTRIES = (
         "transition graphs need a finite task with few states and few crossing arrows that fits on a page",
     ),
     FigureKind(
-        "matrix", "taskspec.figures.matrix:matrix", _TRANSITIONS,
+        "matrix", "taskspec.figures.machine:matrix", _TRANSITIONS,
         "tables of transitions need a finite task with at most 300 states visited",
     ),
     FigureKind(

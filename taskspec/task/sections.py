@@ -120,8 +120,9 @@ def check_widths(context: Context, **sections: Sequence[Node]) -> None:
         if not wide:
             continue
         place = context.place(section)
-        if len(lines) == len(nodes) and lines[wide[0][0]] is not None:
-            place = lines[wide[0][0]].place
+        line = lines[wide[0][0]] if len(lines) == len(nodes) else None
+        if line is not None:
+            place = line.place
         too_wide(context.collector, place, wide[0][1])
 
 
@@ -311,7 +312,7 @@ def abstraction_map(context: Context, names: Names) -> list[Node]:
 def claims(context: Context) -> Iterator[Claim]:
     """Yield the claims as surface syntax; they are evaluated on the exact model."""
     written = context.data.get("claims") or []
-    entries = [{"claim": entry} if isinstance(entry, str) else entry for entry in written]
+    entries: list[dict[str, Any]] = [{"claim": entry} if isinstance(entry, str) else entry for entry in written]
     number = sum(parameters.size(entry.get("for")) or 1 for entry in entries)
     too_many = number > limits().claims
     if too_many:

@@ -198,7 +198,7 @@ def space(layout: SpaceLayout) -> gymnasium.Space[Any]:
 
     match layout.form:
         case "discrete":
-            return _discrete(layout.components[0])
+            return _component_space(layout.components[0])
         case "multi_discrete":
             return spaces.MultiDiscrete(np.array(layout.counts, np.int64))
         case "one_hot":
@@ -209,15 +209,11 @@ def space(layout: SpaceLayout) -> gymnasium.Space[Any]:
             return _box_space(layout.low, layout.high, layout.shape)
 
 
-def _discrete(c: Component) -> gymnasium.Space[Any]:
+def _component_space(c: Component) -> gymnasium.Space[Any]:
     from gymnasium.spaces import Discrete
 
-    return Discrete(c.counts[0], start=int(c.low[0]))
-
-
-def _component_space(c: Component) -> gymnasium.Space[Any]:
     if c.is_finite and c.type.is_scalar:
-        return _discrete(c)
+        return Discrete(c.counts[0], start=int(c.low[0]))
     low, high = (tuple(single(v) for v in bound) for bound in (c.low, c.high))
     return _box_space(low, high, c.type.shape)
 

@@ -54,9 +54,11 @@ def metadata(wheel: Path) -> Message:
 
 
 def python(code: str, package: Path, folder: Path) -> str:
-    """What a program prints that runs in a folder and finds the package in another."""
-    environment = {**os.environ, "PYTHONPATH": str(package), "PYTHONDONTWRITEBYTECODE": "1"}
-    done = subprocess.run([sys.executable, "-c", code], cwd=folder, env=environment, capture_output=True, text=True)
+    """What a program prints that runs in a folder and finds the package in another; no `.pth` file is read."""
+    path = os.pathsep.join([str(package), sysconfig.get_path("purelib")])
+    environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-S", "-c", code]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     assert done.stderr == ""
     return done.stdout
 
@@ -134,17 +136,50 @@ def registered(code: str, package: Path) -> bool:
     [
         "import gymnasium, taskspec",
         "import gymnasium; gymnasium.make('taskspec:derail/Branching-v0')",
-        "import taskspec, gymnasium; taskspec.register()",
+        "import taskspec, gymnasium",
+        "import taskspec, gymnasium; gymnasium.make('derail/Branching-v0')",
+        "import taskspec, gymnasium; gymnasium.make('taskspec:derail/Branching-v0')",
+        "import taskspec.registry",
+        "from taskspec import making",
+        "from taskspec.making import register",
     ],
 )
 def test_tasks_are_registered_by_an_import(wheel: Path, code: str) -> None:
     assert registered(code, wheel)
 
 
+ACT = """
+import gymnasium
+assert gymnasium.make("derail/RiskyPath-v0").spec is not None
+def act(observation):
+    return 0
+"""
+
+
+@pytest.mark.parametrize("start", ["-m", "script"])
+@pytest.mark.parametrize(
+    ("arguments", "wanted"), [(["list"], False), (["run", "RiskyPath", "--policy", "policy.py:act"], True)]
+)
+def test_the_command_line_imports_gymnasium_for_python_code_only(
+    tmp_path: Path, start: str, arguments: list[str], wanted: bool
+) -> None:
+    program = ["-m", "taskspec"]
+    if start == "script":
+        script = tmp_path / "taskspec"
+        script.write_text("from taskspec.cli import main\nmain()\n")
+        program = [str(script)]
+    (tmp_path / "policy.py").write_text(ACT)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), sysconfig.get_path("purelib")])}
+    command = [sys.executable, "-S", "-X", "importtime", *program, *arguments]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    assert "taskspec.cli.app" in done.stderr
+    assert ("gymnasium.envs.registration" in done.stderr) == wanted
+
+
 CHECKED = """
 import contextlib, io, sys
+sys.argv = ["bin/taskspec", "check", "tasks/derail/experiments/quick.yaml", "tasks/derail/exam.yaml", "-j", "1"]
 from taskspec.cli import main
-sys.argv = ["taskspec", "check", "tasks/derail/experiments/quick.yaml", "tasks/derail/exam.yaml", "-j", "1"]
 with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
     main()
 """

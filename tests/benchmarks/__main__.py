@@ -11,7 +11,7 @@ from taskspec.backends.backend_table import BACKENDS, PROGRAMS
 from taskspec.base.limits import Limits
 from taskspec.cli.app import Commands
 from taskspec.cli.console import misuse
-from taskspec.cli.options import CHARTS, Json, Parameters, checked_choice, complete_targets, flowed
+from taskspec.cli.options import Json, Parameters, checked_choice, complete_targets, flowed
 
 VECTOR = ("auto", *BACKENDS)
 
@@ -47,7 +47,7 @@ Seconds = Annotated[float, typer.Option("--seconds", min=0.001, help="Approximat
 Starts = Annotated[bool, typer.Option("--start/--no-start", help="Also measure start-up time and memory.")]
 Chart = Annotated[
     Path | None,
-    typer.Option("--chart", metavar="FILE", help=f"Draw a chart: {', '.join(CHARTS)}.", dir_okay=False, show_default=False),
+    typer.Option("--chart", metavar="FILE", help="Draw a chart: .svg, .png or .pdf.", dir_okay=False, show_default=False),
 ]  # fmt: skip
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with status 1 when a target is missed.")]
 HELP = """Measure steps per second, ours beside others'.

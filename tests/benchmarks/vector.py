@@ -16,7 +16,7 @@ from taskspec.backends.backend_table import BACKENDS, PROGRAMS, QUICKEST
 from taskspec.base.diagnostics import SpecError, TaskspecError, spec_error
 from taskspec.base.extras import is_installed, machine, need
 from taskspec.cli.console import console, misuse, print_diagnostics, say, write_json
-from taskspec.cli.options import CHARTS, checked_choice
+from taskspec.cli.options import checked_choice
 from taskspec.envs.speed import Drive
 from taskspec.registry import load
 from taskspec.targets import files_of, task_in, variants_of
@@ -27,6 +27,7 @@ from tests.benchmarks.printed import Progress
 from tests.benchmarks.race import Contestant, Rate, clock_for, jax_device, ours, race
 from tests.benchmarks.starts import MemoryUse, Start, memory, start_times
 
+CHARTS = (".svg", ".png", ".pdf")
 LANES = (1, 64, 1024, 4096)
 REPEATS = 3
 """Warm starts of each program."""

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from io import StringIO
 from pathlib import Path
-from threading import Event
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -16,7 +13,6 @@ from typer.testing import CliRunner
 from taskspec.base.limits import tell, telling
 from taskspec.cli import progress
 from taskspec.cli.app import app
-from taskspec.pages import facts
 
 
 class Terminal(StringIO):
@@ -75,37 +71,3 @@ def test_commands_that_take_long_tell_what_they_do(
         assert any(words in what and share is not None for what, share in heard), words
     shares = [share for _, share in heard if share is not None]
     assert all(0 <= share <= 1 for share in shares)
-
-
-class Log(StringIO):
-    """Standard error in a file, and whether a line about a task was written to it."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.has_task = Event()
-
-    def write(self, text: str) -> int:
-        written = super().write(text)
-        if "scores of derail/RiskyPath-v0" in text:
-            self.has_task.set()
-        return written
-
-
-@pytest.mark.parametrize(("command", "part"), [("docs", "docs: "), ("build", "risky_path.yaml: ")])
-def test_without_a_terminal_a_line_names_the_task_that_takes_long(
-    command: str, part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    log = Log()
-    gather = facts.gather
-
-    def slow(given: Any) -> Any:
-        monkeypatch.setattr(progress, "SLOW", 0.0)
-        assert log.has_task.wait(timeout=60)
-        return gather(given)
-
-    monkeypatch.setattr(sys, "stderr", log)
-    monkeypatch.setattr(progress, "SLOW", math.inf)
-    monkeypatch.setattr(facts, "gather", slow)
-    output = str(tmp_path / "out")
-    app([command, "derail/RiskyPath", "derail/Sort", "-o", output], standalone_mode=False)
-    assert f"{part}scores of derail/RiskyPath-v0 takes more than 0 s\n" in log.getvalue()

@@ -17,7 +17,7 @@ from taskspec.figures import overlay, scene, undrawn
 from taskspec.figures.raster import FONTS, mathtext
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene
 from taskspec.printers.text import plain
-from taskspec.solve.solve import solve
+from taskspec.solve.solve import best
 from taskspec.task.task import Task
 from tests.shared.scripts import script
 
@@ -259,7 +259,7 @@ def test_folded_grids_show_values_and_say_of_which_cells() -> None:
     assert "what is laid over them is not shown" in found.caption
     told = words(found).split()
     assert sum(x.replace("−", "").replace(".", "").isdigit() for x in told) >= 6 * 5
-    assert f"{max(solve(model).value[model.acting]):.0f}" in told
+    assert f"{max(best(model).value[model.acting]):.0f}" in told
 
 
 def test_visits_are_seen_where_a_state_is_good_or_bad() -> None:

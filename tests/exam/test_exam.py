@@ -10,10 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.stats
 
 import taskspec
-from taskspec.exam import BudgetSpent, Case, NotGranted, examine, read
+from taskspec.exam import BudgetSpent, Case, NotGranted, examine, read, score_rows
 from taskspec.exam.case import ExamTerms
+from taskspec.exam.verdicts import mean_score
+from taskspec.rollout.statistics import rate_interval, seeds_interval
 from tests.learners import counting
 from tests.shared.commands import Done, spec
 
@@ -361,16 +364,60 @@ def flagged(exam: Any) -> set[tuple[str, str]]:
 
 
 def test_a_learner_that_is_right_by_luck_is_flagged_and_the_right_one_is_not() -> None:
-    right, wrong = (examine(f, tasks=FINITE, seeds=3) for f in (counting.clone, counting.clone_off_by_one))
+    right, wrong = (examine(f, tasks=FINITE, seeds=13) for f in (counting.clone, counting.clone_off_by_one))
     assert flagged(right) == set() and flagged(wrong) == {("twin", task) for task in FINITE}
     assert {v["verdict"] for v in right["verdicts"].values()} == {"masters"}
     assert {v["verdict"] for v in wrong["verdicts"].values()} == {"fails"}
     early = wrong["verdicts"]["early termination"]
     assert (
-        (early["mean"], early["seeds"]) == (1.0, 3)
+        (early["mean"], early["seeds"]) == (1.0, 13)
         and early["twins"]["verdict"] == "fails"
         and early["twins"]["high"] < 0
     )
+
+
+def test_what_a_fixed_action_does_is_no_mastery() -> None:
+    """The action 0 scores 0.95 on Parabola and its twin; on RiskyPath one action is best as printed, and none on all twins."""
+
+    def untrained(case: Case) -> Any:
+        return lambda observation: np.zeros(1, np.float32)
+
+    found = examine(untrained, tasks=["Parabola"], seeds=13, learns_from=["reward"])
+    verdict = found["verdicts"]["continuous control"]
+    assert verdict["mean"] > 0.9 and verdict["passed"] == 13 and verdict["verdict"] == "passes"
+    assert "but so does one fixed action: continuous control" in score_rows.finding(found)
+    for twins, grade in ((0, "passes"), (2, "masters")):
+        found = examine(counting.clone, tasks=["RiskyPath"], seeds=13, twins=twins)
+        assert found["verdicts"]["stochastic transitions"]["verdict"] == grade
+
+
+@pytest.mark.parametrize(
+    ("passed", "seeds", "grade"),
+    [
+        (2, 2, "unsure"), (12, 12, "unsure"), (13, 13, "masters"), (14, 15, "unsure"), (19, 20, "masters"),
+        (28, 30, "masters"), (27, 30, "unsure"), (0, 3, "fails"), (0, 2, "unsure"),
+    ],
+)  # fmt: skip
+def test_verdicts_rest_on_the_share_of_seeds_that_pass(passed: int, seeds: int, grade: str) -> None:
+    found = mean_score([1.0] * passed + [0.2] * (seeds - passed), None)
+    assert (found["verdict"], found["passed"]) == (grade, passed)
+
+
+@pytest.mark.parametrize("rate", [0.8, 0.9, 0.95, 0.99, 1.0])
+@pytest.mark.parametrize("seeds", [3, 5, 10, 15, 30])
+def test_intervals_of_rates_contain_the_rate_in_19_of_20_exams(rate: float, seeds: int) -> None:
+    counts = range(seeds + 1)
+    ends = [rate_interval(count, seeds) for count in counts]
+    chances = scipy.stats.binom.pmf(counts, seeds, rate)
+    assert sum(p for p, (low, high) in zip(chances, ends, strict=True) if low <= rate <= high) >= 0.95
+
+
+def test_intervals_of_scores_with_two_values_are_those_of_the_share() -> None:
+    low, high = rate_interval(12, 15)
+    assert seeds_interval([0.1] * 3 + [0.9] * 12) == pytest.approx((0.1 + 0.8 * low, 0.1 + 0.8 * high))
+    sample = np.random.default_rng(1).normal(size=9)
+    theirs = scipy.stats.ttest_1samp(sample, 0).confidence_interval()
+    assert seeds_interval(sample) == pytest.approx(tuple(theirs))
 
 
 def test_twins_that_differed_in_the_baseline_are_no_news(tmp_path: Path) -> None:

@@ -103,7 +103,7 @@ def test_the_terminal_shows_all_of_it(
     print_exam(results, console(wide=True))
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert "early termination ✗ fails" in lines and "continuous control ✓ masters" in lines
-    assert "RiskyPath 1.00 0.20 1.00 1.00" in lines
+    assert "RiskyPath 1.00 14/14 pass 0.20 1.00 1.00" in lines
     assert "Sort failed · failed 0.00" in lines and "LargestSum · · · 0.00" in lines
     assert any(line.startswith("diagnosis the learned reward is biased upwards") for line in lines)
     assert any(line.startswith("try Let terminal states absorb") for line in lines)

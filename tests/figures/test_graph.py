@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 from taskspec.cli.app import app
 from taskspec.figures import Overlay, scene
 from taskspec.figures.layout import DOTS, drawings
-from taskspec.figures.machine import Machine, explore
-from taskspec.figures.matrix import NAMED
+from taskspec.figures.machine import NAMED, Machine, explore
 from taskspec.figures.overlays import OVERLAYS, overlay
 from taskspec.figures.scene import Box, Label, Scene
 from taskspec.printers.text import plain

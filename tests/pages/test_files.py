@@ -17,7 +17,7 @@ from taskspec.base.extras import need
 from taskspec.pages.facts import gather
 from taskspec.pages.write import gather_pages, write
 from taskspec.printers import tex
-from taskspec.printers.mathml import mathml
+from taskspec.printers.markup import mathml
 from taskspec.task.task import Task
 
 ROOT = Path(__file__).parents[2]

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from taskspec import registry
 from taskspec.base.diagnostics import SpecError
 from taskspec.lang.parse import parse
-from taskspec.pages import claims
+from taskspec.pages import sections
 from taskspec.pages.equations import Writing
 from taskspec.pages.facts import Facts, ScoreFact, VerdictFact, gather, number
 from taskspec.pages.page import page
@@ -282,7 +282,7 @@ def test_links_in_the_head_of_a_site(tmp_path: Path) -> None:
 
 
 def test_make_line_names_what_differs_from_the_defaults() -> None:
-    assert page(registry.load("derail/Branching-v0", L=4)).make == 'gymnasium.make("derail/Branching-v0", L=4)'
+    assert page(registry.load("derail/Branching-v0", L=4)).make == 'gymnasium.make("taskspec:derail/Branching-v0", L=4)'
 
 
 @given(
@@ -331,7 +331,7 @@ def test_facts_are_shown_where_there_are_some() -> None:
 def test_claims_as_sentences(claim: str, options: dict[str, object], expected: str) -> None:
     """Every part of a claim is told: the policy that a probability is under, above all."""
     w = Writing(registry.load("derail/RiskyPath-v0"), {})
-    found = claims.claim(w, Claim(parse(nowhere(claim)), claim, (), options))
+    found = sections.claim_text(w, Claim(parse(nowhere(claim)), claim, (), options))
     assert words(found) == expected
 
 

@@ -8,9 +8,9 @@ import pytest
 
 from taskspec.lang.parse import parse
 from taskspec.pages.equations import Writing
-from taskspec.printers.elements import rank
 from taskspec.printers.expressions import ExpressionWriter, mathematics
 from taskspec.printers.names import Notation, nowhere, of_task
+from taskspec.printers.rewrites import rank
 from taskspec.printers.text import plain
 from taskspec.source import read_text
 from taskspec.task.build import build

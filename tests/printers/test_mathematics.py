@@ -17,7 +17,7 @@ from taskspec.lang.parse import parse
 from taskspec.printers import latex, mathematics, mathml, plain
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import condition
-from taskspec.printers.latex import escape
+from taskspec.printers.markup import escape
 from taskspec.printers.names import Notation, expression, nowhere, symbol
 from taskspec.printers.rewrites import substitute
 from taskspec.printers.tex import read as read_tex

@@ -8,7 +8,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import mathematics
-from taskspec.printers.latex import latex
+from taskspec.printers.markup import latex
 from taskspec.printers.names import Notation, nowhere, of_task
 from taskspec.source import read_text
 from taskspec.task.build import build

@@ -18,7 +18,7 @@ from taskspec import exact, load
 from taskspec.base import limits
 from taskspec.base.diagnostics import SpecError
 from taskspec.printers import tex
-from taskspec.printers.mathml import mathml
+from taskspec.printers.markup import mathml
 from taskspec.scores.difficulty import MEASURES, difficulty
 from taskspec.task.task import Task
 from tests.shared.commands import Done

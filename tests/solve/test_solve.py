@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from taskspec.solve import plans, solve
-from taskspec.solve.backward import action_values, backward, first_values
+from taskspec.solve.backward import Boltzmann, Given, action_values, backward, first_values
 from taskspec.solve.bounded import Bounded
 from taskspec.solve.enclosure import Reader
 from taskspec.solve.rational import Rational
@@ -70,7 +70,7 @@ def test_the_best_and_the_worst_of_all_policies(seed: int) -> None:
         table = dict(zip(free, choice, strict=True))
         values.append(small.value(lambda t, s, table=table: np.eye(2)[table.get((t, s), 0)]))
     assert solve.optimal_return(small.model) == pytest.approx(max(values), abs=1e-12)
-    assert solve.worst_return(small.model) == pytest.approx(min(values), abs=1e-12)
+    assert solve.Solvers(small.model).of().worst().value == pytest.approx(min(values), abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -91,7 +91,7 @@ def test_non_causal_maximum_entropy_by_enumerating_trajectories(seed: int, beta:
     for p, pairs, total in small.trajectories():
         for t, (s, a) in enumerate(pairs):
             weight[t, a, s] += p * np.exp(beta * total)
-    plan = plans.maxent_plan(small.model, beta)
+    plan = plans.tables(small.model, plans.MaxEnt(beta))
     for t in range(small.horizon):
         seen = weight[t].sum(axis=0) > 0
         expected = weight[t][:, seen] / weight[t][:, seen].sum(axis=0)
@@ -101,9 +101,10 @@ def test_non_causal_maximum_entropy_by_enumerating_trajectories(seed: int, beta:
 @pytest.mark.parametrize("beta", [0.3, 2.0])
 def test_causal_maximum_entropy_is_the_best_trade_of_return_and_entropy(beta: float) -> None:
     small, rng = Small(0, horizon=3), np.random.default_rng(0)
-    plan = plans.soft_plan(small.model, beta)
+    plan = plans.tables(small.model, Boltzmann(beta))
     best = with_entropy(small, np.array([plan(t) for t in range(3)]), beta)
-    assert solve.solve(small.model, solve.soft(beta)).expected == pytest.approx(best, abs=1e-12)
+    value = first_values(Boltzmann(beta).plan(Bounded(small.model))).value
+    assert small.model.start @ value == pytest.approx(best, abs=1e-12)
     for _ in range(50):
         other = rng.dirichlet(np.ones(2), (3, 3)).transpose(0, 2, 1)
         mixed = 0.9 * np.array([plan(t) for t in range(3)]) + 0.1 * other
@@ -138,7 +139,7 @@ def test_occupancy_and_visits_by_enumerating_trajectories(seed: int) -> None:
             acted[s] += weight
         visited += weight * any(s == 1 for s, _ in pairs)
     np.testing.assert_allclose(solve.occupancy(small.model, uniform), acted, atol=1e-12)
-    found = solve.visit_probability(small.model, uniform, np.arange(small.states) == 1)
+    found = solve.Solvers(small.model).in_floats.probability(Given(uniform), np.arange(small.states) == 1).value
     last = sum(p * small.actions**-3 for p in _ends_in_one(small))
     assert found == pytest.approx(visited + last, abs=1e-12)
 
@@ -170,7 +171,7 @@ def test_without_a_horizon_by_linear_programming(seed: int) -> None:
     r = (small.p * small.r).sum(axis=-1)  # (s, a)
     rows = [np.eye(5)[s] - 0.9 * small.p[s, a] * live for s in range(5) for a in range(3)]
     found = linprog(np.ones(5), A_ub=-np.array(rows), b_ub=-r.reshape(-1), bounds=[(None, None)] * 5)
-    assert solve.solve(small.model).value[live] == pytest.approx(found.x[live], abs=1e-7)
+    assert solve.best(small.model).value[live] == pytest.approx(found.x[live], abs=1e-7)
 
 
 def test_finite_horizon_by_linear_programming() -> None:

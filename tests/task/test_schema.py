@@ -20,6 +20,7 @@ from taskspec.task.build import build
 from taskspec.task.schema.check import check_shape
 from taskspec.task.schema.export import json_schema
 from taskspec.task.schema.models import Spec
+from tests.shared.commands import Done, spec
 from tests.shared.specs import specs
 
 ROOT = Path(__file__).parents[2]
@@ -378,3 +379,60 @@ initial: {s: 0}
 dynamics: {"s'": "min(2, s + 1) if a else s"}
 reward: s == 2
 """
+WRONG_IN_MANY_WAYS = """\
+taskspec: 1
+name: Many
+colour: red
+parameters:
+  L: {type: int, default: 5, low: 1}
+  M: {type: int, default: L - 9, low: L}
+state:
+  s: {type: int, low: 0, high: L}
+  p: {type: float, low: 0}
+  q: {type: choice, values: [up, down], low: 0}
+action:
+  a: {type: choice, values: {left: -1, right: 1}}
+  b: {type: int, low: 0, high: Lx}
+horizon: 2 * L
+initial: {s: 0, p: 1, q: up}
+dynamics:
+  s': clip(s + a, 0, L) + foo(2)
+  p': p + zz
+  q': down if q == up else up
+reward: s' == L + Q
+terminal: s' == T
+claims: 3
+expert: {a: right, b: 1, c: 2}
+figure: {kind: graf}
+"""
+
+
+def test_one_mistake_hides_no_other(tmp_path: Path) -> None:
+    found = Done("check", spec(tmp_path, WRONG_IN_MANY_WAYS), "--json")
+    assert [(d["code"], d["line"]) for d in found.data["diagnostics"]] == [
+        ("E202", 3), ("E213", 6), ("E206", 9), ("E214", 10), ("E302", 13), ("E303", 17), ("E302", 20), ("E204", 22),
+        ("E216", 23), ("E206", 24),
+    ]  # fmt: skip
+    with pytest.raises(SpecError) as caught:
+        build(source.read_text(WRONG_IN_MANY_WAYS))
+    assert len(caught.value.diagnostics) == 10
+
+
+EXPERIMENT = """\
+experiment: 1
+name: wrong
+sedes: 3
+tasks:
+  - task: derail/Branching
+    parameters: {K: 3}
+  - task: derail/Branchng
+measures: [hardness]
+policies: [cleverly]
+"""
+
+
+def test_an_unknown_key_of_an_experiment_hides_no_other_mistake(tmp_path: Path) -> None:
+    found = Done("check", spec(tmp_path, EXPERIMENT), "--json")
+    assert [(d["code"], d["line"]) for d in found.data["diagnostics"]] == [
+        ("E202", 3), ("E702", 6), ("E701", 7), ("E206", 8), ("E713", 9),
+    ]  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import reduce
 from itertools import accumulate
 from typing import Any, ClassVar
@@ -79,9 +79,11 @@ class Structure:
         return rules.stays_finite(args, found)
 
 
-def _rows(flat: Flat, shape: tuple[int, ...]) -> list[Flat]:
+def _rows(flat: Flat, shape: tuple[int, ...], indices: Iterable[int] | None = None) -> list[Flat]:
+    """Return rows along the first axis: those at the indices, or all."""
     step = strided(shape)
-    return [flat[i * step : (i + 1) * step] for i in range(shape[0])]
+    chosen = range(shape[0]) if indices is None else indices
+    return [flat[i * step : (i + 1) * step] for i in chosen]
 
 
 def _join(rows: Sequence[Flat]) -> Flat:
@@ -98,13 +100,11 @@ def _concat_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:
 
 def _slice(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...]) -> Flat:
     start, count, step = static
-    rows = _rows(args[0], types[0].shape)
-    return _join([rows[start + k * step] for k in range(count)])
+    return _join(_rows(args[0], types[0].shape, (start + k * step for k in range(count))))
 
 
 def _index(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...]) -> Flat:
-    rows = _rows(args[0], types[0].shape)
-    return _join([rows[i] for i in args[1]])
+    return _join(_rows(args[0], types[0].shape, args[1]))
 
 
 def _index_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:

@@ -90,11 +90,7 @@ def train_ppo(config: Ppo, case: LearnerCase) -> list[NetPolicy]:
 
 
 def rounds(case: LearnerCase, each: int) -> int:
-    """Return the number of rounds of `each` counted steps in the budget.
-
-    Raises:
-        SpecError: E713 if there is none.
-    """
+    """Return the number of rounds of `each` counted steps in the budget."""
     if case.steps < each:
         misused(f"a round of this learner takes {each:,} steps, and {case.steps:,} are granted")
     return case.steps // each

@@ -84,11 +84,7 @@ class World:
 
     @property
     def length(self) -> int:
-        """The largest number of steps of an episode.
-
-        Raises:
-            CannotLearn: there is no limit.
-        """
+        """The largest number of steps of an episode."""
         if self.horizon is not None:
             return self.horizon
         if isinstance(self.task.terminal, Const) and self.task.terminal.value:

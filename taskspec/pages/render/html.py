@@ -17,19 +17,13 @@ from taskspec.base.extras import need
 from taskspec.figures import Scene, svg
 from taskspec.pages.facts import lines as score_lines
 from taskspec.pages.hypertext import HtmlWriter
-from taskspec.pages.notation import notation
 from taskspec.pages.page import Page
 from taskspec.pages.prose import is_safe
-from taskspec.pages.render.suite import Suite, html_environment
+from taskspec.pages.render.suite import Suite, html_environment, notation
 
 
 def site(suite: Suite, links: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return files by name: `index.html` and one for each task.
-
-    Args:
-        suite: the pages.
-        links: names and addresses for the head of every page, such as the language reference.
-    """
+    """Return files by name: `index.html` and one for each task."""
     env = html_environment()
     safe = {name: address for name, address in (links or {}).items() if is_safe(address)}
     common = {"suite": suite.title, "links": safe, "style": Markup(_style())}

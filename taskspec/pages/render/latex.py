@@ -11,12 +11,11 @@ from taskspec.base import __version__
 from taskspec.figures import tikz
 from taskspec.figures.tikz import colors as tikz_colors
 from taskspec.pages import prose as p
-from taskspec.pages.notation import notation
 from taskspec.pages.page import Family, Page, Sibling, families
-from taskspec.pages.render.suite import Suite, text_environment
+from taskspec.pages.render.suite import Suite, notation, text_environment
 from taskspec.pages.sections import Section, SectionLine
 from taskspec.printers import tree as m
-from taskspec.printers.latex import LONG, escape, latex
+from taskspec.printers.markup import LONG, escape, latex
 
 BESIDE = frozenset({
     "parameters", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",
@@ -196,7 +195,6 @@ class LatexWriter:
 
 
 def _base(sibling: Sibling, head: Page) -> str:
-    """Return the name of the page that another is compared with, unless it is the first one."""
     return "" if sibling.base is head else escape(sibling.base.name)
 
 
@@ -215,12 +213,10 @@ def _parts(math: m.Math) -> Iterator[m.Math]:
 
 
 def _has_fraction(math: m.Math) -> bool:
-    """Return whether there is a fraction within: in the style of a line, one in another is too small to read."""
     return any(isinstance(part, m.Frac) for child in m.children(math) for part in _parts(child))
 
 
 def _is_rigid(math: m.Math) -> bool:
-    """Return whether some part of a formula cannot be broken across lines."""
     return any(
         isinstance(part, m.Cases | m.Matrix)
         or (isinstance(part, m.Fence) and m.is_tall(part.body))
@@ -235,6 +231,5 @@ def _address(address: str) -> str:
 
 
 def _stacked(titles: Sequence[str], heads: Sequence[str], row: Sequence[str]) -> str:
-    """Return the cells of a row, one after the other."""
     cells = zip(titles, heads, row, strict=True)
     return r"\quad ".join(f"{head} {cell}" if title else cell for title, head, cell in cells if cell)

@@ -13,7 +13,7 @@ from taskspec.pages.page import Page
 from taskspec.pages.render.suite import Suite, text_environment
 from taskspec.pages.sections import Section, SectionLine
 from taskspec.printers import tree as m
-from taskspec.printers.latex import latex
+from taskspec.printers.markup import latex
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]()#+!|~$>-])")
 _NUMBERED = re.compile(r"^(\d+)([.)])")
@@ -135,7 +135,6 @@ def escape_entities(text: str) -> str:
 
 
 def _code(text: str) -> str:
-    """Return code between as many backticks as it needs."""
     ticks = "`" * (max((len(run) for run in re.findall("`+", text)), default=0) + 1)
     pad = " " if text.startswith("`") or text.endswith("`") else ""
     return f"{ticks}{pad}{text}{pad}{ticks}"

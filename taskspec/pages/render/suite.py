@@ -1,8 +1,9 @@
-"""What renderers work on: pages with figures and references; and the environments of templates."""
+"""What renderers work on: pages with figures and references, the paragraph on notation, and templates."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -11,7 +12,13 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from taskspec.base.bibliography import Reference
 from taskspec.figures import Scene
+from taskspec.pages.equations import LETTERS, Writing
 from taskspec.pages.page import Page, Setting, anchor
+from taskspec.pages.prose import Formula, Inline, Inlines, Mark, inlines
+from taskspec.printers import tree as m
+from taskspec.printers.idioms import IF
+from taskspec.printers.markup import latex
+from taskspec.printers.text import plain
 from taskspec.task.merge import lineage
 
 # -- templates, which only lay out what renderers have escaped
@@ -52,7 +59,6 @@ class Other:
 
     @property
     def caption(self) -> str:
-        """The values, and what is seen."""
         return f"{self.title}. {self.scene.caption}"
 
 
@@ -90,6 +96,91 @@ class Suite:
         return {anchor: tuple(pages) for anchor, pages in found.items()}
 
     def others(self, page: Page) -> list[Other]:
-        """Return the figures of a page's settings."""
         found = ((setting.title, setting_anchor(page, setting)) for setting in page.settings)
         return [Other(title, name, self.scenes[name]) for title, name in found if name in self.scenes]
+
+
+_ALWAYS = (
+    r"$t$ is the number of steps taken, from $0$, and $T$ the horizon, at which episodes are truncated. A prime marks what a "
+    r"step leads to: $s'$ is the state after $s$. Indices count from $0$."
+)
+_SIGNS = (
+    ("𝟙", r"$\mathbb{1}[\cdot]$ is $1$ where the condition holds and $0$ elsewhere."),
+    (r"\bclip\(", r"$\mathrm{clip}(x, a, b)$ is the number from $a$ to $b$ that is nearest to $x$."),
+    (r"\bswap_", r"$\mathrm{swap}_{i, j}(x)$ is $x$ with its elements $i$ and $j$ exchanged."),
+    (r"\[[^][]* ← ", r"$x[q \leftarrow f]$ is $x$ with $f$ in place of its element $q$."),
+    ("#", r"$\#\{\cdot\}$ is the number of elements of the set."),
+    (r"\bUnif\b", r"$\mathrm{Unif}$ is the uniform distribution: over the elements of a set, or over the real numbers from one "
+                  r"bound to the other; its power $n$ is that of $n$ independent draws."),
+    ("ℙ_", r"$\mathbb{P}_\pi(\cdot)$ is the probability that an episode of the policy $\pi$ ever reaches a state in which the "
+            r"condition holds."),
+)  # fmt: skip
+_DRAWN = (
+    "{}, with an index where there are several, is drawn at random, independently of everything else, whenever the equation is "
+    "evaluated."
+)
+_CASES = "Of several cases the first counts whose condition holds."
+_RETURNS = (
+    "A return is the expected sum of the rewards of an episode{discounted}: the optimal one is the highest that a policy can "
+    "have, the worst one the lowest, and the random one that of actions drawn uniformly."
+)
+_DISCOUNTED = r", where a task with a discount $\gamma$ multiplies that of the step after $t$ others by $\gamma^t$"
+_MARKS = (
+    ("proved", "What is marked as proved follows from the form of the equations, or from exact results whose rounding errors are "
+               "bounded."),
+    ("tested", "What is marked as tested was not contradicted by simulated episodes, or follows from a finite abstraction that "
+               "agreed with them."),
+)  # fmt: skip
+
+
+def notation(pages: Iterable[Page]) -> Inlines:
+    """Return the paragraph for some pages: what always holds, then the signs, the returns and the marks that occur on them."""
+    pages = tuple(pages)
+    pieces = [piece for page in pages for piece in _pieces(page)]
+    written = "\n".join({plain(piece.math) for piece in pieces if isinstance(piece, Formula)})
+    sentences = [_ALWAYS, *(text for sign, text in _SIGNS if re.search(sign, written)), *_draws(pages)]
+    if any(_has_cases(piece.math) for piece in pieces if isinstance(piece, Formula)):
+        sentences.append(_CASES)
+    if any(page.section("scores") for page in pages):
+        # at a page's own values of the parameters, or at others beside them
+        tasks = (task for page in pages for task in (page.task, *(s.task for s in page.settings)))
+        discounted = _DISCOUNTED if any(task.discount != 1 for task in tasks) else ""
+        sentences.append(_RETURNS.format(discounted=discounted))
+    for word, text in _MARKS:
+        if any(isinstance(piece, Mark) and piece.text.startswith(word) for piece in pieces):
+            sentences.append(text)
+    return inlines(" ".join(sentences))
+
+
+def _draws(pages: Iterable[Page]) -> Iterator[str]:
+    letters: dict[str, m.Math] = {}
+    for page in pages:
+        writing = Writing(page.task, {})
+        letter = writing.notation.symbol(writing.drawn)
+        if any(_has(letter, piece.math) for piece in _pieces(page) if isinstance(piece, Formula)):
+            letters[writing.drawn] = letter
+    if letters:
+        usual, *others = (f"${latex(letters[name])}$" for name in LETTERS if name in letters)
+        instead = f" ({' or '.join(others)} where the task has such a name)" if others else ""
+        yield _DRAWN.format(usual + instead)
+
+
+def _has(letter: m.Math, tree: m.Math) -> bool:
+    return tree == letter or any(_has(letter, child) for child in m.children(tree))
+
+
+def _has_cases(tree: m.Math) -> bool:
+    if isinstance(tree, m.Cases) and sum(IF in m.children(condition) for _, condition in tree.rows) > 1:
+        return True
+    return any(map(_has_cases, m.children(tree)))
+
+
+def _pieces(page: Page) -> Iterator[Inline]:
+    for section in page.sections:
+        contents: list[Inlines] = []
+        for line in section.lines:
+            contents += [line.content, *line.values]
+        for row in section.table.rows if section.table else ():
+            contents += row
+        for content in contents:
+            yield from content

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import lru_cache
 from types import UnionType
 from typing import Annotated, Any, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -14,7 +16,7 @@ from taskspec.base.diagnostics import Collector, Diagnostic, Span, suggest
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.source import Document, Path
 from taskspec.source.scan import EXTENDS
-from taskspec.task.merge import Merged, statement, variant_names
+from taskspec.task.merge import NAMED, Merged, statement, variant_names
 from taskspec.task.schema import typed, values
 from taskspec.task.schema.models import CHANGES, FORMAT, LIST, Extension, Spec
 from taskspec.task.schema.values import Problem, advice
@@ -61,18 +63,62 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
     collector = Collector()
     for other in document.others.values():
         collector.extend(check_shape(other))
+    for problem in _problems(document):
+        add_problem(collector, document, problem)
+    return collector.diagnostics
+
+
+def _problems(document: Document) -> list[Problem]:
+    """Return what is wrong with the shape of a document itself."""
+    data = document.data
     if key := _other_format(document):
         what, hint = OTHER_FORMATS[key]
-        message = f"this is {what}, not a spec"
-        collector.add("E201", document.key_span((key,)), message, hint.format(document.origin.name))
-    elif isinstance(document.data, dict):
-        for problem in (*_format(document.data), *_many(document.data), *_bases(document), *_roles(document.data)):
-            add_problem(collector, document, problem)
-        validate(document, collector, Extension if EXTENDS in document.data else Spec)
-    else:
-        message = f"a spec is a mapping of sections, not {values.kind(document.data)}"
-        collector.add("E201", document.span(()), message, "start it with `taskspec: 1`")
-    return collector.diagnostics
+        return [Problem("E201", (key,), f"this is {what}, not a spec", hint.format(document.origin.name), of_key=True)]
+    if not isinstance(data, dict):
+        message = f"a spec is a mapping of sections, not {values.kind(data)}"
+        return [Problem("E201", (), message, "start it with `taskspec: 1`")]
+    model = Extension if EXTENDS in data else Spec
+    return [*_format(data), *_many(data), *_bases(document), *_roles(data), *fitted(data, model)[1]]
+
+
+def remainder(document: Document) -> tuple[Document | None, set[str]]:
+    """Return a document without the entries whose shape is wrong, and the words in them; None if the rest means nothing."""
+    found = _problems(document)
+    is_lost = any(problem.code in ("E207", "E211", "E212", "E314") for problem in found)
+    if is_lost or any(check_shape(other) for other in document.others.values()):
+        return None, set()
+    places = []
+    for problem in found:
+        place = problem.path
+        if problem.code != "E202":
+            start = 2 if place[:1] == ("variants",) else 0
+            is_named = bool(set(place[start : start + 1]) & set(NAMED))
+            place = place[: start + 1 + is_named]
+        places.append(place)
+    data, words = without(document.data, places)
+    return None if data is None else replace(document, data=data), words
+
+
+def without(data: Any, places: Iterable[Path]) -> tuple[Any, set[str]]:
+    """Return data without the innermost entries that places are in, and the words of those; None if one is in no entry."""
+    rest = copy.deepcopy(data)
+    words: set[str] = set()
+    for place in places:
+        owner = None
+        key = ""
+        inner: Any = rest
+        for step in place:
+            if isinstance(inner, dict):
+                owner = inner
+                key = str(step)
+            try:
+                inner = inner[step]
+            except (KeyError, IndexError, TypeError):  # it is missing, or went with another one
+                break
+        if owner is None:
+            return None, words
+        words |= set(re.findall(r"\w+", f"{key} {owner.pop(key, None)}"))
+    return rest, words
 
 
 def _other_format(document: Document) -> str | None:
@@ -103,13 +149,19 @@ def validated(merged: Merged) -> Spec:
 
 def validate(located: Located, collector: Collector, model: type[Shape]) -> Shape | None:
     """Return data as a model; None where something is wrong, which goes to the collector."""
+    found, problems = fitted(located.data, model)
+    for problem in problems:
+        add_problem(collector, located, problem)
+    return found
+
+
+def fitted(data: Any, model: type[Shape]) -> tuple[Shape | None, list[Problem]]:
+    """Return data as a model, or None and what is wrong with it."""
     try:
-        return model.model_validate(located.data)
+        return model.model_validate(data), []
     except ValidationError as error:
         found = [p for details in error.errors(include_url=False) for p in problems_of(dict(details), model)]
-    for problem in dict.fromkeys(found):
-        add_problem(collector, located, problem)
-    return None
+    return None, list(dict.fromkeys(found))
 
 
 def add_problem(collector: Collector, located: Located, problem: Problem) -> None:

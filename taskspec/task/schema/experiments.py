@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field, TypeAdapter, WithJsonSchema, model_valida
 from taskspec.base.diagnostics import Collector, Diagnostic
 from taskspec.source import Document
 from taskspec.task.schema import values
-from taskspec.task.schema.check import OTHER_FORMATS, add_problem, validate
+from taskspec.task.schema.check import OTHER_FORMATS, add_problem, fitted, without
 from taskspec.task.schema.models import Source
 from taskspec.task.schema.typed import Name, Strict, checked, fail
 from taskspec.task.schema.values import Problem, wrong_kind
@@ -267,14 +267,22 @@ class FindingsDocument(Strict):
 
 
 def check_document(document: Document, model: type[Described]) -> tuple[Described | None, tuple[Diagnostic, ...]]:
-    """Return a document as an experiment, an exam or findings (None where it is neither), and what is wrong with it."""
+    """Return a document as an experiment, an exam or findings, and what is wrong with its shape.
+
+    Entries that are wrong are left out, so that the rest can be checked, too; None where it needs them.
+    """
     key = next(iter(model.model_fields))
     collector = Collector()
     if not isinstance(document.data, dict):
         message = f"{OTHER_FORMATS[key][0]} is a mapping of sections, not {values.kind(document.data)}"
         collector.add("E201", document.span(()), message, f"start it with `{key}: {FORMAT}`")
         return None, collector.diagnostics
-    found = validate(document, collector, model)
+    found, problems = fitted(document.data, model)
+    for problem in problems:
+        add_problem(collector, document, problem)
+    if found is None:
+        rest, _ = without(document.data, [problem.path for problem in problems])
+        found, _ = fitted(rest, model)
     version = document.data.get(key)
     if isinstance(version, int) and version != FORMAT:
         message = f"format {version} is not known here"

@@ -1,13 +1,16 @@
-"""The mathematics tree -> LaTeX (amsmath, amssymb, mathtools)."""
+"""The mathematics tree as LaTeX (amsmath, amssymb, mathtools) and as MathML Core."""
 
 from __future__ import annotations
 
+import html
 import re
 import unicodedata
+from collections.abc import Sequence
 from typing import assert_never
 
 from taskspec.printers import tex as c
 from taskspec.printers import tree as m
+from taskspec.printers.text import plain
 
 _SPECIAL = {
     "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&", "#": r"\#", "%": r"\%",
@@ -22,8 +25,7 @@ _STYLE = {
 }  # fmt: skip
 _MATH_CHAR = {"{": r"\{", "}": r"\}", "#": r"\#", "%": r"\%", "&": r"\&", "$": r"\$", "‖": r"\Vert ", "|": r"\vert ",
               "≢": r"\not\equiv "}  # fmt: skip
-LONG = 16.0
-"""From this width on, in letters, a list may break after its commas."""
+LONG = 16.0  # from this width on, in letters, a list may break after its commas
 _RELATIONS = frozenset(c.TEX_SYMBOL) - {"∞"}
 _NAMES = {"arg min": r"\arg\min ", "arg max": r"\arg\max "} | {name: rf"\{name} " for name in c.FUNCTIONS}
 _SYMBOLS = {"mod": r" \bmod ", ",": ", ", ";": "; ", "′": "'"}
@@ -48,7 +50,6 @@ def _character(char: str) -> str:
 
 
 def _glyph(char: str) -> str:
-    """Return one character in mathematics."""
     name = c.TEX_LETTER.get(char) or c.TEX_SYMBOL.get(char)
     if name is not None:
         return rf"\{name}" if name.isalpha() else name
@@ -61,10 +62,10 @@ def _glyph(char: str) -> str:
 
 def latex(node: m.Math) -> str:
     """Return LaTeX of a tree, for math mode."""
-    return _write(node).strip()
+    return _tex(node).strip()
 
 
-def _write(node: m.Math) -> str:  # noqa: C901, PLR0912
+def _tex(node: m.Math) -> str:  # noqa: C901, PLR0912
     match node:
         case m.Ident():
             return _ident(node)
@@ -131,7 +132,7 @@ def _row(items: tuple[m.Math, ...]) -> str:
     out = ""
     breaks = m.width(m.Row(items)) > LONG
     for item in items:
-        piece = _write(item)
+        piece = _tex(item)
         if breaks and item == m.Sym(","):
             piece += r"\allowbreak "
         if piece[:1].isalpha() and re.search(r"\\[A-Za-z]+$", out):
@@ -178,3 +179,119 @@ def _environment(name: str, rows: tuple[tuple[m.Math, ...], ...]) -> str:
 
 def _has_big(node: m.Math) -> bool:
     return isinstance(node, m.Big) or any(map(_has_big, m.children(node)))
+
+
+_FENCES = frozenset("()[]{}|‖⌊⌋⌈⌉⟨⟩")
+_EN = '<mspace width="0.5em"/>'
+_OPERATORS = {
+    "mod": '<mo lspace="0.28em" rspace="0.28em">mod</mo>', "…": "<mi>…</mi>", "/": '<mo lspace="0" rspace="0">/</mo>',
+    "⋅": '<mo lspace="0.15em" rspace="0.15em">⋅</mo>',
+}  # fmt: skip
+
+
+def mathml(node: m.Math, block: bool = False) -> str:
+    """Return a `<math>` element; its alternative text is the plain form."""
+    display = ' display="block"' if block else ""
+    return f'<math{display} alttext="{html.escape(plain(node))}">{_element(node)}</math>'
+
+
+def _element(node: m.Math) -> str:  # noqa: C901, PLR0912
+    match node:
+        case m.Ident():
+            return _identifier(node)
+        case m.Num(text=text):
+            return f"<mn>{html.escape(text)}</mn>"
+        case m.Sym(text=text):
+            if text in _FENCES:
+                return f'<mo fence="true" stretchy="false">{text}</mo>'
+            return _OPERATORS.get(text) or f"<mo>{html.escape(text)}</mo>"
+        case m.Words(text=text):
+            # not <mtext>: a row of texts and one sign would count as an operator, and lose the space around the sign
+            return f'<mi mathvariant="normal">{html.escape(_held(text))}</mi>'
+        case m.Gap(width=gap):
+            return f'<mspace width="{"0.17em" if gap == "thin" else "1em"}"/>'
+        case m.Row(items=items):
+            return f"<mrow>{''.join(map(_element, items))}</mrow>"
+        case m.Frac(top=top, bottom=bottom):
+            return f"<mfrac>{_element(top)}{_element(bottom)}</mfrac>"
+        case m.Root(body=body):
+            return f"<msqrt>{_element(body)}</msqrt>"
+        case m.Accent(mark=mark, body=body):
+            return f'<mover accent="true">{_element(body)}<mo stretchy="false">{c.ACCENTS[mark][0]}</mo></mover>'
+        case m.Script():
+            return _scripts(node)
+        case m.Fence(left=left, body=body, right=right):
+            return _fenced(left, _element(body), right, m.is_tall(body))
+        case m.Cases(rows=rows):
+            return _fenced("{", _table(rows, ' class="cases"'), "")
+        case m.Matrix(rows=rows):
+            return _fenced("(", _table(rows), ")")
+        case m.Arrow(over=over):
+            return f'<mover><mo stretchy="false">⟶</mo><mrow>{_EN}{_element(over)}{_EN}</mrow></mover>'
+        case m.Big(symbol=symbol, sub=sub, sup=sup):
+            above = None if sup is None else _element(sup)
+            return _scripted("under", "over", f"<mo>{html.escape(symbol)}</mo>", sub, above)
+        case m.Hole(name=name):
+            return f"<mtext>{html.escape(name)}</mtext>"
+        case _:
+            assert_never(node)
+
+
+def _held(text: str) -> str:
+    """Keep spaces at the ends of words, which MathML would drop."""
+    inner = text.strip(" ")
+    if not inner:
+        return "\u00a0" * len(text)
+    before, after = text.split(inner)
+    return "\u00a0" * len(before) + inner + "\u00a0" * len(after)
+
+
+def _identifier(node: m.Ident) -> str:
+    text = html.escape(node.text)
+    match node.style:
+        case "blackboard":
+            return f'<mi mathvariant="normal">{c.BLACKBOARD.get(node.text, text)}</mi>'
+        case "calligraphic":
+            return f'<mi mathvariant="normal">{c.CALLIGRAPHIC.get(node.text, text)}</mi>'
+        case "upright" if len(node.text) == 1:
+            return f'<mi mathvariant="normal">{text}</mi>'
+        case "bold":
+            return f'<mi class="bold">{text}</mi>'
+        case "typewriter":
+            return f"<mtext><code>{text}</code></mtext>"
+        case _:
+            return f"<mi>{text}</mi>"
+
+
+def _fenced(left: str, inner: str, right: str, grows: bool = True) -> str:
+    fixed = "" if grows else ' stretchy="false"'
+    if left:
+        inner = f'<mo fence="true" form="prefix"{fixed}>{html.escape(left)}</mo>{inner}'
+    if right:
+        inner += f'<mo fence="true" form="postfix"{fixed}>{html.escape(right)}</mo>'
+    return f"<mrow>{inner}</mrow>"
+
+
+def _scripts(node: m.Script) -> str:
+    sup = None if node.sup is None else _element(node.sup)
+    if node.primes:
+        primes = f'<mo lspace="0" rspace="0">{"′" * node.primes}</mo>'
+        sup = primes if sup is None else f"<mrow>{primes}{sup}</mrow>"
+    return _scripted("sub", "sup", _element(node.base), node.sub, sup)
+
+
+def _scripted(below: str, above: str, base: str, sub: m.Math | None, sup: str | None) -> str:
+    """Return a base with what stands below and above; the names of the elements are `munder`, `msubsup` and so on."""
+    if sub is not None and sup is not None:
+        return f"<m{below}{above}>{base}{_element(sub)}{sup}</m{below}{above}>"
+    if sub is not None:
+        return f"<m{below}>{base}{_element(sub)}</m{below}>"
+    return base if sup is None else f"<m{above}>{base}{sup}</m{above}>"
+
+
+def _table(rows: Sequence[Sequence[m.Math]], style: str = "") -> str:
+    lines = ""
+    for row in rows:
+        cells = "".join(f"<mtd>{_element(cell)}</mtd>" for cell in row)
+        lines += f"<mtr>{cells}</mtr>"
+    return f"<mtable{style}>{lines}</mtable>"
