@@ -23,7 +23,7 @@ class Learned:
     """A policy, and what was learned with it.
 
     Args:
-        policy: whatever a learner may return alone; Q-values in a table (O, A) are read from it.
+        policy: all that a learner may return alone; Q-values in a table (O, A) are read from it.
         reward: float64 (S, A, S) over the states and actions of `task.tabular()`, or a function of (obs, action, next_obs), all
             (N, ...); `reward_distance` compares it with the true one.
         q: Q-values: a table (O, A) of the numbers of discrete observations, or a function from observations (N, ...) to (N, A).
@@ -136,7 +136,7 @@ sentence begins."""
 
 @dataclass(frozen=True)
 class Explanation:
-    """What explains the values, or the reward, that a learner learned on several tasks and seeds.
+    """An explanation of the values, or the reward, that a learner learned on several tasks and seeds.
 
     Attributes:
         names: of operators or rewards; none if nothing known is near.

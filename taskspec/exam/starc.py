@@ -209,12 +209,12 @@ class RewardMdp:
 
     @cached_property
     def known(self) -> dict[str, Array]:
-        """Each of `REWARDS` in canonical form."""
+        """`REWARDS` in canonical form."""
         return {name: self.canonical(known.of(self)) for name, known in REWARDS.items()}
 
     @cached_property
     def visits(self) -> Array:
-        """How often uniformly random episodes act in each state, (S,)."""
+        """Expected visits of uniformly random episodes to each state, (S,)."""
         total = np.zeros(self.model.n_states)
         now = np.where(self.model.absorbed, 0.0, self.model.p0)
         for _ in range(ROUNDS if self.model.horizon is None else self.model.horizon):
