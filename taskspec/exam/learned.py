@@ -13,7 +13,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.exam.fingerprints import GOOD, OPERATORS, BellmanOperator, fingerprint, named, pooled
 from taskspec.exam.results import Flag, Score
 from taskspec.exam.starc import REWARDS, KnownReward, reward_fields
-from taskspec.policies.adapters import normaliser, parameters
+from taskspec.policies.adapters import Predictor, parameters
 from taskspec.policies.values import are_probabilities, is_table, observed_probabilities
 from taskspec.task.task import Task
 
@@ -96,12 +96,12 @@ def _values_of(task: Task, policy: Any) -> dict[str, Any]:
         return {}
     values: dict[str, Any] = {"discount": getattr(policy, "gamma", None)}
     if hasattr(policy, "q_net"):
-        return values | {"q": _network(policy, policy.q_net)}
+        return values | {"q": _network(task, policy, policy.q_net)}
     critic = getattr(actor, "predict_values", None)
     probabilities = observed_probabilities(policy, task)
     if critic is None or probabilities is None or "lstm_states" in parameters(critic):
         return {}
-    return values | {"values": _network(policy, critic), "policy": probabilities}
+    return values | {"values": _network(task, policy, critic), "policy": probabilities}
 
 
 def _normalises_rewards(model: Any) -> bool:
@@ -110,9 +110,9 @@ def _normalises_rewards(model: Any) -> bool:
     return bool(getattr(wrapper, "norm_reward", False))
 
 
-def _network(model: Any, network: Callable[[Any], Any]) -> Callable[[Any], Array]:
+def _network(task: Task, model: Any, network: Callable[[Any], Any]) -> Callable[[Any], Array]:
     """Return a network of a model of Stable-Baselines3 as a function of observations."""
-    normalise = normaliser(model)
+    normalise = Predictor(task, model).normalise
 
     def values(observations: Any) -> Array:
         model.policy.set_training_mode(False)
