@@ -12,10 +12,9 @@ from typing import Any, Literal, NotRequired
 from typing_extensions import TypedDict
 
 from taskspec import registry
-from taskspec.base.diagnostics import Diagnostic, Origin, SpecError, suggest
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.files import safe_name, write_text
 from taskspec.learners import BUILT_IN, FAMILIES
-from taskspec.source.document import json_span
 from taskspec.task.schema.check import shape_problem
 from taskspec.task.schema.values import Problem
 
@@ -174,9 +173,8 @@ def read(folder: Path | str) -> Exam:
         raise SpecError([Diagnostic("E721", None, f"'{path}' is not an exam of this version", "run it again")])
     problem = shape_problem(found, Exam) or _inconsistent(found)
     if problem is not None:
-        place = json_span(Origin(str(path), text), problem.path)
-        message = f"{_words(problem.path)}: {problem.message}"
-        raise SpecError([Diagnostic("E721", place, message, "run the exam again, or take the file from a backup")])
+        message = f"'{path}', {_words(problem.path)}: {problem.message}"
+        raise SpecError([Diagnostic("E721", None, message, "run the exam again, or take the file from a backup")])
     return found  # type: ignore[return-value]  # its shape was looked at
 
 
