@@ -12,10 +12,9 @@ from typing import Any, Literal, NotRequired
 from typing_extensions import TypedDict
 
 from taskspec import registry
-from taskspec.base.diagnostics import Diagnostic, Origin, SpecError, suggest
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.files import safe_name, write_text
 from taskspec.learners import BUILT_IN, FAMILIES
-from taskspec.source.document import json_span
 from taskspec.task.schema.check import shape_problem
 from taskspec.task.schema.values import Problem
 
@@ -36,11 +35,14 @@ Score = TypedDict(
         "stochastic": float | None, "half": float, "return": float | None, "error": str | None, "steps": int,
         "demonstrations": int, "comparisons": int, "seconds": float | None, "starc": float | None,
         "reward_regret": float | None, "curve": list[list[float | None]] | None,
+        "operators": NotRequired[dict[str, float] | None], "rewards": NotRequired[dict[str, float] | None],
     },
 )  # fmt: skip
 """One seed on a task (`twin` None), on a twin of it (its modifiers), or with the reward negated (`probe`); 0 is random, 1 the
 expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated, 0 where it is exact; `starc` the
-distance of a learned reward to the true one, `reward_regret` the score lost by optimising it."""
+distance of a learned reward to the true one, `reward_regret` the score lost by optimising it. `operators` are the distances of
+learned values from the fixed points of Bellman operators (`taskspec.exam.fingerprints`), `rewards` those of a learned reward from
+known ones (`taskspec.exam.starc`)."""
 
 
 class Examined(TypedDict):
@@ -86,9 +88,9 @@ class CapabilityVerdict(MeanScore):
 
 
 class Flag(TypedDict):
-    """Something that is wrong, with its size as a difference of scores, and the interval of that."""
+    """Something that is wrong; with its size as a difference of scores, and the interval of that, where it has one."""
 
-    kind: Literal["twin", "regression", "peeks", "failed", "impossible"]
+    kind: Literal["twin", "regression", "peeks", "failed", "impossible", "values", "reward"]
     task: str
     message: str
     effect: float | None
@@ -174,9 +176,8 @@ def read(folder: Path | str) -> Exam:
         raise SpecError([Diagnostic("E721", None, f"'{path}' is not an exam of this version", "run it again")])
     problem = shape_problem(found, Exam) or _inconsistent(found)
     if problem is not None:
-        place = json_span(Origin(str(path), text), problem.path)
-        message = f"{_words(problem.path)}: {problem.message}"
-        raise SpecError([Diagnostic("E721", place, message, "run the exam again, or take the file from a backup")])
+        message = f"'{path}', {_words(problem.path)}: {problem.message}"
+        raise SpecError([Diagnostic("E721", None, message, "run the exam again, or take the file from a backup")])
     return found  # type: ignore[return-value]  # its shape was looked at
 
 

@@ -6,12 +6,17 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import NormalDist
-from typing import Literal
+from typing import Literal, TypeVar
 
+import numpy as np
+
+from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam.results import CapabilityVerdict, Exam, Examined, Flag, Grade, MeanScore, Score
-from taskspec.rollout.statistics import ALARM, CONFIDENCE, paired, rate_interval, seeds_interval, unpaired
+from taskspec.rollout.statistics import ALARM, CONFIDENCE, Difference, differences, rate_interval, seeds_interval
 from taskspec.rules.score_rules import side
+
+Name = TypeVar("Name", str, tuple[str, str])
 
 # Verdicts: which capabilities a learner masters, from the share of seeds that pass and not from the mean.
 
@@ -159,17 +164,22 @@ def _apart(
     tasks: Mapping[str, Examined], scores: Sequence[Score], kind: Literal["twin", "peeks"], which: str
 ) -> Iterable[Flag]:
     """Flag tasks whose scores as printed differ from those of another side, on the seeds of both."""
-    differences = {}
-    for task in tasks:
-        printed = by_seed(scores, task, "printed")
-        other = by_seed(scores, task, which)
-        seeds = sorted(printed.keys() & other.keys())
-        apart = paired([printed[s] for s in seeds], [other[s] for s in seeds], f"{task}, {which}")
-        if apart is not None:
-            differences[task] = apart
-    for task, d in differences.items():
-        if not d.is_real(len(differences)):
-            continue
+    names = [task for task in tasks if by_seed(scores, task, "printed").keys() & by_seed(scores, task, which).keys()]
+    rows: dict[tuple[int, str | None, int], dict[str, float]] = defaultdict(dict)
+    for task in names:
+        seeds = by_seed(scores, task, "printed").keys() & by_seed(scores, task, which).keys()
+        twins = list(dict.fromkeys(score["twin"] for score in scores if score["task"] == task))
+        for score in scores:
+            value = score["deterministic"]
+            if (
+                score["task"] == task
+                and score["seed"] in seeds
+                and value is not None
+                and side(score) in ("printed", which)
+            ):
+                rows[score["seed"], score["probe"], twins.index(score["twin"])][task] = value
+    is_first = np.array([probe is None and twin == 0 for _, probe, twin in rows])
+    for task, d in _differences(names, list(rows.values()), is_first):
         size = f"{abs(d.effect):.2f}"
         message = f"the score changes by {size} when a reward is negated that the learner is not to see: it looks at it"
         if kind == "twin":
@@ -178,7 +188,28 @@ def _apart(
                 f"on twins, where every return is the same, the score is {size} {way}: it depends on what states and "
                 "actions are called"
             )
-        yield Flag(kind=kind, task=task, message=message, effect=d.effect, low=d.low, high=d.high)
+        yield _difference_flag(kind, task, message, d, len(names))
+
+
+def _differences(
+    names: Sequence[Name], rows: Sequence[Mapping[Name, float]], is_first: Array, only_below: bool = False
+) -> list[tuple[Name, Difference]]:
+    """Return the comparisons in which two samples of rows differ, each with its difference."""
+    if not names:
+        return []
+    table = np.array([[row.get(name, np.nan) for name in names] for row in rows])
+    found = differences(table, is_first, only_below)
+    return [(name, d) for name, d in zip(names, found, strict=True) if d.is_real]
+
+
+def _difference_flag(
+    kind: Literal["twin", "peeks", "regression"], task: str, message: str, d: Difference, among: int
+) -> Flag:
+    noun = "comparison" if among == 1 else "comparisons"
+    text = f"{message} (p = {d.p_value:.2g}, corrected for {among} {noun})"
+    if d.is_together:
+        text = f"{message} (p = {d.p_value:.2g} for all {among} comparisons together; this one differs most)"
+    return Flag(kind=kind, task=task, message=text, effect=d.effect, low=d.low, high=d.high)
 
 
 # Comparison with an earlier exam.
@@ -188,24 +219,28 @@ def _regressions(tasks: Mapping[str, Examined], scores: Sequence[Score], against
     """Flag tasks on which scores are below those of an earlier exam, on the twins that both have."""
     before = against["scores"]
     places = set(map(_place, scores)) & set(map(_place, before))
-    new = [each for each in scores if _place(each) in places]
-    old = [each for each in before if _place(each) in places]
-    differences = []
+    rows: dict[tuple[bool, int], dict[tuple[str, str], float]] = defaultdict(dict)
+    names = []
     for task, about in tasks.items():
         known = against["tasks"].get(task)
         if known is None or known["content_hash"] != about["content_hash"]:
             continue
-        for which, where in (("printed", ""), ("twin", " on twins")):
-            now = list(by_seed(new, task, which).values())
-            then = list(by_seed(old, task, which).values())
-            apart = unpaired(now, then, f"{task}, {which}, against")
-            if apart is not None:
-                differences.append((task, where, apart))
+        for which in ("printed", "twin"):
+            now = by_seed([each for each in scores if _place(each) in places], task, which)
+            then = by_seed([each for each in before if _place(each) in places], task, which)
+            if not now or not then:
+                continue
+            names.append((task, which))
+            for is_now, values in ((True, now), (False, then)):
+                for seed, value in values.items():
+                    rows[is_now, seed][task, which] = value
+    is_first = np.array([is_now for is_now, _ in rows])
     found = []
-    for task, where, d in differences:
-        if d.effect < 0 and d.is_real(len(differences)):
-            message = f"the score{where} is {-d.effect:.2f} below that of the baseline"
-            found.append(Flag(kind="regression", task=task, message=message, effect=d.effect, low=d.low, high=d.high))
+    for (task, which), d in _differences(names, list(rows.values()), is_first, only_below=True):
+        where = " on twins" if which == "twin" else ""
+        message = f"the score{where} is {-d.effect:.2f} below that of the baseline"
+        if d.effect < 0:
+            found.append(_difference_flag("regression", task, message, d, len(names)))
     return found
 
 

@@ -16,7 +16,7 @@ import taskspec
 from taskspec.exam import BudgetSpent, Case, NotGranted, examine, read, score_rows
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.verdicts import mean_score
-from taskspec.rollout.statistics import rate_interval, seeds_interval
+from taskspec.rollout.statistics import differences, rate_interval, seeds_interval
 from tests.learners import counting
 from tests.shared.commands import Done, spec
 
@@ -420,9 +420,40 @@ def test_intervals_of_scores_with_two_values_are_those_of_the_share() -> None:
     assert seeds_interval(sample) == pytest.approx(tuple(theirs))
 
 
+def test_five_broken_seeds_of_six_are_flagged_and_equal_scores_are_not() -> None:
+    is_first = np.repeat([True, False], 6)
+    broken = np.array([0.0] * 5 + [1.0] * 7)[:, None]
+    (found,) = differences(broken, is_first, only_below=True)
+    assert found.is_real and found.p_value == pytest.approx(7 / 924)  # 7 of 924 choices of six have five zeros
+    tasks = np.hstack([broken, np.ones((12, 9))])
+    real = [each.is_real for each in differences(tasks, is_first, only_below=True)]
+    assert real == [True] + [False] * 9
+    assert not any(each.is_real for each in differences(np.ones((12, 3)), is_first))
+
+
+def test_small_differences_on_all_tasks_are_flagged_together() -> None:
+    scores = np.random.default_rng(0).normal(size=(12, 8))
+    is_first = np.repeat([True, False], 6)
+    assert not any(each.is_real for each in differences(scores, is_first))
+    scores[:6] -= 0.9
+    real = [each for each in differences(scores, is_first) if each.is_real]
+    assert len(real) == 1 and real[0].is_together
+
+
+def test_permutation_tests_are_those_of_scipy() -> None:
+    rng = np.random.default_rng(4)
+    now = rng.normal(size=5)
+    then = rng.normal(size=6) + 1
+    (found,) = differences(np.concatenate([now, then])[:, None], np.arange(11) < 5)
+    theirs = scipy.stats.permutation_test((now, then), lambda a, b: abs(a.mean() - b.mean()), alternative="greater")
+    assert found.p_value == pytest.approx(theirs.pvalue)
+    ends = scipy.stats.ttest_ind(now, then, equal_var=False).confidence_interval()
+    assert (found.low, found.high) == pytest.approx(tuple(ends))
+
+
 def test_twins_that_differed_in_the_baseline_are_no_news(tmp_path: Path) -> None:
     for name in ("before", "after"):
-        out, asked = tmp_path / name, {"tasks": ["EarlyTermPos", "Branching"], "seeds": 3}
+        out, asked = tmp_path / name, {"tasks": ["EarlyTermPos", "Branching"], "seeds": 5}
         found = examine(
             counting.clone_off_by_one, out=out, against=tmp_path / "before" if name == "after" else None, **asked
         )
@@ -430,7 +461,7 @@ def test_twins_that_differed_in_the_baseline_are_no_news(tmp_path: Path) -> None
 
 
 def test_a_learner_that_peeks_is_flagged() -> None:
-    found = examine(counting.q_peeking, tasks=["EarlyTermPos", "EarlyTermNeg", "RiskyPath"], seeds=2, twins=0)
+    found = examine(counting.q_peeking, tasks=["EarlyTermPos", "EarlyTermNeg", "RiskyPath"], seeds=5, twins=0)
     assert {kind for kind, _ in flagged(found)} == {"peeks"}
 
 
@@ -440,7 +471,7 @@ def test_one_seed_tells_nothing_of_others() -> None:
 
 
 def test_what_has_become_worse_is_flagged_against_an_earlier_exam(tmp_path: Path) -> None:
-    options = ("-t", "EarlyTermPos,InitShiftLearner", "--seeds", "3", "--steps", "3k", "--twins", "1")
+    options = ("-t", "EarlyTermPos,InitShiftLearner", "--seeds", "5", "--steps", "3k", "--twins", "1")
     status, before = held(tmp_path / "before", "q_learning", *options)
     assert status == 0 and flagged(before) == set()
     status, same = held(tmp_path / "again", "q_learning", *options, "--against", str(tmp_path / "before"))

@@ -121,9 +121,13 @@ def compile_scalar(task: Task) -> ScalarProgram:
     invariants = Invariants.of(b, task, observation.form == "box" and bool(observation.shape))
     roots = invariants.replaced(b, (*task.next, task.reward, task.terminal))
     seen = () if invariants.observation else invariants.replaced(b, task.next_observation)
-    cold = cold_components(task, (*roots, *seen))
-    cold = frozenset() if task.info and not sees_state(task, observation) else cold
-    initial = [b.scalar(0) if c.name in cold else n for c, n in zip(task.state, task.initial, strict=True)]
+    cold: frozenset[str] = frozenset()
+    if not task.info or sees_state(task, observation):
+        cold = cold_components(task, (*roots, *seen))
+    initial = list(task.initial)
+    for i, c in enumerate(task.state):
+        if c.name in cold:
+            initial[i] = b.scalar(0)
     rows = 1 + invariants.observation + (invariants.observation and is_kept(task) and sees_state(task, observation))
     first = (*initial, *invariants.at_reset)
     reset = Phase.of(b, first, task.first_observation, observation, task.reset_words, rows)
