@@ -173,8 +173,11 @@ def make_vec(
     if isinstance(instance_seed, Sequence):
         return _of_instances(source, variant, instance_seed, num_envs, {**parameters, "modifiers": modifiers}, options)
     given = {**parameters, "modifiers": modifiers}
-    given |= {} if instance_seed is None else {"instance_seed": instance_seed}
-    return VectorEnvironment(_loaded(source, variant, given), 1 if num_envs is None else num_envs, **options)
+    if instance_seed is not None:
+        given["instance_seed"] = instance_seed
+    if num_envs is None:
+        num_envs = 1
+    return VectorEnvironment(_loaded(source, variant, given), num_envs, **options)
 
 
 def _loaded(source: TaskLike, variant: str | None, given: Mapping[str, Any]) -> Task:

@@ -11,10 +11,10 @@ import re
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 from taskspec.base import ids
-from taskspec.base.diagnostics import SpecError, spec_error, suggest
+from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.records import dataclass
 from taskspec.source import scan
 
@@ -115,7 +115,9 @@ def load(
         SpecError: unknown id, or any mistake in the spec, each with its place; modifiers that the task cannot be given.
     """
     found = _found(source, variant, parameters)
-    wanted = [*(instance(source).modifiers if isinstance(source, str) else ()), *listed(modifiers)]
+    wanted = listed(modifiers)
+    if isinstance(source, str):
+        wanted = (*instance(source).modifiers, *wanted)
     if not wanted:
         return found
     from taskspec.modifiers import modify
@@ -137,6 +139,7 @@ def listed(modifiers: Any) -> tuple[Written, ...]:
 
 def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) -> Task:
     """Return what `load` gives before any more modifiers."""
+    from taskspec.task.build import build
     from taskspec.task.task import Task
 
     if not isinstance(source, Task | str | os.PathLike):
@@ -147,26 +150,31 @@ def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) ->
         raise spec_error("E211", f"a variant is named by a text, not by {given!r}", hint)
     if isinstance(source, Task):
         return _changed(source, variant, parameters)
-    asked = instance(source) if isinstance(source, str) else ids.InstanceId(str(Path(source)), {})
+    if isinstance(source, str):
+        asked = instance(source)
+    else:
+        asked = ids.InstanceId(str(Path(source)), {})
     for name in parameters:
         if name in asked.parameters:
             raise spec_error("E713", f"'{name}' is given in the id and separately; give it once")
     parameters = {**asked.parameters, **parameters}
     if not isinstance(source, str) or is_path(asked.name):
-        return _built(document(asked.name), variant, parameters, suite_of(Path(asked.name)))
+        return build(document(asked.name), variant, parameters, suite_of(Path(asked.name)))
     entry = find(asked.name)
     is_shipped = shipped().get(entry.id) is entry
-    return _built(document(str(entry.path)), variant or entry.variant, parameters, entry.suite, is_shipped)
+    variant = variant or entry.variant
+    return build(document(str(entry.path)), variant, parameters, entry.suite, well_formed=is_shipped)
 
 
 def instance(source: str) -> ids.InstanceId:
-    """Return what an id or a path names, with the parameters and modifiers behind it; a file that is there is called as it
-    is called.
+    """Return what an id or a path names, with the parameters and modifiers behind it.
 
     Raises:
         SpecError: E713 for something else than values behind it.
     """
-    return ids.InstanceId(source, {}) if is_path(source) else ids.parse(source)
+    if is_path(source):
+        return ids.InstanceId(source, {})
+    return ids.parse(source)
 
 
 def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Task:
@@ -174,11 +182,13 @@ def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Tas
     if variant is None and not parameters:
         return task
     from taskspec.modifiers import modify
+    from taskspec.task.build import build
 
     names = {p.alias: p.name for p in task.parameters}
     given = {names.get(name, name): value for name, value in parameters.items()}
-    values = {**({} if variant else task.given), **given}
-    return modify(_built(task.document, variant or task.variant, values, task.suite), *task.modifiers)
+    if not variant:
+        given = {**task.given, **given}
+    return modify(build(task.document, variant or task.variant, given, task.suite), *task.modifiers)
 
 
 def is_path(name: str) -> bool:
@@ -209,54 +219,34 @@ def find(task_id: str) -> Entry:
     raise spec_error("E701", f"there is no task '{task_id}'", hint)
 
 
+_documents: dict[str, tuple[Document, list[tuple[int, int]]]] = {}
+"""Documents by path, each with the states of its files when it was read."""
+
+
 def document(path: str) -> Document:
-    """Return the document of a file as it is now, which is read once.
+    """Return the document of a file as it is now; it is read again if the file, or one that it extends, has changed.
 
     Raises:
         SpecError: when it cannot be read.
     """
-    return _document(path, _version(path))
+    from taskspec.source import read_file
+
+    if path in _documents:
+        known, states = _documents[path]
+        if states == [_state_of(file) for file in (path, *known.files)]:
+            return known
+    before = _state_of(path)
+    found = read_file(path)
+    _documents[path] = (found, [before, *(_state_of(file) for file in found.files)])
+    return found
 
 
-_Version: TypeAlias = tuple[tuple[int, int], ...]
-"""What tells one state of a file, and of those that it extends, from another."""
-
-
-def _version(path: str) -> _Version:
-    """Return the version of a file as it is now."""
-    files: tuple[str, ...] = ()
-    while True:
-        version = tuple(map(_stamp, (path, *files)))
-        try:
-            found = _document(path, version).files
-        except SpecError:
-            return version  # the build says what is wrong
-        if found == files:
-            return version
-        files = found
-
-
-def _stamp(path: str) -> tuple[int, int]:
+def _state_of(file: str) -> tuple[int, int]:
     try:
-        found = Path(path).stat()
+        found = Path(file).stat()
     except (OSError, ValueError):
         return 0, 0  # reading it will say what is wrong
     return found.st_mtime_ns, found.st_size
-
-
-def _built(
-    document: Document, variant: str | None, parameters: Mapping[str, Any], suite: str, well_formed: bool = False
-) -> Task:
-    from taskspec.task.build import build
-
-    return build(document, variant, parameters, suite, well_formed=well_formed)
-
-
-@lru_cache(maxsize=64)
-def _document(path: str, version: _Version) -> Document:
-    from taskspec.source import read_file
-
-    return read_file(path)
 
 
 def suite_of(path: Path) -> str:

@@ -53,9 +53,8 @@ def tasks_of(target: str, variant: str | None, parameters: Sequence[str], modifi
         SpecError: no such task, a folder, a bad parameter or modifier, or any mistake in the spec.
     """
     if Path(target).is_dir():
-        raise spec_error(
-            "E711", f"'{target}' is a folder; this command takes one task", "`taskspec list FOLDER` shows what is in it"
-        )
+        hint = "`taskspec list FOLDER` shows what is in it"
+        raise spec_error("E711", f"'{target}' is a folder; this command takes one task", hint)
     return [registry.load(target, variant, modifiers=modifiers, **values) for values in settings(parameters)]
 
 
@@ -78,51 +77,46 @@ def files_of(targets: Sequence[str], parameters: Sequence[str] = (), modifiers: 
         SpecError: E701, E710 when one of them is nothing of the kind, or a folder without specs; E713 as `settings`.
     """
     if targets:
-        found = _joined([file for target in targets for file in _files(target)])
+        found = [file for target in targets for file in _files(target)]
     else:
-        found = _joined(_of_entries(registry.known().values(), whole=True))
-    return [file.at(values, modifiers) for file in found for values in settings(parameters)]
+        found = _suites(registry.known().values())
+    return [file.at(values, modifiers) for file in _joined(found) for values in settings(parameters)]
 
 
 def others_of(targets: Sequence[str]) -> list[tuple[Path, scan.Kind]]:
     """Return the files behind targets that are not specs, kind by kind; without targets, those of all suites."""
-    if targets:
-        found = dict.fromkeys(other for target in targets for other in _others(target))
-    else:
-        found = dict.fromkeys(
-            other for folder in sorted(registry.tasks_root().iterdir()) for other in _below(near(folder))
-        )
-    return sorted(found, key=lambda other: OTHERS.index(other[1]))
+    found: list[tuple[Path, scan.Kind]] = []
+    if not targets:
+        for folder in sorted(registry.tasks_root().iterdir()):
+            found += _below(near(folder))
+    for target in targets:
+        suite = registry.tasks_root() / target
+        kind = kind_of(target)
+        if kind is not None:
+            found.append((Path(target), kind))
+        elif Path(target).is_dir():
+            found += _below(Path(target))
+        elif target.isidentifier() and suite.is_dir():
+            found += _below(near(suite))
+    known = dict.fromkeys(other for other in found if other[1] in OTHERS)
+    return sorted(known, key=lambda other: OTHERS.index(other[1]))
 
 
 def kind_of(target: str) -> scan.Kind | None:
     """Return the kind of the file that a target names; None where it names none."""
     path = Path(target)
-    return scan.kind(path.read_text(encoding="utf-8", errors="replace")) if path.is_file() else None
+    if not path.is_file():
+        return None
+    return scan.kind(path.read_text(encoding="utf-8", errors="replace"))
 
 
-def _others(target: str) -> list[tuple[Path, scan.Kind]]:
-    path = Path(target)
-    suite = registry.tasks_root() / target
-    kind = kind_of(target)
-    if kind is not None:
-        return [(path, kind)] if kind in OTHERS else []
-    if path.is_dir():
-        return _below(path)
-    return _below(near(suite)) if target.isidentifier() and suite.is_dir() else []
-
-
-def _below(folder: Path) -> list[tuple[Path, scan.Kind]]:
-    """Return the experiments, exams and findings of a folder and of two levels of sub-folders."""
-    folders = [folder]
-    for inside in _inside(folder):
-        folders += [inside, *_inside(inside)]
-    return [found for each in folders for found in registry.files_in(each) if found[1] in OTHERS]
-
-
-def _inside(folder: Path) -> list[Path]:
-    """Return the visible folders in a folder, sorted by name."""
-    return sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith("."))
+def _below(folder: Path, depth: int = 2) -> list[tuple[Path, scan.Kind]]:
+    """Return the YAML files of a folder and of so many levels of visible sub-folders, and what each of them holds."""
+    found = registry.files_in(folder)
+    for inside in sorted(folder.iterdir()) if depth else ():
+        if inside.is_dir() and not inside.name.startswith("."):
+            found += _below(inside, depth - 1)
+    return found
 
 
 def _files(target: str) -> list[File]:
@@ -136,29 +130,24 @@ def _files(target: str) -> list[File]:
         return [File(path, registry.suite_of(path))] if kind_of(target) in (None, "taskspec") else []
     suite = [e for e in registry.known().values() if e.suite == target]
     if suite:
-        return _of_entries(suite, whole=True)
+        return _suites(suite)
     if target.startswith((".", "/", "~")) or target.endswith("/"):
         raise spec_error("E710", f"there is no file or folder '{target}'")
-    return _of_entries([registry.find(target)], whole=False)
+    entry = registry.find(target)
+    return [File(near(entry.path), entry.suite, (entry.variant,))]
 
 
 def _of_folder(folder: Path) -> list[File]:
     """Return the specs of a folder and of its sub-folders."""
-    found = [
-        File(path, registry.suite_of(path))
-        for each in (folder, *_inside(folder))
-        for path, kind in registry.files_in(each)
-        if kind == "taskspec"
-    ]
-    if not found and not _below(folder):
-        raise spec_error(
-            "E710", f"there is no spec (*.yaml) in '{folder}'", "`taskspec new Name` writes one to start from"
-        )
+    found = [File(path, registry.suite_of(path)) for path, kind in _below(folder, 1) if kind == "taskspec"]
+    if not found and not any(kind in OTHERS for _, kind in _below(folder)):
+        hint = "`taskspec new Name` writes one to start from"
+        raise spec_error("E710", f"there is no spec (*.yaml) in '{folder}'", hint)
     return found
 
 
-def _of_entries(entries: Iterable[registry.Entry], whole: bool) -> list[File]:
-    return [File(near(e.path), e.suite, None if whole else (e.variant,)) for e in entries]
+def _suites(entries: Iterable[registry.Entry]) -> list[File]:
+    return [File(near(e.path), e.suite) for e in entries]
 
 
 def _joined(files: Iterable[File]) -> list[File]:
@@ -166,10 +155,8 @@ def _joined(files: Iterable[File]) -> list[File]:
     merged: dict[tuple[Path, str], File] = {}
     for file in files:
         key = (file.path.resolve(), repr((file.parameters, file.modifiers)))
-        old = merged.get(key)
-        if old is None:
-            merged[key] = file
-        elif old.variants is None or file.variants is None:
+        old = merged.setdefault(key, file)
+        if old.variants is None or file.variants is None:
             merged[key] = replace(old, variants=None)
         else:
             merged[key] = replace(old, variants=tuple(dict.fromkeys((*old.variants, *file.variants))))
@@ -194,14 +181,14 @@ def settings(texts: Sequence[str]) -> list[dict[str, Any]]:
     for text in texts:
         name = ""
         for part in text.split(","):
-            left, sign, right = part.partition("=")
-            name, value = (left.strip(), right.strip()) if sign else (name, left.strip())
+            value = part.strip()
+            if "=" in part:
+                name, value = map(str.strip, part.split("=", 1))
+                if name in values:
+                    raise spec_error("E713", f"parameter '{name}' is given twice", f"several values: -p {name}=1,2")
             if not name.isidentifier() or not value:
-                raise spec_error(
-                    "E713", f"'-p {text}' is not of the form name=value", "for example: -p L=20, or -p L=5,10,20"
-                )
-            if sign and name in values:
-                raise spec_error("E713", f"parameter '{name}' is given twice", f"several values: -p {name}=1,2")
+                hint = "for example: -p L=20, or -p L=5,10,20"
+                raise spec_error("E713", f"'-p {text}' is not of the form name=value", hint)
             values.setdefault(name, []).append(ids.read_value(value))
     return [dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())]
 
@@ -258,8 +245,8 @@ def tasks_in(files: Iterable[File]) -> Iterator[Task | SpecError]:
         try:
             variants = variants_of(file)
         except SpecError as error:
+            variants = []
             yield error
-            continue
         for variant in variants:
             try:
                 yield task_in(file, variant)

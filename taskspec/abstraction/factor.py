@@ -167,8 +167,8 @@ Terms = dict[int, tuple[Node, int]]
 class LinearForms:
     """Normal forms of integer expressions of one task, in which `g - (p + m)` is `(g - p) - m`; equal forms are one node.
 
-    Sums become one sum with its terms in a fixed order. Equalities and `abs` do not depend on the sign of their argument, nor
-    comparisons on the side on which a term stands. Sums of reals, which round, are left as they are.
+    Sums become one sum with its terms in a fixed order, and comparisons do not depend on the side on which a term stands. Sums
+    of reals, which round, are left as they are.
     """
 
     def __init__(self, builder: Builder) -> None:
@@ -213,12 +213,7 @@ class LinearForms:
         match node:
             case Apply(op="add" | "sub" | "neg" | "mul") if node.type.kind is Kind.INT:
                 return self._sum(*self.terms(node))
-            case Apply(op="abs", args=(inner,)) if whole:
-                return self.builder.apply("abs", self._unsigned(inner))
-            case Apply(op="eq" | "ne" as op, args=(left, right)) if whole:
-                difference = self._unsigned(self._difference(left, right))
-                return self.builder.apply(op, self._zero(difference), difference)
-            case Apply(op="lt" | "le" as op, args=(left, right)) if whole:
+            case Apply(op="eq" | "ne" | "lt" | "le" as op, args=(left, right)) if whole:
                 difference = self._difference(right, left)
                 return self.builder.apply(op, self._zero(difference), difference)
             case Apply(op="where" | "min2" | "max2") if node.type.kind is Kind.INT:
@@ -247,14 +242,6 @@ class LinearForms:
             return node
         chosen = b.apply(node.op, *condition, self._zero(node), self._difference(other, one))
         return self._sum(_added(terms, {id(chosen): (chosen, 1)}, 1), rest)
-
-    def _unsigned(self, node: Node) -> Node:
-        """Return the expression or its negative: the one whose first factor is positive."""
-        terms, rest = self.terms(node)
-        first = min(terms, key=self._place, default=None)
-        if first is None or terms[first][1] > 0:
-            return node
-        return self._sum(_added({}, terms, -1), self.builder.apply("neg", rest))
 
     def _moved(self, node: Apply) -> Node:
         """Apply an operator that selects elements to each term of a sum."""

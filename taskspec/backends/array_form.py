@@ -159,7 +159,9 @@ class ArrayForm:
 
     def _const(self, node: Const) -> str:
         """Return a number as source, an array by name."""
-        return literal(plain(node.value)) if node.type.is_scalar else self._held(node)
+        if node.type.is_scalar:
+            return literal(plain(node.value))
+        return self._held(node)
 
     def _held(self, node: Const) -> str:
         """Return the name of a constant array."""

@@ -216,7 +216,10 @@ class LaneEmitter:
 
     def _fill(self, template: str, args: Sequence[str]) -> str:
         """Return a template over arguments; one that is named twice gets a name of its own first."""
-        named = [a if template.count(f"{{{i}}}") < 2 else self.assign(a) for i, a in enumerate(args)]
+        named = list(args)
+        for i, arg in enumerate(args):
+            if template.count(f"{{{i}}}") > 1:
+                named[i] = self.assign(arg)
         text = template.format(*named)
         return self.assign(text) if len(text) > 110 else text
 

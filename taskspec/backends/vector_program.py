@@ -117,25 +117,29 @@ class Buffers:
     def lanes(self) -> int:
         return len(self.seeds)
 
-    def _map(self, function: Callable[[Array], Any]) -> dict[str, Any]:
-        """Return what a function makes of every array, by attribute."""
-        found: dict[str, Any] = {}
-        for name, held in vars(self).items():
+    def arrays(self) -> list[Array]:
+        """Return all arrays, in a fixed order."""
+        found: list[Array] = []
+        for held in vars(self).values():
             if isinstance(held, Values):
-                found[name] = Values(held.layout, tuple(map(function, held.parts)))
+                found += held.parts
+            elif isinstance(held, tuple):
+                found += held
             else:
-                found[name] = tuple(map(function, held)) if name == "state" else function(held)
+                found.append(held)
         return found
 
     def part(self, lanes: slice) -> Buffers:
         """Return a range of the lanes, sharing memory."""
-        return Buffers(**self._map(lambda array: array[..., lanes]))
-
-    def nbytes(self) -> int:
-        """Return bytes of all arrays."""
-        sizes: list[int] = []
-        self._map(lambda array: sizes.append(array.nbytes))
-        return sum(sizes)
+        found: dict[str, Any] = {}
+        for name, held in vars(self).items():
+            if isinstance(held, Values):
+                found[name] = Values(held.layout, tuple(part[..., lanes] for part in held.parts))
+            elif isinstance(held, tuple):
+                found[name] = tuple(part[..., lanes] for part in held)
+            else:
+                found[name] = held[lanes]
+        return Buffers(**found)
 
 
 # -- actions --------------------------------------------------------------------------------------------------------

@@ -233,10 +233,7 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
 
 
 def render(
-    diagnostics: Iterable[Diagnostic],
-    format: Format = "text",
-    color: bool = False,
-    width: int | None = None,
+    diagnostics: Iterable[Diagnostic], format: Format = "text", color: bool = False, width: int | None = None
 ) -> str:
     """Render diagnostics as text, as a JSON array, or as GitHub workflow commands.
 

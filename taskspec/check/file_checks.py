@@ -33,18 +33,14 @@ class Finding:
     """The result of checking one task.
 
     `how` says in a few words how soundness was decided, `method` in full. `cases` counts the other parameter values that
-    were tried, `proved` and `tested` the claims of these statuses (`exact.statuses`), which `verdicts` has one by one, as
-    `--json` writes them.
-    `accepted` are the warnings that the spec gives a reason for, which are not among the `diagnostics`.
+    were tried; `verdicts` and `symmetries` are as `--json` writes them. `accepted` are the warnings that the spec gives a
+    reason for, which are not among the `diagnostics`.
     """
 
     diagnostics: tuple[Diagnostic, ...]
     how: str = ""
     method: str = ""
     cases: int = 0
-    claims: int = 0
-    proved: int = 0
-    tested: int = 0
     skipped: str | None = None
     accepted: tuple[Accepted, ...] = ()
     examples: int = 0
@@ -55,13 +51,12 @@ class Finding:
     @property
     def claims_words(self) -> str:
         """The number of claims that are proved, as `8 proved`; `3 (2 tested)` are three with one that is proved."""
-        return _words(self.claims, self.proved, self.tested)
+        return _words(self.verdicts)
 
     @property
     def symmetries_words(self) -> str:
         """The same of symmetries."""
-        statuses = [each["status"] for each in self.symmetries]
-        return _words(len(statuses), statuses.count("proved"), statuses.count("tested"))
+        return _words(self.symmetries)
 
     @property
     def examples_words(self) -> str:
@@ -71,11 +66,14 @@ class Finding:
         return str(self.examples or "")
 
 
-def _words(count: int, proved: int, tested: int) -> str:
-    if count > proved + tested:
-        return f"{count - proved - tested} failed"
+def _words(records: Sequence[dict[str, Any]]) -> str:
+    statuses = Counter(record["status"] for record in records)
+    proved = statuses["proved"]
+    tested = statuses["tested"]
+    if len(records) > proved + tested:
+        return f"{len(records) - proved - tested} failed"
     if proved and tested:
-        return f"{count} ({tested} tested)"
+        return f"{len(records)} ({tested} tested)"
     if proved:
         return f"{proved} proved"
     return f"{tested} tested" * bool(tested)
@@ -83,7 +81,6 @@ def _words(count: int, proved: int, tested: int) -> str:
 
 def finding(report: Report, examples: int) -> Finding:
     """Summarise a report in which so many examples were checked."""
-    statuses = [verdict.status for verdict in report.verdicts]
     method = report.method
     how = f"{method.points:,} samples"
     if method.exact:
@@ -101,9 +98,8 @@ def finding(report: Report, examples: int) -> Finding:
             {"symmetry": each.symmetry.name, "status": status, "detail": each.problem or "", "points": each.points}
         )
     return Finding(
-        report.diagnostics, how, str(method), len(report.cases), len(statuses), statuses.count("proved"),
-        statuses.count("tested"), report.skipped, report.accepted, examples, len(report.wrong_examples), claims,
-        tuple(symmetries),
+        report.diagnostics, how, str(method), len(report.cases), report.skipped, report.accepted, examples,
+        len(report.wrong_examples), claims, tuple(symmetries),
     )  # fmt: skip
 
 

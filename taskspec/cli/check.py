@@ -250,10 +250,11 @@ def _record(path: str, each: Checked) -> dict[str, Any]:
 
     errors, warnings = counts(each.diagnostics)
     found = each.finding
+    statuses = [verdict["status"] for verdict in found.verdicts]
     return {
         "id": each.id, "name": each.name, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
-        "method": found.method, "other_parameter_values": found.cases, "claims_proved": found.proved,
-        "claims_tested": found.tested, "claims": found.verdicts, "examples": found.examples,
+        "method": found.method, "other_parameter_values": found.cases, "claims_proved": statuses.count("proved"),
+        "claims_tested": statuses.count("tested"), "claims": found.verdicts, "examples": found.examples,
         "examples_wrong": found.wrong_examples, "skipped": found.skipped, "symmetries": found.symmetries,
         "seconds": round(each.seconds, 6),
     }  # fmt: skip

@@ -79,8 +79,7 @@ def preferences(
     pairs: Annotated[int, typer.Option("--pairs", "-n", min=1, help="How many pairs the teacher is shown.")] = 100,
     policy: PolicyName = "random",
     length: Annotated[
-        int | None,
-        typer.Option("--length", min=1, metavar="K", help="Steps of a segment; whole episodes by default."),
+        int | None, typer.Option("--length", min=1, metavar="K", help="Steps of a segment; whole episodes by default.")
     ] = None,
     teacher: TeacherName = "noiseless",
     seed: Seed = 0,

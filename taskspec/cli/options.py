@@ -165,10 +165,7 @@ Targets = Annotated[
         autocompletion=complete_targets, show_default=False,
     ),
 ]  # fmt: skip
-Variant = Annotated[
-    str | None,
-    typer.Option("--variant", "-v", metavar="NAME", help="A variant of the spec."),
-]
+Variant = Annotated[str | None, typer.Option("--variant", "-v", metavar="NAME", help="A variant of the spec.")]
 Parameters = Annotated[
     list[str] | None,
     typer.Option(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from taskspec.task.schema.experiments import Experiment
 
 FORMATS = ("html", "png", "pdf", "svg", "parquet")
-GRADES = {"masters": "good", "unsure": "warn", "fails": "bad"}
+GRADES = {"masters": "good", "passes": "warn", "unsure": "warn", "fails": "bad"}
 OUTCOMES = {"confirmed": "good", "refuted": "bad", "undecided": "warn", "not run": "quiet"}
 Folders = Annotated[
     list[Path],
@@ -100,6 +100,7 @@ def _exams_in(folder: Path) -> list[Path]:
 def print_exam(exam: Mapping[str, Any], out: Console | None = None) -> None:
     """Print verdicts, a heat map of scores, diagnoses and flags of an exam, as `exam.json` holds it."""
     from taskspec.exam import score_rows as rows
+    from taskspec.exam.learned import learned_notes
 
     out = out or console()
     out.print(line((exam["learner"], "title"), (f"  {rows.headline(exam)}", "quiet")))
@@ -117,6 +118,8 @@ def print_exam(exam: Mapping[str, Any], out: Console | None = None) -> None:
         out.print()
     for flag in exam["flags"]:
         out.print(line((flag["kind"], "bad"), " ", (flag["task"], "name"), f": {flag['message']}"))
+    for text in learned_notes(exam["scores"]):
+        out.print(VisibleText(text, style="quiet"))
     for text in rows.left_out(exam):
         out.print(VisibleText(f"it cannot learn {text}", style="quiet"))
     out.print()
@@ -145,7 +148,10 @@ def _exam_table(exam: Mapping[str, Any]) -> Table:
         for row in found:
             if row.capability != capability:
                 continue
-            ends = interval(*row.printed.interval) if len(row.printed.scores) > 1 else ""
+            count = len(row.printed.scores)
+            ends = ""
+            if count > 1:  # equal scores have no interval
+                ends = interval(*row.printed.interval) or f"{row.printed.passed}/{count} pass"
             constant = SeedCell(() if row.constant is None else (row.constant,))
             others = [_shaded(cell) for cell in (row.twins, row.drawn, constant)]
             table.add_row(f"  {row.name}", _shaded(row.printed), ends, *others)

@@ -43,8 +43,7 @@ Render = Annotated[
     ),
 ]
 FilmFile = Annotated[
-    Path | None,
-    options.file_option("--output", "-o", help="The video, .gif or .mp4; named after the task by default."),
+    Path | None, options.file_option("--output", "-o", help="The video, .gif or .mp4; named after the task by default.")
 ]
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 from zipfile import BadZipFile
 
 import numpy as np
@@ -24,12 +24,7 @@ from taskspec.data.preferences import Preferences
 from taskspec.making import made_by
 from taskspec.model.model import misused
 
-if TYPE_CHECKING:
-    from taskspec.data.episodes import Demonstrations
-
-# Checks of data that was read from a file: every array has its shape and type, and the rows make up episodes.
-#
-# What is wrong is a `ValueError`, in words for people.
+# -- checks of data that was read from a file: a `ValueError` says what is wrong with the first array that is wrong ------
 
 REAL = (np.dtype(np.float64),)
 BOOL = (np.dtype(np.bool_),)
@@ -43,62 +38,36 @@ def check_transitions(data: Transitions) -> None:
     rows = len(data.rews) if np.ndim(data.rews) else 0
     if not rows:
         raise ValueError("it has no transitions")
-    _check("rews", data.rews, REAL, (rows,))
-    if not np.isfinite(data.rews).all():
-        row = int(np.argmin(np.isfinite(data.rews)))
-        raise ValueError(f"`rews` is {data.rews[row]} in row {row}")
-    _check("terminated", data.terminated, BOOL, (rows,))
-    _check("truncated", data.truncated, BOOL, (rows,))
-    _check("episode", data.episode, WHOLE, (rows,))
-    _check("time", data.time, WHOLE, (rows,))
-    _check("acts", data.acts, SPACE, (rows, *np.shape(data.acts)[1:]))
-    _check_seen(data, rows)
-    _check_steps(data)
-
-
-def _check_seen(data: Transitions, rows: int) -> None:
-    """Check that observations before and after a step are of the same kind."""
+    for name, types in {"rews": REAL, "terminated": BOOL, "truncated": BOOL, "episode": WHOLE, "time": WHOLE}.items():
+        _check(name, getattr(data, name), types, (rows,))
     before = _parts("obs", data.obs)
     after = _parts("next_obs", data.next_obs)
     if [name.removeprefix("next_") for name in after] != list(before):
         raise ValueError(f"observations are {', '.join(before)} before a step and {', '.join(after)} after it")
-    for (name, part), (next_name, next_part) in zip(before.items(), after.items(), strict=True):
+    for name, part in {"acts": data.acts, **before}.items():
         _check(name, part, SPACE, (rows, *np.shape(part)[1:]))
-        _check(next_name, next_part, (part.dtype,), part.shape)
-
-
-def _parts(name: str, seen: Any) -> dict[str, Array]:
-    """Return the arrays of observations, by the names that they have in files."""
-    if isinstance(seen, dict):
-        return {f"{name}.{key}": seen[key] for key in sorted(seen)}
-    return {name: seen}
-
-
-def _check_steps(data: Transitions) -> None:
-    """Check the order of steps and of episodes."""
-    change = np.diff(data.episode)
-    if data.episode[0] < 0 or (change < 0).any():
-        raise ValueError("`episode` is negative somewhere, or falls from one row to the next")
-    inside = change == 0
-    wrong = inside & (np.diff(data.time) != 1)
-    if data.time.min() < 0 or wrong.any():
-        raise ValueError("`time` does not count the steps of an episode")
-    if (data.dones[:-1] & inside).any():
-        row = int(np.argmax(data.dones[:-1] & inside))
-        raise ValueError(f"episode {data.episode[row]} ends in row {row}, and has more steps after it")
+    for (name, part), old in zip(after.items(), before.values(), strict=True):
+        _check(name, part, (old.dtype,), old.shape)
+    inside = np.diff(data.episode) == 0
+    _refuse_rows(~np.isfinite(data.rews), "`rews` is {value} in row {row}", data.rews)
+    falls = np.diff(data.episode, prepend=0) < 0
+    _refuse_rows(
+        (data.episode < 0) | falls, "`episode` is negative somewhere, or falls from one row to the next", data.episode
+    )
+    inside = np.diff(data.episode) == 0
+    skips = inside & (np.diff(data.time) != 1)
+    _refuse_rows((data.time < 0) | np.append(skips, False), "`time` does not count the steps of an episode", data.time)
+    _refuse_rows(
+        data.dones[:-1] & inside, "episode {value} ends in row {row}, and has more steps after it", data.episode
+    )
 
 
 def check_whole(data: Transitions) -> None:
     """Check that the transitions are those of whole episodes."""
-    late = np.flatnonzero(data.time[data.starts] != 0)
-    if len(late):
-        raise ValueError(f"episode {data.episode[data.starts[late[0]]]} does not begin at time 0")
+    numbers = data.episode[data.starts]
     last = data.starts + data.lengths - 1
-    endless = np.flatnonzero(~data.dones[last])
-    if len(endless):
-        raise ValueError(
-            f"episode {data.episode[last[endless[0]]]} is neither terminated nor truncated in its last row"
-        )
+    _refuse_rows(data.time[data.starts] != 0, "episode {value} does not begin at time 0", numbers)
+    _refuse_rows(~data.dones[last], "episode {value} is neither terminated nor truncated in its last row", numbers)
 
 
 def check_pairs(segments: Transitions, preferences: Array, returns: Array, queries: Array) -> None:
@@ -115,6 +84,13 @@ def check_pairs(segments: Transitions, preferences: Array, returns: Array, queri
         raise ValueError("`returns` are not all finite")
 
 
+def _parts(name: str, seen: Any) -> dict[str, Array]:
+    """Return the arrays of observations, by the names that they have in files."""
+    if isinstance(seen, dict):
+        return {f"{name}.{key}": seen[key] for key in sorted(seen)}
+    return {name: seen}
+
+
 def _check(name: str, value: Any, types: tuple[np.dtype[Any], ...], shape: tuple[int, ...]) -> None:
     """Check the type and the shape of an array."""
     if not isinstance(value, np.ndarray):
@@ -125,9 +101,14 @@ def _check(name: str, value: Any, types: tuple[np.dtype[Any], ...], shape: tuple
         raise ValueError(f"`{name}` has the shape {value.shape}, not {shape}")
 
 
-# Data in files: NumPy's npz, Parquet, and the datasets of imitation and Minari.
+def _refuse_rows(wrong: Array, message: str, values: Array) -> None:
+    """Raise the message about the first row that is wrong, and its value."""
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise ValueError(message.format(row=row, value=values[row]))
 
-# Tables in Parquet: arrays as lists of fixed length, metadata under the key `taskspec`; pyarrow is imported here.
+
+# -- tables in Parquet: arrays as lists of fixed length, metadata under the key `taskspec`; pyarrow is imported here ----
 
 KEY = b"taskspec"
 
@@ -163,7 +144,7 @@ def _column(arrow: Any, values: Array | Sequence[Any]) -> Any:
     return arrow.FixedSizeListArray.from_arrays(arrow.array(values.reshape(-1)), math.prod(values.shape[1:]))
 
 
-# Demonstrations as a dataset of Minari, in a folder of its own.
+# -- demonstrations as a dataset of Minari, in a folder of its own ---------------------------------------------------
 
 EXTRA = "minari"
 _NAME = re.compile(r"[-_\w]*\w-v\d+")
@@ -200,7 +181,7 @@ def _episode(buffer: Any, t: Trajectory, number: int, seed: int) -> Any:
     )  # fmt: skip
 
 
-# Data in files: NumPy's npz, Parquet, and the datasets of imitation and of Minari. Written whole or not at all.
+# -- formats; data is written whole or not at all --------------------------------------------------------------------
 
 Data = Demonstrations | Preferences
 MARK = "taskspec.json"
@@ -333,8 +314,11 @@ def flat(data: Data) -> dict[str, Array]:
     segments = data.segments if isinstance(data, Preferences) else data
     found: dict[str, Array] = {}
     for name, value in columns(segments).items():
-        found |= {f"{name}.{key}": part for key, part in value.items()} if isinstance(value, dict) else {name: value}
-    return found | ({name: getattr(data, name) for name in PAIRS} if isinstance(data, Preferences) else {})
+        found |= _parts(name, value)
+    if isinstance(data, Preferences):
+        for name in PAIRS:
+            found[name] = getattr(data, name)
+    return found
 
 
 def _table(data: Data) -> dict[str, Array]:

@@ -15,7 +15,7 @@ import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
 from taskspec import draws
-from taskspec.backends.scalar import Clock, Failures, Lane, ScalarProgram, compile_scalar
+from taskspec.backends.scalar import Clock, Lane, ScalarProgram, compile_scalar
 from taskspec.envs import window
 from taskspec.envs.options import ENDINGS, ActionError, NotRunningError, one_of, seed_of, with_horizon
 from taskspec.envs.state import flat_state, overridden, plain_state
@@ -102,7 +102,10 @@ class Environment(gymnasium.Env[Any, Any]):
         elif self._seed is None:
             self._restart(int.from_bytes(os.urandom(8), "little"))
         result = self._lane.reset()
-        return result if override is None else (self._begin_at(override), {})
+        if override is None:
+            return result
+        self.state = override
+        return self._observe(self._values()), {}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Take a step: observation, reward, terminated, truncated, info.
@@ -123,7 +126,11 @@ class Environment(gymnasium.Env[Any, Any]):
             case "rgb_array":
                 return self._drawn()
             case "rgb_array_list":
-                return self._taken()
+                if self._seed is None:
+                    raise NotRunningError("E707: there is nothing to see before the first reset()")
+                frames = self._frames
+                self._frames = []
+                return frames
             case "human":
                 self._show()
 
@@ -139,17 +146,11 @@ class Environment(gymnasium.Env[Any, Any]):
         clock = self._clock
         return self._drawing.draw(self.task, state, clock.time, episode=clock.episodes)
 
-    def _taken(self) -> list[window.Frame]:
-        if self._seed is None:
-            raise NotRunningError("E707: there is nothing to see before the first reset()")
-        frames = self._frames
-        self._frames = []
-        return frames
-
     def _show(self) -> None:
         if self.render_mode == "rgb_array_list":
-            kept = [] if self.time == 0 else self._frames
-            self._frames = [*kept, self._drawn()]
+            if self.time == 0:
+                self._frames = []
+            self._frames.append(self._drawn())
             return
         if self._window is None:
             self._window = window.Window(self.task.id, self.metadata["render_fps"])
@@ -210,13 +211,8 @@ class Environment(gymnasium.Env[Any, Any]):
     def _clock(self) -> Clock:
         return Clock(*self._lane.get()[1])
 
-    def _begin_at(self, override: Mapping[str, Any]) -> Any:
-        """Override components of the first state, and observe the result with this episode's draws."""
-        self.state = override
-        return self._observe(self._values())
-
     def _observe(self, values: tuple[Any, ...]) -> Any:
-        """Return the observation of a state at time 0, by the reference interpreter."""
+        """Return the observation of a state at time 0 with this episode's draws, by the reference interpreter."""
         layout = self.task.reset_words
         assert self._seed is not None
         words = draws.words(self._seed, draws.RESET, self._clock.episodes - 1, layout.count)
@@ -233,8 +229,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self._start(seed, Clock())
 
     def _start(self, seed: int, clock: Clock) -> None:
-        failures = Failures(self._bad_action, self._not_running)
-        self._lane: Lane = self._program.start(seed, failures, clock)
+        self._lane: Lane = self._program.start(seed, clock, self._bad_action, self._not_running)
         reset = functools.partial(Environment.reset, self)
         if self.render_mode in ("human", "rgb_array_list"):
             self.__dict__.update(step=self._shown(self._lane.step), reset=self._shown(reset))

@@ -90,9 +90,7 @@ class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         before = copy.deepcopy(self._before)  # with `reuse` the step writes over it
         after, rewards, terminated, truncated, told = self._inside.step(actions)
         led_to = after
-        if "final_obs" in told and not isinstance(
-            after, dict
-        ):  # where an episode has begun within the step, its last one
+        if "final_obs" in told and not isinstance(after, dict):  # of an episode that ended in the step, the last one
             led_to = np.array(after)
             for lane in np.flatnonzero(terminated | truncated):
                 led_to[lane] = told["final_obs"][lane]
@@ -106,4 +104,6 @@ class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
 def _batch(seen: Any) -> Any:
     """Return an observation as a batch of one."""
-    return {name: [part] for name, part in seen.items()} if isinstance(seen, dict) else [seen]
+    if isinstance(seen, dict):
+        return {name: [part] for name, part in seen.items()}
+    return [seen]

@@ -101,7 +101,9 @@ class Sb3VecEnv(VecEnv):
                 last = of_lane(final, lane)
                 if isinstance(last, dict):
                     last = {name: np.asarray(part) for name, part in last.items()}
-                infos[lane]["terminal_observation"] = last if isinstance(last, dict) else np.asarray(last)
+                else:
+                    last = np.asarray(last)
+                infos[lane]["terminal_observation"] = last
                 infos[lane]["TimeLimit.truncated"] = bool(b.truncated[lane] and not b.terminated[lane])
         return self._seen(), b.reward.astype(np.float32), b.ended.copy(), infos
 
@@ -116,7 +118,9 @@ class Sb3VecEnv(VecEnv):
 
     def get_images(self) -> Sequence[Any]:
         """Return the picture of every lane; None without `render_mode="rgb_array"`."""
-        return self.env_method("render") if self.render_mode == "rgb_array" else [None] * self.num_envs
+        if self.render_mode != "rgb_array":
+            return [None] * self.num_envs
+        return self.env_method("render")
 
     # -- what SB3 asks of environments one by one -----------------------------------------------------------------
 

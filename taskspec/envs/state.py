@@ -49,9 +49,12 @@ def flat_state(task: Task, override: Mapping[str, Any], values: tuple[Any, ...])
         if name not in names:
             hint = suggest(str(name), names) or f"its components are {', '.join(names)}"
             raise StateError(f"E709: {task.id} has no state component {name!r}; {hint}")
-    return tuple(
-        _flat(c, override[c.name]) if c.name in override else v for c, v in zip(task.state, values, strict=True)
-    )
+    flat = []
+    for c, value in zip(task.state, values, strict=True):
+        if c.name in override:
+            value = _flat(c, override[c.name])
+        flat.append(value)
+    return tuple(flat)
 
 
 def _flat(c: Component, value: Any) -> Any:
@@ -78,9 +81,12 @@ def _flat(c: Component, value: Any) -> Any:
 
 
 def _label(c: Component, domain: Domain | None, value: str) -> int:
-    index = None if domain is None else domain.index(value)
+    if domain is None:
+        raise StateError(f"E709: {c.name} needs {_needs(c)}, not {value!r}")
+    index = domain.index(value)
     if index is None:
-        hint = f" ({suggest(value, domain.labels)})" if domain is not None and suggest(value, domain.labels) else ""
+        near = suggest(value, domain.labels)
+        hint = f" ({near})" if near else ""
         raise StateError(f"E709: {c.name} needs {_needs(c)}, not {value!r}{hint}")
     return index
 
@@ -90,8 +96,9 @@ def _needs(c: Component) -> str:
         return f"one of {', '.join(c.domain.labels)}"
     shape = f" of shape {list(c.type.shape)}" if c.type.shape else ""
     kind = {Kind.BOOL: "true or false", Kind.INT: "an int", Kind.REAL: "a real number"}[c.type.kind]
-    bounds = "" if c.type.kind is Kind.BOOL or not c.type.size else f" between {c.least:g} and {c.most:g}"
-    return f"{kind}{shape}{bounds}"
+    if c.type.kind is Kind.BOOL or not c.type.size:
+        return f"{kind}{shape}"
+    return f"{kind}{shape} between {c.least:g} and {c.most:g}"
 
 
 def overridden(options: Any) -> Mapping[str, Any] | None:
@@ -135,7 +142,11 @@ def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str,
         return {}
     before[~stepped] = after[~stepped] = 0
     found = {"old_state": before, "new_state": after}
-    return {key: value for name in task.info for key, value in ((name, found[name]), (f"_{name}", stepped))}
+    infos = {}
+    for name in task.info:
+        infos[name] = found[name]
+        infos[f"_{name}"] = stepped
+    return infos
 
 
 if TYPE_CHECKING:
@@ -196,7 +207,9 @@ KNOWN = ("task", "state", "time", "observation_space", "action_space", "render_m
 
 def of_lane(seen: Any, lane: int) -> Any:
     """Return the observation of one lane from those of all."""
-    return {name: part[lane] for name, part in seen.items()} if isinstance(seen, dict) else seen[lane]
+    if isinstance(seen, dict):
+        return {name: part[lane] for name, part in seen.items()}
+    return seen[lane]
 
 
 def ask_lane(lane: LaneView, name: str, *args: Any, **options: Any) -> Any:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -16,7 +17,7 @@ from gymnasium.vector.utils import batch_space
 from taskspec import draws
 from taskspec.backends import backend_table
 from taskspec.backends.backend_table import BackendName
-from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Mode, Options
+from taskspec.backends.vector_program import BadActionError, Buffers, Engine, LanesNotRunningError, Mode, Options
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import install_package
@@ -116,15 +117,12 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.render_mode: str | None = lane_render_mode(render_mode)
         self._spec: EnvSpec | None = None
         options = Options(_MODES[self.autoreset_mode.value], num_threads)
-        self._engine = backend_table.engine(self.task, num_envs, self.backend, options)
+        self._engine = self._start(options)
         self._same_step = self.autoreset_mode == AutoresetMode.SAME_STEP
         self._has_infos = bool(self.task.info) and not self._same_step
-        self._set_spaces()
         self._reuse = reuse
         self._seeded = False
         self._drawings: defaultdict[int, Frames] = defaultdict(Frames)
-
-    def _set_spaces(self) -> None:
         self.single_observation_space: gymnasium.Space[Any] = space(self._engine.observation)
         self.single_action_space: gymnasium.Space[Any] = space(self._engine.action)
         self.observation_space: gymnasium.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
@@ -134,6 +132,9 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._results = (b.reward, b.terminated, b.truncated)
         self._last = None if isinstance(self._seen, dict) else b.final.view()
 
+    def _start(self, options: Options) -> Engine:
+        return backend_table.engine(self.task, self.num_envs, self.backend, options)
+
     @property
     def source(self) -> str:
         """The generated code that steps the environments."""
@@ -142,7 +143,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
     @property
     def nbytes(self) -> int:
         """Bytes of the arrays that hold state, counters and results."""
-        return self._engine.buffers.nbytes()
+        return sum(array.nbytes for array in self._engine.buffers.arrays())
 
     # -- Gymnasium ------------------------------------------------------------------------------------------------
 
@@ -314,109 +315,81 @@ class InstanceLanes(VectorEnvironment):
         SpecError: E713, where the instances have different spaces.
     """
 
-    def __init__(self, tasks: Sequence[Task], **options: Any) -> None:
-        self.tasks: tuple[Task, ...] = tuple(tasks)
-        self.num_envs: int = len(tasks)
-        self._spec = None
-        lanes: dict[str, list[int]] = {}
-        for i, task in enumerate(tasks):
-            lanes.setdefault(task.content_hash, []).append(i)
-        self._where = [np.array(found) for found in lanes.values()]
-        self._parts = [VectorEnvironment(tasks[found[0]], len(found), **options) for found in lanes.values()]
-        first = self._parts[0]
-        self.task: Task = first.task
-        for part in self._parts:
-            for name in ("single_observation_space", "single_action_space"):
-                if getattr(part, name) != getattr(first, name):
-                    message = f"the instances have different spaces: {getattr(first, name)} and {getattr(part, name)}"
-                    raise invalid(f"{message}; declare bounds that hold for all")
-        self.metadata: dict[str, Any] = first.metadata
-        self.render_mode: str | None = first.render_mode
-        self.backend: str = first.backend
-        self.single_observation_space: gymnasium.Space[Any] = first.single_observation_space
-        self.single_action_space: gymnasium.Space[Any] = first.single_action_space
-        self.observation_space: gymnasium.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
-        self.action_space: gymnasium.Space[Any] = batch_space(self.single_action_space, self.num_envs)
-        self._seeded = False
+    def __init__(self, tasks: Sequence[Task], ending: Ending = "terminate", observe_time: bool = False, **options: Any):
+        self.tasks: tuple[Task, ...] = tuple(with_options(task, ending, observe_time) for task in tasks)
+        super().__init__(self.tasks[0], len(tasks), **options)
+
+    def _start(self, options: Options) -> Engine:
+        return InstancesEngine(self.tasks, self.backend, options)
 
     @property
     def instances(self) -> tuple[int, ...]:
         """The `instance_seed` of every lane."""
         return tuple(task.values["instance_seed"] for task in self.tasks)
 
-    def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode in every lane, or in those of `options["reset_mask"]`; see `VectorEnvironment.reset`."""
-        seeds = self._seeds(seed)
-        mask = None if options is None else options.get("reset_mask")
-        if mask is not None and (not isinstance(mask, np.ndarray) or mask.shape != (self.num_envs,)):
-            raise invalid(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
-        found = []
-        for lanes, part in zip(self._where, self._parts, strict=True):
-            inner = options if mask is None else {**(options or {}), "reset_mask": mask[lanes]}
-            found.append(part.reset(seed=None if seeds is None else [seeds[i] for i in lanes], options=inner)[0])
-        self._seeded = True
-        return self._joined(found), {}
-
-    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None] | None:
-        """Return a seed for each lane; lanes of different instances have different streams from the first reset on."""
-        if seed is None and self._seeded:
-            return None
-        if seed is None:
-            seed = int(np.random.default_rng().integers(2**63))
-        if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes):
-            if len(seed) != self.num_envs:
-                raise invalid(f"{len(seed)} seeds for {self.num_envs} lanes")
-            return list(seed)
-        return [int(s) for s in draws.lane_seeds(seed_of(seed), self.num_envs)]
-
-    def step(self, actions: Any) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
-        """Take a step in every lane; see `VectorEnvironment.step`."""
-        given = np.asarray(actions)
-        if given.shape[:1] != (self.num_envs,):
-            raise invalid(f"{actions!r} are not {self.num_envs} actions")
-        found = [part.step(given[lanes]) for lanes, part in zip(self._where, self._parts, strict=True)]
-        rewards, terminated, truncated = (self._joined([result[k] for result in found]) for k in (1, 2, 3))
-        return self._joined([result[0] for result in found]), rewards, terminated, truncated, self._infos(found)
-
-    def _infos(self, found: list[Any]) -> dict[str, Any]:
-        """Last observations of the episodes that ended in this step, as `VectorEnvironment` has them."""
-        if not any(infos for *_, infos in found):
-            return {}
-        last = np.full(self.num_envs, None, dtype=object)
-        ended = np.zeros(self.num_envs, np.bool_)
-        for lanes, (*_, infos) in zip(self._where, found, strict=True):
-            for k, lane in enumerate(lanes.tolist()) if infos else ():
-                last[lane], ended[lane] = infos["final_obs"][k], infos["_final_obs"][k]
-        return {"final_obs": last, "_final_obs": ended, "final_info": {}, "_final_info": ended.copy()}
-
-    def _joined(self, parts: list[Any]) -> Any:
-        """Return values of all lanes, in order, from those of the instances."""
-        if isinstance(parts[0], dict):
-            return {name: self._joined([part[name] for part in parts]) for name in parts[0]}
-        whole = np.empty((self.num_envs, *parts[0].shape[1:]), parts[0].dtype)
-        for lanes, part in zip(self._where, parts, strict=True):
-            whole[lanes] = part
-        return whole
-
-    @property
-    def source(self) -> str:
-        """The generated code that steps the environments, instance after instance."""
-        return "\n".join(part.source for part in self._parts)
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of the arrays that hold state, counters and results."""
-        return sum(part.nbytes for part in self._parts)
-
-    @property
-    def time(self) -> Array:
-        """Steps taken in the present episode of every lane: int64 (num_envs,)."""
-        return np.asarray(self._joined([part.time for part in self._parts]))
-
     def _lane(self, number: int) -> LaneView:
-        for lanes, part in zip(self._where, self._parts, strict=True):
-            for k in np.flatnonzero(lanes == number).tolist():
-                return part._lane(k)
-        raise IndexError(number)
+        return replace(super()._lane(number), task=self.tasks[number])
+
+
+class InstancesEngine:
+    """Lanes of several instances of a task: those of each have an engine, whose results are copied to common buffers."""
+
+    def __init__(self, tasks: Sequence[Task], backend: str, options: Options) -> None:
+        lanes: dict[str, list[int]] = {}
+        for i, task in enumerate(tasks):
+            lanes.setdefault(task.content_hash, []).append(i)
+        self._where = [np.array(found) for found in lanes.values()]
+        self._engines = [backend_table.engine(tasks[w[0]], len(w), backend, options) for w in self._where]
+        first = self._engines[0]
+        for engine in self._engines:
+            for ours, theirs in ((first.observation, engine.observation), (first.action, engine.action)):
+                if space(ours) != space(theirs):
+                    message = f"the instances have different spaces: {space(ours)} and {space(theirs)}"
+                    raise invalid(f"{message}; declare bounds that hold for all")
+        self.observation = first.observation
+        self.action = first.action
+        self.source = "\n".join(engine.source for engine in self._engines)
+        self.buffers = Buffers.of(tasks[0], first.observation, len(tasks))
+
+    def seed(self, seeds: Array, lanes: Array | None = None) -> None:
+        for engine, chosen, mine in self._parts(lanes):
+            engine.seed(seeds[chosen], mine)
+
+    def reset(self, lanes: Array | None = None) -> None:
+        for engine, _, mine in self._parts(lanes):
+            engine.reset(mine)
+        self._gather()
+
+    def _parts(self, lanes: Array | None) -> Iterator[tuple[Engine, Array, Array | None]]:
+        """Yield the engines concerned, which of the lanes are theirs, and their indices within the engine (None: all)."""
+        every = np.arange(self.buffers.lanes) if lanes is None else lanes
+        for where, engine in zip(self._where, self._engines, strict=True):
+            chosen = np.isin(every, where)
+            mine = np.searchsorted(where, every[chosen])
+            if len(mine) == len(where):
+                yield engine, chosen, None
+            elif len(mine):
+                yield engine, chosen, mine
+
+    def step(self, actions: Any) -> int:
+        given = np.asarray(actions)
+        if given.shape[:1] != (self.buffers.lanes,):
+            raise BadActionError
+        ended = 0
+        for where, engine in zip(self._where, self._engines, strict=True):
+            ended += engine.step(given[where])
+        self._gather()
+        return ended
+
+    def place(self, values: tuple[Array, ...], lanes: Array) -> None:
+        for engine, chosen, mine in self._parts(lanes):
+            if mine is None:
+                mine = np.arange(engine.buffers.lanes)
+            engine.place(tuple(v[..., chosen] for v in values), mine)
+        self._gather()
+
+    def _gather(self) -> None:
+        """Copy everything that the engines keep to the lanes that it belongs to."""
+        for where, engine in zip(self._where, self._engines, strict=True):
+            for held, new in zip(self.buffers.arrays(), engine.buffers.arrays(), strict=True):
+                held[..., where] = new

@@ -10,7 +10,6 @@ import string
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,7 +19,7 @@ import numpy as np
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import visible
 from taskspec.base.extras import install_package, need
-from taskspec.base.files import Unfinished, refused, write_bytes
+from taskspec.base.files import Unfinished, refused
 from taskspec.base.limits import tell
 from taskspec.envs.options import invalid
 from taskspec.lang.types import Kind
@@ -69,7 +68,10 @@ def text(task: Task, state: dict[str, Any], time: int) -> str:
 
 def heading(task: Task, time: int) -> str:
     """Return the task and the time."""
-    return f"{task.name}, step {time}" + ("" if task.horizon is None else f" of {task.horizon}")
+    title = f"{task.name}, step {time}"
+    if task.horizon is None:
+        return title
+    return f"{title} of {task.horizon}"
 
 
 class Frames:
@@ -254,7 +256,7 @@ class Film:
 
     Args:
         path: the file.
-        kind: a GIF is kept in memory until it is whole, with 1.5 MB a frame.
+        kind: of the file.
         episodes: the number of episodes, for progress.
 
     Raises:
@@ -269,7 +271,7 @@ class Film:
         self._begun = 0
         self._writer: Any = None
         self._drawing = Frames()
-        self._target: BytesIO | Unfinished = BytesIO()  # a GIF is kept in memory; ffmpeg writes to a file
+        self._file: Unfinished | None = None
         self._imageio = need("imageio.v2", "figures")
         if kind == "mp4":
             self._ffmpeg = need("imageio_ffmpeg", "figures")
@@ -298,33 +300,33 @@ class Film:
             self.frames += 1
 
     def _open(self, fps: float) -> Any:
-        if isinstance(self._target, BytesIO) and self._kind == "gif":
-            options: dict[str, Any] = {"format": "GIF", "duration": 1000 / fps, "loop": 0}
-            self._writer = self._imageio.get_writer(self._target, mode="I", **options)
-            return self._writer
+        options: dict[str, Any] = {"fps": fps}
+        if self._kind == "gif":
+            options = {"format": "GIF", "duration": 1000 / fps, "loop": 0}
         with refused(self._path):
-            self._target = file = Unfinished(self._path)
-            self._writer = self._imageio.get_writer(file.path, mode="I", fps=fps)
+            self._file = Unfinished(self._path)
+            self._writer = self._imageio.get_writer(self._file.path, mode="I", **options)
         return self._writer
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if self._file is None:
+            return
         try:
             with refused(self._path):
                 if self._writer is not None:
                     self._writer.close()
-                if self._writer is not None and error is None:
-                    self._finish()
+                if error is None:
+                    self._check(self._file.path)
+                    self._file.finish()
         finally:
-            if isinstance(self._target, Unfinished):
-                self._target.discard()
+            self._file.discard()
 
-    def _finish(self) -> None:
-        if isinstance(self._target, BytesIO):
-            write_bytes(self._path, self._target.getvalue())
+    def _check(self, path: Path) -> None:
+        """Count the frames of an MP4: ffmpeg does not report failures."""
+        if self._kind == "gif":
             return
-        frames = 0  # ffmpeg does not report failures
+        frames = 0
         with suppress(RuntimeError):
-            frames, _ = self._ffmpeg.count_frames_and_secs(str(self._target.path))
+            frames, _ = self._ffmpeg.count_frames_and_secs(str(path))
         if frames != self.frames:
             raise OSError(f"ffmpeg wrote {frames} of {self.frames} frames")
-        self._target.finish()

@@ -24,6 +24,7 @@ from taskspec.data import demonstrations
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.examinee import Examinee, learner_of
 from taskspec.exam.findings import diagnose
+from taskspec.exam.learned import learned_flags
 from taskspec.exam.results import FORMAT, Exam, Examined, Score, read, write
 from taskspec.exam.trial import LearnerFailed, Row, Trial, baselines, key_of, run_trial, score
 from taskspec.exam.verdicts import check_comparable, flags, verdicts
@@ -109,17 +110,22 @@ def examine(
         hashes = {name: task.content_hash for name, task in asked.items()}
         check_comparable(baseline, str(against), hashes, {"steps": steps, "transitions": transitions})
     plan = _plan(asked.values(), who, numbers, terms, twins, probes)
+    variants = {}
+    for name, task in asked.items():
+        variants[name] = [task, *(modify(task, *twin) for twin in twins_of(task, twins))]
     folder = None if out is None else Path(out)
     if who.place is None:
         rows = [_trained_here(planned, who) for planned in plan]
-        measured = {name: baselines(task, EPISODES, written()) for name, task in asked.items()}
+        measured = {}
+        for name, tasks_measured in variants.items():
+            measured[name] = [baselines(task, EPISODES, written()) for task in tasks_measured]
     else:
         with tempfile.TemporaryDirectory() as scratch, Store((folder or Path(scratch)) / "exam.sqlite") as store:
-            measured = _measured(asked, store, running or Running())
+            measured = _measured(variants, store, running or Running())
             rows = _trained(plan, store, running or Running())
     found = _exam(who, suite, plan, rows, {name: _examined(task, measured[name]) for name, task in asked.items()})
     found["verdicts"] = verdicts(found["tasks"], found["scores"])
-    found["flags"] = flags(found["tasks"], found["scores"], baseline)
+    found["flags"] = [*flags(found["tasks"], found["scores"], baseline), *learned_flags(found["scores"])]
     found["diagnoses"] = diagnose(found, suite)
     if folder is not None:
         write(found, folder)
@@ -251,17 +257,21 @@ def _failed(planned: Planned, message: str) -> list[Row]:
     return [{"seed": seed, "error": message} for seed in planned.trial.seeds]
 
 
-def _measured(asked: dict[str, Task], store: Store, running: Running) -> dict[str, Any]:
-    """Return the baselines of each task."""
+def _measured(variants: dict[str, list[Task]], store: Store, running: Running) -> dict[str, list[dict[str, Any]]]:
+    """Return the baselines of each task, and of each of its twins."""
     jobs = {}
-    for name, task in asked.items():
-        key = key_of("baselines", task.content_hash, EPISODES, written())
-        jobs[name] = Job(key, task.instance_id, baselines, (task, EPISODES, written()))
+    for tasks in variants.values():
+        for task in tasks:
+            key = key_of("baselines and constants", task.content_hash, EPISODES, written())
+            jobs[task.content_hash] = Job(key, task.instance_id, baselines, (task, EPISODES, written()))
     known = run(jobs.values(), store, workers=running.workers, cluster=running.cluster, retry_failed=True).rows
     for job in jobs.values():
         if known[job.key].status != "done":
             raise SpecError([Diagnostic("E713", None, f"{job.name} cannot be examined: {known[job.key].message}")])
-    return {name: known[job.key].value for name, job in jobs.items()}
+    found = {}
+    for name, tasks in variants.items():
+        found[name] = [known[jobs[task.content_hash].key].value for task in tasks]
+    return found
 
 
 def _trained(plan: Sequence[Planned], store: Store, running: Running) -> list[list[Row]]:
@@ -308,11 +318,18 @@ def _exam(
     )  # fmt: skip
 
 
-def _examined(task: Task, found: dict[str, Any]) -> Examined:
+def _examined(task: Task, measured: list[dict[str, Any]]) -> Examined:
+    """Return a task of the exam, from its baselines and those of its twins."""
+    found, *twins = measured
+    constants = found["constants"]
+    worst = constants
+    if twins and constants:
+        on_twins = np.mean([twin["constants"] for twin in twins], axis=0).tolist()
+        worst = [min(pair) for pair in zip(constants, on_twins, strict=True)]
     return Examined(
         capability=task.capability or task.name, title=task.title, content_hash=task.content_hash,
         random=_finite(found["random"]), expert=_finite(found["expert"]), optimal=_finite(found["optimal"]),
-        worst=_finite(found["worst"]), constant=found["constant"], cannot=None,
+        worst=_finite(found["worst"]), constant=max(constants, default=None), fixed=max(worst, default=None), cannot=None,
     )  # fmt: skip
 
 
@@ -341,4 +358,5 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
         "comparisons": row.get("comparisons", 0), "seconds": row.get("seconds"), "starc": row.get("starc"),
         "reward_regret": None if lost is None else lost / unit,
         "curve": None if curve is None else [[steps, scaled(value)] for steps, value in curve],
+        "operators": row.get("operators"), "rewards": row.get("rewards"),
     }  # fmt: skip

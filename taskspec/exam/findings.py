@@ -207,6 +207,9 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
     evaluator = ScoreEvaluator(scores, book.names)
     truths = {rule.name: evaluator.truth(rule.condition) for rule in book.rules}
     holding = {name for name, truth in truths.items() if truth.holds}
+    alone = {rule.name for rule in book.rules if isinstance(rule.entry, DiagnosisEntry) and rule.entry.alone}
+    if holding & alone:
+        holding &= alone
     found: list[Diagnosis] = []
     for rule in book.rules:
         entry = rule.entry

@@ -7,15 +7,14 @@ import json
 import re
 import zlib
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NotRequired
 
 from typing_extensions import TypedDict
 
 from taskspec import registry
-from taskspec.base.diagnostics import Diagnostic, Origin, SpecError, suggest
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.files import safe_name, write_text
 from taskspec.learners import BUILT_IN, FAMILIES
-from taskspec.source.document import json_span
 from taskspec.task.schema.check import shape_problem
 from taskspec.task.schema.values import Problem
 
@@ -27,7 +26,8 @@ BASELINES = "baselines"
 """The folder of a suite with exams that others can be compared with."""
 LIMIT = 256 * 2**20
 """Bytes of an exam, unpacked; the benchmark of the paper leaves some 100 kB for a learner."""
-Grade = Literal["masters", "unsure", "fails"]
+Grade = Literal["masters", "passes", "unsure", "fails"]
+"""Seeds that pass where one fixed action passes, too, show no mastery: `passes`."""
 Score = TypedDict(
     "Score",
     {
@@ -35,15 +35,22 @@ Score = TypedDict(
         "stochastic": float | None, "half": float, "return": float | None, "error": str | None, "steps": int,
         "demonstrations": int, "comparisons": int, "seconds": float | None, "starc": float | None,
         "reward_regret": float | None, "curve": list[list[float | None]] | None,
+        "operators": NotRequired[dict[str, float] | None], "rewards": NotRequired[dict[str, float] | None],
     },
 )  # fmt: skip
 """One seed on a task (`twin` None), on a twin of it (its modifiers), or with the reward negated (`probe`); 0 is random, 1 the
 expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated, 0 where it is exact; `starc` the
-distance of a learned reward to the true one, `reward_regret` the score lost by optimising it."""
+distance of a learned reward to the true one, `reward_regret` the score lost by optimising it. `operators` are the distances of
+learned values from the fixed points of Bellman operators (`taskspec.exam.fingerprints`), `rewards` those of a learned reward from
+known ones (`taskspec.exam.starc`)."""
 
 
 class Examined(TypedDict):
-    """A task of the exam: returns, the score of the best constant action, and why the learner cannot learn it (None: it can)."""
+    """A task of the exam: returns, the score of the best constant action, and why the learner cannot learn it (None: it can).
+
+    `fixed` is the score of the best action that is the same as printed and on twins: the lower of its score as printed and its
+    mean score on twins.
+    """
 
     capability: str
     title: str
@@ -52,17 +59,24 @@ class Examined(TypedDict):
     optimal: float | None
     worst: float | None
     constant: float | None
+    fixed: NotRequired[float | None]
     content_hash: str
     cannot: str | None
 
 
 class MeanScore(TypedDict):
-    """A mean score over seeds with its 95 % interval, and what follows from it."""
+    """A mean score over seeds with its 95 % interval, the number of seeds that pass, and the verdict.
+
+    `rate_low` and `rate_high` are the 95 % interval of the share of seeds that pass.
+    """
 
     verdict: Grade
     mean: float | None
     low: float | None
     high: float | None
+    passed: NotRequired[int]
+    rate_low: NotRequired[float]
+    rate_high: NotRequired[float]
 
 
 class CapabilityVerdict(MeanScore):
@@ -74,9 +88,9 @@ class CapabilityVerdict(MeanScore):
 
 
 class Flag(TypedDict):
-    """Something that is wrong, with its size as a difference of scores, and the interval of that."""
+    """Something that is wrong; with its size as a difference of scores, and the interval of that, where it has one."""
 
-    kind: Literal["twin", "regression", "peeks", "failed", "impossible"]
+    kind: Literal["twin", "regression", "peeks", "failed", "impossible", "values", "reward"]
     task: str
     message: str
     effect: float | None
@@ -162,9 +176,8 @@ def read(folder: Path | str) -> Exam:
         raise SpecError([Diagnostic("E721", None, f"'{path}' is not an exam of this version", "run it again")])
     problem = shape_problem(found, Exam) or _inconsistent(found)
     if problem is not None:
-        place = json_span(Origin(str(path), text), problem.path)
-        message = f"{_words(problem.path)}: {problem.message}"
-        raise SpecError([Diagnostic("E721", place, message, "run the exam again, or take the file from a backup")])
+        message = f"'{path}', {_words(problem.path)}: {problem.message}"
+        raise SpecError([Diagnostic("E721", None, message, "run the exam again, or take the file from a backup")])
     return found  # type: ignore[return-value]  # its shape was looked at
 
 

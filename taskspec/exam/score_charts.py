@@ -19,7 +19,7 @@ from taskspec.printers import tree as m
 
 PRINTED = chart.BLUE
 TWINS = chart.PURPLE
-GRADES: dict[str, Paint] = {"masters": chart.BLUE, "unsure": "muted", "fails": Hex("#B8400A")}
+GRADES: dict[str, Paint] = {"masters": chart.BLUE, "passes": "muted", "unsure": "muted", "fails": Hex("#B8400A")}
 ROW = 0.92
 """The height of a row of a heat map, in centimetres."""
 ACROSS = 5

@@ -12,9 +12,9 @@ import numpy as np
 from taskspec.base import ids
 from taskspec.base.files import whole
 from taskspec.data.datasets import write_table
-from taskspec.exam.verdicts import grade
+from taskspec.exam.verdicts import FEWEST, MASTERED, mean_score, worst
 from taskspec.figures.chart import Rgb, blend
-from taskspec.rollout.statistics import estimate, mean
+from taskspec.rollout.statistics import seeds_interval
 from taskspec.rules.score_rules import side
 
 COLUMNS = (
@@ -40,7 +40,7 @@ def write_scores(exams: Mapping[str, Mapping[str, Any]], path: Path) -> Path:
 
 FLOOR = -1.0
 """The score at which pictures cut others off, as the paper does; numbers are printed as they are."""
-SIGNS = {"masters": "✓", "unsure": "?", "fails": "✗"}
+SIGNS = {"masters": "✓", "passes": "=", "unsure": "?", "fails": "✗"}
 _EXPERT: Rgb = (0, 114, 178)
 _WORST: Rgb = (213, 94, 0)
 _RANDOM: Rgb = (247, 247, 244)
@@ -63,10 +63,15 @@ class SeedCell:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % bootstrap interval of the mean; the mean itself, of one seed."""
+        """The 95 % interval of the mean; the mean itself, of one seed."""
         if len(self.scores) < 2:
             return (self.mean or 0.0,) * 2
-        return estimate(self.scores, mean, "report").interval
+        return seeds_interval(self.scores)
+
+    @property
+    def passed(self) -> int:
+        """The number of seeds that pass."""
+        return sum(score >= MASTERED for score in self.scores)
 
     @property
     def words(self) -> str:
@@ -109,10 +114,7 @@ class TaskRow:
         known = [cell for cell in (self.printed, self.twins) if cell.scores]
         if not known:
             return None
-        if any(len(cell.scores) < 2 for cell in known):
-            return "unsure"
-        lows, highs = zip(*(cell.interval for cell in known), strict=True)
-        return grade(min(lows), min(highs))
+        return worst([mean_score(cell.scores, self.about.get("fixed")) for cell in known])["verdict"]
 
     @property
     def optimum(self) -> float | None:
@@ -170,14 +172,19 @@ def headline(exam: Mapping[str, Any]) -> str:
 
 def finding(exam: Mapping[str, Any]) -> str:
     """Return the verdicts in one sentence."""
-    graded: dict[str, list[str]] = {"masters": [], "unsure": [], "fails": []}
+    graded: dict[str, list[str]] = {grade: [] for grade in SIGNS}
     for capability, verdict in exam["verdicts"].items():
         graded[verdict["verdict"]].append(capability)
-    words = {"masters": "it masters", "fails": "it fails", "unsure": "unsure:"}
-    text = (
-        "; ".join(f"{words[grade]} {listed(graded[grade])}" for grade in words if graded[grade]) or "nothing is known"
-    )
-    return f"{text[0].upper()}{text[1:]}."
+    words = {
+        "masters": "it masters", "passes": "it passes, but so does one fixed action:", "fails": "it fails",
+        "unsure": "unsure:",
+    }  # fmt: skip
+    parts = [f"{words[grade]} {listed(graded[grade])}" for grade in words if graded[grade]]
+    text = "; ".join(parts) or "nothing is known"
+    few = ""
+    if graded["unsure"] and len(exam["seeds"]) < FEWEST:
+        few = f" Mastery needs {FEWEST} seeds or more that all pass."
+    return f"{text[0].upper()}{text[1:]}.{few}"
 
 
 def listed(names: Sequence[str]) -> str:

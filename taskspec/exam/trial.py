@@ -23,7 +23,7 @@ from taskspec.base.diagnostics import TaskspecError
 from taskspec.base.limits import also
 from taskspec.exam.case import Case, ExamTerms
 from taskspec.exam.examinee import train_at
-from taskspec.exam.starc import Learned, reward_fields
+from taskspec.exam.learned import Learned, learned_fields
 from taskspec.learners import CannotLearn
 from taskspec.policies.values import ObservedValue, observed_value, policy_value
 from taskspec.scores.returns import Results, normalised
@@ -56,7 +56,7 @@ def key_of(*content: Any) -> str:
 
 
 def baselines(task: Task, episodes: int, limits: str) -> dict[str, Any]:
-    """Return returns of random actions, the expert and the optimum, and the score of the best constant action, as JSON data.
+    """Return returns of random actions, the expert and the optimum, and the scores of constant actions, as JSON data.
 
     Args:
         limits: that hold, as `taskspec.base.limits.also` takes them.
@@ -69,8 +69,13 @@ def baselines(task: Task, episodes: int, limits: str) -> dict[str, Any]:
             found[name] = None if value is None else value.value
         if found["expert"] is None:
             found["expert"] = found["optimal"]
-        constant = max(policy_value(results, _Constant(a), True).value.value for a in _constant_actions(task))
-        return found | {"constant": score(constant, found["random"], found["expert"])}
+        constants = []
+        for action in _constant_actions(task):
+            value = policy_value(results, _Constant(action), True).value.value
+            constants.append(score(value, found["random"], found["expert"]))
+        if None in constants:
+            constants = []
+        return found | {"constants": constants}
 
 
 def score(value: float, random: float | None, expert: float | None) -> float | None:
@@ -165,7 +170,7 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
             learned = train(case)
             trained = time.perf_counter()
             policies = _policies(learned, len(case.seeds), train)
-            rows = [_scored(policy, results, seed) for policy, seed in zip(policies, case.seeds, strict=True)]
+            rows = [_scored(policy, case, results, seed) for policy, seed in zip(policies, case.seeds, strict=True)]
             _add_curves(rows, case, results)
         except CannotLearn as error:
             return [{"seed": seed, "cannot": error.message} for seed in trial.seeds]
@@ -185,7 +190,7 @@ def _policies(learned: Any, seeds: int, train: Any) -> Sequence[Any]:
     return learned
 
 
-def _scored(policy: Any, results: Results, seed: int) -> Row:
+def _scored(policy: Any, case: Case, results: Results, seed: int) -> Row:
     if policy is None:
         raise TypeError("`train` returned no policy: does it end with `return`?")
     value = _value(policy, results, seed)
@@ -193,9 +198,7 @@ def _scored(policy: Any, results: Results, seed: int) -> Row:
         "seed": seed, "curve": None, "deterministic": value.deterministic.value,
         "deterministic_half": value.deterministic.half, "stochastic": value.stochastic.value,
     }  # fmt: skip
-    if getattr(policy, "reward", None) is not None:
-        row |= reward_fields(results.task, policy.reward)
-    return row
+    return row | learned_fields(results.task, policy, "reward" in case.terms.learns_from)
 
 
 def _value(policy: Any, results: Results, seed: int) -> ObservedValue:

@@ -6,18 +6,27 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import NormalDist
-from typing import Literal
+from typing import Literal, TypeVar
 
+import numpy as np
+
+from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam.results import CapabilityVerdict, Exam, Examined, Flag, Grade, MeanScore, Score
-from taskspec.rollout.statistics import ALARM, CONFIDENCE, estimate, mean, paired, unpaired
+from taskspec.rollout.statistics import ALARM, CONFIDENCE, Difference, differences, rate_interval, seeds_interval
 from taskspec.rules.score_rules import side
 
-# Verdicts: which capabilities a learner masters, from the interval of its mean score and not from the mean.
+Name = TypeVar("Name", str, tuple[str, str])
+
+# Verdicts: which capabilities a learner masters, from the share of seeds that pass and not from the mean.
 
 MASTERED = 0.9
-"""The score from which a task is mastered."""
-WORST_FIRST: tuple[Grade, ...] = ("fails", "unsure", "masters")
+"""The score from which a seed passes a task."""
+RATE = 0.75
+"""The share of all seeds that pass where a task is mastered."""
+FEWEST = 13
+"""The fewest seeds that can show this, if all of them pass."""
+WORST_FIRST: tuple[Grade, ...] = ("fails", "unsure", "passes", "masters")
 
 
 def by_seed(scores: Sequence[Score], task: str, which: str) -> dict[int, float]:
@@ -29,22 +38,31 @@ def by_seed(scores: Sequence[Score], task: str, which: str) -> dict[int, float]:
     return {seed: sum(values) / len(values) for seed, values in sorted(found.items())}
 
 
-def grade(low: float | None, high: float | None) -> Grade:
-    """Return the verdict from an interval of the mean score."""
-    if low is None or high is None:
-        return "unsure"
-    if low >= MASTERED:
-        return "masters"
-    return "fails" if high < MASTERED else "unsure"
+def mean_score(values: Sequence[float], fixed: float | None) -> MeanScore:
+    """Return the mean of the scores of seeds, the share that passes, their intervals, and the verdict.
 
-
-def mean_score(values: Sequence[float], key: str) -> MeanScore:
-    """Return the mean of the scores of seeds, its interval, and the verdict."""
+    Args:
+        fixed: the score of the best fixed action. Where that passes, mastery needs scores that are nearer to the expert's than
+            to that.
+    """
     if not values:
         return MeanScore(verdict="unsure", mean=None, low=None, high=None)
-    found = estimate(values, mean, key)
-    low, high = (end if math.isfinite(end) else None for end in found.interval)
-    return MeanScore(verdict=grade(low, high), mean=found.value, low=low, high=high)
+    passed = sum(value >= MASTERED for value in values)
+    rate_low, rate_high = rate_interval(passed, len(values))
+    verdict: Grade = "unsure"
+    if rate_high < RATE:
+        verdict = "fails"
+    elif rate_low >= RATE:
+        verdict = "masters"
+        if fixed is not None and fixed >= MASTERED:
+            above = sum(value - fixed > max(1 - value, ROUNDING) for value in values)
+            if rate_interval(above, len(values))[0] < RATE:
+                verdict = "passes"
+    low, high = (end if math.isfinite(end) else None for end in seeds_interval(values))
+    mean = sum(values) / len(values)
+    return MeanScore(
+        verdict=verdict, mean=mean, low=low, high=high, passed=passed, rate_low=rate_low, rate_high=rate_high
+    )  # fmt: skip
 
 
 def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> dict[str, CapabilityVerdict]:
@@ -58,22 +76,23 @@ def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> dict[str
         twins = []
         seeds = []
         for task in names:
+            fixed = tasks[task].get("fixed")
             own = by_seed(scores, task, "printed")
             other = by_seed(scores, task, "twin")
             seeds.append(len(own))
-            printed.append(mean_score(list(own.values()), task))
+            printed.append(mean_score(list(own.values()), fixed))
             if other:
-                twins.append(mean_score(list(other.values()), task))
-        worst = _worst(printed)
-        verdict = _worst([*printed, *twins])["verdict"]
+                twins.append(mean_score(list(other.values()), fixed))
         found[capability] = CapabilityVerdict(
-            verdict=verdict, mean=worst["mean"], low=worst["low"], high=worst["high"], tasks=names, seeds=min(seeds),
-            twins=_worst(twins) if twins else None,
+            **worst(printed) | {"verdict": worst([*printed, *twins])["verdict"]}, tasks=names, seeds=min(seeds),
+            twins=worst(twins) if twins else None,
         )  # fmt: skip
     return found
 
 
-def _worst(found: Sequence[MeanScore]) -> MeanScore:
+def worst(found: Sequence[MeanScore]) -> MeanScore:
+    """Return the worst of some mean scores: by its verdict, then by its mean."""
+
     def rank(each: MeanScore) -> tuple[int, float]:
         return WORST_FIRST.index(each["verdict"]), -math.inf if each["mean"] is None else each["mean"]
 
@@ -145,17 +164,22 @@ def _apart(
     tasks: Mapping[str, Examined], scores: Sequence[Score], kind: Literal["twin", "peeks"], which: str
 ) -> Iterable[Flag]:
     """Flag tasks whose scores as printed differ from those of another side, on the seeds of both."""
-    differences = {}
-    for task in tasks:
-        printed = by_seed(scores, task, "printed")
-        other = by_seed(scores, task, which)
-        seeds = sorted(printed.keys() & other.keys())
-        apart = paired([printed[s] for s in seeds], [other[s] for s in seeds], f"{task}, {which}")
-        if apart is not None:
-            differences[task] = apart
-    for task, d in differences.items():
-        if not d.is_real(len(differences)):
-            continue
+    names = [task for task in tasks if by_seed(scores, task, "printed").keys() & by_seed(scores, task, which).keys()]
+    rows: dict[tuple[int, str | None, int], dict[str, float]] = defaultdict(dict)
+    for task in names:
+        seeds = by_seed(scores, task, "printed").keys() & by_seed(scores, task, which).keys()
+        twins = list(dict.fromkeys(score["twin"] for score in scores if score["task"] == task))
+        for score in scores:
+            value = score["deterministic"]
+            if (
+                score["task"] == task
+                and score["seed"] in seeds
+                and value is not None
+                and side(score) in ("printed", which)
+            ):
+                rows[score["seed"], score["probe"], twins.index(score["twin"])][task] = value
+    is_first = np.array([probe is None and twin == 0 for _, probe, twin in rows])
+    for task, d in _differences(names, list(rows.values()), is_first):
         size = f"{abs(d.effect):.2f}"
         message = f"the score changes by {size} when a reward is negated that the learner is not to see: it looks at it"
         if kind == "twin":
@@ -164,7 +188,28 @@ def _apart(
                 f"on twins, where every return is the same, the score is {size} {way}: it depends on what states and "
                 "actions are called"
             )
-        yield Flag(kind=kind, task=task, message=message, effect=d.effect, low=d.low, high=d.high)
+        yield _difference_flag(kind, task, message, d, len(names))
+
+
+def _differences(
+    names: Sequence[Name], rows: Sequence[Mapping[Name, float]], is_first: Array, only_below: bool = False
+) -> list[tuple[Name, Difference]]:
+    """Return the comparisons in which two samples of rows differ, each with its difference."""
+    if not names:
+        return []
+    table = np.array([[row.get(name, np.nan) for name in names] for row in rows])
+    found = differences(table, is_first, only_below)
+    return [(name, d) for name, d in zip(names, found, strict=True) if d.is_real]
+
+
+def _difference_flag(
+    kind: Literal["twin", "peeks", "regression"], task: str, message: str, d: Difference, among: int
+) -> Flag:
+    noun = "comparison" if among == 1 else "comparisons"
+    text = f"{message} (p = {d.p_value:.2g}, corrected for {among} {noun})"
+    if d.is_together:
+        text = f"{message} (p = {d.p_value:.2g} for all {among} comparisons together; this one differs most)"
+    return Flag(kind=kind, task=task, message=text, effect=d.effect, low=d.low, high=d.high)
 
 
 # Comparison with an earlier exam.
@@ -174,24 +219,28 @@ def _regressions(tasks: Mapping[str, Examined], scores: Sequence[Score], against
     """Flag tasks on which scores are below those of an earlier exam, on the twins that both have."""
     before = against["scores"]
     places = set(map(_place, scores)) & set(map(_place, before))
-    new = [each for each in scores if _place(each) in places]
-    old = [each for each in before if _place(each) in places]
-    differences = []
+    rows: dict[tuple[bool, int], dict[tuple[str, str], float]] = defaultdict(dict)
+    names = []
     for task, about in tasks.items():
         known = against["tasks"].get(task)
         if known is None or known["content_hash"] != about["content_hash"]:
             continue
-        for which, where in (("printed", ""), ("twin", " on twins")):
-            now = list(by_seed(new, task, which).values())
-            then = list(by_seed(old, task, which).values())
-            apart = unpaired(now, then, f"{task}, {which}, against")
-            if apart is not None:
-                differences.append((task, where, apart))
+        for which in ("printed", "twin"):
+            now = by_seed([each for each in scores if _place(each) in places], task, which)
+            then = by_seed([each for each in before if _place(each) in places], task, which)
+            if not now or not then:
+                continue
+            names.append((task, which))
+            for is_now, values in ((True, now), (False, then)):
+                for seed, value in values.items():
+                    rows[is_now, seed][task, which] = value
+    is_first = np.array([is_now for is_now, _ in rows])
     found = []
-    for task, where, d in differences:
-        if d.effect < 0 and d.is_real(len(differences)):
-            message = f"the score{where} is {-d.effect:.2f} below that of the baseline"
-            found.append(Flag(kind="regression", task=task, message=message, effect=d.effect, low=d.low, high=d.high))
+    for (task, which), d in _differences(names, list(rows.values()), is_first, only_below=True):
+        where = " on twins" if which == "twin" else ""
+        message = f"the score{where} is {-d.effect:.2f} below that of the baseline"
+        if d.effect < 0:
+            found.append(_difference_flag("regression", task, message, d, len(names)))
     return found
 
 

@@ -293,10 +293,7 @@ class _Entry:
         if not keys:
             return axes
         kept = [found for axis in axes if (found := axis.without(frozenset(keys.values()))).names]
-        return [
-            *kept,
-            Axis(tuple(keys.values()), list(dict.fromkeys(tuple(s[k] for k in keys) for s in self.instead))),
-        ]
+        return [*kept, Axis(tuple(keys.values()), list(dict.fromkeys(tuple(s[k] for k in keys) for s in self.instead)))]
 
     def _unknown(self, path: Place, name: str) -> None:
         try:

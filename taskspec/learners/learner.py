@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from fnmatch import fnmatchcase
 from importlib import import_module
 from pathlib import Path
-from types import NoneType
-from typing import Any, ClassVar, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, TypeVar, get_args, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.learners.interface import LearnerCase
@@ -107,7 +108,6 @@ def _in_family(entry: BuiltIn, family: str) -> Learner:
 # -- settings in files, checked against dataclasses ----------------------------------------------------------------
 
 T = TypeVar("T")
-_KINDS = {bool: "true or false", int: "a whole number", float: "a number", NoneType: "null"}
 
 
 def changed(base: T, document: Document, path: Place) -> T:
@@ -126,58 +126,23 @@ def _changed(base: Any, data: Any, document: Document, path: Place, problems: li
     if not isinstance(data, dict):
         problems.append(Diagnostic("E201", document.span(path), "settings are a mapping: `name: value`"))
         return base
-    hints = _hints(type(base))
+    types = get_type_hints(type(base))
     found: dict[str, Any] = {}
     for name, value in data.items():
         place = (*path, name)
-        if name not in hints:
+        if name not in types:
             message = f"{type(base).__name__} has no setting '{name}'"
-            hint = suggest(name, hints) or f"it has {', '.join(hints)}"
+            hint = suggest(name, types) or f"it has {', '.join(types)}"
             problems.append(Diagnostic("E202", document.key_span(place), message, hint))
             continue
-        now = getattr(base, name)
-        section = next((t for t in _options(hints[name]) if is_dataclass(t)), None)
+        section = next((t for t in (types[name], *get_args(types[name])) if is_dataclass(t)), None)
         if section is not None and value is not None:
-            found[name] = _changed(now if now is not None else section(), value, document, place, problems)  # type: ignore[operator]
-        elif (fitting := list(_fitting(hints[name], value))) != []:
-            found[name] = fitting[0]
-        else:
-            problems.append(_unfit(hints[name], value, document, place))
+            found[name] = _changed(getattr(base, name) or section(), value, document, place, problems)  # type: ignore[operator]
+            continue
+        try:
+            found[name] = TypeAdapter(types[name]).validate_json(json.dumps(value), strict=True)
+        except ValidationError as error:
+            first = error.errors()[0]
+            code = "E206" if first["type"] == "literal_error" else "E204"
+            problems.append(Diagnostic(code, document.span(place), f"{value!r} does not fit: {first['msg']}"))
     return replace(base, **found)
-
-
-def _unfit(hint: Any, value: Any, document: Document, place: Place) -> Diagnostic:
-    words = [repr(word) for option in _options(hint) if get_origin(option) is Literal for word in get_args(option)]
-    if words:
-        return Diagnostic("E206", document.span(place), f"{value!r} is not one of {', '.join(words)}")
-    kinds = [_KINDS.get(option, "a list of numbers") for option in _options(hint)]
-    return Diagnostic("E204", document.span(place), f"{value!r} is not {' or '.join(kinds)}")
-
-
-def _fitting(hint: Any, value: Any) -> Iterator[Any]:
-    """Yield the value as each of the allowed types that it fits."""
-    for option in _options(hint):
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if get_origin(option) is Literal and value in get_args(option):
-            yield value
-        elif get_origin(option) is tuple and isinstance(value, list):
-            of = get_args(option)
-            each = [list(_fitting(of[0], v)) for v in value]
-            if all(each) and (of[-1] is Ellipsis or len(of) == len(value)):
-                yield tuple(v[0] for v in each)
-        elif option is float and number:
-            yield float(value)
-        elif (option is int and number and isinstance(value, int)) or (option is bool and isinstance(value, bool)):
-            yield value
-        elif option is NoneType and value is None:
-            yield None
-
-
-def _options(hint: Any) -> tuple[Any, ...]:
-    """Return the types of a union; a single type by itself."""
-    return (hint,) if isinstance(hint, type) or get_origin(hint) in (tuple, Literal) else get_args(hint)
-
-
-def _hints(kind: Any) -> dict[str, Any]:
-    hints = get_type_hints(kind)
-    return {f.name: hints[f.name] for f in fields(kind)}

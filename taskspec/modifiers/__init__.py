@@ -12,7 +12,8 @@ from typing import Any, NoReturn, TypeAlias
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.lang.types import Refused
 from taskspec.modifiers import actions, observations, rewards, symmetries
-from taskspec.modifiers.entry import KEPT, Arguments, Inapplicable
+from taskspec.modifiers.core import forgetting
+from taskspec.modifiers.entry import KEPT, Inapplicable
 from taskspec.modifiers.entry import ModifierArgument as ModifierArgument
 from taskspec.modifiers.entry import ModifierEntry as ModifierEntry
 from taskspec.source import Packed, packed, unpacked
@@ -57,11 +58,6 @@ def arguments(entry: ModifierEntry, bound: Modifier) -> dict[str, Any]:
     return {a.name: a.default for a in entry.arguments} | dict(bound.arguments)
 
 
-def _open(text: str) -> bool:
-    """Return whether a text has brackets that are not closed."""
-    return sum(text.count(c) for c in "([{") > sum(text.count(c) for c in ")]}")
-
-
 def _taken_apart(written: Written) -> tuple[str, dict[str, Any]]:
     """Return name and arguments."""
     match written:
@@ -69,34 +65,32 @@ def _taken_apart(written: Written) -> tuple[str, dict[str, Any]]:
             return written.name, dict(written.arguments)
         case str():
             name, sign, rest = written.partition("=")
-            return name.strip(), dict(_texts(written, rest)) if sign else {}
+            return name.strip(), _texts(written, rest) if sign else {}
         case Mapping() if len(written) == 1:
             ((name, value),) = written.items()
-            given = {} if value is None else dict(value) if isinstance(value, Mapping) else {_FIRST: value}
-            return str(name), given
+            if isinstance(value, Mapping):
+                return str(name), dict(value)
+            return str(name), {} if value is None else {_FIRST: value}
         case _:
             hint = 'for example "sticky=0.25" or {"sticky": 0.25}'
             raise SpecError([Diagnostic("E718", None, f"this is not a modifier: {written!r}", hint)])
 
 
-def _texts(written: str, rest: str) -> Iterator[tuple[str, str]]:
-    """Yield the arguments of a text, by name."""
-    for i, part in enumerate(_split(rest)):
-        named = _NAMED.fullmatch(part.strip())
-        if named is None and i:
-            _refuse(written, f"'{part.strip()}' is not of the form name=value")
-        yield (_FIRST, part) if named is None else (named[1], named[2])
-
-
-def _split(text: str) -> list[str]:
-    """Return parts between the commas that stand outside of brackets."""
+def _texts(written: str, rest: str) -> dict[str, str]:
+    """Return the arguments of a text, by name: between the commas that stand outside of brackets."""
     found: list[str] = []
-    for part in text.split(","):
-        if found and _open(found[-1]):
+    for part in rest.split(","):
+        if found and len(re.findall(r"[([{]", found[-1])) > len(re.findall(r"[)\]}]", found[-1])):
             found[-1] += f",{part}"
         else:
             found.append(part)
-    return found
+    given: dict[str, str] = {}
+    for i, part in enumerate(found):
+        named = _NAMED.fullmatch(part.strip())
+        if named is None and i:
+            _refuse(written, f"'{part.strip()}' is not of the form name=value")
+        given |= {_FIRST: part} if named is None else {named[1]: named[2]}
+    return given
 
 
 def _bound(entry: ModifierEntry, given: dict[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -112,16 +106,13 @@ def _bound(entry: ModifierEntry, given: dict[str, Any]) -> Iterator[tuple[str, A
     for i, argument in enumerate(entry.arguments):
         if argument.name not in given and argument.default is None:
             _refuse(entry.name, f"'{argument.name}' is missing: {argument.doc}", f"it is {argument.range}")
-        value = _read(entry, argument, given.get(argument.name, argument.default))
+        asked = given.get(argument.name, argument.default)
+        try:
+            value = argument.read(asked)
+        except ValueError as error:
+            _refuse(entry.name, f"'{argument.name}' is {error}, not {asked!r}")
         if i == 0 or value != argument.default:
             yield argument.name, value
-
-
-def _read(entry: ModifierEntry, argument: ModifierArgument, value: Any) -> Any:
-    try:
-        return argument.read(value)
-    except ValueError as error:
-        _refuse(entry.name, f"'{argument.name}' is {error}, not {value!r}")
 
 
 def _refuse(name: str, message: str, hint: str | None = None) -> NoReturn:
@@ -199,7 +190,10 @@ def sentences(task: Task) -> Iterator[tuple[Modifier, str]]:
 def _modified(task: Task, given: Modifier) -> Task:
     entry = MODIFIERS[given.name]
     values = arguments(entry, given)
-    _check_time_limit(task, given, entry)
+    for earlier in task.modifiers if entry.time_limit == "changed" else ():
+        if MODIFIERS[earlier.name].time_limit == "read":
+            reason = f"'{earlier}' depends on when episodes end"
+            raise _inapplicable(task, given, reason, "give the horizon before other modifiers")
     try:
         changed = entry.change(task.new_builder(), task, values)
     except Inapplicable as found:
@@ -208,36 +202,16 @@ def _modified(task: Task, given: Modifier) -> Task:
         raise _inapplicable(task, given, refused.message, refused.hint) from None
     if changed is task:  # it was as the modifier makes it
         return task
-    changed = _about(task, changed, entry, values)
+    if not entry.claims:
+        changed = replace(changed, claims=(), examples=())
+        if KEPT.index(entry.kept(task, values)) > KEPT.index("best policies"):
+            changed = forgetting(changed)
     return replace(
         changed,
         modifiers=(*task.modifiers, given),
         written_as=task.unmodified,
         content_hash=hashlib.sha256(f"{task.content_hash}+{given}".encode()).hexdigest(),
     )
-
-
-def _check_time_limit(task: Task, given: Modifier, entry: ModifierEntry) -> None:
-    """Refuse to change a horizon that another modifier has read.
-
-    Raises:
-        SpecError: E720.
-    """
-    if entry.time_limit != "changed":
-        return
-    for earlier in task.modifiers:
-        if MODIFIERS[earlier.name].time_limit == "read":
-            reason = f"'{earlier}' depends on when episodes end"
-            raise _inapplicable(task, given, reason, "give the horizon before other modifiers")
-
-
-def _about(task: Task, changed: Task, entry: ModifierEntry, values: Arguments) -> Task:
-    """Return the changed task without what is true of the other one only."""
-    if entry.claims:
-        return changed
-    stays = KEPT.index(entry.kept(task, values)) <= KEPT.index("best policies")
-    expert = changed.expert if stays or not isinstance(changed.expert, tuple) else None
-    return replace(changed, claims=(), examples=(), expert=expert, memory=changed.memory if stays else None)
 
 
 def _inapplicable(task: Task, given: Modifier, reason: str, hint: str | None) -> SpecError:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any, Literal, TypeAlias, get_args
 
+from taskspec.base.display import decimal
 from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.task.task import Task
@@ -70,8 +71,12 @@ class ModifierArgument:
                 return "a name"
             case "expression":
                 return "an expression"
-            case _:
-                return _numbers("an int" if self.kind == "int" else "a number", self.low, self.high)
+        words = "an int" if self.kind == "int" else "a number"
+        if math.isinf(self.low):
+            return words
+        if math.isinf(self.high):
+            return f"{words}, at least {decimal(self.low)}"
+        return f"{words} from {decimal(self.low)} to {decimal(self.high)}"
 
     def _bool(self, value: Any) -> bool:
         found = {"true": True, "false": False}.get(str(value).lower())
@@ -84,12 +89,10 @@ class ModifierArgument:
             number = Fraction(value.strip()) if isinstance(value, str) else Fraction(value)
         except (TypeError, ValueError, ZeroDivisionError, OverflowError):
             raise ValueError(self.range) from None
-        if isinstance(value, bool) or not self.low <= number <= self.high:
+        is_whole = number.denominator == 1
+        if isinstance(value, bool) or not self.low <= number <= self.high or (self.kind == "int" and not is_whole):
             raise ValueError(self.range)
-        if self.kind == "int" and number.denominator != 1:
-            raise ValueError(self.range)
-        whole = int(number) if number.denominator == 1 and abs(number) < 2**53 else None
-        return float(number) if whole is None else whole
+        return int(number) if is_whole and abs(number) < 2**53 else float(number)
 
     def _text(self, value: Any) -> str:
         if self.kind == "expression" and isinstance(value, int | float):
@@ -97,20 +100,6 @@ class ModifierArgument:
         if not isinstance(value, str) or not value.strip() or (self.words and value not in self.words):
             raise ValueError(self.range)
         return value.strip()
-
-
-def _numbers(kind: str, low: float, high: float) -> str:
-    match math.isfinite(low), math.isfinite(high):
-        case True, True:
-            return f"{kind} from {_digits(low)} to {_digits(high)}"
-        case True, False:
-            return f"{kind}, at least {_digits(low)}"
-        case _:
-            return kind
-
-
-def _digits(value: float) -> str:
-    return f"{int(value):,}" if value == int(value) else f"{value:g}"
 
 
 STD = ModifierArgument("std", "real", "the standard deviation", low=0, high=1e9, sample=lambda task: 0.5)

@@ -6,14 +6,16 @@ import math
 from dataclasses import replace
 from fractions import Fraction
 from functools import reduce
-from itertools import pairwise
+from itertools import pairwise, product
+from typing import TypeAlias
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Origin, Span, SpecError
 from taskspec.base.records import dataclass
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
-from taskspec.lang.ir import Const, Node, Role, reads
+from taskspec.lang.ir import Apply, Const, Node, Role, children, plain, reads, walk
+from taskspec.lang.operators import OPERATORS, Elements, entry_of
 from taskspec.lang.parse import parse
 from taskspec.lang.scope import Unavailable
 from taskspec.lang.types import INT, REAL, Kind, Refused, Type
@@ -30,7 +32,6 @@ from taskspec.modifiers.core import (
     with_state,
 )
 from taskspec.modifiers.entry import STD, Arguments, ModifierArgument, ModifierEntry, always, as_well
-from taskspec.modifiers.symmetries import floats
 from taskspec.task.task import Component, Task
 
 SCOPE = "absorbing"
@@ -76,6 +77,14 @@ MOST_SUMS = 1_000_000
 """Limit on distinct sums of rewards."""
 
 
+MOST_VALUES = 256
+"""Limit on the values of an expression that are listed."""
+TRIED = 4096
+"""Combinations of arguments that are worked out for one operation."""
+Values: TypeAlias = frozenset[Const] | None
+"""What the elements of a node may be; None where that is not known, or too much."""
+
+
 @dataclass(frozen=True)
 class FewRewards:
     """The rewards of a task, 0 among them, in order; `number` says which one a step pays."""
@@ -86,23 +95,48 @@ class FewRewards:
 
 def few_rewards(b: Builder, task: Task) -> FewRewards | None:
     """Return the rewards where they are known to be few, else None."""
-    found = floats(b, task.reward)
-    if found is None:
+    known: dict[int, Values] = {}
+    for node in walk([task.reward]):
+        found = _values(b, node, [known[id(c)] for c in children(node)])
+        known[id(node)] = found if found is not None and len(found) <= MOST_VALUES else None
+    constants = known[id(task.reward)]
+    if constants is None:
         return None
-    values = sorted({0.0, *found})
+    values = sorted({0.0, *(float(plain(v.value)) + 0.0 for v in constants)})
+    if not all(map(math.isfinite, values)):
+        return None
     number: Node = b.scalar(0)
     for low, high in pairwise(values):
-        above = b.apply("lt", b.scalar(_between(low, high)), task.reward)
+        half = float((Fraction(low) + Fraction(high)) / 2)  # half way, where rounding makes no difference
+        above = b.apply("lt", b.scalar(half if half < high else low), task.reward)
         number = b.apply("add", number, b.cast(above, Kind.INT))
     return FewRewards(tuple(values), b.within(number, 0, len(values) - 1))
 
 
-def _between(low: float, high: float) -> float:
-    """Return a number from the lower one on and below the higher one: half way, where rounding makes no difference,
-    if it is a float.
-    """
-    half = float((Fraction(low) + Fraction(high)) / 2)
-    return half if half < high else low
+def _values(b: Builder, node: Node, args: list[Values]) -> Values:
+    """Return the constants that a node may come to, given those of its arguments, or else by its bounds."""
+    kind = node.type.kind
+    found: list[Node] | None = None
+    match node:
+        case Const():
+            found = [b.const(v, Type(kind)) for v in set(node.flat)]
+        case Apply(op=op) if entry_of(op).elements is Elements.MOVED:
+            moved = [a for i, a in enumerate(args) if i not in entry_of(op).indices]
+            every = [a for a in moved if a is not None]
+            if len(every) == len(moved):
+                found = [b.cast(value, kind) for values in every for value in values]
+        case Apply(op=op) if op in OPERATORS and OPERATORS[op].elementwise:
+            every = [a for a in args if a is not None]
+            if len(every) == len(args) and math.prod(map(len, every)) <= TRIED:
+                found = [b.apply(op, *each) for each in product(*every)]
+    if found is not None:
+        return frozenset(v for v in found if isinstance(v, Const))
+    if kind is Kind.BOOL:
+        return frozenset((b.const(False, Type(kind)), b.const(True, Type(kind))))
+    low, high = b.bounds(node)
+    if kind is Kind.REAL or not high - low < MOST_VALUES:
+        return None
+    return frozenset(b.const(v, INT) for v in range(int(low), int(high) + 1))
 
 
 # -- after some steps ---------------------------------------------------------------------------------------------

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
-from typing import TypeAlias
 
 import numpy as np
 
 from taskspec.base.diagnostics import suggest
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Apply, Const, Node, Read, Role, children, plain, rewrite, walk
-from taskspec.lang.operators import OPERATORS, Elements, entry_of
-from taskspec.lang.types import Kind, Type
+from taskspec.lang.ir import Node, Read, Role, rewrite
+from taskspec.lang.types import Kind
 from taskspec.modifiers.core import (
     MOST,
     apart,
@@ -31,77 +27,6 @@ from taskspec.modifiers.core import (
 from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, as_well
 from taskspec.task.bijection import MapPart, Moves, bounds, codes, outside, parts
 from taskspec.task.task import FINITE_SPACES, Component, Symmetry, Task
-
-MOST_VALUES = 256
-"""Limit on the values of an expression that are listed."""
-TRIED = 4096
-"""Combinations of arguments that are worked out for one operation."""
-Values: TypeAlias = frozenset[Const] | None
-"""What the elements of a node may be; None where that is not known, or too much."""
-
-
-def values(b: Builder, root: Node) -> Values:
-    """Return the constants that a number may come to; None where there may be others, or too many."""
-    known: dict[int, Values] = {}
-    for node in walk([root]):
-        found = _values(b, node, [known[id(c)] for c in children(node)])
-        known[id(node)] = found if found is not None and len(found) <= MOST_VALUES else None
-    return known[id(root)]
-
-
-def _values(b: Builder, node: Node, args: list[Values]) -> Values:
-    match node:
-        case Const():
-            kind = Type(node.type.kind)
-            return frozenset(b.const(v, kind) for v in set(node.flat))
-        case Apply(op=op) if entry_of(op).elements is Elements.MOVED:
-            indices = entry_of(op).indices
-            return _union([a for i, a in enumerate(args) if i not in indices], b, node)
-        case Apply(op=op) if op in OPERATORS and OPERATORS[op].elementwise:
-            found = _worked_out(b, op, args)
-            return _within_bounds(b, node) if found is None else found
-        case _:
-            return _within_bounds(b, node)
-
-
-def _union(args: list[Values], b: Builder, node: Node) -> Values:
-    if any(a is None for a in args):
-        return _within_bounds(b, node)
-    kind = node.type.kind
-    found = [b.cast(value, kind) for values in args if values is not None for value in values]
-    return frozenset(value for value in found if isinstance(value, Const))
-
-
-def _worked_out(b: Builder, op: str, args: list[Values]) -> Values:
-    """Return what an operator gives for all combinations of arguments."""
-    if any(a is None for a in args) or math.prod(len(a or ()) for a in args) > TRIED:
-        return None
-    found = [b.apply(op, *each) for each in product(*(a or () for a in args))]
-    return frozenset(v for v in found if isinstance(v, Const))
-
-
-def _within_bounds(b: Builder, node: Node) -> Values:
-    """Return all that an int or a condition may be, by its bounds."""
-    if node.type.kind is Kind.REAL:
-        return None
-    if node.type.kind is Kind.BOOL:
-        return frozenset((b.const(False, Type(Kind.BOOL)), b.const(True, Type(Kind.BOOL))))
-    low, high = b.bounds(node)
-    if not (math.isfinite(low) and math.isfinite(high) and high - low < MOST_VALUES):
-        return None
-    return frozenset(b.const(v, Type(Kind.INT)) for v in range(int(low), int(high) + 1))
-
-
-def floats(b: Builder, root: Node) -> list[float] | None:
-    """Return the values of a number as floats, in order; None where they are not known to be few and finite."""
-    found = values(b, root)
-    if found is None:
-        return None
-    numbers = sorted({float(plain(v.value)) + 0.0 for v in found})
-    return numbers if all(map(math.isfinite, numbers)) else None
-
-
-# The modifier of symmetries: a twin of a task, which is seen and steered in another way that its spec declares.
 
 
 def _twin(b: Builder, task: Task, given: Arguments) -> Task:

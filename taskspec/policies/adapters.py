@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
-from functools import reduce
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
@@ -143,19 +143,15 @@ class ObservationPolicy(TaskPolicy):
 
     def _constant(self, model: Model, t: int) -> Array | None:
         """Return actions as probabilities (A, S); None for a policy that remembers, or whose actions vary."""
+
+        def ask() -> Array:
+            chosen = self.choose(self.batch(states_of(model), 0, np.random.default_rng(0), observed_at=t))
+            return one_hot(model, [chosen[c.name] for c in model.actions.components])
+
         if self.may_explore:
             return None
-        first: Actions | None = None
-        for _ in range(ASKS):
-            chosen = self.choose(self.batch(states_of(model), 0, np.random.default_rng(0), observed_at=t))
-            if self.memory is not None:
-                return None
-            if first is None:
-                first = chosen
-            elif not all(np.array_equal(first[name], chosen[name]) for name in first):
-                return None
-        assert first is not None
-        return one_hot(model, [first[c.name] for c in model.actions.components])
+        found = unvaried(ask)
+        return None if self.memory is not None else found
 
 
 def _of_kind(values: Array, kind: Kind) -> Array:
@@ -176,7 +172,11 @@ class Predictor(ObservationPolicy):
         self.policy = policy
         self.deterministic = deterministic
         self.takes = parameters(getattr(policy, "predict", None))
-        self.normalise = normaliser(policy)
+        self.normalise: Callable[[Any], Any] = lambda observations: observations
+        wrapper = policy.get_vec_normalize_env() if hasattr(policy, "get_vec_normalize_env") else None
+        if wrapper is not None:  # that it was trained with
+            self.normalise = wrapper.normalize_obs
+        self.gives_probabilities = getattr(policy, "probabilities", getattr(policy, "action_probabilities", None))
         self.may_explore = "deterministic" in self.takes and not deterministic
 
     def act(self, batch: EpisodeBatch) -> Any:
@@ -194,8 +194,8 @@ class Predictor(ObservationPolicy):
     def probabilities(self, observations: Any) -> Array | None:
         if self.deterministic:
             return None
-        if hasattr(self.policy, "action_probabilities"):
-            return np.asarray(self.policy.action_probabilities(self.normalise(observations)), np.float64)
+        if self.gives_probabilities:
+            return np.asarray(self.gives_probabilities(self.normalise(observations)), np.float64)
         return _sb3_probabilities(self.policy, self.normalise(observations))
 
 
@@ -297,17 +297,25 @@ class StateFunction(TaskPolicy):
             return one_hot(model, [np.broadcast_to(v, (*v.shape[:-1], model.n_states)) for v in values])
 
         def plan(t: int) -> Array:
-            first = ask(t)
-            for _ in range(ASKS - 1 if t == 0 else 1):
-                if not np.array_equal(first, ask(t)):
-                    raise Varies
-            return first
+            found = unvaried(partial(ask, t), ASKS if t == 0 else 2)
+            if found is None:
+                raise Varies
+            return found
 
         return Tabulated(plan, "actions")
 
 
 class Varies(Exception):
     """A policy does not give the same actions each time it is asked about the same states."""
+
+
+def unvaried(ask: Callable[[], Array], times: int = ASKS) -> Array | None:
+    """Return an answer, if it is the same several times; None if it varies."""
+    first = ask()
+    for _ in range(times - 1):
+        if not np.array_equal(first, ask()):
+            return None
+    return first
 
 
 def one_hot(model: Model, values: list[Array]) -> Array:
@@ -327,12 +335,6 @@ def parameters(function: Any) -> frozenset[str]:
         return frozenset(inspect.signature(function).parameters)
     except (TypeError, ValueError):
         return frozenset()
-
-
-def normaliser(policy: Any) -> Callable[[Any], Any]:
-    """Return the normalisation of observations that a model of Stable-Baselines3 was trained with (`VecNormalize`)."""
-    wrapper = policy.get_vec_normalize_env() if hasattr(policy, "get_vec_normalize_env") else None
-    return (lambda observations: observations) if wrapper is None else wrapper.normalize_obs
 
 
 def _sb3_probabilities(policy: Any, observations: Any) -> Array | None:

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, NoReturn, Protocol
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 
@@ -34,16 +34,6 @@ Asking = Literal["probabilities", "actions", "samples"]
 """The basis of a policy's value: its probabilities of actions, its actions if they never vary, or simulated episodes."""
 TIE = 1e-9
 """Values of actions this close, as a share of the largest, are tied."""
-
-
-class Randomness(Protocol):
-    """Random numbers for one step of N episodes."""
-
-    def words(self, count: int) -> Array:
-        """Return random words uint32 (count, N)."""
-
-    def generator(self, lane: int) -> np.random.Generator:
-        """Return the generator of one episode."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +79,7 @@ class EpisodeBatch:
     t: int
     states: State
     observations: Any
-    draws: Randomness
+    draws: SeededDraws | SharedDraws
     running: Array
 
     @classmethod

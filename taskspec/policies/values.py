@@ -17,7 +17,6 @@ from taskspec.policies.adapters import (
     ProbabilisticPolicy,
     StateFunction,
     Varies,
-    normaliser,
 )  # fmt: skip
 from taskspec.policies.experts import Expert
 from taskspec.policies.policy import Asking, EpisodeBatch, TaskPolicy, greedy, planned, states_of
@@ -108,35 +107,39 @@ def _table_value(results: Results, table: Array) -> PolicyValue:
 
 def plan_of_table(model: Model, table: Array) -> Plan:
     """Return the plan of a table: actions (S,) or (T, S), or probabilities (S, A) or (T, S, A)."""
-    a = model.n_actions
-    n = model.n_states
-    if table.dtype.kind in "iu" and table.shape[-1:] == (n,) and table.ndim <= 2 and table.shape != (n, a):
-        if not ((table >= 0) & (table < a)).all():
-            misused(f"an action of the table is not in 0 to {a - 1}")
-        hot = np.moveaxis(np.eye(a)[table], -1, -2)
-        return stationary(hot) if table.ndim == 1 else timed(list(hot))
-    if table.shape[-2:] != (n, a) or table.ndim > 3:
-        message = f"a table of probabilities has shape ({n}, {a}) or (T, {n}, {a}), not {table.shape}"
-        misused(message, _transposed(table, n, a))
-    table = table.astype(np.float64)
-    if np.isnan(table).any():
-        misused("the table of probabilities has NaN in it", "every entry is a probability")
-    if not _are_probabilities(table):
-        is_square_transposed = a == n and np.allclose(table.sum(axis=-2), 1)
-        hint = _transposed(table, n, a) if is_square_transposed else None
+    table = _by_row(table, model.n_states, model.n_actions)
+    if not are_probabilities(table):
+        hint = None
+        if model.n_actions == model.n_states and np.allclose(table.sum(axis=-2), 1):
+            hint = _transposed(table)
         misused("the probabilities of the actions in a state are at least 0, and sum to 1", hint)
     by_action = np.moveaxis(table, -1, -2)
     return stationary(by_action) if table.ndim == 2 else timed(list(by_action))
 
 
-def _are_probabilities(table: Array) -> bool:
+def _by_row(table: Array, rows: int, actions: int, first: int = 0) -> Array:
+    """Return a table of actions (counted from `first`), probabilities or values as one of (rows, A) or (T, rows, A)."""
+    if table.dtype.kind in "iu" and table.shape[-1:] == (rows,) and table.shape[-2:] != (rows, actions):
+        if not ((table >= first) & (table < first + actions)).all():
+            misused(f"an action of the table is not in {first} to {first + actions - 1}")
+        table = np.eye(actions)[table - first]
+    if table.ndim not in (2, 3) or table.shape[-2:] != (rows, actions):
+        forms = f"({rows},) for actions, ({rows}, {actions}) for their probabilities or values"
+        hint = _transposed(table) if table.shape[-2:] == (actions, rows) else None
+        misused(f"a table has shape {forms}; maybe with the time in front; not {table.shape}", hint)
+    if not np.isfinite(table).all():
+        what = "NaN" if np.isnan(table).any() else "an infinite number"
+        misused(f"the table of probabilities or values of actions has {what} in it", "every entry is a finite number")
+    return table.astype(np.float64)
+
+
+def are_probabilities(table: Array) -> bool:
+    """Return whether the rows of a table are probabilities."""
     return bool((table >= 0).all() and np.allclose(table.sum(axis=-1), 1))
 
 
-def _transposed(table: Array, rows: int, actions: int) -> str | None:
-    """Return the hint for a table whose actions come before its states or observations; None for any other."""
-    if table.ndim not in (2, 3) or table.shape[-2:] != (actions, rows):
-        return None
+def _transposed(table: Array) -> str:
+    """Return the hint for a table whose actions come before its states or observations."""
     way = "table.T" if table.ndim == 2 else "np.moveaxis(table, -1, -2)"
     return f"this table is transposed: actions are its last axis, as in {way}"
 
@@ -166,7 +169,7 @@ def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
     """
     if is_table(policy):
         return _of_table(results, np.asarray(policy), seed)
-    probabilities = _probabilities(policy, results.task)
+    probabilities = observed_probabilities(policy, results.task)
     if probabilities is not None:
         return _of_probabilities(results, probabilities, probabilities, seed)
     if hasattr(policy, "predict"):
@@ -182,15 +185,12 @@ def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
     return ObservedValue(value, value)
 
 
-def _probabilities(policy: Any, task: Task) -> Probabilities | None:
+def observed_probabilities(policy: Any, task: Task) -> Probabilities | None:
     """Return the probabilities that a policy gives of finite actions; None where it gives none."""
     if task.action_layout.form == "box":
         return None
-    if hasattr(policy, "probabilities"):
-        normalise = normaliser(policy)
-        return lambda observations: np.asarray(policy.probabilities(normalise(observations)), np.float64)
     predictor = Predictor(task, policy)
-    if not hasattr(policy, "action_probabilities"):
+    if not predictor.gives_probabilities:
         if not hasattr(policy, "predict"):
             return None
         start = predictor.observe(Rollout(task, 1).start(), 0, np.random.default_rng(0))
@@ -216,23 +216,9 @@ def _of_table(results: Results, table: Array, seed: int) -> ObservedValue:
     actions = results.task.action_layout
     if seen.form != "discrete" or actions.form not in ("discrete", "multi_discrete"):
         misused(f"a table is a policy where observations are one number and actions finite, not on {results.task.id}")
-    o = seen.counts[0]
-    a = int(np.prod(actions.counts))
-    if table.dtype.kind in "iu" and table.shape[-1:] == (o,) and table.shape[-2:] != (o, a):
-        index = table - actions.starts[0] if actions.form == "discrete" else table
-        if not ((index >= 0) & (index < a)).all():
-            misused(f"an action of the table is not in {results.task.action_space}")
-        table = np.eye(a)[index]
-    if table.ndim not in (2, 3) or table.shape[-2:] != (o, a):
-        misused(
-            f"a table has shape ({o},) for actions, ({o}, {a}) for their probabilities or values; maybe with "
-            f"the time in front; not {table.shape}",
-            _transposed(table, o, a),
-        )
-    if not np.isfinite(table).all():
-        what = "NaN" if np.isnan(table).any() else "an infinite number"
-        misused(f"the table of probabilities or values of actions has {what} in it", "every entry is a finite number")
-    stochastic = table if _are_probabilities(table) else greedy(table)
+    first = actions.starts[0] if actions.form == "discrete" else 0
+    table = _by_row(table, seen.counts[0], int(np.prod(actions.counts)), first)
+    stochastic = table if are_probabilities(table) else greedy(table)
     if table.ndim == 3:
         return ObservedValue(_timed_value(results, greedy(table)), _timed_value(results, stochastic))
     start = seen.starts[0]

@@ -1,16 +1,18 @@
 """Statistics of samples: confidence intervals of means, bootstrap intervals over seeds, and tests of differences.
 
 The normal approximation fails for rare outcomes: a return of a million with probability 1e-6 leaves no trace in a thousand
-episodes. So a claim is contradicted by `mean_interval`, which holds for every distribution with bounds. Scores over seeds have
-percentile bootstrap intervals, and are compared with Student's or Welch's t-test.
+episodes. So a claim is contradicted by `mean_interval`, which holds for every distribution with bounds. Verdicts rest on the
+exact interval of a success rate over seeds. Rules over scores use percentile bootstrap intervals. Two samples of
+seeds are compared by permutation tests.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -44,16 +46,60 @@ def mean_interval(mean: float, error: float, count: int, low: float, high: float
     return Enclosure(max(found.low, Enclosure.exactly(low).low), min(found.high, Enclosure.exactly(high).high))
 
 
+# -- rates, and means over seeds --------------------------------------------------------------------------------------
+
+CONFIDENCE = 0.95
+DIGITS = 9
+"""Decimals that the ends of intervals are rounded to, so that rounding errors of floats do not matter."""
+ALIKE = 0.02
+"""Scores that differ by less count as one value, where scores have two."""
+
+
+def rate_interval(successes: int, count: int) -> tuple[float, float]:
+    """Return the exact 95 % interval of a rate (Clopper and Pearson 1934)."""
+    special = need("scipy.special", "exact")
+    tail = (1 - CONFIDENCE) / 2
+    low = 0.0
+    high = 1.0
+    if successes > 0:
+        low = float(special.betaincinv(successes, count - successes + 1, tail))
+    if successes < count:
+        high = float(special.betaincinv(successes + 1, count - successes, 1 - tail))
+    return low, high
+
+
+def seeds_interval(sample: Sequence[float]) -> tuple[float, float]:
+    """Return the 95 % interval of the mean over seeds; (-inf, inf) for fewer than two.
+
+    Student's; where scores have two values only, the exact interval of the share of the larger one. Equal scores have an interval
+    of width 0, which says nothing of scores that did not occur: `rate_interval` does.
+    """
+    values = np.asarray(sample, float)
+    count = len(values)
+    if count < 2:
+        return -math.inf, math.inf
+    is_low = values <= values.min() + ALIKE
+    is_high = values >= values.max() - ALIKE
+    if not (is_low & is_high).any() and (is_low | is_high).all():
+        bottom = float(values[is_low].mean())
+        top = float(values[is_high].mean())
+        low, high = (bottom + share * (top - bottom) for share in rate_interval(int(is_high.sum()), count))
+    else:
+        tail = (1 - CONFIDENCE) / 2
+        error = float(values.std(ddof=1)) / math.sqrt(count)
+        reach = -error * float(need("scipy.special", "exact").stdtrit(count - 1, tail))
+        low = float(values.mean()) - reach
+        high = float(values.mean()) + reach
+    return round(low, DIGITS), round(high, DIGITS)
+
+
 # -- bootstrap --------------------------------------------------------------------------------------------------------
 
 Statistic = Callable[[Array], Array]
 """A function from samples (..., n) to a number for each (...)."""
 RESAMPLES = 10_000
-CONFIDENCE = 0.95
 SEED = 20201203
 """The seed of the resampling: the same results always have the same intervals."""
-DIGITS = 9
-"""Decimals that the ends of intervals are rounded to, so that rounding errors of floats do not matter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,59 +166,106 @@ def deviation(samples: Array) -> Array:
 MATTERS = 0.05
 """The smallest difference of mean scores that counts."""
 ALARM = 0.01
-"""The probability of any false alarm among all comparisons of a kind (Bonferroni)."""
+"""The probability of any false alarm among all comparisons of a kind."""
+MOST_PERMUTATIONS = 20_000
+"""Permutations that are tried: all of them, or so many at random."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """A difference of mean scores.
+    """A difference of mean scores of two samples.
 
     Args:
         effect: the difference.
-        low, high: its 95 % bootstrap interval.
-        p_value: of the two-sided t-test; the bootstrap interval alone is too narrow for few seeds.
+        low, high: its 95 % interval, Welch's; None where a sample has fewer than two scores.
+        p_value: of the permutation test, corrected for all comparisons that were made.
+        is_together: whether it is the p-value of all comparisons together, where none of them alone is significant.
     """
 
     effect: float
-    low: float
-    high: float
+    low: float | None
+    high: float | None
     p_value: float
+    is_together: bool = False
 
-    def is_real(self, among: int) -> bool:
-        """Return whether the difference matters, and is significant among this many comparisons."""
-        excludes_zero = not self.low <= 0 <= self.high
-        return abs(self.effect) >= MATTERS and excludes_zero and self.p_value < ALARM / among
-
-
-def paired(now: Sequence[float], then: Sequence[float], key: str) -> Difference | None:
-    """Return the mean difference of scores of the same seeds; None for fewer than two seeds."""
-    differences = np.subtract(now, then)
-    if len(differences) < 2:
-        return None
-    effect = float(differences.mean())
-    low, high = estimate(differences, mean, key).interval
-    return Difference(effect, low, high, _p_value(effect, _standard_error(differences), len(differences) - 1))
+    @property
+    def is_real(self) -> bool:
+        """True if the difference matters and is significant."""
+        return abs(self.effect) >= MATTERS and self.p_value <= ALARM
 
 
-def unpaired(now: Sequence[float], then: Sequence[float], key: str) -> Difference | None:
-    """Return the difference of mean scores of independent seeds; None for fewer than two of either."""
-    if min(len(now), len(then)) < 2:
-        return None
-    effect = float(np.mean(now) - np.mean(then))
-    low, high = estimate(now, mean, f"{key}, now").map(np.subtract, estimate(then, mean, f"{key}, then")).interval
-    a = _standard_error(np.asarray(now))
-    b = _standard_error(np.asarray(then))
-    parts = a**4 / (len(now) - 1) + b**4 / (len(then) - 1)
-    degrees = (a**2 + b**2) ** 2 / parts if parts else 1
-    return Difference(effect, low, high, _p_value(effect, math.hypot(a, b), degrees))
+def differences(scores: Array, is_first: Array, only_below: bool = False) -> list[Difference]:
+    """Return the differences of the mean scores of two samples in several comparisons, by exact permutation tests.
+
+    The rows of the two samples are permuted, each with its scores in all comparisons. First all comparisons are tested together,
+    by the sum of the squares of their differences in standard deviations; then each of them by the largest difference among
+    those that are not larger (Westfall and Young 1993), which is closed testing. A p-value is at least that of the first test.
+    If only the first test is significant, the largest difference has its p-value.
+
+    Args:
+        scores: (rows, comparisons), NaN where a row has none.
+        is_first: bool (rows,), the rows of the first sample.
+        only_below: whether only means of the first sample that are below those of the second one count.
+    """
+    is_known = ~np.isnan(scores)
+    filled = np.where(is_known, scores, 0.0)
+    picks = _permutations(is_first).astype(float)
+    counts = picks @ is_known
+    others = is_known.sum(axis=0) - counts
+    sums = picks @ filled
+    with np.errstate(all="ignore"):
+        effects = sums / counts - (filled.sum(axis=0) - sums) / others
+        means = filled.sum(axis=0) / is_known.sum(axis=0)
+        spread = np.sqrt((np.where(is_known, scores - means, 0.0) ** 2).sum(axis=0) / is_known.sum(axis=0))
+        sizes = np.where((spread > 1e-9) & np.isfinite(effects), effects / spread, 0.0)
+    sizes = np.maximum(-sizes, 0.0) if only_below else np.abs(sizes)
+    together = _share_as_large((sizes**2).sum(axis=1))
+    p_value = together
+    found: dict[int, Difference] = {}
+    order = np.argsort(-sizes[0], kind="stable").tolist()
+    for i, j in enumerate(order):
+        largest = sizes[:, order[i:]].max(axis=1)
+        largest[0] = sizes[0, j]
+        p_value = max(p_value, _share_as_large(largest))
+        known = is_known[:, j]
+        low, high = _welch_interval(scores[is_first & known, j], scores[~is_first & known, j])
+        found[j] = Difference(float(effects[0, j]), low, high, p_value)
+    largest_one = found[order[0]]
+    if largest_one.p_value > ALARM >= together:
+        found[order[0]] = replace(largest_one, p_value=together, is_together=True)
+    return [found[j] for j in range(scores.shape[1])]
 
 
-def _standard_error(sample: Array) -> float:
-    return float(np.std(sample, ddof=1) / math.sqrt(len(sample)))
+def _permutations(is_first: Array) -> Array:
+    """Return which rows are in the first sample, (permutations, rows); in permutation 0 those that are."""
+    rows = len(is_first)
+    size = int(is_first.sum())
+    if math.comb(rows, size) <= MOST_PERMUTATIONS:
+        chosen = np.array(list(itertools.combinations(range(rows), size)), int).reshape(-1, size)
+    else:
+        rng = np.random.default_rng(SEED)
+        chosen = rng.random((MOST_PERMUTATIONS, rows)).argsort(axis=1)[:, :size]
+    found = np.zeros((len(chosen), rows), bool)
+    np.put_along_axis(found, chosen, True, axis=1)
+    if len(chosen) < MOST_PERMUTATIONS:
+        found = found[(found != is_first).any(axis=1)]
+    return np.vstack([is_first, found])
 
 
-def _p_value(effect: float, error: float, degrees: float) -> float:
-    """Return the two-sided p-value of a mean under Student's t distribution (for two samples, Welch's degrees of freedom)."""
-    if error <= 1e-12 * abs(effect):
-        return 0.0 if effect else 1.0
-    return float(2 * need("scipy.special", "exact").stdtr(degrees, -abs(effect) / error))
+def _share_as_large(statistic: Array) -> float:
+    """Return the share of permutations with a statistic that is at least that of the samples."""
+    return float(np.mean(statistic >= statistic[0] - 1e-9))
+
+
+def _welch_interval(first: Array, second: Array) -> tuple[float | None, float | None]:
+    if min(len(first), len(second)) < 2:
+        return None, None
+    effect = float(first.mean() - second.mean())
+    a = float(first.var(ddof=1)) / len(first)
+    b = float(second.var(ddof=1)) / len(second)
+    parts = a**2 / (len(first) - 1) + b**2 / (len(second) - 1)
+    if parts == 0:
+        return effect, effect
+    tail = (1 - CONFIDENCE) / 2
+    reach = -math.sqrt(a + b) * float(need("scipy.special", "exact").stdtrit((a + b) ** 2 / parts, tail))
+    return effect - reach, effect + reach

@@ -48,6 +48,18 @@ NUMBERS: dict[str, OverSeeds] = {
 FIXED: dict[str, Word] = {"constant": Word("constant", "constant(task)", "Score of the best constant action.")}
 """Numbers of a task that no seed changes."""
 
+ABOUT_LEARNER: dict[str, tuple[Word, tuple[str, ...]]] = {
+    "learns_from": (
+        Word("learns_from", "learns_from(source)", "1 where the learner is granted this, else 0."),
+        ("reward", "demonstrations", "preferences"),
+    ),
+    "used": (
+        Word("used", "used(amount)", "Mean number that a training run used."),
+        ("steps", "demonstrations", "comparisons"),
+    ),
+}
+"""Numbers of a learner, each with the names that it takes; in rules about one learner alone."""
+
 SIDES: dict[str, str] = {
     "printed": "the task as printed; the default",
     "twin": "its twins: states renamed, actions permuted, or a symmetry of the task; mean over all of them",
@@ -76,10 +88,6 @@ class RuleNames:
     learners: tuple[str, ...] = ()
     groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
     instances: tuple[str, ...] = ()
-
-    def group(self, name: str) -> tuple[str, ...] | None:
-        """Return the members of a group."""
-        return self.all_groups.get(name)
 
     @property
     def all_groups(self) -> dict[str, tuple[str, ...]]:
@@ -132,6 +140,7 @@ class SeedScores:
         self.records: dict[tuple[str, str, str], list[Mapping[str, Any]]] = defaultdict(list)
         self.tasks: dict[str, Mapping[str, Any]] = {}
         self.ids: dict[str, str] = {}
+        self.exams = exams
         renamed = {**(same or {}), **(instances or {})}
         for learner, exam in exams.items():
             own = {short_name(task) for task in exam["tasks"]}
@@ -169,6 +178,20 @@ class SeedScores:
         if found is None:
             raise Undecidable(f"the best constant action of {task} is not known")
         return float(found)
+
+    def about_learner(self, name: str, what: str) -> float:
+        """Return a number of the one learner that there is, of those in `ABOUT_LEARNER`.
+
+        Raises:
+            Undecidable: if it is not known.
+        """
+        exam = self.exams.get(ONE, {})
+        if name == "learns_from" and name in exam:
+            return float(what in exam[name])
+        amounts = [score[what] for score in exam.get("scores", ()) if score.get("error") is None and what in score]
+        if name == "learns_from" or not amounts:
+            raise Undecidable(f"{name}({what}) is not known")
+        return float(np.mean(amounts))
 
 
 # -- evaluation -----------------------------------------------------------------------------------
@@ -272,6 +295,8 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         else:
             number = difference
             text = f"{self._text(left)} − {self._text(right)}"
+        if isinstance(left, s.Call) and left.function == "learns_from":  # no evidence, but what the rule is for
+            return Truth(_compare(op, difference))
         low, high = difference.interval
         found = Comparison(text, number.value, *number.interval, tasks, learners, max(low, -high))
         return Truth(_compare(op, difference), (found,))
@@ -309,8 +334,14 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
                 return self.arithmetic(name, *map(self.number, args))
             case s.Call(function=name) if name in NUMBERS or name in FIXED:
                 return self._over_seeds(expr)
+            case s.Call(function=name, args=args) if name in ABOUT_LEARNER and not self.names.learners:
+                _, known = ABOUT_LEARNER[name]
+                if expr.keywords or len(args) != 1:
+                    self._fail("E304", expr, f"{name} takes one name", f"one of {', '.join(known)}")
+                what = self._name(args[0], known, "source" if name == "learns_from" else "amount")
+                return Estimate.exactly(self.scores.about_learner(name, what))
             case s.Call(function=name):
-                known = (*NUMBERS, *FIXED, *FUNCTIONS, *QUANTIFIERS)
+                known = (*NUMBERS, *FIXED, *ABOUT_LEARNER, *FUNCTIONS, *QUANTIFIERS)
                 hint = suggest(name, known) or f"there are {', '.join(known)}"
                 self._fail("E303", expr, f"there is no function '{name}' in rules", hint)
             case s.Name(id=name):
@@ -390,7 +421,7 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         """Return the members of a group, or of a list of names."""
         match expr:
             case s.Name(id=name):
-                members = self.names.group(name)
+                members = self.names.all_groups.get(name)
                 if members is None:
                     self._name(expr, tuple(self.names.all_groups), "group")
                 return members or ()

@@ -10,8 +10,8 @@ Search Value Iteration for POMDPs" (UAI 2004): a trial follows the action whose 
 whose gap weighs most, and on the way back narrows the bounds of the beliefs it passed. A new belief is worth at most the
 return of an agent that knows the state, and at least that of an action which is taken at all times.
 
-Beliefs are exact. Their bounds are rationals, exact while they are short; longer ones are rounded outwards to a grid that is
-fine beside the largest value of the task, so that the cost of an operation does not grow with the length of a search.
+Beliefs are exact. Their bounds are rationals, exact while they are short; longer ones are rounded outwards to floats, so that
+the cost of an operation does not grow with the length of a search.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import count
 from math import gcd, lcm
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -169,8 +169,6 @@ CLOSE = Fraction(1, 10**10)
 """The gap at which a search ends, relative to the value."""
 SHORT = 256
 """Bits of a denominator up to which bounds are exact."""
-FINE = 128
-"""The grid of longer bounds: so many bits below the largest value."""
 
 
 @dataclass(slots=True)
@@ -212,23 +210,20 @@ class BeliefSearch:
 
     def __post_init__(self) -> None:
         numbers = self.numbers
-        largest = Fraction(0)  # return that rewards allow
-        for step in numbers.steps:
-            largest = max(largest, Fraction(max(map(abs, step.R.parts.tolist())), step.R.over))
-        largest *= numbers.horizon
-        self.grid = 1 << max(0, FINE - largest.numerator.bit_length() + largest.denominator.bit_length())
-        self.knowing = self._values(lambda t, q: self._shortened(numbers.top(q), is_high=True))
-        self.constant = [self._values(self._taking(action)) for action in range(numbers.model.n_actions)]
+        largest = max(Fraction(max(map(abs, step.R.parts.tolist())), step.R.over) for step in numbers.steps)
+        self.least_gap = largest * numbers.horizon**2 / 2**48  # which rounding may leave
+        self.knowing = self._values(lambda t, q: numbers.top(q))
+        self.constant: list[list[Scaled]] = []
+        for action in range(numbers.model.n_actions):
+
+            def take(t: int, q: Scaled, action: int = action) -> Scaled:
+                return Scaled(q.parts[action], q.over).reduced()
+
+            self.constant.append(self._values(take))
 
     def _values(self, choose: Callable[[int, Scaled], Scaled]) -> list[Scaled]:
         """Return values (S,) from each time on."""
         return all_values(backward(self.numbers.backup, choose, self.numbers.zero(), self.numbers.horizon))
-
-    def _taking(self, action: int) -> Callable[[int, Scaled], Scaled]:
-        def choose(t: int, q: Scaled) -> Scaled:
-            return self._shortened(Scaled(q.parts[action], q.over).reduced(), is_high=False)
-
-        return choose
 
     def value(self) -> Enclosure:
         """Return the return of the best policy that remembers; two bounds where time ran out."""
@@ -238,7 +233,7 @@ class BeliefSearch:
         while True:
             low = self._worth(first, is_high=False)
             high = self._worth(first, is_high=True)
-            close = max(CLOSE * max(abs(low), abs(high)), Fraction(4 * self.numbers.horizon, self.grid))
+            close = max(CLOSE * max(abs(low), abs(high)), self.least_gap)
             if high - low <= close or self.spent > limits().seconds * BELIEF_RATE:
                 return Enclosure(low, high)
             tell(f"{len(self.nodes):,} beliefs, between {rounded(low):.6g} and {rounded(high):.6g}")
@@ -328,18 +323,9 @@ class BeliefSearch:
         self.spent += operations * (1 + size.bit_length() / WIDE)
 
     def _rounded(self, part: int, over: int, is_high: bool) -> Fraction:
-        """Return `part / over`, rounded up or down to the grid where it is long."""
+        """Return `part / over`, rounded up or down to a float where it is long."""
+        found = Fraction(part, over)
         if over.bit_length() <= SHORT:
-            return Fraction(part, over)
-        return Fraction(_divided(part * self.grid, over, is_high), self.grid)
-
-    def _shortened(self, values: Scaled, is_high: bool) -> Scaled:
-        """Return values, rounded up or down to the grid where they are long."""
-        if values.over.bit_length() <= SHORT:
-            return values
-        return Scaled(_divided(values.parts * self.grid, values.over, is_high), self.grid)
-
-
-def _divided(part: Any, over: int, is_high: bool) -> Any:
-    """Return the whole number next to `part / over`, above or below; also of arrays."""
-    return -(-part // over) if is_high else part // over
+            return found
+        low, high = Enclosure.exactly(found).ends
+        return Fraction(high if is_high else low)

@@ -1,11 +1,9 @@
-"""A document that has been read: plain data with the place of every value. Places of values in JSON, too."""
+"""A document that has been read: plain data with the place of every value."""
 
 from __future__ import annotations
 
-import json
-import re
 from bisect import bisect_right
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import field
 from typing import Any, TypeAlias
 
@@ -114,48 +112,3 @@ def span(origin: Origin, lines: list[int], start: int, end: int) -> Span:
     column = start - lines[line - 1] + 1
     end_column = max(start, end) - lines[end_line - 1] + 1
     return Span(origin, line, column, end_line, end_column)
-
-
-# -- JSON ---------------------------------------------------------------------------------------------------------
-
-_SPACE = re.compile(r"[ \t\n\r]*")
-_DECODER = json.JSONDecoder()
-
-
-def json_span(origin: Origin, path: Path) -> Span:
-    """Return the place of a value in a text that is JSON; where a path leads nowhere, of the last value on its way."""
-    text = origin.text
-    start = _after_space(text, 0)
-    for step in path:
-        found = next((place for key, place in _json_entries(text, start) if key == step), None)
-        if found is None:
-            break
-        start = found
-    end = _DECODER.raw_decode(text, start)[1]
-    lines = [0, *(found.end() for found in re.finditer("\n", text))]
-    return span(origin, lines, start, end)
-
-
-def _json_entries(text: str, start: int) -> Iterator[tuple[str | int, int]]:
-    """Yield the keys of an object, or the indices of a list, each with the place where its value begins."""
-    opening = text[start]
-    if opening not in "{[":
-        return
-    place = _after_space(text, start + 1)
-    index = 0
-    while text[place] not in "}]":
-        key: str | int = index
-        if opening == "{":
-            key, place = _DECODER.raw_decode(text, place)
-            place = _after_space(text, _after_space(text, place) + 1)
-        yield key, place
-        place = _after_space(text, _DECODER.raw_decode(text, place)[1])
-        if text[place] == ",":
-            place = _after_space(text, place + 1)
-        index += 1
-
-
-def _after_space(text: str, place: int) -> int:
-    found = _SPACE.match(text, place)
-    assert found is not None
-    return found.end()

@@ -59,8 +59,16 @@ class MapPart:
     def clash(self) -> tuple[Values, Values] | None:
         """Return two values that become one; None where there are none, or it is not known."""
         if self.moves is not None:
-            lost = set(range(sum(c.type.size for c in self.inputs))) - set(self.moves.source.tolist())
-            return next((pair for i in sorted(lost) if (pair := _apart(self.inputs, i)) is not None), None)
+            low, high = _ends(self.inputs)
+            for i in np.flatnonzero(low < high):
+                if i not in self.moves.source:
+                    row = np.clip(np.zeros(len(low)), low, high)
+                    changed = row.copy()
+                    changed[i] = min(row[i] + 1, high[i])
+                    if row[i] == high[i]:
+                        changed[i] = max(row[i] - 1, low[i])
+                    return _of_row(self.inputs, row), _of_row(self.inputs, changed)
+            return None
         if self.listed is None:
             return None
         values = self.listed.astype(np.float32)  # as they are observed
@@ -97,10 +105,14 @@ def bounds(part: MapPart) -> Iterator[tuple[float, float]]:
         high = part.listed.max(axis=0).tolist()
         yield from zip(map(float, low), map(float, high), strict=True)
     elif part.moves is not None:
-        ends = [pair for c in part.inputs for pair in zip(c.low, c.high, strict=True)]
-        for source, sign, shift in zip(part.moves.source, part.moves.sign, part.moves.shift, strict=True):
-            pair = (0.0, 0.0) if source < 0 else ends[source]
-            yield min(sign * v for v in pair) + float(shift), max(sign * v for v in pair) + float(shift)
+        ends = [_made(part.moves, end) for end in _ends(part.inputs)]
+        yield from zip(np.minimum(*ends).tolist(), np.maximum(*ends).tolist(), strict=True)
+
+
+def _made(moves: Moves, flat: Array) -> Array:
+    """Return what elements become that are moved; 0 without a source."""
+    found: Array = moves.sign * np.append(flat, 0.0)[moves.source] + moves.shift
+    return found
 
 
 def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: Sequence[Node]) -> MapPart:
@@ -146,22 +158,16 @@ def _values(components: Sequence[Component], arrays: Sequence[Array], lane: int)
     return {c.name: v[..., lane] for c, v in zip(components, arrays, strict=True)}
 
 
-def _apart(components: Sequence[Component], element: int) -> tuple[Values, Values] | None:
-    """Return two values that differ in one element alone; None where it has a single value."""
-    one = {}
-    other = {}
-    at = 0
-    for c in components:
-        flat = np.array([min(max(0.0, a), b) for a, b in zip(c.low, c.high, strict=True)])
-        changed = flat.copy()
-        if at <= element < at + c.type.size:
-            i = element - at
-            if c.low[i] == c.high[i]:
-                return None
-            changed[i] = min(flat[i] + 1, c.high[i]) if flat[i] < c.high[i] else max(flat[i] - 1, c.low[i])
-        at += c.type.size
-        one[c.name], other[c.name] = (v.reshape(c.type.shape).astype(DTYPES[c.type.kind]) for v in (flat, changed))
-    return one, other
+def _of_row(components: Sequence[Component], row: Array) -> Values:
+    """Return a value whose elements are given in order."""
+    ends = np.cumsum([0, *(c.type.size for c in components)])
+    return {c.name: row[a:b].reshape(c.type.shape) for c, a, b in zip(components, ends, ends[1:], strict=False)}
+
+
+def _ends(components: Sequence[Component]) -> tuple[Array, Array]:
+    """Return the low and the high ends of all elements in order."""
+    low, high = (np.array([v for c in components for v in getattr(c, end)], np.float64) for end in ("low", "high"))
+    return low, high
 
 
 # -- elements that are moved --------------------------------------------------------------------------------------
@@ -204,11 +210,12 @@ def _told_apart(
     if not np.isfinite(shift).all():
         return None
     factor = np.rint(tagged - shift).astype(np.int64)
-    room = [max(abs(a), abs(b)) if c.type.kind is Kind.INT else math.inf
-            for c in inputs for a, b in zip(c.low, c.high, strict=True)]  # fmt: skip
-    source = np.abs(factor) - 1
-    is_exact = (shift == np.rint(shift)) & (np.append(room, 0.0)[source] + np.abs(shift) <= most)
+    low, high = _ends(inputs)
     is_int = np.array([c.type.kind is Kind.INT for c in inputs for _ in range(c.type.size)] + [False])
+    room = np.where(is_int, np.append(np.maximum(np.abs(low), np.abs(high)), 0.0), math.inf)
+    room[-1] = 0.0
+    source = np.abs(factor) - 1
+    is_exact = (shift == np.rint(shift)) & (room[source] + np.abs(shift) <= most)
     becomes_real = np.array([n.type.kind is Kind.REAL for n in nodes for _ in range(n.type.size)], np.bool_)
     is_moved = (shift == 0) & ~(becomes_real & is_int[source])
     if not (is_moved | (source < 0) | is_exact).all():
@@ -272,29 +279,14 @@ def outside(part: MapPart) -> tuple[Values, Values] | None:
         return lane, _of_row(part.inputs, part.listed[wrong[0]])
     if part.moves is None:
         return None
-    ends = [pair for c in part.inputs for pair in zip(c.low, c.high, strict=True)]
+    low, high = _ends(part.inputs)
     kinds = [c.type.kind for c in part.inputs for _ in range(c.type.size)]
-    for i, (made, source) in enumerate(zip(bounds(part), part.moves.source.tolist(), strict=True)):
-        if made != ends[i] or (source >= 0 and kinds[i] is not kinds[source]):
-            return _leaving(part, part.moves)
-    return None
-
-
-def _leaving(part: MapPart, moves: Moves) -> tuple[Values, Values]:
-    """Return a value at an end of the ranges, and what it becomes: one of the two ends leaves them, or does not reach all."""
-    found = []
-    for which in ("high", "low"):
-        flat = np.array([v for c in part.inputs for v in getattr(c, which)], np.float64)
-        flat = np.where(np.isfinite(flat), flat, 0.0)
-        made = np.where(moves.source < 0, 0.0, moves.sign * flat[moves.source]) + moves.shift
-        found.append((_of_row(part.inputs, flat), _of_row(part.inputs, made)))
-        low, high = (np.array([v for c in part.inputs for v in getattr(c, end)]) for end in ("low", "high"))
+    same_kinds = [i < 0 or kind is kinds[i] for kind, i in zip(kinds, part.moves.source, strict=True)]
+    if list(bounds(part)) == list(zip(low, high, strict=True)) and all(same_kinds):
+        return None
+    for ends in (low, high):  # one of the two leaves the ranges, or does not reach all of them
+        flat = np.where(np.isfinite(ends), ends, 0.0)
+        made = _made(part.moves, flat)
         if ((made < low) | (made > high)).any():
-            return found[-1]
-    return found[0]
-
-
-def _of_row(components: Sequence[Component], row: Array) -> Values:
-    """Return a value whose elements are given in order."""
-    ends = np.cumsum([0, *(c.type.size for c in components)])
-    return {c.name: row[a:b].reshape(c.type.shape) for c, a, b in zip(components, ends, ends[1:], strict=False)}
+            break
+    return _of_row(part.inputs, flat), _of_row(part.inputs, made)

@@ -136,11 +136,68 @@ def _overlaid(document: Document, variant: str | None, base: Merged | None) -> M
         moved = {(key,): (base.document, (key,)) for key in data} | moved
         data |= {key: own[key] for key in _OF_A_FILE if key in own}
     over = own if variant is None else document.data["variants"][variant] or {}
-    overlay = _Overlay(data, moved, (document, () if variant is None else ("variants", variant)))
-    overlay.lay(over)
-    strays = (*base.strays, *overlay.strays)
+    here: Place = (document, () if variant is None else ("variants", variant))
+    strays = [*base.strays]
+    for section, value in over.items():
+        if section in _DROPPED:
+            continue
+        if value is not None and section in NAMED:
+            data[section], unknown = _entries(section, value, data, moved, here)
+            strays += unknown
+        elif section == "claims" and isinstance(value, dict):
+            data[section], unknown = _claims(value, data, moved, here)
+            strays += unknown
+        else:
+            data.pop(section, None)
+            if value is not None:
+                data[section] = value
+            _move(moved, (section,), here)
     found = name if variant is None else task_name(name, variant)
-    return Merged(document, found, variant, overlay.data, overlay.moved, strays)
+    return Merged(document, found, variant, data, moved, tuple(strays))
+
+
+def _entries(
+    section: str, over: dict[str, Any], data: dict[str, Any], moved: dict[Path, Place], here: Place
+) -> tuple[dict[str, Any], list[Path]]:
+    """Return the entries of a section with those that are overridden, and the paths of those that change nothing there is."""
+    if section not in data:
+        _move(moved, (section,), here)
+    result = dict(data.get(section) or {})
+    strays: list[Path] = []
+    for name, value in over.items():
+        path = (section, name)
+        old = result.get(name)
+        fields = section in FIELDED and isinstance(value, dict)
+        if name not in result and (value is None or (fields and "type" not in value)):
+            strays.append(path)
+        if fields and isinstance(old, dict):
+            result[name] = _without_nulls(_kept(old, value) | value)
+            for key in value:
+                _move(moved, (*path, key), here)
+            continue
+        _move(moved, path, here)
+        result[name] = _without_nulls(value) if fields else value
+        if value is None:
+            del result[name]
+    return result, strays
+
+
+def _claims(
+    over: dict[str, Any], data: dict[str, Any], moved: dict[Path, Place], here: Place
+) -> tuple[list[Any], list[Path]]:
+    """Return the claims without those that are dropped and with those that are added, and those dropped that there are not."""
+    document, start = here
+    dropped = {statement(claim): i for i, claim in enumerate(over.get("drop") or ())}
+    found = []
+    for i, claim in enumerate(data.get("claims") or []):
+        if statement(claim) not in dropped:
+            found.append((claim, _place(moved, document, ("claims", i))))
+    unknown = set(dropped) - {statement(claim) for claim in data.get("claims") or []}
+    found += [(claim, (document, (*start, "claims", "add", i))) for i, claim in enumerate(over.get("add") or ())]
+    _move(moved, ("claims",), here)
+    moved |= {("claims", i): place for i, (_, place) in enumerate(found)}
+    moved |= {("claims", claim): (document, (*start, "claims", "drop", dropped[claim])) for claim in unknown}
+    return [claim for claim, _ in found], [("claims", claim) for claim in dropped if claim in unknown]
 
 
 def abstracted(merged: Merged) -> Merged | None:
@@ -159,7 +216,8 @@ def abstracted(merged: Merged) -> Merged | None:
     for section, value in over.items():
         if section != "map" and value is not None:
             data[section] = value
-            _move(moved, (section,), merged.written(("abstraction", section)))
+            document, place = merged.written(("abstraction", section))
+            _move(moved, (section,), (document, place[:-1]))
     return Merged(merged.document, merged.name, merged.variant, data, moved)
 
 
@@ -208,80 +266,6 @@ def lineage(step: Step) -> Iterator[Step]:
         current = _base(current)
 
 
-class _Overlay:
-    """A variant, or a spec, written at `here`, being merged into `data`; `moved` records where each part was written.
-
-    `strays` are the entries that it changes or removes though there is nothing of the name.
-    """
-
-    def __init__(self, data: dict[str, Any], moved: dict[Path, Place], here: Place) -> None:
-        self.data = data
-        self.moved = moved
-        self.here = here
-        self.strays: list[Path] = []
-
-    def lay(self, over: dict[str, Any]) -> None:
-        for section, value in over.items():
-            if section in _DROPPED:
-                continue
-            if value is not None and section in NAMED:
-                self.data[section] = self._entries(section, value)
-                continue
-            if section == "claims" and isinstance(value, dict):
-                self._claims(value)
-                continue
-            self._written((section,))
-            if value is None:
-                self.data.pop(section, None)
-            else:
-                self.data[section] = value
-
-    def _entries(self, section: str, over: dict[str, Any]) -> dict[str, Any]:
-        if section not in self.data:
-            self._written((section,))
-        result = dict(self.data.get(section) or {})
-        for name, value in over.items():
-            path = (section, name)
-            old = result.get(name)
-            fields = section in FIELDED and isinstance(value, dict)
-            if name not in result and (value is None or (fields and "type" not in value)):
-                self.strays.append(path)
-            if fields and isinstance(old, dict):
-                result[name] = _without_nulls(_kept(old, value) | value)
-                for field in value:
-                    self._written((*path, field))
-                continue
-            self._written(path)
-            if value is None:
-                result.pop(name, None)
-            else:
-                result[name] = _without_nulls(value) if fields else value
-        return result
-
-    def _claims(self, over: dict[str, Any]) -> None:
-        """Keep the claims there are, without those that are dropped, and those that are added."""
-        document, start = self.here
-        kept = [
-            (claim, _place(self.moved, document, ("claims", i)))
-            for i, claim in enumerate(self.data.get("claims") or [])
-        ]
-        dropped = {statement(claim): i for i, claim in enumerate(over.get("drop") or ())}
-        known = {statement(claim) for claim, _ in kept}
-        found = [(claim, place) for claim, place in kept if statement(claim) not in dropped]
-        found += [(claim, (document, (*start, "claims", "add", i))) for i, claim in enumerate(over.get("add") or ())]
-        self._written(("claims",))
-        self.data["claims"] = [claim for claim, _ in found]
-        self.moved |= {("claims", i): place for i, (_, place) in enumerate(found)}
-        for unknown in (claim for claim in dropped if claim not in known):
-            self.strays.append(("claims", unknown))
-            self.moved["claims", unknown] = document, (*start, "claims", "drop", dropped[unknown])
-
-    def _written(self, path: Path) -> None:
-        """Everything at a path was written here."""
-        document, start = self.here
-        _move(self.moved, path, (document, (*start, *path)))
-
-
 def _place(moved: dict[Path, Place], document: Document, path: Path) -> Place:
     """Return where what stands at a path of merged data was written: in the document itself unless it was moved."""
     for n in range(len(path), 0, -1):
@@ -308,7 +292,8 @@ def _without_nulls(entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def _move(moved: dict[Path, Place], path: Path, here: Place) -> None:
-    """Record that everything at a path now comes from `here`, and forget what was known below it."""
+    """Record that everything at a path is written below `here`, and forget what was known below it."""
     for old in [p for p in moved if p[: len(path)] == path]:
         del moved[old]
-    moved[path] = here
+    document, start = here
+    moved[path] = document, (*start, *path)

@@ -23,10 +23,7 @@ MAX_STEPS = 256
 
 
 def reach(
-    state: Sequence[Component],
-    initial: Sequence[Node],
-    following: Sequence[Node],
-    horizon: int | None,
+    state: Sequence[Component], initial: Sequence[Node], following: Sequence[Node], horizon: int | None
 ) -> dict[str, Interval]:
     """Return an interval for every component that holds all its elements at every time of an episode.
 
@@ -40,10 +37,7 @@ def reach(
 
 
 def reached(
-    state: Sequence[Component],
-    initial: Sequence[Node],
-    following: Sequence[Node],
-    horizon: int | None,
+    state: Sequence[Component], initial: Sequence[Node], following: Sequence[Node], horizon: int | None
 ) -> dict[str, Interval]:
     """Return the same as `reach`, for components that are declared with bounds as well: never wider than declared."""
     declared = {c.name: (c.least, c.most) for c in state}
@@ -248,10 +242,7 @@ class Observed:
             case _:
                 # An int may come from reals, and JAX has others: the space has room for what any backend shows.
                 edge = single(node) if node.type.kind is Kind.INT else self.builder.bounds(node)
-                return self._tight(
-                    [edge] * node.type.size,
-                    bounds(node, over([node], self.reached)),
-                )
+                return self._tight([edge] * node.type.size, bounds(node, over([node], self.reached)))
 
     def _tight(self, edges: Edges, reached: Interval | None) -> Edges:
         """Infinite bounds replaced by those of what can be reached, unless these are so far away that they say nothing."""

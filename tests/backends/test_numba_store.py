@@ -18,19 +18,18 @@ pytest.importorskip("numba")
 from taskspec.backends.numba import loading
 
 WORKERS = """
-import os, sys
+import sys
 from pathlib import Path
 from taskspec.backends.numba import loading
 
 own = sys.argv[2]
 for i in range(40):
-    folder = loading.open_private(Path(sys.argv[1]))
+    folder = loading.private_folder(Path(sys.argv[1]))
     for name in ("shared", own):
-        found = loading.read(folder, name)
+        found = loading.read(folder / name)
         assert found is None or len(set(found)) == 1 and len(found) == 5000, found
-        loading.write(folder, name, own.encode() * 5000)
-    assert loading.read(folder, own) == own.encode() * 5000
-    os.close(folder)
+        loading.write(folder / name, own.encode() * 5000)
+    assert loading.read(folder / own) == own.encode() * 5000
 """
 
 

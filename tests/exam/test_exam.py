@@ -10,10 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.stats
 
 import taskspec
-from taskspec.exam import BudgetSpent, Case, NotGranted, examine, read
+from taskspec.exam import BudgetSpent, Case, NotGranted, examine, read, score_rows
 from taskspec.exam.case import ExamTerms
+from taskspec.exam.verdicts import mean_score
+from taskspec.rollout.statistics import differences, rate_interval, seeds_interval
 from tests.learners import counting
 from tests.shared.commands import Done, spec
 
@@ -361,21 +364,96 @@ def flagged(exam: Any) -> set[tuple[str, str]]:
 
 
 def test_a_learner_that_is_right_by_luck_is_flagged_and_the_right_one_is_not() -> None:
-    right, wrong = (examine(f, tasks=FINITE, seeds=3) for f in (counting.clone, counting.clone_off_by_one))
+    right, wrong = (examine(f, tasks=FINITE, seeds=13) for f in (counting.clone, counting.clone_off_by_one))
     assert flagged(right) == set() and flagged(wrong) == {("twin", task) for task in FINITE}
     assert {v["verdict"] for v in right["verdicts"].values()} == {"masters"}
     assert {v["verdict"] for v in wrong["verdicts"].values()} == {"fails"}
     early = wrong["verdicts"]["early termination"]
     assert (
-        (early["mean"], early["seeds"]) == (1.0, 3)
+        (early["mean"], early["seeds"]) == (1.0, 13)
         and early["twins"]["verdict"] == "fails"
         and early["twins"]["high"] < 0
     )
 
 
+def test_what_a_fixed_action_does_is_no_mastery() -> None:
+    """The action 0 scores 0.95 on Parabola and its twin; on RiskyPath one action is best as printed, and none on all twins."""
+
+    def untrained(case: Case) -> Any:
+        return lambda observation: np.zeros(1, np.float32)
+
+    found = examine(untrained, tasks=["Parabola"], seeds=13, learns_from=["reward"])
+    verdict = found["verdicts"]["continuous control"]
+    assert verdict["mean"] > 0.9 and verdict["passed"] == 13 and verdict["verdict"] == "passes"
+    assert "but so does one fixed action: continuous control" in score_rows.finding(found)
+    for twins, grade in ((0, "passes"), (2, "masters")):
+        found = examine(counting.clone, tasks=["RiskyPath"], seeds=13, twins=twins)
+        assert found["verdicts"]["stochastic transitions"]["verdict"] == grade
+
+
+@pytest.mark.parametrize(
+    ("passed", "seeds", "grade"),
+    [
+        (2, 2, "unsure"), (12, 12, "unsure"), (13, 13, "masters"), (14, 15, "unsure"), (19, 20, "masters"),
+        (28, 30, "masters"), (27, 30, "unsure"), (0, 3, "fails"), (0, 2, "unsure"),
+    ],
+)  # fmt: skip
+def test_verdicts_rest_on_the_share_of_seeds_that_pass(passed: int, seeds: int, grade: str) -> None:
+    found = mean_score([1.0] * passed + [0.2] * (seeds - passed), None)
+    assert (found["verdict"], found["passed"]) == (grade, passed)
+
+
+@pytest.mark.parametrize("rate", [0.8, 0.9, 0.95, 0.99, 1.0])
+@pytest.mark.parametrize("seeds", [3, 5, 10, 15, 30])
+def test_intervals_of_rates_contain_the_rate_in_19_of_20_exams(rate: float, seeds: int) -> None:
+    counts = range(seeds + 1)
+    ends = [rate_interval(count, seeds) for count in counts]
+    chances = scipy.stats.binom.pmf(counts, seeds, rate)
+    assert sum(p for p, (low, high) in zip(chances, ends, strict=True) if low <= rate <= high) >= 0.95
+
+
+def test_intervals_of_scores_with_two_values_are_those_of_the_share() -> None:
+    low, high = rate_interval(12, 15)
+    assert seeds_interval([0.1] * 3 + [0.9] * 12) == pytest.approx((0.1 + 0.8 * low, 0.1 + 0.8 * high))
+    sample = np.random.default_rng(1).normal(size=9)
+    theirs = scipy.stats.ttest_1samp(sample, 0).confidence_interval()
+    assert seeds_interval(sample) == pytest.approx(tuple(theirs))
+
+
+def test_five_broken_seeds_of_six_are_flagged_and_equal_scores_are_not() -> None:
+    is_first = np.repeat([True, False], 6)
+    broken = np.array([0.0] * 5 + [1.0] * 7)[:, None]
+    (found,) = differences(broken, is_first, only_below=True)
+    assert found.is_real and found.p_value == pytest.approx(7 / 924)  # 7 of 924 choices of six have five zeros
+    tasks = np.hstack([broken, np.ones((12, 9))])
+    real = [each.is_real for each in differences(tasks, is_first, only_below=True)]
+    assert real == [True] + [False] * 9
+    assert not any(each.is_real for each in differences(np.ones((12, 3)), is_first))
+
+
+def test_small_differences_on_all_tasks_are_flagged_together() -> None:
+    scores = np.random.default_rng(0).normal(size=(12, 8))
+    is_first = np.repeat([True, False], 6)
+    assert not any(each.is_real for each in differences(scores, is_first))
+    scores[:6] -= 0.9
+    real = [each for each in differences(scores, is_first) if each.is_real]
+    assert len(real) == 1 and real[0].is_together
+
+
+def test_permutation_tests_are_those_of_scipy() -> None:
+    rng = np.random.default_rng(4)
+    now = rng.normal(size=5)
+    then = rng.normal(size=6) + 1
+    (found,) = differences(np.concatenate([now, then])[:, None], np.arange(11) < 5)
+    theirs = scipy.stats.permutation_test((now, then), lambda a, b: abs(a.mean() - b.mean()), alternative="greater")
+    assert found.p_value == pytest.approx(theirs.pvalue)
+    ends = scipy.stats.ttest_ind(now, then, equal_var=False).confidence_interval()
+    assert (found.low, found.high) == pytest.approx(tuple(ends))
+
+
 def test_twins_that_differed_in_the_baseline_are_no_news(tmp_path: Path) -> None:
     for name in ("before", "after"):
-        out, asked = tmp_path / name, {"tasks": ["EarlyTermPos", "Branching"], "seeds": 3}
+        out, asked = tmp_path / name, {"tasks": ["EarlyTermPos", "Branching"], "seeds": 5}
         found = examine(
             counting.clone_off_by_one, out=out, against=tmp_path / "before" if name == "after" else None, **asked
         )
@@ -383,7 +461,7 @@ def test_twins_that_differed_in_the_baseline_are_no_news(tmp_path: Path) -> None
 
 
 def test_a_learner_that_peeks_is_flagged() -> None:
-    found = examine(counting.q_peeking, tasks=["EarlyTermPos", "EarlyTermNeg", "RiskyPath"], seeds=2, twins=0)
+    found = examine(counting.q_peeking, tasks=["EarlyTermPos", "EarlyTermNeg", "RiskyPath"], seeds=5, twins=0)
     assert {kind for kind, _ in flagged(found)} == {"peeks"}
 
 
@@ -393,7 +471,7 @@ def test_one_seed_tells_nothing_of_others() -> None:
 
 
 def test_what_has_become_worse_is_flagged_against_an_earlier_exam(tmp_path: Path) -> None:
-    options = ("-t", "EarlyTermPos,InitShiftLearner", "--seeds", "3", "--steps", "3k", "--twins", "1")
+    options = ("-t", "EarlyTermPos,InitShiftLearner", "--seeds", "5", "--steps", "3k", "--twins", "1")
     status, before = held(tmp_path / "before", "q_learning", *options)
     assert status == 0 and flagged(before) == set()
     status, same = held(tmp_path / "again", "q_learning", *options, "--against", str(tmp_path / "before"))
@@ -425,6 +503,14 @@ def test_failures_are_flagged_with_what_was_said(tmp_path: Path) -> None:
     status, found = held(tmp_path, "fails_on_seed_1", "-t", "RiskyPath", "--seeds", "3", "--twins", "0")
     (flag,) = found["flags"]
     assert status == 1 and flag["kind"] == "failed" and "2 of 6 runs failed: KeyError" in flag["message"]
+
+
+def test_who_does_not_say_that_it_learns_from_the_reward_is_told_so_and_nothing_else() -> None:
+    def forgetful(case: Case) -> np.ndarray:
+        return counting.q_learning(case)
+
+    found = examine(forgetful, seeds=3, twins=1, tasks=["RiskyPath", "EarlyTermPos"], steps=300)
+    assert [diagnosis["name"] for diagnosis in found["diagnoses"]] == ["untouched"]
 
 
 def test_diagnoses_come_with_the_scores() -> None:

@@ -44,7 +44,7 @@ class Plane:
 
 @pytest.mark.slow
 def test_solutions_that_are_written_down_are_flagged_and_what_is_learned_is_not() -> None:
-    found = examine(written_down, tasks=list(STRUCTURED), seeds=3, twins=1)
+    found = examine(written_down, tasks=list(STRUCTURED), seeds=5, twins=1)
     assert {f["task"] for f in found["flags"] if f["kind"] == "twin"} == {f"derail/{n}-v0" for n in STRUCTURED}
     learned = examine(Plane, tasks=["LargestSum"], seeds=3, twins=1)
     assert learned["flags"] == []

@@ -21,6 +21,7 @@ from taskspec.rollout.statistics import estimate, mean
 from taskspec.rules.evaluator import Truth
 from taskspec.rules.rule_books import read_exam
 from taskspec.rules.score_rules import (
+    ABOUT_LEARNER,
     FIXED,
     FUNCTIONS,
     NUMBERS,
@@ -179,6 +180,29 @@ def test_a_pattern_of_scores_gets_its_diagnosis_alone(
     assert named(printed, twins) == [name]
 
 
+def test_who_used_nothing_that_it_was_granted_gets_one_diagnosis() -> None:
+    printed = dict.fromkeys(TASKS, 0.2)
+    results = exam(printed, printed, learns_from=["demonstrations", "preferences"])
+    for score in results["scores"]:
+        score["demonstrations"] = 0
+    assert [each["name"] for each in findings.diagnose(results, "derail")] == ["untouched"]
+    results["scores"][0]["comparisons"] = 1
+    assert "untouched" not in [each["name"] for each in findings.diagnose(results, "derail")]
+
+
+def test_learners_of_the_true_reward_have_no_learned_reward() -> None:
+    printed = {"EarlyTermNeg": -0.6}
+    assert named(printed, printed, learns_from=["reward"]) == ["ends_misvalued"]
+    assert named(printed, printed, learns_from=["preferences", "demonstrations"]) == ["survival_pays"]
+
+
+def test_scores_of_the_best_fixed_action_on_all_seeds_are_a_diagnosis() -> None:
+    for score, expected in ((0.95, {"one_action"}), ([0.95] * 14 + [0.9], set())):
+        results = exam(MASTERED | {"Parabola": score}, MASTERED)
+        results["tasks"]["derail/Parabola-v0"]["constant"] = 0.95
+        assert {each["name"] for each in findings.diagnose(results, "derail")} == expected
+
+
 def test_who_masters_everything_gets_none() -> None:
     assert named({}) == []
 
@@ -216,6 +240,8 @@ def test_the_documentation_lists_what_rules_may_say() -> None:
     page = (registry.tasks_root().parent / "docs" / "diagnoses.md").read_text(encoding="utf-8")
     for written in (*(n.word.written for n in NUMBERS.values()), *(w.written for w in FIXED.values())):
         assert f"`{written}`" in page, written
+    for word, names in ABOUT_LEARNER.values():
+        assert f"`{word.written}`" in page and all(f"`{name}`" in page for name in names)
     for name in (*QUANTIFIERS, *FUNCTIONS):
         assert f"`{name}(" in page, name
     assert "score(task, twin)" in page and all(side in page for side in SIDES)

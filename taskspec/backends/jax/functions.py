@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -74,14 +74,18 @@ class Gymnax:
     def _action(self, action: AnyArray) -> AnyArray:
         if self._flat:
             return jnp.stack(jnp.unravel_index(action, self._acted.counts), -1)
-        return action + self._acted.starts[0] if self._acted.form == "discrete" else action
+        if self._acted.form == "discrete":
+            return action + self._acted.starts[0]
+        return action
 
     @property
     def num_actions(self) -> int:
         """How many actions there are; the size of an action that is an array."""
         if self._flat:
             return math.prod(self._acted.counts)
-        return self._acted.counts[0] if self._acted.form == "discrete" else self._acted.size
+        if self._acted.form == "discrete":
+            return self._acted.counts[0]
+        return self._acted.size
 
     def action_space(self, params: Any = None) -> Any:
         """Return a space of gymnax; several finite components are a box of integers.
@@ -89,7 +93,9 @@ class Gymnax:
         Raises:
             SpecError: E705 where gymnax is not installed.
         """
-        return _spaces().Discrete(self.num_actions) if self._flat else _space(self._acted)
+        if self._flat:
+            return _spaces().Discrete(self.num_actions)
+        return _space(self._acted)
 
     def observation_space(self, params: Any = None) -> Any:
         """Return a space of gymnax.
@@ -181,8 +187,11 @@ class OpenParameters:
 
     def values(self, params: Any) -> tuple[AnyArray, ...]:
         """Return the parameters as arrays (N,) or (1,), lanes last; those that the task was loaded with unless given."""
-        given: Mapping[str, Any] = {p.name: p.value for p in self.varying} if params is None else params._asdict()
-        return tuple(jnp.atleast_1d(jnp.asarray(given[p.name], _DTYPES[p.kind])) for p in self.varying)
+        found = []
+        for p in self.varying:
+            value = getattr(params, p.name, p.value)
+            found.append(jnp.atleast_1d(jnp.asarray(value, _DTYPES[p.kind])))
+        return tuple(found)
 
     def paid(self, reward: AnyArray, given: Sequence[AnyArray]) -> AnyArray:
         """Return the reward (N,), nan where the spec does not allow the parameters: compiled programs cannot do more."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
@@ -39,8 +39,10 @@ def observed(layout: SpaceLayout, seen: Sequence[AnyArray]) -> Any:
         dtype = jnp.int32 if layout.parts[segment.part].is_whole else jnp.float32
         rows[segment.part].append(_numbers(segment, seen[segment.component]).astype(dtype))
     lanes = seen[0].shape[-1]
-    made = [jnp.concatenate(r).reshape(*p.shape, lanes) for p, r in zip(layout.parts, rows, strict=True)]
-    return {p.name: a for p, a in zip(layout.parts, made, strict=True)} if layout.is_dict else made[0]
+    made = {p.name: jnp.concatenate(r).reshape(*p.shape, lanes) for p, r in zip(layout.parts, rows, strict=True)}
+    if layout.is_dict:
+        return made
+    return made[layout.parts[0].name]
 
 
 def _numbers(segment: Segment, value: AnyArray) -> AnyArray:
@@ -48,7 +50,9 @@ def _numbers(segment: Segment, value: AnyArray) -> AnyArray:
     flat = value.reshape(-1, value.shape[-1])
     if segment.values is not None:
         return flat[segment.element][None].astype(jnp.int32) == jnp.array(segment.values)[:, None]
-    return flat.astype(jnp.int32) - jnp.array(segment.starts, jnp.int32)[:, None] if segment.starts else flat
+    if segment.starts:
+        return flat.astype(jnp.int32) - jnp.array(segment.starts, jnp.int32)[:, None]
+    return flat
 
 
 def acted(layout: SpaceLayout, action: AnyArray) -> tuple[AnyArray, ...]:
@@ -137,7 +141,9 @@ class JaxProgram:
         values = tuple(_full(v, c, lanes) for v, c in zip(values, self.task.state, strict=True))
         seen = tuple(_full(v, c, lanes) for v, c in zip(seen, self.observation.components, strict=True))
         time = state.time + 1
-        late = jnp.zeros(lanes, bool) if self.task.horizon is None else time >= self.task.horizon
+        late = jnp.zeros(lanes, bool)
+        if self.task.horizon is not None:
+            late = time >= self.task.horizon
         result = StepResult(
             seen,
             jnp.broadcast_to(jnp.asarray(reward, jnp.float32), lanes),
@@ -193,16 +199,9 @@ def compile_jax(task: Task) -> JaxProgram:
     source = "\n".join([repr(f"{task.id}: n environments, array code for JAX. Generated."), "", "", *lines, ""])
     namespace = {**_NAMESPACE, **arrays(constants, _array)}
     run(source, f"<taskspec {task.id} {task.content_hash[:12]} jax>", namespace)
-    return JaxProgram(
-        task,
-        source,
-        task.observation_layout,
-        task.action_layout,
-        namespace["start"],
-        namespace["step"],
-        start_words.count,
-        step_words.count,
-    )
+    layouts = (task.observation_layout, task.action_layout)
+    functions = (namespace["start"], namespace["step"])
+    return JaxProgram(task, source, *layouts, *functions, start_words.count, step_words.count)
 
 
 def compile_required(task: Task) -> Callable[..., tuple[AnyArray, ...]]:
@@ -221,24 +220,26 @@ def compile_required(task: Task) -> Callable[..., tuple[AnyArray, ...]]:
 def _check_ints(task: Task, roots: Sequence[Node]) -> None:
     reached = reach(task.state, task.initial, task.next, task.horizon)
     for c, start in zip(task.state, task.initial, strict=True):
-        (low, high), (first, last) = reached[c.name], bounds(start, {})
-        reached[c.name] = (min(first, -LONG) if low == -INF else low, max(last, LONG) if high == INF else high)
-    counts = {id(n): Range(0, LONG) for n in walk(roots) if _is_endless(n)}
-    inside = {id(n): rounded(r) if n.type.kind is Kind.REAL else r for n, r in _read(roots, over(roots, reached))}
-    most = widest(roots, INT_MAX, inside | counts, single_step)
+        low, high = reached[c.name]
+        first, last = bounds(start, {})
+        if low == -INF:
+            low = min(first, -LONG)
+        if high == INF:
+            high = max(last, LONG)
+        reached[c.name] = (low, high)
+    known = over(roots, reached)
+    inside: dict[int, Range] = {}
+    for node in walk(roots):
+        if isinstance(node, Draw) and node.type.kind is Kind.INT and bounds(node, {})[1] == INF:
+            inside[id(node)] = Range(0, LONG)  # a count without a bound
+        elif id(node) in known:
+            inside[id(node)] = known[id(node)]
+            if node.type.kind is Kind.REAL:
+                inside[id(node)] = rounded(known[id(node)])
+    most = widest(roots, INT_MAX, inside, single_step)
     if most:
         message = f"an int of {task.id} may be as large as {most:.4g}; ints of JAX end at {INT_MAX}"
         raise spec_error("E715", message, 'use the backend "numba" or "numpy"')
-
-
-def _read(roots: Sequence[Node], known: Mapping[int, Range]) -> Iterator[tuple[Node, Range]]:
-    """Return the reads below the roots of which something is known, with that."""
-    return ((node, known[id(node)]) for node in walk(roots) if id(node) in known)
-
-
-def _is_endless(node: Node) -> bool:
-    """Return whether a node is the draw of a count without a bound."""
-    return isinstance(node, Draw) and node.type.kind is Kind.INT and bounds(node, {})[1] == INF
 
 
 _NAMESPACE: dict[str, Any] = {

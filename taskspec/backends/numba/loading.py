@@ -11,7 +11,6 @@ import hashlib
 import logging
 import os
 import stat
-import sys
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -40,18 +39,16 @@ def load(source: str) -> LoadedKernel:
     Raises:
         SpecError: E314, when it would take too long to compile.
     """
-    name = f"{_cache_key(source)}.o"
-    folder = _open_cache()
-    try:
-        code = None if folder is None else read(folder, name)
-        if code is None:
-            _check_compile_time(source)
-            code = import_module("taskspec.backends.numba.runtime").machine_code(source, _target_machine())
-            if folder is not None:
-                write(folder, name, code)
-    finally:
+    folder = private_folder(cache_folder() / "numba")
+    code = None
+    if folder is not None:
+        file = folder / f"{_cache_key(source)}.o"
+        code = read(file)
+    if code is None:
+        _check_compile_time(source)
+        code = import_module("taskspec.backends.numba.runtime").machine_code(source, _target_machine())
         if folder is not None:
-            os.close(folder)
+            write(file, code)
     return _linked(code)
 
 
@@ -82,21 +79,12 @@ def _cache_key(source: str) -> str:
 
 # -- on disk ------------------------------------------------------------------------------------------------------
 #
-# Machine code is run as it is found. So it is read only from a folder of this user that nobody else may write to, and only
-# from regular files of this user's own. The folder is held open while it is used: nothing can take its place after it was
-# checked. Every file begins with the SHA-256 hash of its name and content, so that damaged files are compiled again.
+# Machine code is run without further checks, so it is read only from a folder of this user that nobody else may write to,
+# and only from regular files of this user's own. Every file begins with the SHA-256 hash of its name and content, so that
+# damaged files are compiled again.
 
 HASH_SIZE = 32
-LARGEST = 256 * 2**20
-"""Bytes of a file that are read at most."""
-_OTHERS = stat.S_IRWXG | stat.S_IRWXO
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
-_SUPPORTED = hasattr(os, "geteuid") and os.open in os.supports_dir_fd
-"""Whether the system can check who may write to a folder. Windows cannot, and keeps nothing."""
-
-
-class NotPrivateError(OSError):
-    """A folder that somebody else may have written to; the message says why."""
 
 
 def cache_folder() -> Path:
@@ -104,25 +92,35 @@ def cache_folder() -> Path:
     own = os.environ.get("TASKSPEC_CACHE")
     if own:
         return Path(own)
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA", str(Path.home()))
-    else:
-        base = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
-    return Path(base) / "taskspec"
+    return Path(os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))) / "taskspec"
 
 
-def _open_cache() -> int | None:
-    """Return a descriptor of the folder of kernels, which is made if there is none; None if it cannot be used."""
-    path = cache_folder() / "numba"
-    if not _SUPPORTED:
+def private_folder(path: Path) -> Path | None:
+    """Return a folder that this user alone may enter, which is made if there is none; None if it cannot be used.
+
+    A warning says so where somebody else may write to it.
+    """
+    if not hasattr(os, "geteuid"):  # Windows cannot say who may write to a folder, and keeps nothing
         return None
     try:
-        return open_private(path)
-    except NotPrivateError as error:
-        _warn_once(f"taskspec: compiled kernels are not kept, since {visible(str(error))}")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.mkdir(0o700, exist_ok=True)
+        found = path.lstat()
+        problem = ""
+        if stat.S_ISLNK(found.st_mode):
+            problem = f"{path} is a symbolic link"
+        elif found.st_uid != os.geteuid():
+            problem = f"{path} belongs to another user"
+        elif found.st_mode & _OTHERS_WRITE:
+            mode = stat.S_IMODE(found.st_mode)
+            problem = f"others may write to {path} (mode {mode:o}; `chmod 700` closes it)"
+        if problem:
+            _warn_once(f"taskspec: compiled kernels are not kept, since {visible(problem)}")
+            return None
+        path.chmod(0o700)
     except OSError:
-        pass
-    return None
+        return None
+    return path
 
 
 @lru_cache
@@ -130,64 +128,29 @@ def _warn_once(message: str) -> None:
     logging.getLogger("taskspec").warning(message)
 
 
-def open_private(path: Path) -> int:
-    """Return a descriptor of a folder that this user alone may enter.
-
-    Raises:
-        NotPrivateError: somebody else may write to it; the message says why.
-        OSError: it cannot be used.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with suppress(FileExistsError):
-        path.mkdir(0o700)
-    if path.is_symlink():
-        raise NotPrivateError(f"{path} is a symbolic link")
-    folder = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+def read(file: Path) -> bytes | None:
+    """Return the content that was written to a file; None where there is none, or it is damaged."""
     try:
-        found = os.fstat(folder)
-        if found.st_uid != os.geteuid():
-            raise NotPrivateError(f"{path} belongs to another user")
-        if found.st_mode & _OTHERS_WRITE:
-            mode = stat.S_IMODE(found.st_mode)
-            raise NotPrivateError(f"others may write to {path} (mode {mode:o}; `chmod 700` closes it)")
-        if found.st_mode & _OTHERS:
-            os.fchmod(folder, 0o700)
-    except BaseException:
-        os.close(folder)
-        raise
-    return folder
-
-
-def read(folder: int, name: str) -> bytes | None:
-    """Return the content that was written under a name; None where there is none, or it is damaged."""
-    try:
-        handle = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=folder)
-        with os.fdopen(handle, "rb") as file:
-            found = os.fstat(handle)
-            own = found.st_uid == os.geteuid() and not found.st_mode & _OTHERS_WRITE
-            if not stat.S_ISREG(found.st_mode) or not own or found.st_size > LARGEST:
-                return None
-            whole = file.read()
+        found = file.lstat()
+        if not stat.S_ISREG(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & _OTHERS_WRITE:
+            return None
+        whole = file.read_bytes()
     except OSError:
         return None
     content = whole[HASH_SIZE:]
-    return content if whole[:HASH_SIZE] == _hash(name, content) else None
+    return content if whole[:HASH_SIZE] == _hash(file.name, content) else None
 
 
-def write(folder: int, name: str, content: bytes) -> None:
-    """Keep a content, complete or not at all: it is written under another name and then moved."""
-    unfinished = f".{name}.{os.urandom(8).hex()}"
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+def write(file: Path, content: bytes) -> None:
+    """Keep a content, complete or not at all: it is written to another file, which is then moved."""
+    unfinished = file.with_name(f".{file.name}.{os.urandom(8).hex()}")
     with suppress(OSError):
-        handle = os.open(unfinished, flags, 0o600, dir_fd=folder)
         try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(_hash(name, content) + content)
-            os.replace(unfinished, name, src_dir_fd=folder, dst_dir_fd=folder)
-        except BaseException:
-            with suppress(OSError):
-                os.unlink(unfinished, dir_fd=folder)
-            raise
+            unfinished.write_bytes(_hash(file.name, content) + content)
+            unfinished.chmod(0o600)
+            unfinished.replace(file)
+        finally:
+            unfinished.unlink(missing_ok=True)
 
 
 def _hash(name: str, content: bytes) -> bytes:

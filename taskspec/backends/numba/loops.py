@@ -240,8 +240,12 @@ def _loads(p: Program, words: WordLayout, body: str, at: str) -> tuple[list[str]
         for k, row in enumerate(state):
             if f"x_{row.name}" in used:
                 narrow = c.type.kind is Kind.INT and c.low[k] > -(2**31) and c.high[k] < 2**31
-                cast = "i32({})" if narrow else "({} != 0)" if c.type.kind is Kind.BOOL else "{}"
-                lines.append(f"x_{row.name} = " + cast.format(f"{row.name}[j]"))
+                source = f"{row.name}[j]"
+                if narrow:
+                    source = f"i32({source})"
+                elif c.type.kind is Kind.BOOL:
+                    source = f"({source} != 0)"
+                lines.append(f"x_{row.name} = {source}")
                 rows.append(row)
     for k in range(words.count + 1):
         for prefix, array, kind in (("w", "words", "u32s"), ("r", "reals", "f32s")):
@@ -261,13 +265,9 @@ def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     results, stores, out_rows = _results(p, loop, state, seen)
     lines = without_unused(loop.lane.lines, [*state.values(), *seen.values(), reward, terminal])
     late = "False" if p.task.horizon is None else f"(t + 1 >= {p.task.horizon})"
-    ending = [f"late = {late}", "e = late" if never(p.task.terminal) else f"e = late | {terminal}"]
-    ending += [
-        "steps[j] = u32(steps[j] + u32(1))",
-        f"terminated[j] = {terminal}",
-        "truncated[j] = late",
-        "ended[j] = e",
-    ]
+    either = "late" if never(p.task.terminal) else f"late | {terminal}"
+    ending = [f"late = {late}", f"e = {either}", "steps[j] = u32(steps[j] + u32(1))"]
+    ending += [f"terminated[j] = {terminal}", "truncated[j] = late", "ended[j] = e"]
     body = [*lines, f"reward[j] = {reward}", *ending, *results, *stores]
     loads, in_rows = _loads(p, p.step_words, "\n".join(body), "j")
     rows = list(dict.fromkeys([*in_rows, *out_rows]))
@@ -374,8 +374,8 @@ def _views(p: Program, rows: Sequence[MemoryRow]) -> list[str]:
     lines = [f"{name} = {kind}({p.memory.at(name)}, first)" for name, kind in _COUNTERS.items()]
     for row in rows:
         scratch = row.array in ("words", "reals")
-        source = row.source(p.memory, "i64(0)", str(p.width)) if scratch else row.source(p.memory)
-        lines.append(f"{row.name} = {source}")
+        places = ("i64(0)", str(p.width)) if scratch else ()
+        lines.append(f"{row.name} = {row.source(p.memory, *places)}")
     return list(dict.fromkeys(lines))
 
 

@@ -206,7 +206,9 @@ def _all_atoms(lane: LaneEmitter, nodes: Sequence[Node]) -> list[str]:
 
 
 def _shifted(atom: str, start: int) -> str:
-    return atom if start == 0 else f"{atom} - {start}" if start > 0 else f"{atom} + {-start}"
+    if start == 0:
+        return atom
+    return f"{atom} - {start}" if start > 0 else f"{atom} + {-start}"
 
 
 def _row(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> tuple[str, list[str]]:
@@ -244,8 +246,10 @@ def _one_hot(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> t
     bounds = [lane.certain(node) for node in nodes for _ in range(node.type.size)]
     places = zip(_all_atoms(lane, nodes), bounds, layout.starts, layout.counts, strict=True)
     for atom, (low, high), start, count in places:
-        inside = "" if start <= low and high < start + count else f"if {start} <= {atom} < {start + count}: "
-        statements.append(f"{inside}{name}[{offset} + {_shifted(atom, start)}] = 1.0")
+        statement = f"{name}[{offset} + {_shifted(atom, start)}] = 1.0"
+        if low < start or start + count <= high:
+            statement = f"if {start} <= {atom} < {start + count}: {statement}"
+        statements.append(statement)
         offset += count
     return name, statements
 
@@ -260,7 +264,8 @@ def _array(lane: LaneEmitter, node: Node, source: str) -> str:
     shape = node.type.shape
     if _may_overflow(lane, node):
         return f"singles({source}, {shape})"
-    return f"np.array({source}, np.float32)" + (f".reshape({shape})" if len(shape) > 1 else "")
+    array = f"np.array({source}, np.float32)"
+    return f"{array}.reshape({shape})" if len(shape) > 1 else array
 
 
 def _dictionary(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> str:

@@ -64,8 +64,12 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
 
 def _kept(parts: Parts) -> list[str]:
     """Variables that hold what stays the same for an episode."""
-    told = ["told"] if is_kept(parts.task) else []
-    return [*parts.invariants.names, *(["kept"] if parts.invariants.observation else []), *told]
+    names = list(parts.invariants.names)
+    if parts.invariants.observation:
+        names.append("kept")
+    if is_kept(parts.task):
+        names.append("told")
+    return names
 
 
 def _held(name: str, type_: Type) -> LaneValue:
@@ -89,9 +93,11 @@ def _lane(
         names[Role.ACTION, c.name] = value
     for node, name in zip(parts.invariants.nodes, parts.invariants.names, strict=True):
         names[Role.VARIABLE, name] = _held(name, node.type)
-    for node, name in zip(phase.hoisted, phase.hoisted_names, strict=True) if phase else ():
+    if phase is None:
+        return LaneEmitter(names, {}, Builder().certain, constants=constants)
+    for node, name in zip(phase.hoisted, phase.hoisted_names, strict=True):
         names[Role.VARIABLE, name] = _held(name, node.type)
-    return LaneEmitter(names, phase.words if phase else {}, Builder().certain, constants=constants)
+    return LaneEmitter(names, phase.words, Builder().certain, constants=constants)
 
 
 def _unpack(phase: Phase, call: str) -> list[str]:
@@ -111,7 +117,8 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
     types = [*(c.type for c in task.state), *(n.type for n in parts.invariants.nodes)]
     stored = [_stored(lane, n, v) for n, v in zip(phase.roots, types, strict=True)]
     for i, c in enumerate(task.state):
-        stored[i] = "None" if c.name in parts.cold else stored[i]
+        if c.name in parts.cold:
+            stored[i] = "None"
     observation, statements = observe(lane, parts.observation, phase, values[len(phase.roots) :])
     inner = without_unused([*lane.lines, *statements], [*stored, observation])
     targets = [*states, *parts.invariants.names]
@@ -159,11 +166,15 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
     kept = [(states[i], source) for i, source in stored.items()]
     body = [*_unpack(phase, "next_draws"), *_unwrapped(phase, inner, kept, [*inner, *others]), *inner]
     body += old_state(task, states)
-    told = told_state(task, parts.observation, states, observation) if changed else []
+    nonlocals = [states[i] for i in changed]
     if changed:
-        body.append(f"{', '.join(name for name, _ in kept)} = {', '.join(source for _, source in kept)}")
-    body += [*told, "t += 1", *end, f"return {observation}, {reward}, {flags}, {info(task, states)}"]
-    nonlocals = [*(states[i] for i in changed), *(["told"] if told else []), "t", "alive"]
+        body.append(f"{', '.join(nonlocals)} = {', '.join(stored.values())}")
+        told = told_state(task, parts.observation, states, observation)
+        body += told
+        if told:
+            nonlocals.append("told")
+    body += ["t += 1", *end, f"return {observation}, {reward}, {flags}, {info(task, states)}"]
+    nonlocals += ["t", "alive"]
     running = ["if not alive:", "    raise not_running()"]
     return ["def step(action):", *indent([f"nonlocal {', '.join(nonlocals)}", *reading, *running, *body])]
 
@@ -221,7 +232,9 @@ def _restored(parts: Parts, states: Sequence[str], constants: dict[str, Any]) ->
     fixed = [_stored(lane, n, n.type) for n in parts.invariants.nodes]
     lines = [f"{name} = {source}" for name, source in zip(parts.invariants.names, fixed, strict=True)]
     if nodes:
-        flat = [f"*{lane.packed(n)}" if n.type.shape else lane.scalar(n) for n in nodes]
+        flat = []
+        for n in nodes:
+            flat.append(f"*{lane.packed(n)}" if n.type.shape else lane.scalar(n))
         lines.append(f"kept = singles(({', '.join(flat)},), {parts.observation.shape})")
     return [*lane.lines, *lines]
 

@@ -107,9 +107,7 @@ class World:
         ended = result.terminated | result.truncated
         state, first_seen = program.again(after, result)
         following = RolloutState(
-            state,
-            jnp.where(ended[:, None], self._vectors(first_seen), next_seen),
-            jnp.where(ended, 0.0, gone),
+            state, jnp.where(ended[:, None], self._vectors(first_seen), next_seen), jnp.where(ended, 0.0, gone)
         )
         taken = self.head.vectors.one_hot(action) * (1 - walk.gone)[:, None]
         step = StepBatch(

@@ -210,6 +210,7 @@ class DiagnosisEntry(Strict):
     unless: list[str] = Field(
         default_factory=list, description="Diagnoses that say more: where one of them holds, this one is not told."
     )
+    alone: bool = Field(False, description="If it holds, no other diagnosis is given.")
 
 
 class ExamDocument(Strict):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter
@@ -11,203 +13,21 @@ from taskspec.task.schema.models import Extension, Spec
 from taskspec.task.schema.typed import FORM, NAMES
 from taskspec.task.schema.values import SPACES
 
+FORMS = Path(__file__).with_name("forms.json")
+"""The JSON Schema of values that take several forms, which `values` checks by hand."""
+
 
 def _ref(title: str) -> dict[str, Any]:
     return {"$ref": f"#/$defs/{title}"}
 
 
-_EXPRESSION = _ref("Expression")
-_TEXT = {"type": ["string", "number", "boolean"]}
-
-
-_GRID: dict[str, Any] = {
-    "type": "object",
-    "additionalProperties": {
-        "anyOf": [_ref("Setting"), {"type": "array", "items": _ref("Setting"), "minItems": 1}],
-    },
-}
-_BOUNDED: dict[str, Any] = {
-    "type": "object",
-    "description": "An expression with declared bounds of its space.",
-    "properties": {
-        "value": {**_EXPRESSION, "description": "What is observed."},
-        "low": {**_ref("Bound"), "description": "Lowest value, inclusive; -inf for none."},
-        "high": {**_ref("Bound"), "description": "Highest value, inclusive; inf for none."},
-    },
-    "required": ["value"],
-    "additionalProperties": False,
-}
-
-
-def _observation(form: str) -> dict[str, Any]:
-    return {
-        "title": "Observation",
-        "description": "What the agent sees, as `name: expression`.",
-        "type": "object",
-        "propertyNames": _ref("Name"),
-        "properties": {
-            "space": {
-                "description": "The kind of space: one box unless given, or Discrete for a single finite value.",
-                "enum": list(SPACES),
-            }
-        },
-        "additionalProperties": {
-            "if": {"type": "object", "required": ["value"], "propertyNames": {"enum": list(_BOUNDED["properties"])}},
-            "then": _BOUNDED,
-            "else": _ref(form),
-        },
-    }
-
-
-# The forms that `fields` refers to.
-_FORMS: dict[str, Any] = {
-    "Expression": {
-        "title": "Expression",
-        "description": "A formula, a number, true or false; a list for a vector; a list of cases "
-        "(`if`, `then`, and a last `else`); a table (`by`, `rows`); or `{value: probability}`.",
-        "anyOf": [
-            {"type": ["string", "number", "boolean"], "description": "A formula or a number."},
-            _ref("Cases"),
-            {"type": "array", "items": _EXPRESSION, "description": "A vector of expressions."},
-            _ref("Table"),
-            _ref("Probabilities"),
-        ],
-    },
-    "Cases": {
-        "title": "Cases",
-        "description": "Tried from above; the first whose condition holds gives the value.",
-        "type": "array",
-        "items": {
-            "type": "object",
-            "additionalProperties": False,
-            "properties": {
-                "if": _EXPRESSION | {"description": "The condition of this case."},
-                "then": _EXPRESSION | {"description": "The value in this case."},
-                "else": _EXPRESSION | {"description": "The value in all other cases; comes last."},
-            },
-            "oneOf": [{"required": ["if", "then"], "maxProperties": 2}, {"required": ["else"], "maxProperties": 1}],
-        },
-        "contains": {"required": ["else"]},
-    },
-    "Table": {
-        "title": "Table",
-        "description": "A decision table.",
-        "type": "object",
-        "additionalProperties": False,
-        "required": ["by", "rows"],
-        "properties": {
-            "by": {
-                "description": "What the table looks at, outermost first: `[s, a]`.",
-                "type": ["array", "string"],
-                "items": {"type": "string"},
-                "minItems": 1,
-            },
-            "rows": {
-                "description": "A row for each value of the first, holding one cell for everything "
-                "deeper or the rows of the next; `else` is for all other values.",
-                "type": "object",
-                "minProperties": 1,
-                "additionalProperties": _ref("Cell"),
-            },
-        },
-    },
-    "Cell": {
-        "title": "Cell",
-        "description": "An expression, `{value: probability}`, or deeper rows.",
-        "anyOf": [
-            _EXPRESSION,
-            {"type": "object", "minProperties": 1, "additionalProperties": _ref("Cell")},
-        ],
-    },
-    "Probabilities": {
-        "title": "Probabilities",
-        "description": "A distribution: each value with its probability, such as `1/2`.",
-        "type": "object",
-        "minProperties": 1,
-        "not": {"anyOf": [{"required": [key]} for key in ("by", "rows", "if", "then", "else")]},
-        "additionalProperties": _TEXT,
-    },
-    "Constant": {
-        "title": "Constant",
-        "description": "An expression, or a grid of letters.",
-        "if": {"type": "object", "anyOf": [{"required": ["grid"]}, {"required": ["legend"]}]},
-        "then": _ref("LetterGrid"),
-        "else": _EXPRESSION,
-    },
-    "LetterGrid": {
-        "title": "Grid of letters",
-        "description": "A map drawn in letters.",
-        "type": "object",
-        "additionalProperties": False,
-        "required": ["grid", "legend"],
-        "properties": {
-            "grid": {
-                "description": "The lines of the map, all of one length.",
-                "anyOf": [{"type": "array", "items": {"type": "string"}, "minItems": 1}, {"type": "string"}],
-            },
-            "legend": {
-                "description": "What each letter stands for.",
-                "type": "object",
-                "propertyNames": {"minLength": 1, "maxLength": 1},
-                "additionalProperties": _EXPRESSION,
-            },
-        },
-    },
-    "Bound": {
-        "title": "Bound",
-        "description": "A number, an expression, or a list of them for a vector.",
-        "type": ["string", "number", "array"],
-        "items": _EXPRESSION,
-    },
-    "Shape": {
-        "title": "Shape",
-        "description": "Lengths, outermost first; `[]` is a single number.",
-        "type": ["array", "integer", "string"],
-        "minimum": 0,
-        "items": {"type": ["integer", "string"], "minimum": 0},
-    },
-    "Labels": {
-        "title": "Labels",
-        "description": "The labels of a choice, or a mapping from each to its value.",
-        "anyOf": [
-            {"type": "array", "items": {"type": "string"}, "minItems": 1},
-            {"type": "object", "additionalProperties": _EXPRESSION, "minProperties": 1},
-        ],
-    },
-    "Horizon": {
-        "title": "Horizon",
-        "description": "A whole number of steps, an expression for it, or `none`.",
-        "anyOf": [{"type": "integer", "minimum": 1}, {"type": "string"}],
-    },
-    "Expert": {
-        "title": "Expert",
-        "description": "An expression for each action component, or `optimal`, or `soft(beta)`.",
-        "anyOf": [{"type": "object", "additionalProperties": _EXPRESSION}, _EXPRESSION],
-    },
-    "Observation": _observation("Expression"),
-    "PartialObservation": _observation("OptionalExpression"),
-    "OptionalExpression": {
-        "title": "Expression or null",
-        "description": "An expression; `null` removes the entry.",
-        "anyOf": [_EXPRESSION, {"type": "null"}],
-    },
-    "Grid": {
-        "title": "Parameter values",
-        "description": "A list of choices, or a grid of values: `{L: [1, 2, 5]}`.",
-        "anyOf": [{"type": "array", "items": _GRID}, _GRID],
-    },
-    "Setting": {
-        "title": "Setting",
-        "description": "A value of a parameter.",
-        "type": ["string", "number", "boolean"],
-    },
-}
-
-
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (2020-12) of a spec. Every key has a description, for editors to show."""
     models: dict[str, Any] = _linked(TypeAdapter(Spec | Extension).json_schema(by_alias=True)["$defs"])
-    definitions = {**_FORMS, **{title: {"title": title, **form} for title, form in NAMES.items()}, **models}
+    forms = json.loads(FORMS.read_text(encoding="utf-8"))
+    for title in ("Observation", "PartialObservation"):
+        forms[title]["properties"]["space"]["enum"] = list(SPACES)
+    definitions = {**forms, **{title: {"title": title, **form} for title, form in NAMES.items()}, **models}
     for key in ("Parameters", "PartialParameters"):
         _type_extra_keys(definitions[key])
     complete = {"anyOf": [{"required": list(REQUIRED)}, {"required": ["variants"]}]}  # or a variant may be

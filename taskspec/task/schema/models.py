@@ -233,8 +233,7 @@ class Sections(Strict):
         description="Fixed values and arrays, which may depend on parameters, or be drawn once per instance.",
     )
     definitions: dict[Defined, Expression] = Field(
-        default_factory=dict,
-        description='Named expressions, and functions such as `"p(x)"`. No draws inside.',
+        default_factory=dict, description='Named expressions, and functions such as `"p(x)"`. No draws inside.'
     )
     noise: dict[Name, Expression] = Field(
         default_factory=dict, description="Named draws, made once per step, or reset, and shared by all uses."
@@ -252,8 +251,7 @@ class Sections(Strict):
     )
     discount: Expression = Field(1, description="Discount factor; 1 unless given.")
     initial: dict[Name, Expression] = Field(
-        default_factory=dict,
-        description="Initial value of each state component; later lines may use earlier ones.",
+        default_factory=dict, description="Initial value of each state component; later lines may use earlier ones."
     )
     dynamics: dict[Primed, Expression] = Field(
         default_factory=dict,
@@ -261,10 +259,7 @@ class Sections(Strict):
     )
     reward: Expression = Field(None, description="Reward of a step; `s` is the state left, `s'` the state reached.")
     absorbing_reward: Expression = Field(0, description="Reward per step after the end, when terminal states absorb.")
-    expert: Expert = Field(
-        None,
-        description="Action of the expert, per component; or `optimal`; or `soft(beta)`.",
-    )
+    expert: Expert = Field(None, description="Action of the expert, per component; or `optimal`; or `soft(beta)`.")
     memory: dict[Name, MemoryEntry] = Field(
         default_factory=dict, description="What the expert remembers of what it sees and does, apart from the state."
     )
@@ -352,10 +347,7 @@ Claims = Annotated[
 Variant = _partial(
     Sections,
     "Variant",
-    observation=(
-        PartialObservation | None,
-        Field(None, description=Sections.model_fields["observation"].description),
-    ),
+    observation=(PartialObservation | None, Field(None, description=Sections.model_fields["observation"].description)),
     claims=(
         Claims | None,
         Field(None, description="Other claims; or those of what it is based on, `{drop: [...], add: [...]}`."),
@@ -364,10 +356,7 @@ Variant = _partial(
         str | None,
         Field(None, description="The file of another spec to start from, relative to this one: `../grid.yaml`."),
     ),
-    base=(
-        str | None,
-        Field(None, description="The variant to start from. Without it: the spec itself."),
-    ),
+    base=(str | None, Field(None, description="The variant to start from. Without it: the spec itself.")),
 )
 
 
@@ -377,8 +366,7 @@ class Head(Strict):
     taskspec: int = Field(description="Version of the format of this file: 1.", json_schema_extra={"const": FORMAT})
     name: Name = Field(description="Name of the task, and of its environments.")
     variants: dict[Name, Variant] = Field(  # type: ignore[valid-type]
-        default_factory=dict,
-        description="Named overrides of any section; each is a task of its own.",
+        default_factory=dict, description="Named overrides of any section; each is a task of its own."
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any, TypeAlias
 
 from pydantic import (
@@ -78,7 +79,9 @@ Expert: TypeAlias = Annotated[Any, checked(values.expert), _refer("Expert")]
 Setting: TypeAlias = Annotated[Any, checked(values.setting), _refer("Setting")]
 Grid: TypeAlias = Annotated[Any, checked(values.grid), _refer("Grid")]
 Observation: TypeAlias = Annotated[Any, checked(values.observation), _refer("Observation")]
-PartialObservation: TypeAlias = Annotated[Any, checked(values.partial_observation), _refer("PartialObservation")]
+PartialObservation: TypeAlias = Annotated[
+    Any, checked(partial(values.observation, nullable=True)), _refer("PartialObservation")
+]
 
 LETTER = r"A-Za-z\u0080-\uffff"
 MORE = "0-9_"
@@ -95,31 +98,13 @@ NAMES: dict[str, dict[str, Any]] = {
 }
 """What keys may be, by title; the message is an editor's."""
 
-Name: TypeAlias = Annotated[
-    str,
-    AfterValidator(_checked(values.name)),
-    WithJsonSchema(NAMES["Name"]),
-]
-Primed: TypeAlias = Annotated[
-    str,
-    AfterValidator(_checked(values.primed)),
-    WithJsonSchema(NAMES["PrimedName"]),
-]
-Warned: TypeAlias = Annotated[
-    str,
-    AfterValidator(_checked(values.warning)),
-    WithJsonSchema(NAMES["Warning"]),
-]
+Name: TypeAlias = Annotated[str, AfterValidator(_checked(values.name)), WithJsonSchema(NAMES["Name"])]
+Primed: TypeAlias = Annotated[str, AfterValidator(_checked(values.primed)), WithJsonSchema(NAMES["PrimedName"])]
+Warned: TypeAlias = Annotated[str, AfterValidator(_checked(values.warning)), WithJsonSchema(NAMES["Warning"])]
 Reason: TypeAlias = Annotated[
-    str,
-    AfterValidator(_checked(values.reason)),
-    WithJsonSchema({"type": "string", "pattern": r"\S"}),
+    str, AfterValidator(_checked(values.reason)), WithJsonSchema({"type": "string", "pattern": r"\S"})
 ]
-Defined: TypeAlias = Annotated[
-    str,
-    AfterValidator(_checked(values.definition)),
-    WithJsonSchema(NAMES["Definition"]),
-]
+Defined: TypeAlias = Annotated[str, AfterValidator(_checked(values.definition)), WithJsonSchema(NAMES["Definition"])]
 
 
 # Parameters and components: entries with a type, and the keys that each type has.

@@ -202,36 +202,28 @@ def _is_cases(items: list[Any]) -> bool:
 
 
 def _cases(items: list[Any]) -> Iterator[Problem]:
+    last = len(items) - 1
     for i, item in enumerate(items):
-        is_last = i == len(items) - 1
-        yield from (problem.below(i) for problem in _case(item, is_last))
-    if not (isinstance(items[-1], dict) and "else" in items[-1]):
-        hint = "add `- else: ...` for all other cases"
-        yield Problem("E209", (len(items) - 1,), "the last case must be `else`", hint)
-
-
-def _case(item: Any, is_last: bool) -> Iterator[Problem]:
-    if not isinstance(item, dict):
-        yield Problem("E209", (), f"expected a case (`if` and `then`), found {kind(item)}")
-        return
-    yield from _unknown_keys(item, _PIECE_KEYS)
-    for key in _PIECE_KEYS:
-        if key in item:
-            yield from (problem.below(key) for problem in expression(item[key]))
-    if "else" in item and not is_last:
-        yield Problem("E209", ("else",), "`else` comes last", None, of_key=True)
-    if "else" in item and ("if" in item or "then" in item):
-        hint = "give `else` a dash of its own"
-        yield Problem("E214", ("else",), "`else` stands alone", hint, of_key=True)
-    elif "else" not in item and (lacking := [key for key in ("if", "then") if key not in item]):
-        yield Problem("E203", (), f"this case has no `{lacking[0]}`")
+        if not isinstance(item, dict):
+            yield Problem("E209", (i,), f"expected a case (`if` and `then`), found {kind(item)}")
+            continue
+        if "else" in item and i < last:
+            yield Problem("E209", (i, "else"), "`else` comes last", None, of_key=True)
+        if "else" in item and ("if" in item or "then" in item):
+            hint = "give `else` a dash of its own"
+            yield Problem("E214", (i, "else"), "`else` stands alone", hint, of_key=True)
+        else:
+            keys = ("else",) if "else" in item else ("if", "then")
+            yield from (problem.below(i) for problem in _keys(item, keys, "case"))
+        for key in _PIECE_KEYS:
+            if key in item:
+                yield from (problem.below(i, key) for problem in expression(item[key]))
+    if not (isinstance(items[last], dict) and "else" in items[last]):
+        yield Problem("E209", (last,), "the last case must be `else`", "add `- else: ...` for all other cases")
 
 
 def _table(value: dict[str, Any]) -> Iterator[Problem]:
-    yield from _unknown_keys(value, _TABLE_KEYS)
-    for key in _TABLE_KEYS:
-        if key not in value:
-            yield Problem("E203", (), f"this table has no `{key}`")
+    yield from _keys(value, _TABLE_KEYS, "table")
     if "by" not in value or "rows" not in value:
         return
     by = value["by"]
@@ -263,17 +255,8 @@ def _probabilities(value: dict[str, Any]) -> Iterator[Problem]:
         yield Problem("E204", (), "expected an expression, found an empty mapping")
     for key, weight in value.items():
         if isinstance(weight, dict):
-            if weight.keys() & set(_TABLE_KEYS):
-                message = f"a table stands by itself, not below `{key}`"
-                hint = f"put `by` and `rows` where `{key}` is"
-            else:
-                message = "rows are nested deeper than `by` is long, or a probability is a mapping"
-                hint = None
-            yield Problem("E208", (key,), message, hint)
-        elif isinstance(weight, list) and any(isinstance(x, dict) and x.keys() & set(_PIECE_KEYS) for x in weight):
-            message = f"cases stand by themselves, not below `{key}`"
-            hint = f"put the list where `{key}` is"
-            yield Problem("E208", (key,), message, hint)
+            message = "rows are nested deeper than `by` is long, or a probability is a mapping"
+            yield Problem("E208", (key,), message, f"a table stands by itself, not below `{key}`")
         elif isinstance(weight, list):
             hint = "a mapping is a draw; a vector for each label is a list of them, in order, and `ways[a]` is that of a label"
             yield wrong_kind("a probability", weight, hint).below(key)
@@ -281,10 +264,14 @@ def _probabilities(value: dict[str, Any]) -> Iterator[Problem]:
             yield from (problem.below(key) for problem in expression(weight))
 
 
-def _unknown_keys(value: dict[str, Any], known: tuple[str, ...]) -> Iterator[Problem]:
+def _keys(value: dict[str, Any], keys: tuple[str, ...], what: str) -> Iterator[Problem]:
+    """Yield keys of an entry that are not known, and those that it lacks."""
     for key in value:
-        if key not in known:
-            yield unknown_key(key, known).below(key)
+        if key not in keys:
+            yield unknown_key(key, keys).below(key)
+    lacking = [key for key in keys if key not in value]
+    if lacking:
+        yield Problem("E203", (), f"this {what} has no `{lacking[0]}`")
 
 
 def constant(value: Any) -> Iterator[Problem]:
@@ -292,31 +279,21 @@ def constant(value: Any) -> Iterator[Problem]:
     if not (isinstance(value, dict) and value.keys() & {"grid", "legend"}):
         yield from expression(value)
         return
-    yield from _unknown_keys(value, ("grid", "legend"))
-    for key in ("grid", "legend"):
-        if key not in value:
-            yield Problem("E203", (), f"this grid of letters has no `{key}`")
+    yield from _keys(value, ("grid", "legend"), "grid of letters")
     if "grid" not in value or "legend" not in value:
         return
-    yield from (problem.below("grid") for problem in _grid(value["grid"]))
-    yield from (problem.below("legend") for problem in _legend(value["legend"]))
-
-
-def _grid(lines: Any) -> Iterator[Problem]:
-    """Yield lines of letters, as a list or as a block of text; that they fit together is checked where they are read."""
+    lines = value["grid"]
     listed = isinstance(lines, list) and lines and all(isinstance(each, str) for each in lines)
     if not listed and not (isinstance(lines, str) and lines.strip()):
-        yield wrong_kind("lines of letters", lines, 'for example ["S..", "..G"], or a block of text')
-
-
-def _legend(legend: Any) -> Iterator[Problem]:
+        yield wrong_kind("lines of letters", lines, 'for example ["S..", "..G"], or a block of text').below("grid")
+    legend = value["legend"]
     if not isinstance(legend, dict):
-        yield wrong_kind("an entry for each letter", legend)
+        yield wrong_kind("an entry for each letter", legend).below("legend")
         return
-    for letter, value in legend.items():
+    for letter, meaning in legend.items():
         if len(letter) != 1:
-            yield Problem("E204", (letter,), f"`{letter}` is not one letter", None, of_key=True)
-        yield from (problem.below(letter) for problem in expression(value))
+            yield Problem("E204", ("legend", letter), f"`{letter}` is not one letter", None, of_key=True)
+        yield from (problem.below("legend", letter) for problem in expression(meaning))
 
 
 def bound(value: Any) -> Iterator[Problem]:
@@ -407,11 +384,6 @@ def grid(value: Any) -> Iterator[Problem]:
                 yield from (problem.below(*path, key, i) for problem in setting(each))
             if not isinstance(values, list):
                 yield from (problem.below(*path, key) for problem in setting(values))
-
-
-def partial_observation(value: Any) -> Iterator[Problem]:
-    """Yield the problems of an observation in a variant, where nothing after a name removes it."""
-    yield from observation(value, nullable=True)
 
 
 def observation(value: Any, nullable: bool = False) -> Iterator[Problem]:
