@@ -32,8 +32,8 @@ BADGE = (0.3, 0.36)
 BESIDE_VALUE = (0.34, 0.28)
 """How far from the middle of a cell objects in its corners are, and how large, as shares of its side; and beside a value."""
 WALL = "#"
-LETTER = 0.3
-VALUE = 0.24  # heights of letters
+LETTER = 0.3  # height of letters
+VALUE = 0.24  # height of numbers
 
 
 def chosen_ways(

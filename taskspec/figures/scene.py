@@ -237,8 +237,8 @@ SIGNS: dict[Paint, tuple[tuple[Point, ...], ...]] = {
 ROLES: dict[str, Color] = {"good": "good", "bad": "bad", "end": "end"}
 HIGHLIGHTS: dict[str, Color] = {**ROLES, "first": "accent", "second": "second"}
 """Colours of highlights: of roles, which have signs, and of all."""
-KEY = 0.36
-WORD = 0.26  # the side of a square in the key to a figure, and the height of the letters beside it
+KEY = 0.36  # side of a square in the key to a figure
+WORD = 0.26  # height of the letters beside it
 
 
 def shape(x: float, y: float, half: float, radius: float, fill: Color, shade: float = 1.0) -> Circle | Box:
