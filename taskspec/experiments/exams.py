@@ -40,7 +40,7 @@ class LearnersExamined:
         name = exam_id(task)
         values = dict[str, Any]()
         for learner, exam in self.exams.items():
-            found = mean_score(list(by_seed(exam["scores"], name, "printed").values()), name)
+            found = mean_score(list(by_seed(exam["scores"], name, "printed").values()), None)
             low = found["low"]
             high = found["high"]
             half = None if low is None or high is None else (high - low) / 2
