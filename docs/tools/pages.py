@@ -1,6 +1,7 @@
 """Write the generated pages of the documentation: `python -m docs.tools.pages`, in the root of a checkout.
 
-Prose of `language.md`, `difficulty.md` and `modifiers.md` is beside this file; tables in it come from what the program runs on.
+Prose of `language.md`, `difficulty.md`, `learned.md` and `modifiers.md` is beside this file; tables in it come from what the
+program runs on.
 Outputs of examples are those that the pages have already; `tests/docs/test_snippets.py` checks them.
 """
 
@@ -13,6 +14,8 @@ from docs.tools.language import language
 from docs.tools.markdown import code, table
 from docs.tools.names import names
 from taskspec.base.diagnostics import PAGE
+from taskspec.exam.fingerprints import OPERATORS
+from taskspec.exam.starc import REWARDS
 from taskspec.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
 from taskspec.modifiers.entry import never
 from taskspec.scores.difficulty import MEASURES
@@ -31,6 +34,16 @@ def difficulty() -> str:
     rows = [(code(m.name), m.doc, f"${m.formula}$", m.unit, m.source) for m in MEASURES.values()]
     measures = table(("measure", "what it is", "", "unit", "after"), rows)
     return _prose("difficulty").replace("<!-- measures -->", measures)
+
+
+def learned() -> str:
+    """Return the page of learned values and rewards, with the mistakes that they show."""
+    header = ("name", "what is wrong", "usual code", "what to do")
+    text = _prose("learned")
+    rows = [(o.name, f"a learner {o.mistake}", o.code, o.fix) for o in OPERATORS.values()]
+    text = text.replace("<!-- operators -->", table(header, rows))
+    rows = [(r.name, r.mistake, r.code, r.fix) for r in REWARDS.values()]
+    return text.replace("<!-- rewards -->", table(header, rows))
 
 
 def modifiers() -> str:
@@ -72,6 +85,7 @@ PAGES = {
     "difficulty": difficulty,
     "errors": errors,
     "language": language,
+    "learned": learned,
     "modifiers": modifiers,
     "names": names,
 }

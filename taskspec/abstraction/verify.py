@@ -25,7 +25,7 @@ from taskspec.lang.types import Refused
 from taskspec.lang.variates.entry import once
 from taskspec.model.extract import extract
 from taskspec.model.model import Model
-from taskspec.model.space import Reads
+from taskspec.model.space import Reads, entries_of
 from taskspec.model.transitions import TIME, Steps, count, is_finite, joint_outcomes, merge_outcomes, total
 from taskspec.rollout.rollout import Choose, Moved, Rollout, at_random, by_expert, is_bounded, reads_of, sampled_actions
 from taskspec.solve.enclosure import Inexact, Reader
@@ -386,8 +386,8 @@ class _Rows:
         counts = np.diff(self.first)[rows]
         apart = counts != np.diff(others.first)[theirs]
         if not apart.any():
-            own = _entries(self.first[rows], counts)
-            other = _entries(others.first[theirs], counts)
+            own = entries_of(self.first[rows], counts)
+            other = entries_of(others.first[theirs], counts)
             wrong = np.zeros(len(own), np.bool_)
             for name in ("to", "ends", "reward", "weight"):
                 wrong |= once(operator.ne, getattr(self, name)[own], getattr(others, name)[other]).astype(np.bool_)
@@ -415,11 +415,6 @@ def _of_expert(model: Model, t: int, numbers: ExactProbabilities) -> _Rows:
     state = np.concatenate(states)
     none = np.zeros(len(state))
     return _Rows.merged(state, np.concatenate(actions), none, none, np.concatenate(weights), model.n_states)
-
-
-def _entries(first: Array, counts: Array) -> Array:
-    """Return the numbers first, first + 1, ... of each row, one row after the other."""
-    return np.asarray(np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts))
 
 
 def _expert(model: Model) -> tuple[Any, ...]:

@@ -16,7 +16,8 @@ from taskspec.lang.ir import Apply, Const, Node, Read, Role, draws, reads
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.model import Model
-from taskspec.model.space import Reads, plain, words
+from taskspec.model.space import plain, words
+from taskspec.model.transitions import picked
 from taskspec.modifiers import modify
 from taskspec.rollout.rollout import Choose, State, by_expert, reads_of, simulate
 from taskspec.scores.returns import normalised
@@ -69,7 +70,7 @@ def hidden_goal(context: LintContext) -> Iterator[Doubt]:
 def _first_observations(model: Model, first: Array) -> Array | None:
     """Return the observations of first states (N, elements); None if they have noise on the state."""
     rows = [np.zeros((1, len(first)))]
-    given = columns_of(model.reads(0), first)
+    given = picked(model.reads(0), first)
     for node in model.task.observation.nodes:
         if draws([node]) and reads([node]):
             return None
@@ -117,12 +118,7 @@ def _values(node: Node, model: Model | None) -> Array | None:
         return evaluate([node], {})[0]
     if model is None or draws([node]) or (Role.TIME, "t") in reads([node]):
         return None
-    return evaluate([node], columns_of(model.reads(0), model.entered))[0]
-
-
-def columns_of(reads: Reads, at: Array) -> Reads:
-    """Return what is read at some of the points."""
-    return {key: value[..., at] if value.shape[-1] > 1 else value for key, value in reads.items()}
+    return evaluate([node], picked(model.reads(0), model.entered))[0]
 
 
 def _is_constant(values: Array) -> bool:

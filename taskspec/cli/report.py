@@ -100,6 +100,7 @@ def _exams_in(folder: Path) -> list[Path]:
 def print_exam(exam: Mapping[str, Any], out: Console | None = None) -> None:
     """Print verdicts, a heat map of scores, diagnoses and flags of an exam, as `exam.json` holds it."""
     from taskspec.exam import score_rows as rows
+    from taskspec.exam.learned import learned_notes
 
     out = out or console()
     out.print(line((exam["learner"], "title"), (f"  {rows.headline(exam)}", "quiet")))
@@ -117,6 +118,8 @@ def print_exam(exam: Mapping[str, Any], out: Console | None = None) -> None:
         out.print()
     for flag in exam["flags"]:
         out.print(line((flag["kind"], "bad"), " ", (flag["task"], "name"), f": {flag['message']}"))
+    for text in learned_notes(exam["scores"]):
+        out.print(VisibleText(text, style="quiet"))
     for text in rows.left_out(exam):
         out.print(VisibleText(f"it cannot learn {text}", style="quiet"))
     out.print()

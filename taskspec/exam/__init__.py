@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from taskspec.exam.case import learns_from as learns_from
     from taskspec.exam.examining import Running as Running
     from taskspec.exam.examining import examine as examine
+    from taskspec.exam.learned import Learned as Learned
     from taskspec.exam.results import Exam as Exam
     from taskspec.exam.results import read as read
-    from taskspec.exam.starc import Learned as Learned
     from taskspec.exam.starc import RewardDistance as RewardDistance
     from taskspec.exam.starc import reward_distance as reward_distance
     from taskspec.learners import CannotLearn as CannotLearn
@@ -27,7 +27,7 @@ __getattr__ = on_demand(__name__, {
     "learns_from": "taskspec.exam.case",
     "Running": "taskspec.exam.examining",
     "examine": "taskspec.exam.examining",
-    "Learned": "taskspec.exam.starc",
+    "Learned": "taskspec.exam.learned",
     "Exam": "taskspec.exam.results",
     "read": "taskspec.exam.results",
     "RewardDistance": "taskspec.exam.starc",

@@ -24,6 +24,7 @@ from taskspec.data import demonstrations
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.examinee import Examinee, learner_of
 from taskspec.exam.findings import diagnose
+from taskspec.exam.learned import learned_flags
 from taskspec.exam.results import FORMAT, Exam, Examined, Score, read, write
 from taskspec.exam.trial import LearnerFailed, Row, Trial, baselines, key_of, run_trial, score
 from taskspec.exam.verdicts import check_comparable, flags, verdicts
@@ -124,7 +125,7 @@ def examine(
             rows = _trained(plan, store, running or Running())
     found = _exam(who, suite, plan, rows, {name: _examined(task, measured[name]) for name, task in asked.items()})
     found["verdicts"] = verdicts(found["tasks"], found["scores"])
-    found["flags"] = flags(found["tasks"], found["scores"], baseline)
+    found["flags"] = [*flags(found["tasks"], found["scores"], baseline), *learned_flags(found["scores"])]
     found["diagnoses"] = diagnose(found, suite)
     if folder is not None:
         write(found, folder)
@@ -357,4 +358,5 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
         "comparisons": row.get("comparisons", 0), "seconds": row.get("seconds"), "starc": row.get("starc"),
         "reward_regret": None if lost is None else lost / unit,
         "curve": None if curve is None else [[steps, scaled(value)] for steps, value in curve],
+        "operators": row.get("operators"), "rewards": row.get("rewards"),
     }  # fmt: skip

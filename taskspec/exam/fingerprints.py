@@ -10,7 +10,7 @@ under its policy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -40,12 +40,16 @@ SAME = 0.03
 """Operators whose distances differ by less than this cannot be told apart."""
 SWEEPS = 5000
 """Applications of an operator, at most."""
-PRECISION = 1e-7
+SLOWEST = 500
+"""Applications in which the change of the values has to be halved."""
+PRECISION = 1e-6
 """Change of the values, as a share of the largest reward, at which they are taken for the fixed point."""
 EXPLORATION = 0.1
 """The share of random actions that is assumed where an operator depends on how the learner behaves."""
 EXPLORATIONS = (0.05, 0.1, 0.2, 0.3)
 """The shares that are tried for learners that value their own behaviour."""
+DENSE = 200_000
+"""Entries of a matrix that is not sparse, at most."""
 LARGEST = 20_000
 """State-action pairs of a task, at most."""
 
@@ -60,31 +64,30 @@ class Dynamics:
     Attributes:
         model: the exact model.
         gamma: the learner's discount.
-        clipped, signs: float64 (A, S), expected rewards after each was clipped to [-1, 1], or replaced by its sign.
+        P, P_end: (A * S, S), dense where that is small, else sparse.
+        R, clipped, signs: float64 (A, S), expected rewards; after each was clipped to [-1, 1], or replaced by its sign.
+        shares: what `last_share` has found.
     """
 
     model: Model
     gamma: float
+    P: Any
+    P_end: Any
+    R: Array
     clipped: Array
     signs: Array
-
-    @property
-    def R(self) -> Array:
-        """float64 (A, S)."""
-        expected: Array = self.model.step(0).R.reshape(self.model.n_actions, self.model.n_states)
-        return expected
+    shares: dict[bytes, Array] = field(default_factory=dict)
 
     def following(self, V: Array) -> Array:
         """Return the expected value (A, S) of the next state, 0 where the episode ends."""
-        expected: Array = (self.model.step(0).P @ V).reshape(self.R.shape)
+        expected: Array = (self.P @ V).reshape(self.R.shape)
         return expected
 
     def ending(self, V: Array) -> Array:
         """Return the same of the states in which the episode ends, 0 where it goes on."""
-        P_end = self.model.step(0).P_end
-        if P_end is None:
+        if self.P_end is None:
             return np.zeros_like(self.R)
-        expected: Array = (P_end @ V).reshape(self.R.shape)
+        expected: Array = (self.P_end @ V).reshape(self.R.shape)
         return expected
 
     def visits(self, policy: Array) -> Array:
@@ -94,7 +97,7 @@ class Dynamics:
         steps = SWEEPS if self.model.horizon is None else self.model.horizon
         for _ in range(steps):
             rows.append(now)
-            now = self.model.step(0).P.T @ (policy * now).reshape(-1)
+            now = self.P.T @ (policy * now).reshape(-1)
             if now.sum() < 1e-9:
                 break
         counts = np.array(rows)
@@ -102,6 +105,12 @@ class Dynamics:
 
     def last_share(self, policy: Array) -> Array:
         """Return float64 (S,): of the visits to a state, the share in the last step before the limit."""
+        key = policy.tobytes()
+        if key not in self.shares:
+            self.shares[key] = self._last_share(policy)
+        return self.shares[key]
+
+    def _last_share(self, policy: Array) -> Array:
         horizon = self.model.horizon
         counts = self.visits(policy)
         if horizon is None or len(counts) < horizon:
@@ -200,8 +209,7 @@ def _negated(s: Dynamics, Q: Array, V: Array) -> Array:
 
 def _action_before(s: Dynamics, Q: Array, V: Array) -> Array:
     n = s.model.n_states
-    P = s.model.step(0).P
-    following = np.stack([P[a * n : (a + 1) * n] @ Q[a] for a in range(s.model.n_actions)])
+    following = np.stack([s.P[a * n : (a + 1) * n] @ Q[a] for a in range(s.model.n_actions)])
     return s.R + s.gamma * following
 
 
@@ -280,7 +288,7 @@ OPERATORS = {
         ),
         BellmanOperator(
             "immediate reward", _immediate, "that sees no further than the next reward",
-            "target = r, or gamma = 0", "Add gamma * V(s'), and check that its mask is not inverted.",
+            "target = r, or gamma = 0", "Add gamma * V(s'), and check that its mask is not inverted; or train longer.",
         ),
         BellmanOperator(
             "rewards clipped", _clipped, "whose rewards are clipped to [-1, 1]",
@@ -313,7 +321,16 @@ def _dynamics(task: Task, gamma: float) -> Dynamics:
     clipped = extract(_paid(task, lambda b, r: b.apply("min2", b.apply("max2", r, b.scalar(-1)), b.scalar(1))))
     signs = extract(_paid(task, lambda b, r: b.apply("sign", r)))
     shape = (model.n_actions, model.n_states)
-    return Dynamics(model, gamma, clipped.step(0).R.reshape(shape), signs.step(0).R.reshape(shape))
+    R = model.step(0).R.reshape(shape)
+    clipped_rewards = clipped.step(0).R.reshape(shape)
+    sign_rewards = signs.step(0).R.reshape(shape)
+    P = model.step(0).P
+    P_end = model.step(0).P_end
+    if P.shape[0] * P.shape[1] <= DENSE:
+        P = P.toarray()
+        if P_end is not None:
+            P_end = P_end.toarray()
+    return Dynamics(model, gamma, P, P_end, R, clipped_rewards, sign_rewards)
 
 
 def _paid(task: Task, change: Callable[[Builder, Node], Node]) -> Task:
@@ -330,64 +347,54 @@ def fixed_point(dynamics: Dynamics, operator: BellmanOperator, reduce: Reduce) -
     """
     Q = np.zeros_like(dynamics.R)
     size = max(1e-9, float(np.abs(dynamics.R).max()))
-    for _ in range(SWEEPS):
+    before = np.inf
+    for sweep in range(SWEEPS):
         V = reduce(Q) if operator.reduce is None else operator.reduce(dynamics, Q)
         following = operator.backup(dynamics, Q, V)
         change = float(np.abs(following - Q).max())
         Q = following
         if change <= PRECISION * size:
             return Q
-        if not change < 1e6 * size:
-            return None
+        if sweep % SLOWEST == SLOWEST - 1:
+            if not change < before / 2:
+                return None
+            before = change
     return None
 
 
-@dataclass(frozen=True)
-class Fingerprint:
-    """Distances of learned values from the fixed point of each operator, as shares of the spread of the right values.
+def named(distances: Mapping[str, float], good: Sequence[str] = GOOD) -> list[str]:
+    """Return the operators that explain distances: those that are no mistake within their tolerance, else the nearest.
 
-    Attributes:
-        distances: by operator; those whose fixed point the task cannot show (it is that of the right one, or there is none)
-            are left out.
-        same: operators that are the right one on this task.
+    Args:
+        distances: by operator, the right one included.
+        good: operators that are no mistake, the right one first.
     """
-
-    distances: Mapping[str, float]
-    same: frozenset[str] = field(default_factory=frozenset)
-
-    @property
-    def names(self) -> list[str]:
-        """The operators that explain the values: "right" alone, one mistake or several alike; none if no operator is near."""
-        return named(self.distances)
-
-
-def named(distances: Mapping[str, float]) -> list[str]:
-    """Return the operators that explain distances: those that are no mistake within their tolerance, else the nearest."""
-    for name in GOOD:
+    for name in good:
         if distances.get(name, np.inf) <= RIGHT:
             return [name]
     nearest = min(distances.values())
-    right = distances["right"]
+    right = distances[good[0]]
     if nearest > CLEARER * right or nearest > max(NEAR, MUCH_CLEARER * right):
         return []
     return [name for name, distance in distances.items() if distance <= nearest + SAME]
 
 
-def pooled(fingerprints: Sequence[Fingerprint]) -> dict[str, float]:
-    """Return the mean distance of each operator over tasks and seeds; where one is the right one, that of the right one."""
+def pooled(distances: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Return the mean distance over tasks and seeds of each operator that all of them have."""
     means = {}
-    for name in OPERATORS:
-        found = [f.distances.get(name, f.distances["right"] if name in f.same else np.inf) for f in fingerprints]
-        mean = float(np.mean(found)) if found else np.inf
-        if np.isfinite(mean):
-            means[name] = mean
+    for name in distances[0]:
+        found = [each[name] for each in distances if name in each]
+        if len(found) == len(distances):
+            means[name] = float(np.mean(found))
     return means
 
 
 def fingerprint(
     task: TaskLike, *, q: Any = None, values: Any = None, policy: Any = None, discount: float | None = None
-) -> Fingerprint:
-    """Compare learned values with the fixed points of all operators.
+) -> dict[str, float]:
+    """Return the distances of learned values from the fixed points of operators, as shares of the spread of the right values.
+
+    Operators without a fixed point are left out; one whose fixed point is that of the right one on this task has its distance.
 
     Args:
         task: a finite task that does not depend on the time, and whose observations tell its states apart.
@@ -418,29 +425,43 @@ def fingerprint(
     learned = rows.read(q, model.n_actions).T if values is None else rows.read(values, None)
     if not np.isfinite(learned[..., weights > 0]).all():
         misused("the learned values are not finite numbers")
-    shown: dict[str, Array] = {}
-    right_q = fixed_point(dynamics, OPERATORS["right"], reduce)
-    if right_q is None:
+    points = _fixed_points(dynamics, reduce) if policy is not None else _greedy_points(task, dynamics.gamma)
+    if not points:
         refuse(f"values of {task.id} have no bound at discount {dynamics.gamma:g}", "give the learner's `discount`")
+    (right_q,) = points["right"]
+    right = right_q if values is None else reduce(right_q)
     scale = _spread(right_q, weights)
+    distances = {}
+    for name, found in points.items():
+        each = found if values is None else [reduce(Q) for Q in found]
+        nearest = min(each, key=lambda point: _distance(learned, point, weights))
+        shows_mistake = name == "right" or _distance(nearest, right, weights) / scale >= RIGHT
+        distances[name] = _distance(learned, nearest if shows_mistake else right, weights) / scale
+    return distances
+
+
+@lru_cache(maxsize=32)
+def _greedy_points(task: Task, gamma: float) -> dict[str, list[Array]]:
+    return _fixed_points(_dynamics(task, gamma), _best)
+
+
+def _fixed_points(dynamics: Dynamics, reduce: Reduce) -> dict[str, list[Array]]:
+    """Return the fixed points of each operator that has some: one, or one for each share of random actions.
+
+    Without right values, there are none.
+    """
+    points = {}
     for name, operator in OPERATORS.items():
-        found = [fixed_point(dynamics, operator, each) for each in _reductions(operator, reduce)]
-        known = [Q if values is None else (pi * Q).sum(axis=0) for Q in found if Q is not None]
+        reductions = [reduce]
+        if operator.on_policy:
+            reductions = [_OfBehaviour(exploration) for exploration in EXPLORATIONS]
+        found = [fixed_point(dynamics, operator, each) for each in reductions]
+        known = [Q for Q in found if Q is not None]
         if known:
-            shown[name] = min(known, key=lambda Q: _distance(learned, Q, weights))
-    apart = {name: _distance(Q, shown["right"], weights) / scale for name, Q in shown.items()}
-    same = frozenset(name for name, distance in apart.items() if distance < RIGHT and name != "right")
-    distances = {
-        name: _distance(learned, Q, weights) / scale for name, Q in shown.items() if name not in same
-    }  # fmt: skip
-    return Fingerprint(distances, same)
-
-
-def _reductions(operator: BellmanOperator, reduce: Reduce) -> list[Reduce]:
-    """Return the reductions of Q to V with which an operator is tried."""
-    if not operator.on_policy:
-        return [reduce]
-    return [_OfBehaviour(exploration) for exploration in EXPLORATIONS]
+            points[name] = known
+        elif name == "right":
+            break
+    return points
 
 
 @dataclass(frozen=True, eq=False)
@@ -533,12 +554,3 @@ def _spread(right: Array, weights: Array) -> float:
     if deviation > 1e-3 * size:
         return deviation
     return size or 1.0
-
-
-def explanation(names: Iterable[str]) -> str:
-    """Return a sentence about the operators that explain values."""
-    found = list(names)
-    if not found:
-        return "The values match no known operator."
-    mistakes = ", or ".join(OPERATORS[name].mistake for name in found)
-    return f"The values are those of a learner {mistakes}."

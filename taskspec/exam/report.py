@@ -11,11 +11,12 @@ from markupsafe import Markup
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.files import write_text
 from taskspec.exam import score_charts, score_rows
+from taskspec.exam.learned import learned_notes
 from taskspec.exam.score_rows import SeedCell, TaskRow
 from taskspec.figures import chart, save
 from taskspec.figures.chart import Scale
 from taskspec.figures.scene import Scene
-from taskspec.figures.svg import svg
+from taskspec.figures.vector_formats import svg
 from taskspec.pages.render.html import page_of
 
 
@@ -111,8 +112,8 @@ def page(exam: Mapping[str, Any]) -> str:
         rows=[_row(row, scores) for row in rows], axis=_embedded(score_charts.strip_head(scores), "strip axis"),
         curves=[_curves(row) for row in rows if row.curves],
         diagnoses=[each | {key: _code(each[key]) for key in ("message", "cause", "try")} for each in exam["diagnoses"]],
-        flags=[flag | {"task": score_rows.named(flag["task"]), "size": _size(flag)} for flag in exam["flags"]],
-        facts=_facts(exam),
+        flags=[_flag(flag) for flag in exam["flags"]],
+        notes=[_code(note) for note in learned_notes(exam["scores"])], facts=_facts(exam),
     )  # fmt: skip
 
 
@@ -172,6 +173,10 @@ def _code(text: str) -> Markup:
     return Markup("").join(
         Markup("<code>{}</code>").format(part) if i % 2 and i < len(parts) - 1 else part for i, part in enumerate(parts)
     )
+
+
+def _flag(flag: Mapping[str, Any]) -> dict[str, Any]:
+    return {**flag, "task": score_rows.named(flag["task"]), "message": _code(flag["message"]), "size": _size(flag)}
 
 
 def _size(flag: Mapping[str, Any]) -> str:

@@ -35,11 +35,14 @@ Score = TypedDict(
         "stochastic": float | None, "half": float, "return": float | None, "error": str | None, "steps": int,
         "demonstrations": int, "comparisons": int, "seconds": float | None, "starc": float | None,
         "reward_regret": float | None, "curve": list[list[float | None]] | None,
+        "operators": NotRequired[dict[str, float] | None], "rewards": NotRequired[dict[str, float] | None],
     },
 )  # fmt: skip
 """One seed on a task (`twin` None), on a twin of it (its modifiers), or with the reward negated (`probe`); 0 is random, 1 the
 expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated, 0 where it is exact; `starc` the
-distance of a learned reward to the true one, `reward_regret` the score lost by optimising it."""
+distance of a learned reward to the true one, `reward_regret` the score lost by optimising it. `operators` are the distances of
+learned values from the fixed points of Bellman operators (`taskspec.exam.fingerprints`), `rewards` those of a learned reward from
+known ones (`taskspec.exam.starc`)."""
 
 
 class Examined(TypedDict):
@@ -85,9 +88,9 @@ class CapabilityVerdict(MeanScore):
 
 
 class Flag(TypedDict):
-    """Something that is wrong, with its size as a difference of scores, and the interval of that."""
+    """Something that is wrong; with its size as a difference of scores, and the interval of that, where it has one."""
 
-    kind: Literal["twin", "regression", "peeks", "failed", "impossible"]
+    kind: Literal["twin", "regression", "peeks", "failed", "impossible", "values", "reward"]
     task: str
     message: str
     effect: float | None

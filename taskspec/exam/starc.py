@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -31,19 +31,6 @@ NOTHING = 1e-11
 """Advantages that are this small, as a share of the largest value of an action, are rounding."""
 ROUNDS = 1000
 """Improvements of a policy without a horizon, at the most."""
-
-
-@dataclass(frozen=True, eq=False)
-class Learned:
-    """A policy, and the reward that it was learned from.
-
-    Args:
-        reward: float64 (S, A, S) over the states and actions of `task.tabular()`, or a function of (obs, action, next_obs), all
-            (N, ...); `reward_distance` compares it with the true one.
-    """
-
-    policy: Any
-    reward: Any = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,20 +63,28 @@ def reward_distance(task: TaskLike, reward: Any) -> RewardDistance:
     task = load(task)
     if callable(reward) and abstraction(task) is not None:
         refuse(f"the exact model of {task.id} is an abstraction, whose states show no observations", "give a table")
-    mdp = RewardMdp(tabular(task))
+    mdp = _mdp(task)
     learned = mdp.expected(reward)
     return RewardDistance(mdp.distance(mdp.true, learned), mdp.lost(learned))
 
 
-def reward_fields(task: Task, reward: Any) -> dict[str, float | None]:
-    """Return the same as fields of a result; None without an exact model."""
+def reward_fields(task: Task, reward: Any) -> dict[str, Any]:
+    """Return the same as fields of a result, and the distances from `REWARDS`; None without an exact model."""
     try:
         found = reward_distance(task, reward)
     except SpecError as error:
         if {d.code for d in error.diagnostics} != {"E712"}:
             raise
-        return {"starc": None, "reward_regret": None}
-    return {"starc": found.starc, "reward_regret": found.lost}
+        return {"starc": None, "reward_regret": None, "rewards": None}
+    mdp = _mdp(task)
+    learned = mdp.canonical(mdp.expected(reward))
+    distances = {name: half_distance(canonical, learned) for name, canonical in mdp.known.items()}
+    return {"starc": found.starc, "reward_regret": found.lost, "rewards": distances}
+
+
+@lru_cache(maxsize=16)
+def _mdp(task: Task) -> RewardMdp:
+    return RewardMdp(tabular(task))
 
 
 class RewardMdp:
@@ -210,7 +205,26 @@ class RewardMdp:
 
     def distance(self, one: Array, other: Array) -> float:
         """Return half the distance of two rewards in canonical form: at most 1."""
-        return min(1.0, float(np.linalg.norm(self.canonical(one) - self.canonical(other))) / 2)
+        return half_distance(self.canonical(one), self.canonical(other))
+
+    @cached_property
+    def known(self) -> dict[str, Array]:
+        """`REWARDS` in canonical form."""
+        return {name: self.canonical(known.of(self)) for name, known in REWARDS.items()}
+
+    @cached_property
+    def visits(self) -> Array:
+        """Expected visits of uniformly random episodes to each state, (S,)."""
+        total = np.zeros(self.model.n_states)
+        now = np.where(self.model.absorbed, 0.0, self.model.p0)
+        for _ in range(ROUNDS if self.model.horizon is None else self.model.horizon):
+            total += now
+            now = self.next_visits(np.tile(now / self.model.n_actions, self.model.n_actions))
+        return total
+
+    def next_visits(self, weights: Array) -> Array:
+        """Return the weights (S,) of the states that follow, from those of all pairs (A * S,), where the episode goes on."""
+        return np.where(self.model.absorbed, 0.0, self.model.going.T @ weights)
 
     def lost(self, learned: Array) -> float:
         """Return the optimal true return less that of the best policy for a learned reward."""
@@ -222,3 +236,105 @@ class RewardMdp:
         else:
             V = first_values(self._backward(self.true, lambda t, Q: (pi[t] * Q).sum(axis=1)))
         return float(self.model.p0 @ V)
+
+
+def half_distance(one: Array, other: Array) -> float:
+    """Return half the distance of canonical rewards: at most 1."""
+    return min(1.0, float(np.linalg.norm(one - other)) / 2)
+
+
+# -- rewards that are learned by mistake ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class KnownReward:
+    """A reward that is often learned in place of the true one, on every task.
+
+    Attributes:
+        of: the reward (S, A) of a task.
+        mistake: words that follow "the learned reward is".
+        code: what such code usually looks like.
+        fix: what to do.
+    """
+
+    name: str
+    of: Callable[[RewardMdp], Array]
+    mistake: str
+    code: str
+    fix: str
+
+
+def _constant(mdp: RewardMdp) -> Array:
+    return np.zeros_like(mdp.true)
+
+
+def _negated(mdp: RewardMdp) -> Array:
+    return -mdp.true
+
+
+def _step_before(mdp: RewardMdp) -> Array:
+    """Return the mean reward of the steps that lead to a state."""
+    weights = np.tile(mdp.visits / mdp.model.n_actions, mdp.model.n_actions)
+    arrivals = mdp.next_visits(weights)
+    paid = mdp.next_visits(weights * mdp.true.T.reshape(-1))
+    mean = np.divide(paid, arrivals, out=np.zeros_like(paid), where=arrivals > 0)
+    return np.broadcast_to(mean[:, None], mdp.true.shape)
+
+
+def _step_after(mdp: RewardMdp) -> Array:
+    """Return the mean reward of the next step, of random actions."""
+    return action_values(mdp.model.going, np.zeros_like(mdp.true.T), 1.0, mdp.true.mean(axis=1)).T
+
+
+def _action_mean(mdp: RewardMdp) -> Array:
+    return np.broadcast_to(mdp.true.mean(axis=1, keepdims=True), mdp.true.shape)
+
+
+def _state_mean(mdp: RewardMdp) -> Array:
+    mean = mdp.visits @ mdp.true / mdp.visits.sum()
+    return np.where(mdp.model.absorbed[:, None], 0.0, mean)
+
+
+def _clipped(mdp: RewardMdp) -> Array:
+    return np.clip(mdp.true, -1, 1)
+
+
+def _true(mdp: RewardMdp) -> Array:
+    return mdp.true
+
+
+REWARDS = {
+    known.name: known
+    for known in (
+        KnownReward("true", _true, "the true one", "", ""),
+        KnownReward(
+            "constant", _constant, "a constant, which makes no action better than another",
+            "a network that no gradient reaches", "Check that the loss falls, and that the reward is not detached or cut off.",
+        ),
+        KnownReward(
+            "negated", _negated, "the true one, negated", "-reward, or labels of pairs that are swapped",
+            "Remove the minus sign; label 1 means that the first of a pair is better.",
+        ),
+        KnownReward(
+            "step before", _step_before, "that of the step before", "rewards[t - 1] beside obs[t]",
+            "Store each reward with the observation and the action that it was paid for.",
+        ),
+        KnownReward(
+            "step after", _step_after, "that of the step after", "rewards[t + 1] beside obs[t]",
+            "Store each reward with the observation and the action that it was paid for.",
+        ),
+        KnownReward(
+            "mean of actions", _action_mean, "the true one, averaged over actions", "reward_net(obs)",
+            "Give the action to the network, too.",
+        ),
+        KnownReward(
+            "mean of states", _state_mean, "the true one, averaged over states", "reward_net(action)",
+            "Give the observation to the network, too.",
+        ),
+        KnownReward(
+            "clipped", _clipped, "the true one, clipped to [-1, 1]", "np.clip(reward, -1, 1), or a tanh at the end",
+            "Remove it.",
+        ),
+    )
+}  # fmt: skip
+"""Rewards by name, the true one first; averages are of uniformly random episodes."""

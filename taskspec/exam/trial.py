@@ -23,7 +23,7 @@ from taskspec.base.diagnostics import TaskspecError
 from taskspec.base.limits import also
 from taskspec.exam.case import Case, ExamTerms
 from taskspec.exam.examinee import train_at
-from taskspec.exam.starc import Learned, reward_fields
+from taskspec.exam.learned import Learned, learned_fields
 from taskspec.learners import CannotLearn
 from taskspec.policies.values import ObservedValue, observed_value, policy_value
 from taskspec.scores.returns import Results, normalised
@@ -170,7 +170,7 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
             learned = train(case)
             trained = time.perf_counter()
             policies = _policies(learned, len(case.seeds), train)
-            rows = [_scored(policy, results, seed) for policy, seed in zip(policies, case.seeds, strict=True)]
+            rows = [_scored(policy, case, results, seed) for policy, seed in zip(policies, case.seeds, strict=True)]
             _add_curves(rows, case, results)
         except CannotLearn as error:
             return [{"seed": seed, "cannot": error.message} for seed in trial.seeds]
@@ -190,7 +190,7 @@ def _policies(learned: Any, seeds: int, train: Any) -> Sequence[Any]:
     return learned
 
 
-def _scored(policy: Any, results: Results, seed: int) -> Row:
+def _scored(policy: Any, case: Case, results: Results, seed: int) -> Row:
     if policy is None:
         raise TypeError("`train` returned no policy: does it end with `return`?")
     value = _value(policy, results, seed)
@@ -198,9 +198,7 @@ def _scored(policy: Any, results: Results, seed: int) -> Row:
         "seed": seed, "curve": None, "deterministic": value.deterministic.value,
         "deterministic_half": value.deterministic.half, "stochastic": value.stochastic.value,
     }  # fmt: skip
-    if getattr(policy, "reward", None) is not None:
-        row |= reward_fields(results.task, policy.reward)
-    return row
+    return row | learned_fields(results.task, policy, "reward" in case.terms.learns_from)
 
 
 def _value(policy: Any, results: Results, seed: int) -> ObservedValue:

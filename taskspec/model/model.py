@@ -13,7 +13,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need
 from taskspec.lang.ir import Role
-from taskspec.model.space import Space, shown
+from taskspec.model.space import Space, entries_of, shown
 from taskspec.task.task import Task
 
 
@@ -213,7 +213,7 @@ class Model:
         some = (np.flatnonzero(states) + self.n_states * np.arange(self.n_actions)[:, None]).reshape(-1)
         first = matrix.indptr[some]
         counts = matrix.indptr[some + 1] - matrix.indptr[some]
-        entries = np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
+        entries = entries_of(first, counts)
         found = np.zeros(self.n_states, np.bool_)
         found[matrix.indices[entries[matrix.data[entries] > 0]]] = True
         return found

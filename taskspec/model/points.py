@@ -235,16 +235,12 @@ class Budget:
             refuse(message, how_to_raise("seconds", 10 * self.most))
 
 
+UNITS = ((86_400, "days"), (3_600, "hours"), (60, "minutes"), (1, "seconds"))
+
+
 def duration(seconds: float) -> str:
     """Return a time in words, to two digits: `about 40 seconds`, `about 3 hours`."""
-    size = 1
-    unit = "seconds"
-    for more, longer in ((60, "minutes"), (3_600, "hours"), (86_400, "days")):
-        if seconds >= 2 * more:
-            size = more
-            unit = longer
-    number = seconds / size
-    if not math.isfinite(number) or number >= 1e15:
+    size, unit = next((s, u) for s, u in UNITS if seconds >= 2 * s or s == 1)
+    if not seconds / size < 1e15:
         return f"about endlessly many {unit}"
-    scale = 10 ** max(0, len(str(int(number))) - 2)
-    return f"about {round(number / scale) * scale:,} {unit}"
+    return f"about {float(f'{seconds / size:.2g}'):,.0f} {unit}"

@@ -70,6 +70,11 @@ def without(codes: Array, others: Array) -> Array:
     return codes[~holds(codes, others)]
 
 
+def entries_of(first: Array, counts: Array) -> Array:
+    """Return the numbers first, first + 1, ... of each row, `counts` of them, one row after the other."""
+    return np.asarray(np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts))
+
+
 # -- codes of states and actions --------------------------------------------------------------------------------------
 #
 # Codes count in mixed radix, the first element of the first component slowest, so that the code of a

@@ -121,7 +121,7 @@ class Branch:
         """Return what is read at each outcome's point."""
         if self.origin is None:
             return reads
-        return {key: _at(value, self.origin) for key, value in reads.items()}
+        return picked(reads, self.origin)
 
 
 def count(draws: Sequence[Draw], known: dict[int, Range]) -> float:
@@ -178,6 +178,11 @@ def _expand(draws: Sequence[Draw], reads: Reads, lanes: int, so_far: Branch) -> 
     drawn[draw.site] = np.moveaxis(values[outcome], 0, -1)
     origin = point if so_far.origin is None else so_far.origin[point]
     yield from _expand(rest, reads, lanes, replace(so_far, weight=weight, origin=origin, drawn=drawn))
+
+
+def picked(reads: Reads, at: Array) -> Reads:
+    """Return what is read at some of the points."""
+    return {key: _at(value, at) for key, value in reads.items()}
 
 
 def _at(values: Array, point: Array) -> Array:

@@ -24,7 +24,7 @@ from taskspec.lang.ir import Read, Role, draws, reads
 from taskspec.lang.variates import VARIATES
 from taskspec.model.extract import extract
 from taskspec.model.model import Model
-from taskspec.model.transitions import TIME
+from taskspec.model.transitions import TIME, picked
 from taskspec.mutation.mutants import Mutant, mutants
 from taskspec.rules.examples import wrong_examples
 from taskspec.soundness.soundness import cases, check_ranges
@@ -294,9 +294,7 @@ def _have_same_observations(model: Model, other: Task, forms: NormalForms) -> bo
     if times * model.n_states > MOST and times > 1:
         return False
     for t in range(times):
-        given = {
-            key: value[..., model.entered] if value.shape[-1] > 1 else value for key, value in model.reads(t).items()
-        }
+        given = picked(model.reads(t), model.entered)
         if not all(np.all(a == b) for a, b in zip(evaluate(own, given), evaluate(others, given), strict=True)):
             return False
     return True

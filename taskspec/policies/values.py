@@ -108,7 +108,7 @@ def _table_value(results: Results, table: Array) -> PolicyValue:
 def plan_of_table(model: Model, table: Array) -> Plan:
     """Return the plan of a table: actions (S,) or (T, S), or probabilities (S, A) or (T, S, A)."""
     table = _by_row(table, model.n_states, model.n_actions)
-    if not _are_probabilities(table):
+    if not are_probabilities(table):
         hint = None
         if model.n_actions == model.n_states and np.allclose(table.sum(axis=-2), 1):
             hint = _transposed(table)
@@ -133,7 +133,8 @@ def _by_row(table: Array, rows: int, actions: int, first: int = 0) -> Array:
     return table.astype(np.float64)
 
 
-def _are_probabilities(table: Array) -> bool:
+def are_probabilities(table: Array) -> bool:
+    """Return whether the rows of a table are probabilities."""
     return bool((table >= 0).all() and np.allclose(table.sum(axis=-1), 1))
 
 
@@ -168,7 +169,7 @@ def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
     """
     if is_table(policy):
         return _of_table(results, np.asarray(policy), seed)
-    probabilities = _probabilities(policy, results.task)
+    probabilities = observed_probabilities(policy, results.task)
     if probabilities is not None:
         return _of_probabilities(results, probabilities, probabilities, seed)
     if hasattr(policy, "predict"):
@@ -184,7 +185,7 @@ def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
     return ObservedValue(value, value)
 
 
-def _probabilities(policy: Any, task: Task) -> Probabilities | None:
+def observed_probabilities(policy: Any, task: Task) -> Probabilities | None:
     """Return the probabilities that a policy gives of finite actions; None where it gives none."""
     if task.action_layout.form == "box":
         return None
@@ -217,7 +218,7 @@ def _of_table(results: Results, table: Array, seed: int) -> ObservedValue:
         misused(f"a table is a policy where observations are one number and actions finite, not on {results.task.id}")
     first = actions.starts[0] if actions.form == "discrete" else 0
     table = _by_row(table, seen.counts[0], int(np.prod(actions.counts)), first)
-    stochastic = table if _are_probabilities(table) else greedy(table)
+    stochastic = table if are_probabilities(table) else greedy(table)
     if table.ndim == 3:
         return ObservedValue(_timed_value(results, greedy(table)), _timed_value(results, stochastic))
     start = seen.starts[0]

@@ -25,7 +25,6 @@ from taskspec.model.model import Model
 from taskspec.rules.conditions import (
     condition_over_actions,
     condition_over_states,
-    condition_over_times,
     influences,
     preferred,
 )
@@ -396,7 +395,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         wanted = condition_over_actions(given["condition"], model)
         at = None
         if "at" in given:
-            at = condition_over_times(given["at"], model)
+            at = condition_over_actions(given["at"], model, of_states=True)
         return preferred(model, solver, rule, wanted, at)
 
 

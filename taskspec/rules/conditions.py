@@ -55,10 +55,12 @@ def condition_over_states(expr: s.Expr, model: Model) -> Array:
     return np.broadcast_to(value, (model.n_states,))
 
 
-def condition_over_actions(expr: s.Expr, model: Model) -> Timed:
-    """Return a function from time to where (A, S) a condition on state, action and time holds."""
+def condition_over_actions(expr: s.Expr, model: Model, of_states: bool = False) -> Timed:
+    """Return a function from time to where (A, S) a condition on state, action and time holds; `of_states`: not on action."""
     node = node_of(expr, model.task)
     used = reads([node])
+    if of_states and any(role is Role.ACTION for role, _ in used):
+        raise InvalidClaim("it says where, so it cannot depend on the action", expr)
     actions = model.actions.decode(np.arange(model.n_actions))
     repeated = {key: np.repeat(value, model.n_states, axis=-1) for key, value in actions.items()}
 
@@ -74,14 +76,6 @@ def condition_over_actions(expr: s.Expr, model: Model) -> Timed:
         return at
     fixed = at(0)
     return lambda t: fixed
-
-
-def condition_over_times(expr: s.Expr, model: Model) -> Timed:
-    """Return a function from time to the states (S,) in which a condition on state and time holds."""
-    if any(role is Role.ACTION for role, _ in reads([node_of(expr, model.task)])):
-        raise InvalidClaim("it says where, so it cannot depend on the action", expr)
-    found = condition_over_actions(expr, model)
-    return lambda t: found(t)[0]
 
 
 def preferred(model: Model, solver: Solver, rule: Rule, wanted: Timed, at: Timed | None) -> tuple[bool | None, str]:
@@ -100,7 +94,7 @@ def preferred(model: Model, solver: Solver, rule: Rule, wanted: Timed, at: Timed
             continue
         here = np.unpackbits(levels[t], count=model.n_states).astype(np.bool_)
         if at is not None:
-            here &= at(t)
+            here &= at(t)[0]
         if not here.any():
             continue
         found = solver.numbers.preference(policy, wanted(t))

@@ -89,10 +89,6 @@ class RuleNames:
     groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
     instances: tuple[str, ...] = ()
 
-    def group(self, name: str) -> tuple[str, ...] | None:
-        """Return the members of a group."""
-        return self.all_groups.get(name)
-
     @property
     def all_groups(self) -> dict[str, tuple[str, ...]]:
         """The members of all groups by name; `tasks` and `learners` need not be declared."""
@@ -425,7 +421,7 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         """Return the members of a group, or of a list of names."""
         match expr:
             case s.Name(id=name):
-                members = self.names.group(name)
+                members = self.names.all_groups.get(name)
                 if members is None:
                     self._name(expr, tuple(self.names.all_groups), "group")
                 return members or ()

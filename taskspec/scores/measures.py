@@ -12,6 +12,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.limits import count, how_to_raise, limits
 from taskspec.model.model import Model, refuse, scipy_sparse
+from taskspec.model.space import entries_of
 from taskspec.model.transitions import Steps, merge_outcomes
 from taskspec.solve.backward import Plan, action_values, all_values, backward, first_values
 from taskspec.solve.bounded import Bound, Bounded
@@ -209,7 +210,7 @@ def best_chance(model: Model) -> float:
         spent += int(counts.sum())
         if spent > limits().seconds * RATE:
             refuse("random episodes have too many different returns", how_to_raise("seconds", 10 * limits().seconds))
-        entry = np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
+        entry = entries_of(first, counts)
         missing = np.repeat(missing[is_open], counts) - np.rint(factor * found.reward[entry] / grain).astype(np.int64)
         weight = np.repeat(weight[is_open], counts) * found.weight[entry]
         ends = found.ends[entry]

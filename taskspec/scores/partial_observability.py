@@ -13,7 +13,7 @@ from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.lang.ir import Node, draws, reads
 from taskspec.model.model import Model, refuse
-from taskspec.model.transitions import TIME, count, joint_outcomes
+from taskspec.model.transitions import TIME, count, joint_outcomes, picked
 from taskspec.scores.measures import mean_length, undiscounted
 from taskspec.scores.returns import Results
 from taskspec.solve.enclosure import Enclosure
@@ -125,7 +125,7 @@ def _informative(task: Task) -> list[Node]:
 def _observed(model: Model, nodes: list[Node], t: int, visits: Array) -> Iterator[tuple[Array, Array, Array]]:
     """Yield states (N,), observations (N, D) and weights (N,) for each outcome of the noise."""
     states = np.flatnonzero(visits)
-    given = {k: v if v.shape[-1] == 1 else v[..., states] for k, v in model.reads(t).items()}
+    given = picked(model.reads(t), states)
     for values, which, weight in joint_outcomes(nodes, given, len(states)):
         rows = [np.zeros((1, len(which))), *(value.reshape(-1, len(which)) for value in values)]
         yield states[which], np.concatenate(rows).astype(np.float64).T, visits[states[which]] * weight

@@ -20,6 +20,7 @@ from taskspec.task.context import Context
 from taskspec.task.names import Names
 from taskspec.task.parts import FIGURE_KINDS, Component, ExpertMemory, Observation, Symmetry
 from taskspec.task.reach import kept, too_wide, what_is_seen, widest
+from taskspec.task.sections import by_component
 from taskspec.task.task import Example, Figure, Followed
 
 
@@ -34,16 +35,20 @@ def figure(context: Context, scope: Scope) -> Figure | None:
     for key in FIGURE_KINDS[written["kind"]].keys:
         if written.get(key) is None:
             context.report_key("E203", ("figure",), f"a figure of kind `{written['kind']}` needs `{key}`")
-    parts = {key: _node(context, ("figure", key), scope) for key in ("curve", "values") if written.get(key) is not None}
-    marks = {name: _node(context, ("figure", "highlight", name), scope) for name in written.get("highlight") or {}}
+    shown: dict[str, Node] = {}
+    for path in (("curve",), ("values",), *(("highlight", name) for name in written.get("highlight") or {})):
+        expr = context.forms.expr(("figure", *path)) if written.get(path[0]) is not None else None
+        node = _number_of(context, expr, scope)
+        if node is not None:
+            shown[path[-1]] = node
     sizes = (2, 4) if written["kind"] == "grid" else (2,)
     objects = {
         name: _place(context, ("figure", "objects", name), at, scope, (2, 4))
         for name, at in (written.get("objects") or {}).items()
     }
     return Figure(
-        kind=written["kind"], at=_place(context, ("figure", "at"), written.get("at"), scope, sizes), curve=parts.get("curve"),
-        values=parts.get("values"), highlight={name: node for name, node in marks.items() if node is not None},
+        kind=written["kind"], at=_place(context, ("figure", "at"), written.get("at"), scope, sizes),
+        curve=shown.pop("curve", None), values=shown.pop("values", None), highlight=shown,
         map=_map(context, written.get("map")), objects={name: at for name, at in objects.items() if at},
     )  # fmt: skip
 
@@ -71,12 +76,8 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
     return found
 
 
-def _node(context: Context, path: Path, scope: Scope) -> Node | None:
-    """Return an expression as a node, a choice as the number that it stands for; None where it is broken (and reported)."""
-    return _number_of(context, context.forms.expr(path), scope)
-
-
 def _number_of(context: Context, expr: s.Expr | None, scope: Scope) -> Node | None:
+    """Return an expression as a node, a choice as the number that it stands for; None where it is broken (and reported)."""
     value = None if expr is None else context.checker.check(expr, scope)
     if expr is None or value is None:
         return None
@@ -195,14 +196,22 @@ def symmetries(context: Context, names: Names, observation: Observation) -> tupl
     seen = what_is_seen(context.builder, observation)
     scope_of = {SEEN: names.map_scope("seen", seen)}
     scope_of[DONE] = names.map_scope("done", {c.name: context.bound(c, Role.ACTION) for c in context.action})
-    exprs = {name: _parsed(context, name, entry) for name, entry in written.items()}
+    exprs: dict[str, dict[str, dict[str, s.Expr | None]]] = {}
+    for name, entry in written.items():
+        exprs[name] = {}
+        for key in (SEEN, DONE):
+            if entry.get(key):
+                exprs[name][key] = {n: context.forms.expr(("symmetries", name, key, n)) for n in entry[key]}
     context.exprs["symmetries"] = exprs
     found = []
     for name, maps in exprs.items():
         values = {
             n: None if e is None else context.checker.check(e, scope_of[SEEN]) for n, e in maps.get(SEEN, {}).items()
         }
-        action = _steered(context, name, maps.get(DONE, {}))
+        lines = maps.get(DONE, {})
+        action: tuple[Node, ...] | None = ()
+        if lines:
+            action = by_component(context, ("symmetries", name, DONE), lines, scope_of[DONE], is_whole=False)
         if action is None or any(v is None for v in values.values()):
             continue
         shown = list(_shown(context, observation, seen, {n: v for n, v in values.items() if v is not None}))
@@ -217,14 +226,6 @@ def symmetries(context: Context, names: Names, observation: Observation) -> tupl
         if most:
             too_wide(context.collector, context.merged.key_span(("symmetries", each.name)), most)
     return tuple(found)
-
-
-def _parsed(context: Context, name: str, entry: Mapping[str, Any]) -> dict[str, dict[str, s.Expr | None]]:
-    return {
-        key: {n: context.forms.expr(("symmetries", name, key, n)) for n in entry[key]}
-        for key in (SEEN, DONE)
-        if entry.get(key)
-    }
 
 
 def _shown(
@@ -253,25 +254,6 @@ def _component(context: Context, c: Component, value: Value) -> tuple[Component,
     size = value.node.type.size
     made = replace(c, type=value.node.type, low=(low,) * size, high=(high,) * size, domain=value.domain)
     return made, value.node
-
-
-def _steered(context: Context, name: str, lines: Mapping[str, s.Expr | None]) -> tuple[Node, ...] | None:
-    """Return the map of the action, whole; empty without one, None for one that is broken (and reported)."""
-    known = [c.name for c in context.action]
-    for each in (n for n in lines if n not in known):
-        context.report_key(
-            "E216", ("symmetries", name, DONE, each), f"there is no action component '{each}'", suggest(each, known)
-        )
-    if not lines:
-        return ()
-    nodes = []
-    for c in context.action:
-        expr = lines.get(c.name)
-        if c.name not in lines:
-            nodes.append(context.read(c, Role.ACTION).node)
-        elif expr is not None and (node := context.assign(expr, context.named_scopes["done"], c)) is not None:
-            nodes.append(node)
-    return tuple(nodes) if len(nodes) == len(known) else None
 
 
 # What an expert remembers: declared memory that is no part of the task's state.

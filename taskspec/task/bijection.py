@@ -62,12 +62,12 @@ class MapPart:
             low, high = _ends(self.inputs)
             for i in np.flatnonzero(low < high):
                 if i not in self.moves.source:
-                    one = np.clip(np.zeros(len(low)), low, high)
-                    other = one.copy()
-                    other[i] = min(one[i] + 1, high[i])
-                    if one[i] == high[i]:
-                        other[i] = max(one[i] - 1, low[i])
-                    return _of_row(self.inputs, one), _of_row(self.inputs, other)
+                    row = np.clip(np.zeros(len(low)), low, high)
+                    changed = row.copy()
+                    changed[i] = min(row[i] + 1, high[i])
+                    if row[i] == high[i]:
+                        changed[i] = max(row[i] - 1, low[i])
+                    return _of_row(self.inputs, row), _of_row(self.inputs, changed)
             return None
         if self.listed is None:
             return None
@@ -111,7 +111,8 @@ def bounds(part: MapPart) -> Iterator[tuple[float, float]]:
 
 def _made(moves: Moves, flat: Array) -> Array:
     """Return what elements become that are moved; 0 without a source."""
-    return moves.sign * np.append(flat, 0.0)[moves.source] + moves.shift
+    found: Array = moves.sign * np.append(flat, 0.0)[moves.source] + moves.shift
+    return found
 
 
 def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: Sequence[Node]) -> MapPart:

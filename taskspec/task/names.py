@@ -80,43 +80,34 @@ class Names:
         """Return the names visible in the expert's memory, `first memory` or `memory`: what is seen, itself, and the
         action before.
         """
-        context = self.context
-        later = section == "memory"
-        bindings: dict[str, Binding] = dict(context.constants)
-        for c in (*context.state, *context.action):
-            hint = (
-                f"an observation after a step is written with a prime: `{next(iter(seen))}'`"
-                if later and seen
-                else None
-            )
-            bindings[c.name] = Unavailable(
-                "E302", f"a memory is computed from observations, and '{c.name}' is not", hint
-            )
-        for name, value in seen.items():
-            if later:
-                message = f"'{name}' was seen before the step"
+        visible: dict[str, Binding] = dict(seen)
+        hint = None
+        if section == "memory":
+            for name, value in seen.items():
                 hint = f"`{name}'` is seen after it; memory keeps what was"
-                bindings[name] = Unavailable("E302", message, hint)
-            bindings[name + "'" * later] = value
-        self._bind_broken(bindings, seen)
-        for c in context.action if later else ():
-            bindings[c.name] = context.bound(c, Role.ACTION)
-        self._bind_memory(bindings, section)
-        if later:
-            self._bind_time(bindings, section)
-        self._bind_noise(bindings, section)
-        self._bind_end(bindings, section)
-        return self._finished(section, bindings)
+                visible[name] = Unavailable("E302", f"'{name}' was seen before the step", hint)
+                visible[name + "'"] = value
+                hint = f"an observation after a step is written with a prime: `{name}'`"
+            visible |= {c.name: self.context.bound(c, Role.ACTION) for c in self.context.action}
+        return self._restricted(section, visible, "a memory is computed from observations, and '{}' is not", hint)
 
     def map_scope(self, section: str, visible: Mapping[str, Binding]) -> Scope:
         """Return the names visible in a map of a symmetry: what is mapped, and what is fixed."""
-        bindings: dict[str, Binding] = dict(self.context.constants)
-        for c in (*self.context.state, *self.context.action):
-            message = f"a symmetry maps observations and actions; '{c.name}' is not part of this"
-            bindings[c.name] = Unavailable("E302", message)
+        return self._restricted(section, visible, "a symmetry maps observations and actions; '{}' is not part of this")
+
+    def _restricted(self, section: str, visible: Mapping[str, Binding], message: str, hint: str | None = None) -> Scope:
+        """Return the names visible in a section that sees neither the state nor, unless it says so, the action."""
+        context = self.context
+        bindings: dict[str, Binding] = dict(context.constants)
+        for c in (*context.state, *context.action):
+            bindings[c.name] = Unavailable("E302", message.format(c.name), hint)
         bindings |= visible
-        if section == "seen":
-            self._bind_broken(bindings, visible)
+        for name in context.exprs.get("observation", {}):
+            if section != "done" and name not in visible:  # it is broken (and reported)
+                bindings[name] = bindings[name + "'"] = Lazy(poison)
+        if section == "memory":
+            self._bind_memory(bindings, section)
+            self._bind_time(bindings, section)
         self._bind_noise(bindings, section)
         self._bind_end(bindings, section)
         return self._finished(section, bindings)
@@ -158,12 +149,6 @@ class Names:
                 message = f"the action '{c.name}' cannot be used in {where}"
                 bindings[c.name] = Unavailable("E302", message, _WITHOUT_ACTION[section])
 
-    def _bind_broken(self, bindings: dict[str, Binding], seen: Mapping[str, Binding]) -> None:
-        """Give up what reads an observation that is broken (and reported)."""
-        for name in self.context.exprs.get("observation", {}):
-            if name not in seen:
-                bindings[name] = bindings[name + "'"] = Lazy(poison)
-
     def _bind_observed(self, bindings: dict[str, Binding]) -> None:
         """Say what an expert reads, where it names what is observed."""
         known = Scope(bindings, self.context.domains)
@@ -177,7 +162,7 @@ class Names:
         for c in self.context.memory:
             if section in ("expert", "memory"):
                 bindings[c.name] = self.context.bound(c, Role.STATE)
-            elif section != "first memory":
+            else:
                 message = f"'{c.name}' is the expert's memory, which only `expert` and `memory` can use"
                 bindings[c.name] = Unavailable("E302", message)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 from taskspec.base.diagnostics import suggest
@@ -242,7 +242,8 @@ def expert_action(context: Context, names: Names) -> Expert:
     scope = names.scope("expert")
     components = context.action
     if isinstance(value, dict) and not (len(components) == 1 and components[0].name not in value):
-        return _expert_components(context, scope, value)
+        exprs = context.exprs["expert"] = {name: context.forms.expr(("expert", name)) for name in value}
+        return by_component(context, ("expert",), exprs, scope, is_whole=True)
     expr = context.exprs["expert"] = context.forms.expr(("expert",))
     match expr:
         case None:
@@ -262,22 +263,28 @@ def expert_action(context: Context, names: Names) -> Expert:
     return None if node is None else (node,)
 
 
-def _expert_components(context: Context, scope: Scope, value: dict[str, Any]) -> Expert:
-    exprs = context.exprs["expert"] = {name: context.forms.expr(("expert", name)) for name in value}
+def by_component(
+    context: Context, path: Path, exprs: Mapping[str, s.Expr | None], scope: Scope, is_whole: bool
+) -> tuple[Node, ...] | None:
+    """Return a value for each action component, None for a broken one (and reported); `is_whole` where all must be given."""
     known = [c.name for c in context.action]
-    for name in value:
+    for name in exprs:
         if name not in known:
             message = f"there is no action component '{name}'"
-            context.report_key("E216", ("expert", name), message, suggest(name, known))
+            context.report_key("E216", (*path, name), message, suggest(name, known))
     nodes = []
     for c in context.action:
-        if c.name not in value:
-            context.report_key("E216", ("expert",), f"the expert gives no '{c.name}'")
         expr = exprs.get(c.name)
-        node = None if expr is None else context.assign(expr, scope, c)
+        node = None
+        if expr is not None:
+            node = context.assign(expr, scope, c)
+        elif c.name not in exprs and is_whole:
+            context.report_key("E216", path, f"the expert gives no '{c.name}'")
+        elif c.name not in exprs:
+            node = context.read(c, Role.ACTION).node
         if node is not None:
             nodes.append(node)
-    return tuple(nodes) if len(nodes) == len(context.action) else None
+    return tuple(nodes) if len(nodes) == len(known) else None
 
 
 # -- abstraction and claims -----------------------------------------------------------------------------------

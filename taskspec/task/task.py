@@ -8,6 +8,8 @@ from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
+import numpy as np
+
 from taskspec.base.display import html_table
 from taskspec.base.ids import InstanceId
 from taskspec.base.records import dataclass
@@ -195,7 +197,15 @@ class Task:
     @cached_property
     def constants(self) -> dict[str, Any]:
         """The constants by name, as this instance has them: numbers, and arrays of int64, float64 or bool."""
-        return {name: _value(node) for name, node in self.fixed.items()}
+        found: dict[str, Any] = {}
+        for name, node in self.fixed.items():
+            if node.type.is_scalar:
+                found[name] = plain(node.value)
+            else:
+                kind = {Kind.BOOL: "bool", Kind.INT: "int64", Kind.REAL: "float64"}[node.type.kind]
+                found[name] = np.array([plain(v) for v in node.flat], kind).reshape(node.type.shape)
+                found[name].flags.writeable = False
+        return found
 
     @property
     def values(self) -> dict[str, Any]:
@@ -374,16 +384,3 @@ def recall(
 
 TaskLike: TypeAlias = Task | str | PathLike[str]
 """What stands for a task wherever one is wanted: the task itself, its id, or the path of its spec."""
-
-
-def _value(node: Const) -> Any:
-    import numpy as np
-
-    if node.type.is_scalar:
-        return plain(node.value)
-    found = np.array([plain(v) for v in node.flat], _DTYPES[node.type.kind]).reshape(node.type.shape)
-    found.flags.writeable = False
-    return found
-
-
-_DTYPES = {Kind.BOOL: "bool", Kind.INT: "int64", Kind.REAL: "float64"}

@@ -124,7 +124,7 @@ def monte_carlo(task: str, masked: bool, seed: int) -> tuple[np.ndarray, np.ndar
 @pytest.mark.parametrize(("masked", "names"), [(True, ["right"]), (False, ["ends ignored"])])
 def test_a_critic_is_compared_under_the_policy_that_it_values(masked: bool, names: list[str]) -> None:
     V, pi = monte_carlo(TASKS[0], masked, 5)
-    assert fingerprint(TASKS[0], values=V, policy=pi, discount=GAMMA).names == names
+    assert named(fingerprint(TASKS[0], values=V, policy=pi, discount=GAMMA)) == names
 
 
 @pytest.mark.parametrize(

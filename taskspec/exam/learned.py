@@ -1,0 +1,202 @@
+"""Learned rewards and values: how learners hand them over, how they are read, and what explains them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import SpecError
+from taskspec.exam.fingerprints import GOOD, OPERATORS, BellmanOperator, fingerprint, named, pooled
+from taskspec.exam.results import Flag, Score
+from taskspec.exam.starc import REWARDS, KnownReward, reward_fields
+from taskspec.policies.adapters import Predictor, parameters
+from taskspec.policies.values import are_probabilities, is_table, observed_probabilities
+from taskspec.task.task import Task
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """A policy, and what was learned with it.
+
+    Args:
+        policy: all that a learner may return alone; Q-values in a table (O, A) are read from it.
+        reward: float64 (S, A, S) over the states and actions of `task.tabular()`, or a function of (obs, action, next_obs), all
+            (N, ...); `reward_distance` compares it with the true one.
+        q: Q-values: a table (O, A) of the numbers of discrete observations, or a function from observations (N, ...) to (N, A).
+        values: instead, the values of a critic under the policy: a table (O,), or a function from observations to (N,).
+        discount: the gamma of the learner; that of the task, or of a model of Stable-Baselines3, unless given.
+    """
+
+    policy: Any
+    reward: Any = None
+    q: Any = None
+    values: Any = None
+    discount: float | None = None
+
+
+# -- reading ----------------------------------------------------------------------------------------------------------
+
+
+def learned_fields(task: Task, learned: Any, sees_reward: bool) -> dict[str, Any]:
+    """Return what is known of learned rewards and values, as fields of a result.
+
+    Args:
+        learned: what the learner returned.
+        sees_reward: whether it was granted the reward; else its values are not those of the true one.
+    """
+    found: dict[str, Any] = {}
+    if isinstance(learned, Learned) and learned.reward is not None:
+        found |= reward_fields(task, learned.reward)
+    values = learned_values(task, learned) if sees_reward else {}
+    if not values:
+        return found
+    was_given = isinstance(learned, Learned) and (learned.q is not None or learned.values is not None)
+    try:
+        found["operators"] = fingerprint(task, **values)
+    except SpecError as error:
+        codes = {d.code for d in error.diagnostics}
+        if was_given and codes != {"E712"}:
+            raise
+    return found
+
+
+def learned_values(task: Task, learned: Any) -> dict[str, Any]:
+    """Return learned values as arguments of `fingerprint`; nothing where there are none."""
+    if not isinstance(learned, Learned):
+        return _values_of(task, learned)
+    values = _values_of(task, learned.policy)
+    if learned.q is not None:
+        values = {"q": learned.q}
+    elif learned.values is not None:
+        values = {"values": learned.values, "policy": _probabilities(task, learned.policy)}
+    if values and learned.discount is not None:
+        values["discount"] = learned.discount
+    return values
+
+
+def _probabilities(task: Task, policy: Any) -> Any:
+    if is_table(policy):
+        return policy
+    return observed_probabilities(policy, task)
+
+
+def _values_of(task: Task, policy: Any) -> dict[str, Any]:
+    """Return the values that a policy has itself: a table of Q-values, or a model of Stable-Baselines3."""
+    if is_table(policy):
+        table = np.asarray(policy)
+        if table.dtype.kind != "f" or table.ndim != 2 or are_probabilities(table):
+            return {}
+        return {"q": table}
+    actor = getattr(policy, "policy", None)
+    if not hasattr(actor, "obs_to_tensor") or _normalises_rewards(policy):
+        return {}
+    values: dict[str, Any] = {"discount": getattr(policy, "gamma", None)}
+    if hasattr(policy, "q_net"):
+        return values | {"q": _network(task, policy, policy.q_net)}
+    critic = getattr(actor, "predict_values", None)
+    probabilities = observed_probabilities(policy, task)
+    if critic is None or probabilities is None or "lstm_states" in parameters(critic):
+        return {}
+    return values | {"values": _network(task, policy, critic), "policy": probabilities}
+
+
+def _normalises_rewards(model: Any) -> bool:
+    """Return whether the values of a model of Stable-Baselines3 are on a scale of their own (`VecNormalize`)."""
+    wrapper = model.get_vec_normalize_env() if hasattr(model, "get_vec_normalize_env") else None
+    return bool(getattr(wrapper, "norm_reward", False))
+
+
+def _network(task: Task, model: Any, network: Callable[[Any], Any]) -> Callable[[Any], Array]:
+    """Return a network of a model of Stable-Baselines3 as a function of observations."""
+    normalise = Predictor(task, model).normalise
+
+    def values(observations: Any) -> Array:
+        model.policy.set_training_mode(False)
+        found = network(model.policy.obs_to_tensor(normalise(observations))[0])
+        return np.asarray(found.detach().cpu().numpy(), np.float64)
+
+    return values
+
+
+# -- what explains them -----------------------------------------------------------------------------------------------
+
+KINDS: dict[
+    Literal["values", "reward"], tuple[str, tuple[str, ...], Mapping[str, BellmanOperator | KnownReward], str]
+] = {
+    "values": ("operators", GOOD, OPERATORS, "the values are those of a learner"),
+    "reward": ("rewards", ("true",), REWARDS, "the learned reward is"),
+}
+"""What is explained: the field of a score with its distances, names that are no mistake, the table of names, and how a
+sentence begins."""
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """An explanation of the values, or the reward, that a learner learned on several tasks and seeds.
+
+    Attributes:
+        names: of operators or rewards; none if nothing known is near.
+        distance: the mean distance of the first of them.
+        right: the mean distance of the right values, or of the true reward.
+        task: the one whose mean distance of the right ones is largest.
+    """
+
+    kind: Literal["values", "reward"]
+    names: tuple[str, ...]
+    distance: float
+    right: float
+    task: str
+
+    @property
+    def is_mistake(self) -> bool:
+        return bool(self.names) and self.names[0] not in KINDS[self.kind][1]
+
+    @property
+    def message(self) -> str:
+        """The explanation in a sentence; of a mistake, with its usual code and what to do."""
+        _, _, table, begin = KINDS[self.kind]
+        right = "right values" if self.kind == "values" else "true reward"
+        if not self.names:
+            return f"no known mistake explains the learned {self.kind} (distance to the {right} {self.right:.2f})"
+        sentence = f"{begin} {', or '.join(table[name].mistake for name in self.names)}"
+        if not self.is_mistake:
+            return f"{sentence} (distance {self.distance:.2f})"
+        advice = " Or: ".join(f"{table[name].code}. {table[name].fix}" for name in self.names)
+        return f"{sentence} (distance {self.distance:.2f}, to the {right} {self.right:.2f}). Usual code: {advice}"
+
+
+def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
+    """Yield what explains the learned values and rewards of an exam, where there are some."""
+    for kind, (entry, good, _, _) in KINDS.items():
+        known = [score for score in scores if score.get(entry) and score["probe"] is None]
+        if not known:
+            continue
+        distances: list[dict[str, float]] = [score[entry] for score in known]  # type: ignore[literal-required]
+        means = pooled(distances)
+        names = named(means, good)
+        if "constant" in names:
+            names = ["constant"]  # others are constant, too, where they are as near
+        by_task: dict[str, list[float]] = {}
+        for score, each in zip(known, distances, strict=True):
+            by_task.setdefault(score["task"], []).append(each[good[0]])
+        task = max(by_task, key=lambda name: float(np.mean(by_task[name])))
+        first = (names or good)[0]
+        yield Explanation(kind, tuple(names), means[first], means[good[0]], task)
+
+
+def learned_flags(scores: Sequence[Score]) -> list[Flag]:
+    """Return a flag for values, and for a reward, that a known mistake explains."""
+    found = []
+    for each in explanations(scores):
+        if each.is_mistake:
+            found.append(Flag(kind=each.kind, task=each.task, message=each.message, effect=None, low=None, high=None))
+    return found
+
+
+def learned_notes(scores: Sequence[Score]) -> list[str]:
+    """Return lines about values and rewards that no known mistake explains."""
+    return [each.message for each in explanations(scores) if not each.is_mistake]
