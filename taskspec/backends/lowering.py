@@ -101,7 +101,9 @@ def _at_reset(b: Builder, task: Task, nodes: Sequence[Node]) -> tuple[Node, ...]
     first = {c.name: n for c, n in zip(task.state, task.initial, strict=True)}
 
     def leaf(node: Node) -> Node | None:
-        return first[node.name] if isinstance(node, Read) and node.role is Role.STATE else None
+        if isinstance(node, Read) and node.role is Role.STATE:
+            return first[node.name]
+        return None
 
     return rewrite(nodes, leaf, b.remake_late)
 

@@ -15,7 +15,7 @@ import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
 from taskspec import draws
-from taskspec.backends.scalar import Clock, Failures, Lane, ScalarProgram, compile_scalar
+from taskspec.backends.scalar import Clock, Lane, ScalarProgram, compile_scalar
 from taskspec.envs import window
 from taskspec.envs.options import ENDINGS, ActionError, NotRunningError, one_of, seed_of, with_horizon
 from taskspec.envs.state import flat_state, overridden, plain_state
@@ -229,8 +229,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self._start(seed, Clock())
 
     def _start(self, seed: int, clock: Clock) -> None:
-        failures = Failures(self._bad_action, self._not_running)
-        self._lane: Lane = self._program.start(seed, failures, clock)
+        self._lane: Lane = self._program.start(seed, clock, self._bad_action, self._not_running)
         reset = functools.partial(Environment.reset, self)
         if self.render_mode in ("human", "rgb_array_list"):
             self.__dict__.update(step=self._shown(self._lane.step), reset=self._shown(reset))

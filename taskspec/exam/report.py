@@ -16,7 +16,7 @@ from taskspec.exam.score_rows import SeedCell, TaskRow
 from taskspec.figures import chart, save
 from taskspec.figures.chart import Scale
 from taskspec.figures.scene import Scene
-from taskspec.figures.svg import svg
+from taskspec.figures.vector_formats import svg
 from taskspec.pages.render.html import page_of
 
 

@@ -21,9 +21,9 @@ from taskspec.figures.scene import Label, keyed
 from taskspec.figures.scene import Scene as Scene
 from taskspec.figures.series import episode_series
 from taskspec.figures.states import not_drawn, state_table
-from taskspec.figures.svg import svg as svg
-from taskspec.figures.tikz import colors as tikz_colors
-from taskspec.figures.tikz import tikz as tikz
+from taskspec.figures.vector_formats import svg as svg
+from taskspec.figures.vector_formats import tikz as tikz
+from taskspec.figures.vector_formats import tikz_colors
 from taskspec.model.model import NoModel
 from taskspec.printers.tree import Words
 from taskspec.registry import load

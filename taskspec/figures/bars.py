@@ -144,8 +144,10 @@ def _bound(node: Node) -> float | None:
 
 
 def _bars(values: Array, colors: list[Color], most: float | None = None) -> Iterator[Item]:
-    """Yield bars of equal width above a line, in a frame that `most` fills; of very many values means of neighbours."""
-    values, colors = _binned(values, colors)
+    """Yield bars of equal width above a line, in a frame that `most` fills; of very many values every second, third and so on."""
+    every = -(-len(values) // MOST_BARS)
+    values = values[::every]
+    colors = colors[::every]
     step = _step(len(values))
     scale = 2.0 / (most or float(np.abs(values).max()) or 1.0)
     if most is not None:
@@ -158,19 +160,6 @@ def _bars(values: Array, colors: list[Color], most: float | None = None) -> Iter
         if role in SIGNS:
             yield from sign(role, ((sum(places) / len(places) + 0.4) * step, 0.2), 0.2)
     yield Line(((-0.1, 0.0), (len(values) * step + 0.02, 0.0)), color="muted")
-
-
-def _binned(values: Array, colors: list[Color]) -> tuple[Array, list[Color]]:
-    """Return at most about `MOST_BARS` values: means of as many neighbours each, which share a colour."""
-    size = -(-len(values) // MOST_BARS)
-    means = []
-    shared = []
-    for color, group in groupby(range(len(values)), key=colors.__getitem__):
-        run = list(group)
-        for i in range(0, len(run), size):
-            means.append(values[run[i : i + size]].mean())
-            shared.append(color)
-    return np.array(means), shared
 
 
 def _step(count: int) -> float:
@@ -188,7 +177,7 @@ def _cells(shown: list[tuple[Array, list[Color]]], left_out: int) -> Iterator[It
             shade = 0.2 + 0.7 * (value - low) / ((high - low) or 1.0)
             box = Box((i * 1.0, r * 1.5), 1.0, 0.8, colors[i], "paper", shade=shade)
             yield box
-            yield from marked(box, 0.3)
+            yield from marked(box, True)
             yield Label((i + 0.5, r * 1.5 + 0.4), m.Num(fixed(value, digits)), LETTERS)
         if left_out and r + 2 == len(rows):
             yield Label((len(row) / 2, r * 1.5 + 1.15), m.Words("⋮"), 0.42)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from itertools import groupby
 
 import numpy as np
 
@@ -26,7 +24,6 @@ _WORDS: dict[str, Cell] = {
 CELL = 0.8
 ROOMY = 1.15  # sides of cells, and of those that have room for a number and arrows beside it
 LARGEST = 24  # columns or rows that are drawn one by one
-KEPT = 2  # columns that are drawn on either side of those that are left out, as they are alike
 WIDEST = 12.0
 SIGN = 0.26
 """In centimetres: the cells of boards that are larger still are as small as that needs, and their signs stay as large."""
@@ -35,9 +32,8 @@ BADGE = (0.3, 0.36)
 BESIDE_VALUE = (0.34, 0.28)
 """How far from the middle of a cell objects in its corners are, and how large, as shares of its side; and beside a value."""
 WALL = "#"
-COORDINATE = 0.26
-LETTER = 0.3
-VALUE = 0.24  # heights of letters
+LETTER = 0.3  # height of letters
+VALUE = 0.24  # height of numbers
 
 
 def chosen_ways(
@@ -110,7 +106,7 @@ class Thing:
 
 @dataclass
 class Board:
-    """Cells by column and row, of `columns` and `rows`, to be drawn; equal columns and rows of a large board are left out."""
+    """Cells by column and row, of `columns` and `rows`, to be drawn; a board of many is drawn as a map of small cells."""
 
     columns: range
     rows: range
@@ -121,88 +117,47 @@ class Board:
     values: Mapping[Cell, float] = field(default_factory=dict)
     moves: Sequence[tuple[Cell, Way]] = ()
     things: Sequence[Thing] = ()
-    folds: bool = True  # whether columns and rows may be left out
     open: bool = False  # the world goes on beyond the frame
     cell: float = CELL
 
     def items(self) -> list[Item]:
-        if self.is_whole:
-            return [*self._cells(_singly(self.columns), _singly(self.rows))]
-        if self.folded is not None:
-            across, down = self.folded
-            return [*self._cells(across, down), *self._coordinates(across, 0), *self._coordinates(down, 1)]
-        return [*self._map()]
+        return [*self._cells()] if self.is_whole else [*self._map()]
 
     def notes(self) -> tuple[str, ...]:
         """Return notes on how the board is drawn."""
-        if self.is_whole:
+        if self.is_whole or not set(self.letters.values()) - {WALL}:
             return ()
-        if self.folded is None:
-            return ("Letters are too small to show.",) if set(self.letters.values()) - {WALL} else ()
-        if self.values or self.moves or self.shades:
-            return ("Dots stand for columns and rows like those beside them; what is laid over them is not shown.",)
-        return ("Dots stand for columns and rows like those beside them.",)
+        return ("Letters are too small to show.",)
 
     @property
     def is_whole(self) -> bool:
+        """True if every cell is drawn as large as usual; those of larger boards are as small as that needs."""
         return max(len(self.columns), len(self.rows)) <= LARGEST
 
-    @cached_property
-    def folded(self) -> tuple[list[range], list[range]] | None:
-        """Columns and rows as they are drawn, neighbours that are equal as one; None where they are too many all the same."""
-        across = self._stretches(0)
-        down = self._stretches(1)
-        return (across, down) if self.folds and max(len(across), len(down)) <= LARGEST else None
-
-    def _marked(self, axis: int) -> dict[int, set[tuple[int, object]]]:
-        """Return the contents of columns (or rows) that have any."""
-        marked: dict[int, set[tuple[int, object]]] = {}
-        contents = [*self.colors.items(), *self.letters.items(), *self.agents.items()]
-        for cell, mark in [*contents, *((thing.cell, thing.word) for thing in self.things)]:
-            marked.setdefault(cell[axis], set()).add((cell[1 - axis], mark))
-        return marked
-
-    def _stretches(self, axis: int) -> list[range]:
-        """Return runs of columns (or rows): those that are equal to both neighbours together, others alone."""
-        marked = self._marked(axis)
-        out: list[range] = []
-        for _, group in groupby((self.columns, self.rows)[axis], key=lambda i: marked.get(i, set())):
-            run = list(group)
-            if len(run) <= 2 * KEPT + 1:
-                out += _singly(run)
-            else:
-                out += [*_singly(run[:KEPT]), range(run[KEPT], run[-KEPT]), *_singly(run[-KEPT:])]
-        return out
-
-    def _cells(self, across: Sequence[range], down: Sequence[range]) -> Iterator[Item]:
+    def _cells(self) -> Iterator[Item]:
         at: dict[Cell, Cell] = {}
-        for y, row in enumerate(down):
-            for x, column in enumerate(across):
-                cell = (column.start, row.start)
-                alone = len(column) == len(row) == 1
-                yield from self._cell(x, y, cell, alone)
-                if alone:
-                    at[cell] = (x, y)
-                else:
-                    dots: m.Math = m.Words("⋮") if len(column) == 1 else m.Sym("…")
-                    yield Label(self._middle((x, y)), dots, LETTER, color="muted")
+        for y, row in enumerate(self.rows):
+            for x, column in enumerate(self.columns):
+                cell = (column, row)
+                yield from self._cell(x, y, cell)
+                at[cell] = (x, y)
         if not self.open:
-            yield Box((0, 0), len(across) * self.cell, len(down) * self.cell, None, "ink")
+            yield Box((0, 0), len(self.columns) * self.cell, len(self.rows) * self.cell, None, "ink")
         yield from self._contents(at)
 
     def _middle(self, at: Cell) -> Point:
         return (at[0] + 0.5) * self.cell, (at[1] + 0.5) * self.cell
 
-    def _cell(self, x: int, y: int, cell: Cell, alone: bool) -> Iterator[Item]:
+    def _cell(self, x: int, y: int, cell: Cell) -> Iterator[Item]:
         plain: Color = "muted" if self.letters.get(cell) == WALL else "paper"
         box = Box((x * self.cell, y * self.cell), self.cell, self.cell, self.colors.get(cell, plain), "faint")
         yield box
-        if alone and cell in self.shades:
+        if cell in self.shades:
             yield replace(box, fill="accent", shade=self.shades[cell])
-        written = not alone or cell in self.values or cell in self.letters or cell in self.agents
+        written = cell in self.values or cell in self.letters or cell in self.agents
         ways = {(round(way[0]), round(way[1])) for at, way in self.moves if at == cell}
         free = next((corner for corner in ((1, -1), (-1, -1), (-1, 1), (1, 1)) if corner not in ways), (1, -1))
-        yield from marked(box, 0.3 * self.cell if written else 0.0, free)
+        yield from marked(box, written, free)
 
     def _contents(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:  # noqa: C901
         middle = {cell: self._middle(place) for cell, place in at.items()}
@@ -261,6 +216,8 @@ class Board:
 
         fills: dict[Cell, Color] = {**dict.fromkeys(self.letters, "muted"), **self.colors}
         yield from (Box(corner(cell), size, size, role, None) for cell, role in fills.items())
+        for cell, shade in self.shades.items():
+            yield Box(corner(cell), size, size, "accent", None, shade=shade)
         for role in ROLES.values():
             spots = [corner(cell) for cell in fills if fills[cell] == role]
             if spots:
@@ -275,25 +232,6 @@ class Board:
         for cell, weight in self.agents.items():
             x, y = corner(cell)
             yield Circle((x + size / 2, y + size / 2), max(size / 2, 0.1), "ink", None, _certainty(weight))
-
-    def _coordinates(self, stretches: Sequence[range], axis: int) -> Iterator[Label]:
-        """Yield numbers above the columns (0) or left of the rows (1); if there is no room, those of marked ones."""
-        texts: list[m.Math] = []
-        for each in stretches:
-            dots: m.Math = m.Words("⋮") if axis else m.Sym("…")
-            texts.append(m.Num(str(each.start).replace("-", "−")) if len(each) == 1 else dots)
-        rooms = [text_width(text, COORDINATE) * 1.2 if axis == 0 else COORDINATE * 1.2 for text in texts]
-        marked = self._marked(axis)
-        end = float("-inf")
-        for i, (each, text, room) in enumerate(zip(stretches, texts, rooms, strict=True)):
-            at = (i + 0.5) * self.cell
-            if at - room / 2 < end or (max(rooms) > self.cell and each.start not in marked):
-                continue
-            end = at + room / 2
-            if axis == 0:
-                yield Label((at, -0.25), text, COORDINATE, color="muted")
-            else:
-                yield Label((-0.15, at), text, COORDINATE, "end", color="muted")
 
     def _leaves(self, cell: Cell, way: Way) -> float:
         """Return where an arrow leaves the number of a cell, in sides of the cell."""
@@ -320,7 +258,3 @@ def central(points: Sequence[Point]) -> Point:
 def _certainty(weight: float) -> float:
     """Return how dark an agent is: faint if it may start in several cells."""
     return 1.0 if weight > 0.99 else 0.35
-
-
-def _singly(numbers: Sequence[int]) -> list[range]:
-    return [range(i, i + 1) for i in numbers]

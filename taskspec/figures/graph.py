@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -33,7 +33,7 @@ LOOPS_UP_TO = 6
 MOST_ARROWS = 40
 MOST_CROSSINGS = 6  # more arrows or more crossings of them than these are too tangled to draw
 WIDEST = 20.0  # centimetres between vertices that are farthest apart: on a page wider graphs are too small to read
-STRETCHES = (1.0, 1.4)
+STRETCH = 1.4  # of distances, where there is no room for labels at the usual ones
 RIM = 0.07
 DRAWN = {"values": "V", "policy": "thick arrows", "occupancy": "shade, {0}"}  # how results are drawn
 
@@ -53,19 +53,13 @@ class Plan:
 
     drawing: Drawing
     spots: Mapping[Vertex, Spot]
-    arcs: tuple[Arc, ...]
-    lines: tuple[Line, ...]  # by arc
-    starts: tuple[Line, ...]
-    told: tuple[Label | None, ...]  # by arc
+    arcs: Sequence[Arc]
+    lines: Sequence[Line]  # by arc
+    starts: Sequence[Line]
+    told: Sequence[Label | None]  # by arc
     words: Mapping[Vertex, tuple[Label, ...]]
-    crossings: int
-    faults: int  # what must not be: arrows over vertices or along one another, and labels over anything but lines
-    covered: int  # pairs of a label and an arrow, not its own, that it lies over
+    cost: int  # how often arrows cross, and labels lie over arrows that are not their own
     shows_loops: bool
-
-    @property
-    def cost(self) -> int:
-        return self.crossings + self.covered
 
     @property
     def width(self) -> float:
@@ -93,7 +87,7 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
             tuple(_on_arrow(says, arc) for arc in found.arcs),
             tuple((v, word) for v in vertices for word in _at_state(says, v, overlay)),
         )
-        plan = _planned(request)
+        plan = _planned(request) or _planned(replace(request, stretch=STRETCH))
         if plan is None or (plan.width > WIDEST and not is_frame):
             continue
         cost = (len(says.kept.difference(vertices)), plan.cost)
@@ -140,25 +134,14 @@ class _Request:
     widths: tuple[tuple[Vertex, float], ...]
     texts: tuple[m.Math | None, ...]  # by arc
     words: tuple[tuple[Vertex, m.Math], ...]
+    stretch: float = 1.0
 
 
 @lru_cache(maxsize=16)
 def _planned(request: _Request) -> Plan | None:
+    """Return the plan of a request, unless it has faults or crosses too often."""
     request = replace(request, drawing=ordered(request.drawing))
-    best: Plan | None = None
-    for stretch in STRETCHES:
-        plan = _laid_out(request, stretch)
-        if plan.crossings > MOST_CROSSINGS:  # more room changes little here
-            break
-        if plan.faults == 0 and (best is None or plan.cost < best.cost):
-            best = plan
-        if best is not None and best.cost == 0:
-            break
-    return best
-
-
-def _laid_out(request: _Request, stretch: float) -> Plan:
-    spots = _spots(request, stretch)
+    spots = _spots(request)
     rank = {v: i for i, v in enumerate(spots)}
     arcs: list[Arc] = []
     texts: list[m.Math | None] = []
@@ -174,37 +157,40 @@ def _laid_out(request: _Request, stretch: float) -> Plan:
         if arc.source == arc.target:
             options.append(loops(a))
             continue
-        others = [spot for v, spot in spots.items() if v not in (arc.source, arc.target)]
         both = (arc.target, arc.source) in pairs
-        options.append(ways(a, b, both, others, not _is_chance(arc.target), stretch))
+        options.append(ways(a, b, both, not _is_chance(arc.target)))
     options += [stubs(spots[v]) for v in request.start]
     ends = [(rank[arc.source], rank[arc.target]) for arc in arcs] + [(rank[v], rank[v]) for v in request.start]
-    way = routed(options, ends, list(spots.values()))
+    lines, crossings, faults = routed(options, ends, list(spots.values()))
+    if crossings > MOST_CROSSINGS or faults:
+        return None
     labels: list[list[Label]] = []
     own = [i for i, text in enumerate(texts) if text is not None]
     for i in own:
         arc = arcs[i]
         is_loop = arc.source == arc.target
         text = texts[i] or m.Row(())
-        labels.append(at_loop(way.lines[i], text, spots[arc.source]) if is_loop else along(way.lines[i], text))
+        labels.append(at_loop(lines[i], text, spots[arc.source]) if is_loop else along(lines[i], text))
     looped = {arc.source for arc in arcs if arc.source == arc.target}
     rows: dict[Vertex, int] = {}
     for v, word in request.words:
         rows[v] = rows.get(v, -1) + 1
         labels.append(beside(spots[v], word, rows[v], v in looped))
-    done = placed(labels, own, way.lines, list(spots.values()))
-    told = dict(zip(own, done.labels, strict=False))
+    chosen, overlaps, covered = placed(labels, own, lines, list(spots.values()))
+    if overlaps:
+        return None
+    told = dict(zip(own, chosen, strict=False))
     words: dict[Vertex, tuple[Label, ...]] = {}
-    for (v, _), label in zip(request.words, done.labels[len(own) :], strict=True):
+    for (v, _), label in zip(request.words, chosen[len(own) :], strict=True):
         words[v] = (*words.get(v, ()), label)
     count = len(arcs)
     return Plan(
-        request.drawing, spots, tuple(arcs), way.lines[:count], way.lines[count:], tuple(map(told.get, range(count))),
-        words, way.crossings, way.over + done.overlaps, done.covered, request.shows_loops,
+        request.drawing, spots, arcs, lines[:count], lines[count:], [told.get(i) for i in range(count)], words,
+        crossings + covered, request.shows_loops,
     )  # fmt: skip
 
 
-def _spots(request: _Request, stretch: float) -> dict[Vertex, Spot]:
+def _spots(request: _Request) -> dict[Vertex, Spot]:
     """Return vertices in columns far enough apart for the longest label of an arrow and the widest vertices.
 
     They are on one line if one vertex of each column leads on.
@@ -214,13 +200,13 @@ def _spots(request: _Request, stretch: float) -> dict[Vertex, Spot]:
     sizes = {v: _size(v, widths) for v in drawing.vertices}
     arcs = zip(drawing.arcs, request.texts, strict=True)
     longest = max((text_width(t, ARROW) for a, t in arcs if a.source != a.target and t), default=0.0)
-    step = max(DX, longest + 2 * max(half for half, _ in sizes.values()) + 0.35) * stretch
+    step = max(DX, longest + 2 * max(half for half, _ in sizes.values()) + 0.35) * request.stretch
     on = {a.source for a in drawing.arcs if a.source != a.target}
     mains = [[v for v in layer if v in on or (v in request.good and v == layer[-1])] for layer in drawing.layers]
     straight = all(len(main) <= 1 for main in mains)
     found = {}
     for i, layer in enumerate(drawing.layers):
-        heights = {v: DY * stretch * (k - (len(layer) - 1) / 2) for k, v in enumerate(layer)}
+        heights = {v: request.stretch * DY * (k - (len(layer) - 1) / 2) for k, v in enumerate(layer)}
         shift = heights[mains[i][0]] if straight and mains[i] else 0.0
         for v in layer:
             half, radius = sizes[v]
@@ -275,7 +261,7 @@ def _vertex(v: Vertex, spot: Spot, plan: Plan, says: Captions, overlay: Overlay)
         yield body
         if v in overlay.occupancy:
             yield shape(x, y, spot.half, RADIUS, "accent", min(1.0, overlay.occupancy[v]))
-        yield from marked(body, min(RADIUS / 2, text_width(says.labels[v], STATE) / 2))
+        yield from marked(body)
         yield Label((x, y), says.labels[v], STATE)
         yield from plan.words.get(v, ())
     else:

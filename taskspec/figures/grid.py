@@ -130,8 +130,7 @@ class _Grid:
         shades = {cell: share / most for cell, share in shades.items()}
         moves = list(chosen_ways(self.task, overlay.policy, by_code))
         cell = ROOMY if values and moves and len(columns) * ROOMY <= WIDEST else CELL
-        folds = overlay.here is None
-        board = Board(columns, rows, colors, self.letters, agents, shades, values, moves, self.things, folds, cell=cell)
+        board = Board(columns, rows, colors, self.letters, agents, shades, values, moves, self.things, cell=cell)
         alt = f"Grid of {self.task.name}: {len(columns)} columns and {len(rows)} rows"
         notes = (*self.key(), *unplaced, *board.notes())
         state = self.state if self.things else None
@@ -163,7 +162,7 @@ class _Grid:
         bounds = self._bounds()
         if bounds is not None:
             columns, rows = bounds
-            board = Board(columns, rows, marks, self.letters, agents, things=things, folds=False)
+            board = Board(columns, rows, marks, self.letters, agents, things=things)
             alt = f"Grid of {self.task.name}: {len(columns)} columns and {len(rows)} rows"
             return fitted(board.items(), alt, tuple(notes), state=self.state)
         points = np.array([(ax, ay), *marks, *(thing.cell for thing in things)])

@@ -176,11 +176,10 @@ def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: Iterable[Arc] = ()) -
     return None
 
 
-# Barycentre sweeps (Sugiyama, Tagawa, Toda 1981), then exchanges within a column while they help. Arrows count as straight.
+# Exchanges within a column while they help. Arrows count as straight.
 
 DX = 1.55
 DY = 1.05
-SWEEPS = 4
 TRIALS = 1500
 CLOSE = 0.4  # an arrow nearer to the centre of a vertex than this passes over it
 Layers = tuple[tuple[Vertex, ...], ...]
@@ -189,16 +188,10 @@ Layers = tuple[tuple[Vertex, ...], ...]
 def ordered(drawing: Drawing) -> Drawing:
     """Return the drawing with its columns reordered to cross fewer arrows."""
     cost = _Cost(drawing)
-    best = drawing.layers
-    least = cost(best)
+    least = cost(drawing.layers)
     if least < 1.0:
         return drawing
-    for layers in _sweeps(drawing):
-        found = cost(layers)
-        if found < least:
-            best = layers
-            least = found
-    return replace(drawing, layers=_exchanged(best, least, cost))
+    return replace(drawing, layers=_exchanged(drawing.layers, least, cost))
 
 
 class _Cost:
@@ -239,22 +232,6 @@ class _Cost:
 def _free(layer: tuple[Vertex, ...]) -> bool:
     """Return whether the order of a column is free: dots stand for the vertices between their neighbours."""
     return not any(isinstance(v, tuple) and v[0] == DOTS for v in layer)
-
-
-def _sweeps(drawing: Drawing) -> Iterator[Layers]:
-    """Yield columns ordered by the mean height of their neighbours, there and back."""
-    around: dict[Vertex, list[Vertex]] = {v: [v] for v in drawing.vertices}
-    for arc in drawing.arcs:
-        around[arc.source].append(arc.target)
-        around[arc.target].append(arc.source)
-    layers = list(drawing.layers)
-    for sweep in range(SWEEPS):
-        for i in range(len(layers)) if sweep % 2 == 0 else reversed(range(len(layers))):
-            if _free(layers[i]):
-                height = {v: k - (len(layer) - 1) / 2 for layer in layers for k, v in enumerate(layer)}
-                mean = {v: sum(height[w] for w in around[v]) / len(around[v]) for v in layers[i]}
-                layers[i] = tuple(sorted(layers[i], key=mean.__getitem__))
-        yield tuple(layers)
 
 
 def _exchanged(layers: Layers, least: float, cost: _Cost) -> Layers:

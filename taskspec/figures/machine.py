@@ -277,13 +277,13 @@ class Captions:
         return int(self.space.encode([state[c.read] for c in task.state], 1)[0][0])
 
 
-SIDE = 7.0
-LARGEST_CELL = 0.55  # of the table and of a cell, in centimetres
+SIDE = 7.0  # of the table, in centimetres
+LARGEST_CELL = 0.55  # side of a cell
 LETTERS = 0.28
-NAMED = 30
-ROOM = 0.36  # as many states are all named, and the height of a row with a name, in centimetres
-GAP = 0.08
-CLEAR = 0.25  # between numbers beside one another, in centimetres, and between names, which may have spaces in them
+NAMED = 30  # as many states are all named
+ROOM = 0.36  # height of a row with a name
+GAP = 0.08  # between numbers beside one another
+CLEAR = 0.25  # between names, which may have spaces in them
 STRIP = 0.3  # width of the column that says which states are good, bad or an end, in centimetres
 MOST = 300  # states whose cells can still be seen
 LEAST_SHADE = 0.12

@@ -69,22 +69,12 @@ class Spot:
         return x + ux * inside, y + uy * inside
 
 
-def ways(a: Spot, b: Spot, both: bool, others: Sequence[Spot], arrow: bool, stretch: float) -> list[Line]:
-    """Return lines from one vertex to another, the usual one first; others bend around a returning arrow or a vertex."""
-    usual = 0.0
+def ways(a: Spot, b: Spot, both: bool, arrow: bool) -> list[Line]:
+    """Return lines from one vertex to another, the usual one first, which bends where another arrow returns."""
+    bends = list(BENDS)
     if both:
-        usual = 0.32
-    elif any(_near(a.at, b.at, o.at) for o in others):
-        usual = 0.75
-    return [_bent(a, b, bend, arrow) for bend in dict.fromkeys((usual, *(stretch * x for x in BENDS)))]
-
-
-def _near(a: Point, b: Point, p: Point) -> bool:
-    """Return whether a vertex is in the way of a straight arrow."""
-    dx = b[0] - a[0]
-    dy = b[1] - a[1]
-    t = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / ((dx * dx + dy * dy) or 1.0)
-    return 0.05 < t < 0.95 and math.hypot(a[0] + t * dx - p[0], a[1] + t * dy - p[1]) < RADIUS + 0.05
+        bends = [0.32, *(bend for bend in BENDS if bend != 0.32)]
+    return [_bent(a, b, bend, arrow) for bend in bends]
 
 
 def _bent(a: Spot, b: Spot, bend: float, arrow: bool) -> Line:
@@ -137,17 +127,10 @@ def stubs(v: Spot) -> list[Line]:
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class Routed:
-    lines: tuple[Line, ...]
-    crossings: int
-    over: int  # pairs of an arrow and a vertex that it passes over, or of arrows that run into one
-
-
-def routed(options: Sequence[Sequence[Line]], ends: Sequence[tuple[int, int]], spots: Sequence[Spot]) -> Routed:
-    """Choose a line for every arrow."""
-    if not options:
-        return Routed((), 0, 0)
+def routed(
+    options: Sequence[Sequence[Line]], ends: Sequence[tuple[int, int]], spots: Sequence[Spot]
+) -> tuple[list[Line], int, int]:
+    """Return a line for every arrow, how often they cross, and how many pass over a vertex or along one another."""
     flat, groups, of, place = _flattened(options)
     paths = np.array([sampled(line) for line in flat])
     crossings, close = _meetings(paths, of)
@@ -156,7 +139,7 @@ def routed(options: Sequence[Sequence[Line]], ends: Sequence[tuple[int, int]], s
     inside = np.ix_(chosen, chosen)
     crossed = int(np.triu(crossings[inside], 1).sum())
     faults = int(over[chosen].sum() + np.triu(close[inside], 1).sum())
-    return Routed(tuple(flat[i] for i in chosen), crossed, faults)
+    return [flat[i] for i in chosen], crossed, faults
 
 
 def _flattened(options: Sequence[Sequence[T]]) -> tuple[list[T], list[range], np.ndarray, np.ndarray]:
@@ -253,13 +236,6 @@ COVER = 1.0
 FAR = 0.02  # what it costs to lie over a label, vertex or arrow head, over a line, and further down the list
 
 
-@dataclass(frozen=True, slots=True)
-class Placement:
-    labels: tuple[Label, ...]
-    overlaps: int
-    covered: int
-
-
 def box(label: Label) -> tuple[float, float, float, float]:
     """Return left, top, right, bottom of a label's letters."""
     x, y = label.at
@@ -270,10 +246,13 @@ def box(label: Label) -> tuple[float, float, float, float]:
 
 def placed(
     options: Sequence[Sequence[Label]], own: Sequence[int], lines: Sequence[Line], spots: Sequence[Spot]
-) -> Placement:
-    """Choose a place for every label."""
+) -> tuple[list[Label], int, int]:
+    """Return a place for every label, how many overlap, and how many lie over an arrow that is not their own.
+
+    The first labels belong to the arrows whose indices in `lines` are `own`.
+    """
     if not options:
-        return Placement((), 0, 0)
+        return [], 0, 0
     flat, groups, of, place = _flattened(options)
     boxes = np.array([box(label) for label in flat])
     centre = (boxes[:, 2:] + boxes[:, :2]) / 2
@@ -287,17 +266,12 @@ def placed(
     arrow = np.array([*own, *[-1] * (len(options) - len(own))])[of]
     others = np.arange(len(lines)) != arrow[:, None]
 
-    def result(chosen: list[int], covered: np.ndarray) -> Placement:
-        overlaps = int(hard[chosen].sum() + np.triu(pair[np.ix_(chosen, chosen)], 1).sum())
-        return Placement(tuple(flat[i] for i in chosen), overlaps, int(covered[chosen].sum()))
-
-    usual = result([g.start for g in groups], ((_hidden(centre, half, lines) > 0) & others).sum(1))
-    if usual.overlaps == usual.covered == 0:
-        return usual
     hidden = _hidden(centre, half + np.array([0.0, PAPER]), lines)
     covered = ((hidden > 0) & others).sum(1)
     alone = OVERLAP * hard + COVER * (covered + ((hidden > MUCH) & ~others).any(1)) + FAR * place
-    return result(_descend(groups, alone, OVERLAP * pair), covered)
+    chosen = _descend(groups, alone, OVERLAP * pair)
+    overlaps = int(hard[chosen].sum() + np.triu(pair[np.ix_(chosen, chosen)], 1).sum())
+    return [flat[i] for i in chosen], overlaps, int(covered[chosen].sum())
 
 
 def _shapes(lines: Sequence[Line], spots: Sequence[Spot]) -> list[tuple[float, float, float, float, float]]:

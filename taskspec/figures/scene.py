@@ -227,8 +227,6 @@ def shaft(line: Line) -> tuple[Point, ...]:
 
 RADIUS = 0.31
 ROUND = 0.2
-HATCH = 0.12
-RIM = 0.03  # centimetres between two lines of a hatching, and between these and the outline
 
 SIGNS: dict[Paint, tuple[tuple[Point, ...], ...]] = {
     "good": (((-0.5, 0.0), (-0.15, 0.4), (0.5, -0.4)),),
@@ -239,8 +237,8 @@ SIGNS: dict[Paint, tuple[tuple[Point, ...], ...]] = {
 ROLES: dict[str, Color] = {"good": "good", "bad": "bad", "end": "end"}
 HIGHLIGHTS: dict[str, Color] = {**ROLES, "first": "accent", "second": "second"}
 """Colours of highlights: of roles, which have signs, and of all."""
-KEY = 0.36
-WORD = 0.26  # the side of a square in the key to a figure, and the height of the letters beside it
+KEY = 0.36  # side of a square in the key to a figure
+WORD = 0.26  # height of the letters beside it
 
 
 def shape(x: float, y: float, half: float, radius: float, fill: Color, shade: float = 1.0) -> Circle | Box:
@@ -255,45 +253,17 @@ def _sides(item: Circle | Box) -> tuple[float, float, float, float]:
     return item.corner[0] + item.width / 2, item.corner[1] + item.height / 2, item.width / 2, item.height / 2
 
 
-def hatched(item: Circle | Box, clear: float = 0.0) -> Iterator[Line]:
-    """Yield diagonal lines within a shape, which tell it apart without its colour; none within `clear` of its centre."""
-    x, y, rx, ry = _sides(item)
-    if isinstance(item, Circle):
-        rx -= RIM
-        ry -= RIM
-    count = int((rx + ry) / math.sqrt(2) / HATCH)
-    for i in range(-count, count + 1):
-        off = i * HATCH  # distance from the centre
-        rise = off * math.sqrt(2)
-        middle = off / math.sqrt(2)
-        if isinstance(item, Circle):
-            half = math.sqrt(max(0.0, rx * rx - off * off) / 2)
-            low = middle - half
-            high = middle + half
-        else:
-            inset = RIM + item.round * 0.3
-            low = max(-rx + inset, rise - ry + inset)
-            high = min(rx - inset, rise + ry - inset)
-        free = math.sqrt(max(0.0, clear * clear - off * off) / 2)
-        for start, end in ((low, middle - free), (middle + free, high)) if free else ((low, high),):
-            if end - start > 0.04:
-                yield Line(((x + start, y + rise - start), (x + end, y + rise - end)), color="paper", width=0.03)
+def marked(item: Circle | Box, is_written: bool = False, corner: tuple[int, int] = (1, -1)) -> Iterator[Line]:
+    """Yield the sign of a good, bad or terminal state: a tick, a cross, or a square.
 
-
-def marked(item: Circle | Box, clear: float = 0.0, corner: tuple[int, int] = (1, -1)) -> Iterator[Line]:
-    """Yield the sign of a good, bad or terminal state: a tick, a cross on hatching, or a square.
-
-    The mark is at the top of what is round, and in the middle of a cell, or in a corner, its upper right one if no
-    other is named, where something is written within `clear` of the middle.
+    It is at the top of a round shape, and in the middle of a cell, or in a corner where something is written in it.
     """
     if item.fill not in SIGNS:
         return
     x, y, half, top = _sides(item)
-    if item.fill == "bad":
-        yield from hatched(item, clear or 0.56 * top)
     if isinstance(item, Circle) or item.round:
         yield from sign(item.fill, (x, y - 0.7 * top), 0.42 * top)
-    elif clear:
+    elif is_written:
         side = 2 * min(half, top)
         at = (x + corner[0] * (half - 0.17 * side), y + corner[1] * (top - 0.17 * side))
         yield from sign(item.fill, at, 0.22 * side)

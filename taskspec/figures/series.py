@@ -22,9 +22,9 @@ from taskspec.printers.expressions import mathematics
 from taskspec.printers.names import expression, of_task
 from taskspec.task.task import Task
 
-MOST = 6
-PANEL = 1.0
-APART = 1.35  # numbers that are followed, how high the picture of one is, and how far these lie apart, in centimetres
+MOST = 6  # numbers that are followed
+PANEL = 1.0  # height of the picture of one, in centimetres
+APART = 1.35  # distance of these pictures
 BEFORE = 1.2
 AFTER = 2.8
 """Room for numbers on the left, and for what is equal to one on the right, so that all frames of an episode are alike."""

@@ -81,7 +81,9 @@ def write_pages(
         files |= _WRITERS[name](suite, links or {})
     if {"markdown", "svg"} & set(wanted):
         files |= {f"figures/{anchor}.svg": svg(found) + "\n" for anchor, found in suite.scenes.items()}
-    written = _save(files, Path(folder))
+    written = [Path(folder) / name for name in files]
+    for path, text in zip(written, files.values(), strict=True):
+        write_text(path, text)
     return [*written, compile_pdf(Path(folder))] if "pdf" in wanted else written
 
 
@@ -147,15 +149,6 @@ def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:
         taken.add(anchor)
         found.append(replace(each, anchor=anchor))
     return tuple(found)
-
-
-def _save(files: Mapping[str, str], folder: Path) -> list[Path]:
-    written = []
-    for name, text in files.items():
-        path = folder / name
-        write_text(path, text)
-        written.append(path)
-    return written
 
 
 def compile_pdf(folder: Path) -> Path:

@@ -50,7 +50,10 @@ class Expert:
         self.action: spaces.SpaceLayout = task.action_layout
         self.memory: ExpertMemory | None = task.memory if self.given is None else None
         self.is_expressed: bool = isinstance(task.expert, tuple) and self.given is None
-        self.shown_by: dict[str, int] = _shown_by(task, self._needed())
+        needed = {c.name for c in task.state}
+        if isinstance(task.expert, tuple) and self.is_expressed:
+            needed &= {name for role, name in reads(task.expert) if role is Role.STATE}
+        self.shown_by: dict[str, int] = _shown_by(task, needed)
 
     @property
     def gap(self) -> float | None:
@@ -106,13 +109,6 @@ class Expert:
         lanes = len(observation[first.name])
         return False, [{name: value[i] for name, value in observation.items()} for i in range(lanes)]
 
-    def _needed(self) -> set[str]:
-        """Return the state components that the expert's actions depend on."""
-        own = {c.name for c in self.task.state}
-        if self.is_expressed and isinstance(self.task.expert, tuple):
-            return own & {name for role, name in reads(self.task.expert) if role is Role.STATE}
-        return own
-
     def _remembered(self, batch: list[Any], steps: Array, state: Any) -> list[list[tuple[Any, ...]]]:
         """Return the expert's memory in each environment after a batch of observations, as flat values by component."""
         if self.memory is None:
@@ -132,9 +128,10 @@ class Expert:
         states = self._states(observation)
         for c, flat in zip(() if self.memory is None else self.memory.components, memory, strict=True):
             states[c.name] = np.array(flat).reshape(*c.type.shape, 1)
-        chosen = (
-            by_expert(self.task)(states, t, self.rng) if self.is_expressed else self._plan(states, t, deterministic)
-        )
+        if self.is_expressed:
+            chosen = by_expert(self.task)(states, t, self.rng)
+        else:
+            chosen = self._plan(states, t, deterministic)
         return [tuple(np.asarray(chosen[c.name]).reshape(-1).tolist()) for c in self.task.action]
 
     def _plan(self, states: State, t: int, deterministic: bool) -> Actions:

@@ -64,44 +64,14 @@ def _table(w: Writer, table: s.Table) -> Iterator[tuple[m.Math, m.Math]]:
 
 
 def _groups(rows: Iterable[s.TableRow]) -> list[_Group]:
-    """Return rows with equal cells together, unless a row between them applies to some of the same values."""
+    """Return rows, neighbours with equal cells together."""
     groups: list[_Group] = []
-    latest: dict[str, int] = {}
-    partial: list[tuple[int, Keys]] = []  # rows with an `else`, and where they stand: any two others are disjoint
     for keys, cell in _flat(rows):
         written = text(cell)
-        at = latest.get(written, -1)
-        between = [other for i, other in partial if i > at]
-        if None in keys:
-            between = [other for group in groups[at + 1 :] for other in group.rows]
-        if at < 0 or any(_overlap(keys, other) for other in between):
-            at = len(groups)
-            latest[written] = at
+        if not groups or groups[-1].written != written:
             groups.append(_Group(written, cell, []))
-        groups[at].rows.append(keys)
-        if None in keys:
-            partial.append((at, keys))
-    return _without_rest(groups)
-
-
-def _without_rest(groups: list[_Group]) -> list[_Group]:
-    """Return the groups less the rows that `else`, at the end, is there for."""
-    *some, last = groups
-    if any(last.rows[-1]):
-        return groups
-    kept = [last]
-    for group in reversed(some):
-        if group.written == last.written:
-            later = [other for g in kept[:-1] for other in g.rows]
-            group.rows = [keys for keys in group.rows if any(_overlap(keys, other) for other in later)]
-        if group.rows:
-            kept.insert(0, group)
-    return kept
-
-
-def _overlap(one: Keys, other: Keys) -> bool:
-    """Return whether some values fit two rows; what a row does not look at, or has `else` for, fits all."""
-    return all(a is None or b is None or text(a) == text(b) for a, b in zip(one, other, strict=False))
+        groups[-1].rows.append(keys)
+    return groups
 
 
 def _flat(rows: Iterable[s.TableRow], before: Keys = ()) -> Iterator[tuple[Keys, s.Expr]]:

@@ -213,9 +213,13 @@ class BeliefSearch:
         largest = max(Fraction(max(map(abs, step.R.parts.tolist())), step.R.over) for step in numbers.steps)
         self.least_gap = largest * numbers.horizon**2 / 2**48  # which rounding may leave
         self.knowing = self._values(lambda t, q: numbers.top(q))
-        self.constant = []
+        self.constant: list[list[Scaled]] = []
         for action in range(numbers.model.n_actions):
-            self.constant.append(self._values(lambda t, q, a=action: Scaled(q.parts[a], q.over).reduced()))
+
+            def take(t: int, q: Scaled, action: int = action) -> Scaled:
+                return Scaled(q.parts[action], q.over).reduced()
+
+            self.constant.append(self._values(take))
 
     def _values(self, choose: Callable[[int, Scaled], Scaled]) -> list[Scaled]:
         """Return values (S,) from each time on."""

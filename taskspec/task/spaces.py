@@ -8,7 +8,7 @@ says `shape: []`. The author may choose otherwise for observations. Gymnasium it
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -244,8 +244,7 @@ def pack(layout: SpaceLayout, flats: Sequence[tuple[Any, ...]]) -> Any:
     numbers: list[list[Any]] = [[] for _ in layout.parts]
     for segment in layout.segments:
         numbers[segment.part] += segment.numbers(flats[segment.component])
-    held = [_held(part, items) for part, items in zip(layout.parts, numbers, strict=True)]
-    return {part.name: value for part, value in zip(layout.parts, held, strict=True)} if layout.is_dict else held[0]
+    return _joined(layout, _held, numbers)
 
 
 def pack_many(layout: SpaceLayout, rows: Sequence[np.ndarray[Any, Any]]) -> Any:
@@ -253,14 +252,19 @@ def pack_many(layout: SpaceLayout, rows: Sequence[np.ndarray[Any, Any]]) -> Any:
     blocks: list[list[np.ndarray[Any, Any]]] = [[] for _ in layout.parts]
     for segment in layout.segments:
         blocks[segment.part].append(segment.columns(rows[segment.component]))
-    held = [_held_many(part, np.concatenate(each, axis=1)) for part, each in zip(layout.parts, blocks, strict=True)]
-    return {part.name: value for part, value in zip(layout.parts, held, strict=True)} if layout.is_dict else held[0]
+    return _joined(layout, _held_many, blocks)
 
 
-def _held_many(part: Part, items: np.ndarray[Any, Any]) -> Any:
+def _joined(layout: SpaceLayout, hold: Callable[[Part, Any], Any], numbers: Sequence[Any]) -> Any:
+    """Return the arrays of all parts by key, or the only one."""
+    held = {part.name: hold(part, items) for part, items in zip(layout.parts, numbers, strict=True)}
+    return held if layout.is_dict else held[None]
+
+
+def _held_many(part: Part, blocks: Sequence[np.ndarray[Any, Any]]) -> Any:
     kind = np.int64 if part.is_whole else np.float32
     with np.errstate(over="ignore"):
-        return items.astype(kind).reshape(-1, *part.shape)
+        return np.concatenate(blocks, axis=1).astype(kind).reshape(-1, *part.shape)
 
 
 def _held(part: Part, items: Sequence[Any]) -> Any:

@@ -505,6 +505,14 @@ def test_failures_are_flagged_with_what_was_said(tmp_path: Path) -> None:
     assert status == 1 and flag["kind"] == "failed" and "2 of 6 runs failed: KeyError" in flag["message"]
 
 
+def test_who_does_not_say_that_it_learns_from_the_reward_is_told_so_and_nothing_else() -> None:
+    def forgetful(case: Case) -> np.ndarray:
+        return counting.q_learning(case)
+
+    found = examine(forgetful, seeds=3, twins=1, tasks=["RiskyPath", "EarlyTermPos"], steps=300)
+    assert [diagnosis["name"] for diagnosis in found["diagnoses"]] == ["untouched"]
+
+
 def test_diagnoses_come_with_the_scores() -> None:
     found = examine(
         counting.q_wrong_sign, seeds=2, twins=0, tasks=["EarlyTermPos", "EarlyTermNeg", "RiskyPath"], steps=2000

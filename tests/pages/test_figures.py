@@ -17,7 +17,7 @@ from taskspec.figures.layout import drawings
 from taskspec.figures.machine import explore
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene
 from taskspec.figures.states import first_state
-from taskspec.figures.svg import svg
+from taskspec.figures.vector_formats import svg
 from taskspec.printers.text import plain
 from taskspec.source import read_text
 from taskspec.task.build import build

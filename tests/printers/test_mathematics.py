@@ -202,11 +202,6 @@ def test_rows_of_a_table_keep_their_order_where_it_matters() -> None:
     )
 
 
-def test_rows_that_else_is_there_for_are_left_out() -> None:
-    expected = r"\begin{cases} 0 & \text{if }x = 2 \\ 5 & \text{otherwise} \end{cases}"
-    assert latex(mathematics(tabulated({"1": "5", "2": "0", "else": "5"}), N)) == expected
-
-
 def test_a_condition_is_an_indicator_only_as_a_number() -> None:
     expr = parse(nowhere("x == y"))
     assert latex(condition(expr, N)) == "x = y"

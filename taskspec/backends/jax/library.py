@@ -62,7 +62,9 @@ class RandomWords:
 
     def word(self, k: int) -> AnyArray:
         """Word k of every lane: uint32 (N,)."""
-        return self._blocks[k >> 1][k & 1] if self._rows is None else self._rows[k & 1][k >> 1]
+        if self._rows is None:
+            return self._blocks[k >> 1][k & 1]
+        return self._rows[k & 1][k >> 1]
 
     def signed(self, k: int) -> AnyArray:
         """Word k less 2**31, as int32."""
@@ -281,7 +283,9 @@ class JaxRuntime(Runtime):
     def as_real(self, x: AnyArray) -> AnyArray:
         """For XLA the product of a converted condition is 0 wherever the condition fails, times infinity and nan as well."""
         x = jnp.asarray(x)
-        return jnp.where(x, self.real(1), self.real(0)) if x.dtype.kind == "b" else x.astype(self.real)
+        if x.dtype.kind == "b":
+            return jnp.where(x, self.real(1), self.real(0))
+        return x.astype(self.real)
 
     def cumsum(self, x: AnyArray) -> AnyArray:
         """Without the 0.0 that JAX's own begins with, and left to right where that is not too long."""
@@ -303,7 +307,9 @@ class JaxRuntime(Runtime):
     def mod(self, a: AnyArray, b: AnyArray) -> AnyArray:
         """Zeros with the sign of the divisor."""
         rest = super().mod(a, b)
-        return jnp.where(rest == 0, jnp.copysign(0.0, b), rest) if rest.dtype.kind == "f" else rest
+        if rest.dtype.kind != "f":
+            return rest
+        return jnp.where(rest == 0, jnp.copysign(0.0, b), rest)
 
     def put(self, x: AnyArray, i: AnyArray, value: AnyArray) -> AnyArray:
         """Row by row, so that XLA sees what each row is made of; else it works out all of them for every use of one."""

@@ -140,7 +140,9 @@ class KernelLane(LaneEmitter):
 
     def _network(self, node: Apply, atoms: Sequence[str]) -> list[str]:
         real = node.type.kind is Kind.REAL
-        rows = [self.assign(f"({a} + 0.0)") for a in atoms] if real else list(atoms)  # no -0.0
+        rows = list(atoms)
+        if real:  # no -0.0
+            rows = [self.assign(f"({a} + 0.0)") for a in atoms]
         for i, j in network(len(rows)):
             a = rows[i]
             b = rows[j]

@@ -241,7 +241,10 @@ def _begin(states: Sequence[str], again: Again, shown: bool) -> list[str]:
 
 def _put(names: Sequence[str], values: Sequence[Array]) -> list[str]:
     """Return statements that write the first values, (*shape, 1), where episodes have ended; `putmask` is the quicker one."""
-    return [
-        f"putmask({name}, ended, FIRST[{k}])" if value.ndim == 1 else f"copyto({name}, FIRST[{k}], where=ended)"
-        for k, (name, value) in enumerate(zip(names, values, strict=True))
-    ]
+    lines = []
+    for k, (name, value) in enumerate(zip(names, values, strict=True)):
+        if value.ndim == 1:
+            lines.append(f"putmask({name}, ended, FIRST[{k}])")
+        else:
+            lines.append(f"copyto({name}, FIRST[{k}], where=ended)")
+    return lines

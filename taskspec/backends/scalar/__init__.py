@@ -42,16 +42,6 @@ def scalar_namespace() -> dict[str, Any]:
 # what is left for a step is straight-line Python on numbers. `compile_scalar` gives the functions and
 # `ScalarProgram.source` the text.
 
-Failure = Callable[..., Exception]
-
-
-@dataclass(frozen=True)
-class Failures:
-    """What the generated code raises; the environment layer supplies Gymnasium's kinds of errors."""
-
-    action: Callable[[Any], Exception]
-    not_running: Callable[[], Exception]
-
 
 class Clock(NamedTuple):
     """Where an environment stands: steps of this episode, steps of those before it, resets, and whether it is running."""
@@ -62,7 +52,7 @@ class Clock(NamedTuple):
     alive: bool = False
 
 
-_ZERO = Clock()
+Failure = Callable[..., Exception]
 
 
 @dataclass(frozen=True)
@@ -80,12 +70,14 @@ class ScalarProgram:
     step_phase: Phase
     _namespace: dict[str, Any] = field(repr=False)
 
-    def start(self, seed: int, failures: Failures, clock: Clock = _ZERO) -> Lane:
-        """Return functions of one environment, whose draws go on from where a clock stands."""
+    def start(self, seed: int, clock: Clock, bad_action: Failure, not_running: Failure) -> Lane:
+        """Return functions of one environment, whose draws go on from where a clock stands.
+
+        They raise what `bad_action(action)` and `not_running()` give.
+        """
         first = phase_stream(self.reset_phase, seed, draws.RESET, clock.episodes)
         later = phase_stream(self.step_phase, seed, draws.STEP, clock.past + clock.time)
-        parts = self._namespace["lane"](first, later, failures.action, failures.not_running)
-        return Lane(*parts)
+        return Lane(*self._namespace["lane"](first, later, bad_action, not_running))
 
     def replay(self, seed: int, clock: Clock) -> list[Any]:
         """Return the component values that the last reset gave."""

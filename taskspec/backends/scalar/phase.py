@@ -59,7 +59,9 @@ class Phase:
         names = {id(n): f"h{i}" for i, n in enumerate(hoisted)}
 
         def leaf(node: Node) -> Node | None:
-            return b.read(Role.VARIABLE, names[id(node)], node.type) if id(node) in names else None
+            if id(node) not in names:
+                return None
+            return b.read(Role.VARIABLE, names[id(node)], node.type)
 
         lane = [*roots, *(n for n in inner if n is not None)]
         rewritten = iter(rewrite(lane, leaf, b.remake))

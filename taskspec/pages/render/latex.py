@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 from taskspec.base import __version__
 from taskspec.figures import tikz
-from taskspec.figures.tikz import colors as tikz_colors
+from taskspec.figures.vector_formats import tikz_colors
 from taskspec.pages import prose as p
 from taskspec.pages.page import Family, Page, Sibling, families
 from taskspec.pages.render.suite import Suite, notation, text_environment

@@ -35,7 +35,7 @@ def markdown(suite: Suite) -> dict[str, str]:
 
 def escape(text: str) -> str:
     """Return text for Markdown: no markup, no HTML, on one line."""
-    text = " ".join(text.split("\n")).replace("&", "&amp;").replace("<", "&lt;")
+    text = escape_entities(text)
     return _NUMBERED.sub(
         r"\1\\\2", _SPECIAL.sub(r"\\\1", text).replace(r"\(", "(").replace(r"\)", ")").replace(r"\-", "-")
     )

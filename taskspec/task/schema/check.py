@@ -205,11 +205,9 @@ def _missing_key(loc: Path) -> Problem:
 
 def _not_an_option(value: object, expected: str, key: Path) -> Problem:
     options = re.findall(r"'([^']*)'", expected)
-    hint = (
-        (advice(value, ["type"] if key == ("type",) else []) or suggest(value, options))
-        if isinstance(value, str)
-        else None
-    )
+    hint = None
+    if isinstance(value, str):
+        hint = advice(value, [step for step in key if step == "type"]) or suggest(value, options)
     message = f"{values.kind(value)} is not one of {', '.join(options)}"
     return Problem("E218" if value is None else "E206", (), message, hint)
 

@@ -1,0 +1,197 @@
+"""Scenes as SVG for pages and as TikZ for papers; a style sheet or a paper may redefine the colours of roles."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import assert_never
+
+from taskspec.base.display import ON_PAGES, visible
+from taskspec.figures import scene as sc
+from taskspec.figures.scene import Area, Box, Circle, Item, Label, Line, hex_color
+from taskspec.printers import tree as m
+from taskspec.printers.markup import latex
+from taskspec.printers.text import plain
+
+SCALE = 38.0  # pixels in a centimetre
+_FONTS = {
+    "serif": "'Latin Modern Math','STIX Two Math','Cambria Math','DejaVu Serif',serif",
+    "sans": "'DejaVu Sans',Verdana,'Segoe UI',Helvetica,Arial,sans-serif",
+}
+_DASHES: dict[sc.Dash, tuple[float, ...]] = {
+    "solid": (), "dashed": (0.1, 0.08), "dotted": (0.03, 0.06), "dashdot": (0.14, 0.06, 0.03, 0.06),
+}  # fmt: skip
+"""Lengths of strokes and gaps in centimetres."""
+
+
+def svg(scene: sc.Scene, css: bool = False, kind: str = "figure") -> str:
+    """Return an SVG picture."""
+    width = _px(scene.width)
+    height = _px(scene.height)
+    body = "".join(_svg_item(item) for item in scene.items)
+    paper = "" if css else f'<rect width="{width}" height="{height}" fill="{hex_color("paper")}"/>'
+    font = escape(_FONTS[scene.font])
+    text = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" '
+        f'class="{kind}" font-family="{font}"><title>{escape(scene.alt)}</title>{paper}{body}</svg>'
+    )
+    return visible(text, ON_PAGES)
+
+
+def _px(value: float) -> str:
+    return f"{value * SCALE:.1f}".removesuffix(".0")
+
+
+def _svg_point(p: sc.Point) -> str:
+    return f"{_px(p[0])},{_px(p[1])}"
+
+
+def _svg_item(item: Item) -> str:
+    match item:
+        case Circle(centre=(x, y), radius=r):
+            return f'<circle cx="{_px(x)}" cy="{_px(y)}" r="{_px(r)}"{_svg_paint(item)}/>'
+        case Box(corner=(x, y), width=w, height=h, round=corner):
+            rounded = f' rx="{_px(corner)}"' if corner else ""
+            place = f'x="{_px(x)}" y="{_px(y)}" width="{_px(w)}" height="{_px(h)}"'
+            return f"<rect {place}{rounded}{_svg_paint(item)}/>"
+        case Area(points=points):
+            return f'<polygon points="{" ".join(map(_svg_point, points))}"{_svg_paint(item)}/>'
+        case Line():
+            return _svg_line(item)
+        case Label():
+            return _label(item)
+        case _:
+            assert_never(item)
+
+
+def _class(part: str, paint: sc.Paint) -> str:
+    return "" if paint.startswith("#") else f"{part}-{paint}"
+
+
+def _svg_paint(item: Circle | Box | Area) -> str:
+    classes = [_class(part, paint) for part, paint in (("fill", item.fill), ("line", item.line)) if paint is not None]
+    inside = "none" if item.fill is None else hex_color(item.fill)
+    faded = f' fill-opacity="{item.shade:.2f}"' if item.fill and item.shade < 1 else ""
+    edge = f' stroke="{hex_color(item.line)}" stroke-width="{_px(0.032)}"' if item.line else ""
+    return f' class="{" ".join(filter(None, classes))}" fill="{inside}"{faded}{edge}'
+
+
+def _svg_line(line: Line) -> str:
+    first, *others = map(_svg_point, sc.shaft(line))
+    path = f"M{first} C{' '.join(others)}" if line.curved else f"M{first} {' '.join(f'L{p}' for p in others)}"
+    dashes = " ".join(_px(length) for length in _DASHES[line.dash])
+    dash = f' stroke-dasharray="{dashes}"' if dashes else ""
+    faded = f' stroke-opacity="{line.shade:.2f}"' if line.shade < 1 else ""
+    color = f'class="{_class("line", line.color)}" stroke="{hex_color(line.color)}"'
+    out = (
+        f'<path d="{path}" fill="none" {color} stroke-width="{_px(line.width)}" stroke-linejoin="round"{dash}{faded}/>'
+    )
+    if line.arrow:
+        tip = " ".join(map(_svg_point, sc.head(line)))
+        out += f'<polygon points="{tip}" class="{_class("fill", line.color)}" fill="{hex_color(line.color)}"/>'
+    return out
+
+
+def _label(label: Label) -> str:
+    x, y = label.at
+    fill = _class("fill", label.color)
+    halo = f' stroke="{hex_color("paper")}" stroke-width="{_px(0.12)}" paint-order="stroke" class="halo {fill}"'
+    style = halo if label.halo else f' class="{fill}"'
+    turned = f' transform="rotate({-label.angle:g} {_px(x)} {_px(y)})"' if label.angle else ""
+    weight = ' font-weight="bold"' if label.bold else ""
+    place = f'x="{_px(x)}" y="{_px(y + label.size * 0.34)}" font-size="{_px(label.size)}" text-anchor="{label.anchor}"'
+    return f'<text {place} fill="{hex_color(label.color)}"{style}{weight}{turned}>{runs(label.text)}</text>'
+
+
+def runs(tree: m.Math) -> str:
+    """Return mathematics as pieces of text: letters in italics, scripts smaller and shifted."""
+    match tree:
+        case m.Ident(text=text, style="italic"):
+            return f'<tspan font-style="italic">{escape(text)}</tspan>'
+        case m.Row(items=items):
+            return "".join(runs(item) for item in items)
+        case m.Fence(left=left, body=body, right=right):
+            return escape(left) + runs(body) + escape(right)
+        case m.Script(base=base, sub=sub, sup=sup, primes=primes):
+            out = runs(base) + "′" * primes
+            for part, dy in ((sub, 0.28), (sup, -0.35)):
+                if part is not None:
+                    out += f'<tspan dy="{dy}em" font-size="70%">{runs(part)}</tspan><tspan dy="{-dy * 0.7:.3f}em">\u200b</tspan>'
+            return out
+        case _:
+            return escape(plain(tree))
+
+
+def tikz(scene: sc.Scene, scale: float = 1.0) -> str:
+    """Return a `tikzpicture`; the names of its colours are those of `tikz_colors`."""
+    body = "\n".join(f"  {_tikz_item(item)}" for item in scene.items)
+    options = f"x={scale:g}cm, y=-{scale:g}cm, line width=0.7pt, line join=round"
+    return f"\\begin{{tikzpicture}}[{options}]\n{body}\n\\end{{tikzpicture}}"
+
+
+def tikz_colors() -> str:
+    """Return definitions of the named colours."""
+    return "\n".join(rf"\definecolor{{task{role}}}{{HTML}}{{{code[1:].upper()}}}" for role, code in sc.COLORS.items())
+
+
+def _cm(value: float) -> str:
+    return f"{value:.3f}".rstrip("0").rstrip(".")
+
+
+def _tikz_point(p: sc.Point) -> str:
+    return f"({_cm(p[0])}, {_cm(p[1])})"
+
+
+def _tikz_item(item: Item) -> str:
+    match item:
+        case Circle(centre=centre, radius=r):
+            return rf"\path[{_tikz_paint(item)}] {_tikz_point(centre)} circle [radius={_cm(r)}];"
+        case Box(corner=(x, y), width=w, height=h, round=corner):
+            rounded = f", rounded corners={_cm(corner * 28)}pt" if corner else ""
+            corners = f"{_tikz_point((x, y))} rectangle {_tikz_point((x + w, y + h))}"
+            return rf"\path[{_tikz_paint(item)}{rounded}] {corners};"
+        case Area(points=points):
+            return rf"\path[{_tikz_paint(item)}] {' -- '.join(map(_tikz_point, points))} -- cycle;"
+        case Line():
+            return _tikz_line(item)
+        case Label(at=at, text=text, color=color):
+            anchor = {"start": "west", "end": "east", "middle": "center"}[item.anchor]
+            halo = ", fill=taskpaper" if item.halo else ""
+            turned = f", rotate={item.angle:g}" if item.angle else ""
+            size = r"\footnotesize" if item.size < 0.34 else r"\small"
+            options = f"anchor={anchor}, inner sep=1pt, text={_tikz_color(color)}, font={size}{halo}{turned}"
+            return rf"\node[{options}] at {_tikz_point(at)} {{${latex(text)}$}};"
+        case _:
+            assert_never(item)
+
+
+def _tikz_color(paint: sc.Paint) -> str:
+    """Return the name of a role's colour, or a colour by its parts."""
+    if not paint.startswith("#"):
+        return f"task{paint}"
+    red, green, blue = bytes.fromhex(paint[1:])
+    return f"{{rgb,255:red,{red};green,{green};blue,{blue}}}"
+
+
+def _tikz_paint(item: Circle | Box | Area) -> str:
+    parts = []
+    if item.fill:
+        strength = f"!{round(100 * item.shade)}!taskpaper" if item.shade < 1 else ""
+        parts.append(f"fill={_tikz_color(item.fill)}{strength}")
+    if item.line:
+        parts.append(f"draw={_tikz_color(item.line)}")
+    return ", ".join(parts)
+
+
+def _tikz_line(line: Line) -> str:
+    points = sc.shaft(line)
+    dash = "" if line.dash == "solid" else f", {line.dash.replace('dashdot', 'dash dot')}"
+    thick = f", line width={_cm(line.width * 23)}pt"
+    if line.curved:
+        a, b, c, d = points
+        path = f"{_tikz_point(a)} .. controls {_tikz_point(b)} and {_tikz_point(c)} .. {_tikz_point(d)}"
+    else:
+        path = " -- ".join(map(_tikz_point, points))
+    out = rf"\draw[{_tikz_color(line.color)}{dash}{thick}] {path};"
+    if line.arrow:
+        out += rf" \fill[{_tikz_color(line.color)}] {' -- '.join(map(_tikz_point, sc.head(line)))} -- cycle;"
+    return out
