@@ -20,17 +20,8 @@ from taskspec.base.display import visible, visible_json
 from taskspec.base.records import dataclass
 
 __all__ = [
-    "CODES",
-    "Code",
-    "Diagnostic",
-    "Format",
-    "Origin",
-    "Severity",
-    "Span",
-    "SpecError",
-    "TaskspecError",
-    "render",
-]
+    "CODES", "Code", "Diagnostic", "Format", "Origin", "Severity", "Span", "SpecError", "TaskspecError", "render",
+]  # fmt: skip
 
 Format = Literal["text", "json", "github"]
 """How diagnostics are written out."""

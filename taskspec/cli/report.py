@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -265,13 +265,10 @@ def _findings_table(found: FindingsResult) -> Table:
     """Return a row for each finding: what it says, and what became of it with each set of results."""
     table = columns("", "the paper says", *found.sets, fold=(1,), styles=("name",))
     for each in found.results:
-        table.add_row(each.name, each.entry.says, *_outcomes(map(each.outcome, found.sets)))
+        outcomes = map(each.outcome, found.sets)
+        table.add_row(each.name, each.entry.says, *(VisibleText(word, style=OUTCOMES[word]) for word in outcomes))
     counts = [found.counts(name) for name in found.sets]
     for outcome, style in OUTCOMES.items():
         numbers = [str(count[outcome]) for count in counts]  # type: ignore[index]  # the same words
         table.add_row("", VisibleText(outcome, style=style), *numbers)
     return table
-
-
-def _outcomes(outcomes: Iterable[str]) -> list[VisibleText]:
-    return [VisibleText(outcome, style=OUTCOMES[outcome]) for outcome in outcomes]

@@ -34,18 +34,18 @@ class LearnersExamined:
 
     def rows(self) -> tuple[Measured, ...]:
         """For each instance the mean score of every learner, `bc`, and half its 95 % interval, `bc_half`."""
-        return tuple(self._row(*each) for each in zip(self.instances, self.tasks, strict=True))
-
-    def _row(self, instance: Instance, task: Task) -> Measured:
-        name = exam_id(task)
-        values = dict[str, Any]()
-        for learner, exam in self.exams.items():
-            found = mean_score(list(by_seed(exam["scores"], name, "printed").values()), None)
-            low = found["low"]
-            high = found["high"]
-            half = None if low is None or high is None else (high - low) / 2
-            values |= {learner: found["mean"], f"{learner}_half": half}
-        return Measured(instance, "done", values)
+        measured = []
+        for instance, task in zip(self.instances, self.tasks, strict=True):
+            name = exam_id(task)
+            values = dict[str, Any]()
+            for learner, exam in self.exams.items():
+                found = mean_score(list(by_seed(exam["scores"], name, "printed").values()), None)
+                low = found["low"]
+                high = found["high"]
+                values[learner] = found["mean"]
+                values[f"{learner}_half"] = None if low is None or high is None else (high - low) / 2
+            measured.append(Measured(instance, "done", values))
+        return tuple(measured)
 
 
 def examine_all(
@@ -70,7 +70,8 @@ def examine_all(
             [Diagnostic("E713", None, f"the experiment '{written.experiment.name}' names no learners", hint)]
         )
     given = {"seeds": seeds, "steps": steps, "transitions": transitions, "twins": twins, "probes": probes}
-    terms = {name: _either(value, getattr(written.experiment, name)) for name, value in given.items()}
+    terms = {name: getattr(written.experiment, name) for name in given}
+    terms |= {name: value for name, value in given.items() if value is not None}
     terms = {name: value for name, value in terms.items() if value is not None}
     exams = dict[str, Exam]()
     folders = dict[str, Path]()
@@ -81,7 +82,3 @@ def examine_all(
             how = replace(running or Running(), progress=progress)
             exams[name] = examine(learner, suite=tasks[0].suite, tasks=tasks, out=folders[name], running=how, **terms)
     return LearnersExamined(expanded.instances, tasks, exams, folders)
-
-
-def _either(given: Any, written: Any) -> Any:
-    return written if given is None else given

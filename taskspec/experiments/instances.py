@@ -221,7 +221,12 @@ class _Entry:
         self.varied = (*varied, *arguments)
         self._check_policies()
         is_wrong = len(self.collector.diagnostics) > before
-        if not self._is_payable(axes, laid):
+        many = self._count()
+        if many is None:
+            many = math.prod(axis.size for axis in axes if not callable(axis.values))
+        many *= math.prod(map(len, laid))
+        if many > limits().instances:
+            self._too_many(many, ())
             return
         for chosen in self._settings(axes):
             names = [name for axis in axes for name in axis.names]
@@ -302,14 +307,6 @@ class _Entry:
             place = self.document.key_span(("tasks", self.index, *path))
             self.collector.extend(replace(d, span=place) for d in error.diagnostics if d.code == "E702")
 
-    def _is_payable(self, axes: Sequence[Axis], laid: Sequence[Sequence[Option]]) -> bool:
-        wanted = self.entry.sample
-        many = math.prod(axis.size for axis in axes if not callable(axis.values))
-        many = (many if wanted is None else self._count()) * math.prod(map(len, laid))
-        if many > limits().instances:
-            self._too_many(many, ())
-        return many <= limits().instances
-
     def _too_many(self, many: int, path: Place) -> None:
         most = limits().instances
         message = f"{many:,} instances are too many; the limit is {most:,}"
@@ -317,16 +314,17 @@ class _Entry:
 
     # -- settings ---------------------------------------------------------------------------------------------------
 
-    def _count(self) -> int:
+    def _count(self) -> int | None:
+        """Return the number of sampled combinations; None for all."""
         wanted = self.entry.sample
-        assert wanted is not None
-        return wanted if isinstance(wanted, int) else wanted.count
+        return wanted if wanted is None or isinstance(wanted, int) else wanted.count
 
     def _settings(self, axes: Sequence[Axis]) -> Iterable[tuple[Values, ...]]:
         """Return one tuple of values for each axis."""
-        if self.entry.sample is None:
+        count = self._count()
+        if count is None:
             return combinations(axes)
-        return sample(axes, self._count(), 0 if isinstance(self.entry.sample, int) else self.entry.sample.seed)
+        return sample(axes, count, getattr(self.entry.sample, "seed", 0))
 
     def _instance(
         self,

@@ -45,6 +45,11 @@ def count(written: Any) -> int:
 def listed(written: Any, kind: str) -> list[Any] | Draw:
     """Return values as a list, or a draw of one; `kind` is that of the parameter."""
     whole = kind == "int"
+
+    def loguniform(rng: np.random.Generator, low: float, high: float) -> int | float:
+        found = math.exp(rng.uniform(math.log(low), math.log(high)))
+        return round(found) if whole else found
+
     match written:
         case {"range": numbers}:
             start, _, step = _exact(numbers)
@@ -56,15 +61,10 @@ def listed(written: Any, kind: str) -> list[Any] | Draw:
         case {"uniform": [low, high]}:
             return lambda rng: int(rng.integers(low, high, endpoint=True)) if whole else float(rng.uniform(low, high))
         case {"loguniform": [low, high]}:
-            return lambda rng: _drawn(rng, low, high, whole)
+            return lambda rng: loguniform(rng, low, high)
         case list():
             return list(written)
     return [written]
-
-
-def _drawn(rng: np.random.Generator, low: float, high: float, whole: bool) -> int | float:
-    found = math.exp(rng.uniform(math.log(low), math.log(high)))
-    return round(found) if whole else found
 
 
 def _exact(numbers: Sequence[float]) -> tuple[Fraction, Fraction, Fraction]:
@@ -125,13 +125,9 @@ class Assignment:
 
     def _plain(self, name: str) -> Any:
         value = self.given[name]
-        return self._worked_out(name) if self._is_expression(name, value) else value
-
-    def _is_expression(self, name: str, value: Any) -> bool:
-        return isinstance(value, str) and name in self.known and self.known[name].kind != "choice"
-
-    def _worked_out(self, name: str) -> Any:
-        text = s.SourceText(self.given[name], lambda start, end: self.span(name, start, end))
+        if not isinstance(value, str) or name not in self.known or self.known[name].kind == "choice":
+            return value
+        text = s.SourceText(value, lambda start, end: self.span(name, start, end))
         expr = parse_into(text, self.checker.collector)
         if expr is None:
             raise Poisoned

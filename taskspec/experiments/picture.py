@@ -98,13 +98,10 @@ def _panels(experiment: Experiment, rows: Sequence[Measured], scored: bool) -> l
             if y is None:
                 found.append(_Panel(name, part, x, None, shown or SHOWN, scored))
             else:
-                mapped = shown or [each for each in MAPPED if _differs(part, each)] or MAPPED[-1:]
+                differing = [each for each in MAPPED if len({row.values.get(each) for row in part}) > 1]
+                mapped = shown or differing or MAPPED[-1:]
                 found += [_Panel(f"{name}: {each}", part, x, y, (each,), scored) for each in mapped]
     return found
-
-
-def _differs(rows: Sequence[Measured], name: str) -> bool:
-    return len({row.values.get(name) for row in rows}) > 1
 
 
 def _fixed(row: Measured) -> list[str]:
@@ -161,7 +158,10 @@ def _curves(panel: _Panel, experiment: Experiment) -> Iterator[Item]:
     rollouts = list(_rollouts(rows, xs))
     found = [*theory, *rollouts]
     ends = [y for curve in found for y in (*curve.lows, *curve.highs)]
-    y_axis = chart.axis(ends, _quantity(panel), log="value" in experiment.plot.log)
+    quantity = "return" if set(panel.show) <= set(LINES) else ""
+    if panel.scored:
+        quantity = "score: random 0, expert 1"
+    y_axis = chart.axis(ends, quantity, log="value" in experiment.plot.log)
     plot = Axes(0.0, 0.0, WIDTH, HEIGHT, _x_axis(panel, experiment, xs, labels), y_axis)
     yield from chart.frame(plot, grid=True)
     for curve in theory:
@@ -224,12 +224,6 @@ def _x_axis(panel: _Panel, experiment: Experiment, xs: Sequence[float], labels: 
     if all(float(x).is_integer() for x in xs) and len(xs) <= 12:
         return replace(found, ticks=at_values)
     return found
-
-
-def _quantity(panel: _Panel) -> str:
-    if panel.scored:
-        return "score: random 0, expert 1"
-    return "return" if set(panel.show) <= set(LINES) else ""
 
 
 def _positions(rows: Sequence[Measured], x: str | None) -> tuple[list[float], list[str] | None]:

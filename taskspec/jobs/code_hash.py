@@ -48,7 +48,7 @@ def code_files(path: Path | str) -> dict[Path, bytes]:
     with warnings.catch_warnings(action="ignore"), suppress(Exception):  # running a broken file shows what is wrong
         finder.import_hook(".".join(start.relative_to(folders[-1]).with_suffix("").parts))
     for module in finder.modules.values():
-        file = Path(module.__file__ or "")
+        file = Path(getattr(module, "__file__", None) or "")
         if file.is_relative_to(home) and file.is_file():
             contents[file] = file.read_bytes()
     return contents

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -34,11 +34,6 @@ class CannotLearn(SpecError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return CannotLearn, (self.message, self.hint)  # so that it comes through from another process
-
-
-def cannot_learn(message: str, hint: str | None = None) -> NoReturn:
-    """Raise CannotLearn."""
-    raise CannotLearn(message, hint)
 
 
 class LearnerCase(Protocol):
@@ -100,7 +95,7 @@ class Vectors:
             case "one_hot":
                 return cls((), layout.shape, low=(0.0,) * layout.size, high=(1.0,) * layout.size)
             case "dict":
-                cannot_learn(
+                raise CannotLearn(
                     "observations that are dicts are not vectors", "choose another `space` for the observation"
                 )
 
@@ -143,6 +138,19 @@ class Vectors:
         return (vectors - low) / (high - low)
 
 
+Layers = Sequence[tuple[Array, Array]]
+"""Weights (inputs, outputs) and biases (outputs,)."""
+
+
+def forward(layers: Layers, x: Array, activation: str) -> Array:
+    """Forward pass in NumPy: (N, inputs) -> (N, outputs)."""
+    *inner, (w, b) = layers
+    for u, c in inner:
+        x = x @ u + c
+        x = np.tanh(x) if activation == "tanh" else np.maximum(x, 0)
+    return np.asarray(x @ w + b)
+
+
 @dataclass(frozen=True, eq=False)
 class NetPolicy:
     """A net whose outputs are logits of actions, or means of real actions.
@@ -156,7 +164,7 @@ class NetPolicy:
 
     seen: Vectors
     actions: Vectors
-    layers: Sequence[tuple[Array, Array]]
+    layers: Layers
     deviations: Array
     seed: int = 0
     reward: Callable[[Array, Array, Array], Array] | None = None
@@ -179,12 +187,7 @@ class NetPolicy:
         return reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), parts)
 
     def _output(self, seen: Array) -> Array:
-        x = self.seen(seen).astype(np.float64)
-        *inner, (w, b) = self.layers
-        for u, c in inner:
-            x = np.tanh(x @ u + c)
-        output: Array = x @ w + b
-        return output
+        return forward(self.layers, self.seen(seen).astype(np.float64), "tanh")
 
     def _groups(self, seen: Array) -> list[Array]:
         """Return the probabilities of each component's values."""
@@ -208,9 +211,6 @@ class NetPolicy:
             columns.append((rng.random((len(p), 1)) * p.sum(axis=1, keepdims=True) >= p.cumsum(axis=1)).sum(axis=1))
         numbers = np.stack(columns, axis=1)
         return numbers[:, 0] + v.start if v.single else numbers
-
-
-Layers = Sequence[tuple[Array, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,11 +242,8 @@ class LearnedReward:
         taken = self.actions(np.asarray(actions)).astype(np.float64)
         output = self._forward(self.theta, np.hstack([state, taken]) if self.sees_action else state)
         if self.phi is not None:
-            output = (
-                output
-                + self.discount * self._forward(self.phi, self._state(next_observations))
-                - self._forward(self.phi, state)
-            )
+            after = self._forward(self.phi, self._state(next_observations))
+            output = output + self.discount * after - self._forward(self.phi, state)
         if self.pay == "softplus(l)":
             return np.logaddexp(0, output)
         return -np.logaddexp(0, -output) if self.pay == "-softplus(-l)" else output
@@ -256,8 +253,4 @@ class LearnedReward:
         return np.hstack([rows, np.zeros((len(rows), int(self.flagged)))])
 
     def _forward(self, layers: Layers, x: Array) -> Array:
-        *inner, (w, b) = layers
-        for u, c in inner:
-            x = np.tanh(x @ u + c) if self.activation == "tanh" else np.maximum(x @ u + c, 0)
-        found: Array = (x @ w + b)[:, 0]
-        return found
+        return forward(layers, x, self.activation)[:, 0]

@@ -17,7 +17,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.limits import tell
 from taskspec.data import Demonstrations, Tabular
 from taskspec.data.tabular import LookAlike, tabular
-from taskspec.learners.interface import LearnerCase, cannot_learn
+from taskspec.learners.interface import CannotLearn, LearnerCase
 from taskspec.learners.table import Matching
 from taskspec.model.model import NoModel
 from taskspec.solve.backward import backward, first_values
@@ -65,15 +65,15 @@ def train_maxent(config: Matching, case: LearnerCase) -> list[TimedPolicy]:
     try:
         return _train(config, case)
     except (NoModel, LookAlike) as error:
-        cannot_learn(error.diagnostics[0].message, "take another learner")
+        raise CannotLearn(error.diagnostics[0].message, "take another learner") from None
 
 
 def _train(config: Matching, case: LearnerCase) -> list[TimedPolicy]:
     mdp = tabular(case.task)
     if mdp.horizon is None:
-        cannot_learn(f"episodes of {case.task.id} have no horizon", "give the task one")
+        raise CannotLearn(f"episodes of {case.task.id} have no horizon", "give the task one")
     if abstraction(case.task) is not None:
-        cannot_learn(f"the exact model of {case.task.id} is that of its abstraction", "take another learner")
+        raise CannotLearn(f"the exact model of {case.task.id} is that of its abstraction", "take another learner")
     demonstrated = visits(mdp, case.demonstrations, config.absorb)
     observation = _observations(mdp, case.task)
     start = np.stack([np.random.default_rng(seed).standard_normal(mdp.n_states) for seed in case.seeds])
@@ -100,7 +100,7 @@ def _observations(mdp: Tabular, task: Task) -> Array:
     """Return the observation of each state, int64 (S,), as a number from 0."""
     layout = task.observation_layout
     if layout.form != "discrete":
-        cannot_learn(f"observations of {task.id} are not one number", "take another learner")
+        raise CannotLearn(f"observations of {task.id} are not one number", "take another learner")
     return np.asarray(mdp.observations).astype(np.int64) - layout.starts[0]
 
 
@@ -127,7 +127,7 @@ def _absorbed(mdp: Tabular, ends: Array) -> Array:
     candidates = np.asarray(mdp.observations)[places]
     same = (ends.reshape(len(ends), 1, -1) == candidates.reshape(1, len(places), -1)).all(axis=2)
     if not (same.sum(axis=1) == 1).all():
-        cannot_learn(f"the endings of {mdp.task.id} do not distinguish its states")
+        raise CannotLearn(f"the endings of {mdp.task.id} do not distinguish its states")
     return np.asarray(places[same.argmax(axis=1)])
 
 

@@ -16,7 +16,7 @@ from taskspec.base.arrays import AnyArray
 from taskspec.base.limits import tell
 from taskspec.lang.ir import Const
 from taskspec.learners.deep.nets import ActionHead
-from taskspec.learners.interface import LearnerCase, Vectors, cannot_learn
+from taskspec.learners.interface import CannotLearn, LearnerCase, Vectors
 from taskspec.learners.table import Experience
 from taskspec.modifiers import modify
 from taskspec.task.task import Task
@@ -89,7 +89,7 @@ class World:
             return self.horizon
         if isinstance(self.task.terminal, Const) and self.task.terminal.value:
             return 1
-        return cannot_learn(f"episodes of {self.task.id} have no horizon", "give the task one")
+        raise CannotLearn(f"episodes of {self.task.id} have no horizon", "give the task one")
 
     def begin(self, key: AnyArray, lanes: int) -> RolloutState:
         """Begin an episode in every lane."""
