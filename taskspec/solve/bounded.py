@@ -37,6 +37,8 @@ UNDERFLOW = 1e-300
 """More than what a sum of products that are too small for a float can lose."""
 FAINT = 1e-50
 """Products with smaller probabilities may be too small for a float."""
+MOST_SHRINKING = 460.0
+"""The logarithm of 1e200: rewards of the domain that shrink by less stay above the smallest floats."""
 DEEPEST = 1e4
 """Exponents from here on make weights of 0."""
 STATES = 65_536
@@ -198,12 +200,23 @@ class Bounded:
         return True
 
     @cached_property
-    def is_faint(self) -> bool:
-        """True if some outcome is so improbable that products with its probability may be rounded to 0."""
+    def least_probability(self) -> float:
+        """The smallest probability of an outcome that is not 0."""
         weights = [self.model.start]
         for step in self.model.steps:
             weights += [matrix.data for matrix in step.matrices]
-        return any(_has_faint(each) for each in weights)
+        return min(float(np.min(each, where=each > 0, initial=1.0)) for each in weights)
+
+    @property
+    def is_faint(self) -> bool:
+        """True if some outcome is so improbable that products with its probability may be rounded to 0."""
+        return self.least_probability < FAINT
+
+    @cached_property
+    def may_underflow(self) -> bool:
+        """True if values may become too small for a float on their way through an episode."""
+        shrinks_by = -math.log(self.least_probability * max(self.model.discount, FAINT))
+        return self.is_faint or shrinks_by * (self.model.horizon or 0) > MOST_SHRINKING
 
     @cached_property
     def is_signed(self) -> bool:
@@ -213,7 +226,7 @@ class Bounded:
 
     def errors(self, step: Step) -> ExpectationError:
         """Return the errors of discounted expectations over the outcomes of a step."""
-        return ExpectationError.of(step.rounding.terms, self.slack, self.is_faint)
+        return ExpectationError.of(step.rounding.terms, self.slack, self.may_underflow)
 
     # -- values -------------------------------------------------------------------------------------------------------
 
@@ -239,7 +252,7 @@ class Bounded:
         paid = step.rounding.size
         absolute = discount * later.absolute + self.slack.missing * self.slack.beyond
         absolute += self.slack.absolute * step.rounding.terms * paid
-        if self.is_faint:
+        if self.may_underflow:
             absolute += UNDERFLOW * max(1.0, paid)
         if V.is_signed:
             return Bound(value, max(later.relative, errors.relative), absolute, True)
