@@ -51,7 +51,9 @@ def tasks_root() -> Path:
     """
     package = Path(__file__).parent
     inside = package / "tasks"
-    return inside if inside.is_dir() else package.parent / "tasks"
+    if inside.is_dir():
+        return inside
+    return package.parent / "tasks"
 
 
 @lru_cache(maxsize=1)
@@ -146,7 +148,10 @@ def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) ->
         raise spec_error("E701", f"a task is named by its id or a path, not by {source!r}")
     given: object = variant
     if not isinstance(given, str | None):
-        hint = f"the number of environments is `num_envs={given}`" if type(given) is int else None
+        if type(given) is int:
+            hint = f"the number of environments is `num_envs={given}`"
+        else:
+            hint = None
         raise spec_error("E211", f"a variant is named by a text, not by {given!r}", hint)
     if isinstance(source, Task):
         return _changed(source, variant, parameters)
@@ -255,4 +260,6 @@ def suite_of(path: Path) -> str:
         name = path.resolve().parent.name
     except (OSError, ValueError):  # no path at all; reading it will say so
         return ""
-    return name if re.fullmatch(r"[\w:-]+", name) else ""
+    if re.fullmatch(r"[\w:-]+", name):
+        return name
+    return ""

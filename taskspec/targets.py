@@ -127,7 +127,9 @@ def _files(target: str) -> list[File]:
     if asked.parameters or asked.modifiers:
         return [file.at(asked.parameters, asked.modifiers) for file in _files(asked.name)]
     if registry.is_path(target) or ("/" in target and path.exists()):
-        return [File(path, registry.suite_of(path))] if kind_of(target) in (None, "taskspec") else []
+        if kind_of(target) in (None, "taskspec"):
+            return [File(path, registry.suite_of(path))]
+        return []
     suite = [e for e in registry.known().values() if e.suite == target]
     if suite:
         return _suites(suite)
@@ -216,7 +218,9 @@ def variants_of(file: File) -> list[str | None]:
         return list(file.variants)
     document = _document(str(file.path))
     named = list(variant_names(document.data).values())
-    return named[1:] if len(named) > 1 and merge(document).missing else named
+    if len(named) > 1 and merge(document).missing:
+        return named[1:]
+    return named
 
 
 def name_of(file: File, variant: str | None) -> str:
@@ -224,7 +228,9 @@ def name_of(file: File, variant: str | None) -> str:
     from taskspec.source.scan import task_name
 
     name = str(_document(str(file.path)).data.get("name"))
-    return name if variant is None else task_name(name, variant)
+    if variant is None:
+        return name
+    return task_name(name, variant)
 
 
 def task_in(file: File, variant: str | None) -> Task:

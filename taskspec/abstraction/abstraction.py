@@ -75,7 +75,9 @@ def abstraction(task: Task) -> Abstraction | None:
     scope = task.surface.scopes["abstraction"]
     nodes = [assign(checker, written[c.name], scope, c) for c in stand_in.state if c.name in written]
     found = tuple(n for n in nodes if n is not None)
-    return Abstraction(task, stand_in, found) if len(found) == len(stand_in.state) else None
+    if len(found) == len(stand_in.state):
+        return Abstraction(task, stand_in, found)
+    return None
 
 
 def in_words(components: Iterable[Component], values: Mapping[str, Array], lane: int | None = None) -> str:

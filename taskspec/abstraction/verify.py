@@ -392,7 +392,9 @@ class _Rows:
             for name in ("to", "ends", "reward", "weight"):
                 wrong |= once(operator.ne, getattr(self, name)[own], getattr(others, name)[other]).astype(np.bool_)
             apart = np.bincount(np.repeat(np.arange(len(rows)), counts), wrong, len(rows)) > 0
-        return int(rows[np.flatnonzero(apart)[0]]) if apart.any() else None
+        if apart.any():
+            return int(rows[np.flatnonzero(apart)[0]])
+        return None
 
 
 def _of_steps(model: Model, steps: Steps, mapped: Array, t: int, numbers: ExactProbabilities) -> _Rows:

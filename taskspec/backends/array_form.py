@@ -180,7 +180,10 @@ class ArrayForm:
             return self._assign(template.format(*args))
         args = [self._operand(a) for a in node.args]
         out = self._buffer(node)
-        keyword = "out=" if ufunc in ("minimum", "maximum") else ""  # these two insist
+        if ufunc in ("minimum", "maximum"):  # these two insist
+            keyword = "out="
+        else:
+            keyword = ""
         self.lines.append(f"{ufunc}({', '.join(args)}, {keyword}{out})")
         return out
 

@@ -89,7 +89,9 @@ class LaneEmitter:
 
     def assign(self, text: str) -> str:
         """Return a name for an expression; atoms need none."""
-        return text if _ATOM.fullmatch(text) else self.named(text)
+        if _ATOM.fullmatch(text):
+            return text
+        return self.named(text)
 
     def named(self, text: str) -> str:
         """Return a new name for an expression."""
@@ -144,7 +146,9 @@ class LaneEmitter:
     def argument(self, draw: Draw) -> list[str]:
         """Return the first argument of a draw, an expression for each of its elements."""
         atoms = self.atoms(draw.args[0])
-        return atoms * draw.type.size if len(atoms) == 1 else atoms
+        if len(atoms) == 1:
+            return atoms * draw.type.size
+        return atoms
 
     # -- nodes --------------------------------------------------------------------------------------------------------
 
@@ -158,7 +162,9 @@ class LaneEmitter:
                 return self._draw(node)
             case Apply(op=op) if op in OPERATORS:
                 entry = OPERATORS[op]
-                return self._elementwise(node, entry) if entry.elementwise else self._reduction(node, entry)
+                if entry.elementwise:
+                    return self._elementwise(node, entry)
+                return self._reduction(node, entry)
             case Apply():
                 return self._structure(node)
 
@@ -221,7 +227,9 @@ class LaneEmitter:
             if template.count(f"{{{i}}}") > 1:
                 named[i] = self.assign(arg)
         text = template.format(*named)
-        return self.assign(text) if len(text) > 110 else text
+        if len(text) > 110:
+            return self.assign(text)
+        return text
 
     def _reduction(self, node: Apply, entry: Operator) -> LaneValue:
         (x,) = node.args
@@ -239,7 +247,9 @@ class LaneEmitter:
         if x.type.kind is not Kind.REAL:
             template = entry.scalar.whole or template
         call = template.format(self.packed(x))
-        return LaneValue(packed=self.assign(call)) if node.type.shape else LaneValue([call])
+        if node.type.shape:
+            return LaneValue(packed=self.assign(call))
+        return LaneValue([call])
 
     def _sorted(self, x: Node, signed: bool) -> list[str]:
         """Return a sorting network (Batcher's odd-even merge sort); nan goes last."""
@@ -267,7 +277,9 @@ class LaneEmitter:
             return LaneValue(form(self, node, words))
         given = tuple_of([self.packed(a) for a in node.args])
         drawn = self.assign(f"{self.constant(one(node))}({given}, {tuple_of(words)})")
-        return LaneValue(packed=drawn) if node.type.shape else LaneValue([f"{drawn}[0]"])
+        if node.type.shape:
+            return LaneValue(packed=drawn)
+        return LaneValue([f"{drawn}[0]"])
 
 
 # -- operators that only move elements ----------------------------------------------------------------------------

@@ -91,7 +91,9 @@ class Invariants:
 
         def leaf(node: Node) -> Node | None:
             name = names.get(id(node))
-            return None if name is None else b.read(Role.VARIABLE, name, node.type)
+            if name is None:
+                return None
+            return b.read(Role.VARIABLE, name, node.type)
 
         return rewrite(roots, leaf, b.remake)
 
@@ -245,13 +247,17 @@ def _finite_reads(finite: dict[int, frozenset[Read] | None], node: Node, cells: 
         found |= below
     if isinstance(node, Read) and not node.type.is_scalar:
         return None
-    return frozenset(found) if math.prod(map(_count, found)) <= cells else None
+    if math.prod(map(_count, found)) <= cells:
+        return frozenset(found)
+    return None
 
 
 def _count(read: Read) -> float:
     if read.type.kind is Kind.BOOL:
         return 2
-    return read.high - read.low + 1 if read.type.kind is Kind.INT else math.inf
+    if read.type.kind is Kind.INT:
+        return read.high - read.low + 1
+    return math.inf
 
 
 def _table(b: Builder, node: Node, found: frozenset[Read]) -> Node:
@@ -324,5 +330,7 @@ def _fold_function(b: Builder, node: Apply) -> Node:
                 return node
             args = tuple(b.held(table if a is inner else a) for a in node.args)  # fractions end where the task runs
             cells = b.remake(Apply(node.op, args, Type(node.type.kind, table.type.shape)), args)
-            return b.structure("index", [cells, place]) if isinstance(cells, Const) else node
+            if isinstance(cells, Const):
+                return b.structure("index", [cells, place])
+            return node
     return node

@@ -36,7 +36,9 @@ def without_unused(lines: Sequence[str], results: Iterable[str]) -> list[str]:
 
 def literal(value: bool | int | float) -> str:
     """Return a number as source; nan and the infinities go by name."""
-    return f"({value!r})" if value < 0 else repr(value)
+    if value < 0:
+        return f"({value!r})"
+    return repr(value)
 
 
 def tuple_of(items: Sequence[str]) -> str:

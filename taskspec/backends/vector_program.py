@@ -183,7 +183,9 @@ def action_reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
             raise BadActionError
         if low != 0 and (smallest(array) < low or largest(array) > high):
             raise BadActionError
-        return (array != 0,) if is_bool else (array,)
+        if is_bool:
+            return (array != 0,)
+        return (array,)
 
     return read
 

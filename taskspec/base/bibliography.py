@@ -34,7 +34,9 @@ class Reference:
         names = [p.partition(",")[0] if "," in p else p.rsplit(" ", 1)[-1] for p in people]
         if len(names) > 4:
             return f"{names[0]} et al."
-        return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]])) if names else ""
+        if names:
+            return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+        return ""
 
     @property
     def venue(self) -> str:

@@ -42,7 +42,9 @@ class Code:
     @property
     def severity(self) -> Severity:
         """`warning` for the W codes, `error` for all others."""
-        return "warning" if self.code.startswith("W") else "error"
+        if self.code.startswith("W"):
+            return "warning"
+        return "error"
 
 
 CLASSES: dict[str, str] = {}
@@ -79,7 +81,9 @@ class Origin:
     def line(self, number: int) -> str:
         """Return the line with this number (from 1) without its line end; empty past the last line."""
         lines = _lines(self.text)
-        return lines[number - 1] if 1 <= number <= len(lines) else ""
+        if 1 <= number <= len(lines):
+            return lines[number - 1]
+        return ""
 
 
 @lru_cache(maxsize=8)
@@ -200,7 +204,9 @@ def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
 
     def place(diagnostic: Diagnostic) -> tuple[str, int, int]:
         span = diagnostic.span
-        return (span.origin.name, span.line, span.column) if span is not None else ("", 0, 0)
+        if span is not None:
+            return (span.origin.name, span.line, span.column)
+        return ("", 0, 0)
 
     return tuple(sorted(dict.fromkeys(diagnostics), key=place))
 
@@ -208,7 +214,9 @@ def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
 def suggest(name: str, candidates: Iterable[str]) -> str | None:
     """Return `did you mean 'x'?` for the nearest candidate, or None when none is near."""
     near = nearest(name, candidates)
-    return f"did you mean {near!r}?" if near is not None else None
+    if near is not None:
+        return f"did you mean {near!r}?"
+    return None
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
@@ -220,7 +228,9 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     is_short = len(name) <= 4  # a short name is alike to any long one that has its letters
     alike = [each for each in known if not is_short or len(each) < 2 * len(name) or each.startswith(name)]
     found = difflib.get_close_matches(name, alike, n=1, cutoff=0.5 if is_short else 0.6)
-    return found[0] if found else None
+    if found:
+        return found[0]
+    return None
 
 
 def render(
@@ -291,7 +301,10 @@ def _excerpt(span: Span, room: int) -> tuple[str, str]:
     """Return the line a span starts on (a window of it when long) and the carets under it."""
     line = span.origin.line(span.line).replace("\t", " ")
     start = min(span.column - 1, len(line))
-    end = min(span.end_column - 1, len(line)) if span.end_line == span.line else len(line)
+    if span.end_line == span.line:
+        end = min(span.end_column - 1, len(line))
+    else:
+        end = len(line)
     near = line[max(0, start - room) : start + room]
     if not near.isascii() and _width(visible(near, keep="")) > len(near):
         room //= 2  # wide characters take two columns

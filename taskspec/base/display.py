@@ -37,7 +37,9 @@ def visible_json(data: Any) -> str:
 
 def lettered(letter: str) -> str:
     """Return a character of a map, or `blank` for white space."""
-    return letter if letter.strip() else "blank"
+    if letter.strip():
+        return letter
+    return "blank"
 
 
 def _is_hidden(char: str) -> bool:
@@ -98,7 +100,9 @@ def setting(value: Any) -> str:
     """Return the value of a parameter: `true`, `0.5`, `left`."""
     if isinstance(value, bool):
         return str(value).lower()
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{value:g}"
+    return str(value)
 
 
 def plural(count: int, noun: str) -> str:

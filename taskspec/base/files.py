@@ -115,7 +115,10 @@ class Unfinished:
             except FileExistsError:
                 raise _already_exists(self._place) from None
         self._direct = self._place.exists() and not self._place.is_file()
-        self.path = self._place if self._direct else self._place.with_name(f".{os.urandom(8).hex()}{place.suffix}")
+        if self._direct:
+            self.path = self._place
+        else:
+            self.path = self._place.with_name(f".{os.urandom(8).hex()}{place.suffix}")
         if not self._direct:
             self.path.touch(exist_ok=False)
             with suppress(FileNotFoundError):

@@ -83,7 +83,9 @@ def _fraction(text: str) -> float:
 
 def shown(value: Any) -> str:
     """Return a value as `read_value` reads it."""
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(value)
 
 
 def assigned(values: Iterable[tuple[str, Any]]) -> str:

@@ -107,7 +107,10 @@ def changed(present: Limits, text: str) -> Limits:
     for part in filter(None, map(str.strip, text.split(","))):
         name, _, value = map(str.strip, part.partition("="))
         if name not in known:
-            message = f"the limit '{name}' cannot be changed" if name in fixed else f"there is no limit '{name}'"
+            if name in fixed:
+                message = f"the limit '{name}' cannot be changed"
+            else:
+                message = f"there is no limit '{name}'"
             raise spec_error("E713", f"{VARIABLE}: {message}", suggest(name, known) or f"there are: {', '.join(known)}")
         try:
             found[name] = int(float(value))

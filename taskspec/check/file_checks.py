@@ -235,7 +235,10 @@ def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
         seen: Counter[tuple[Any, ...]] = Counter()
         for diagnostic in each.diagnostics:
             span = diagnostic.span
-            place = None if span is None else (span.line, span.column, span.end_line, span.end_column)
+            if span is None:
+                place = None
+            else:
+                place = (span.line, span.column, span.end_line, span.end_column)
             here = (diagnostic.code, place or diagnostic.message)
             seen[here] += 1
             key = (*here, seen[here])  # several of one task at one place are several
@@ -244,7 +247,10 @@ def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
             if each.name not in names:
                 names.append(each.name)
     found = []
-    spec = checked[0].name if checked else ""  # the task of the spec itself, or of its first variant
+    if checked:  # the task of the spec itself, or of its first variant
+        spec = checked[0].name
+    else:
+        spec = ""
     for key, diagnostic in first.items():
         names = sharing[key]
         if names != [spec]:

@@ -103,10 +103,16 @@ def _beyond(context: LintContext) -> Iterator[Doubt]:
         slack = SLACK * max([1.0, *(abs(v) for v in (low, high) if np.isfinite(v))])
         ends = []
         if low > c.least + slack:
-            range_ = f"begins at {c.least:g}" if np.isfinite(c.least) else "has no low end"
+            if np.isfinite(c.least):
+                range_ = f"begins at {c.least:g}"
+            else:
+                range_ = "has no low end"
             ends.append(f"below {low:g}, and its range {range_}")
         if high < c.most - slack:
-            range_ = f"ends at {c.most:g}" if np.isfinite(c.most) else "has no high end"
+            if np.isfinite(c.most):
+                range_ = f"ends at {c.most:g}"
+            else:
+                range_ = "has no high end"
             ends.append(f"above {high:g}, and its range {range_}")
         for end in ends:
             yield Doubt(context.key("state", c.name), f"no episode visits a state with {c.name} {end}")
@@ -279,7 +285,9 @@ def _effects(context: LintContext, c: Component) -> list[list[Any]]:
 
         def leaf(node: Node, value: Node = value) -> Node | None:
             is_read = isinstance(node, Read) and (node.role, node.name) == (Role.ACTION, c.name)
-            return value if is_read else None
+            if is_read:
+                return value
+            return None
 
         forms.append(list(rewrite(_step(context.task), leaf, b.remake)))
     return forms
@@ -313,7 +321,10 @@ def expert(context: LintContext) -> Iterator[Doubt]:
     value = f"the expert returns {found.value:.10g}"
     optimal = results.optimal
     if optimal is None:
-        random = results.random if is_bounded(task) else results.estimated(at_random(task), 200)
+        if is_bounded(task):
+            random = results.random
+        else:
+            random = results.estimated(at_random(task), 200)
         if random is not None and random.value >= found.value:
             message = f"{value} on average, and random actions {random.value:.10g}"
             notes = [f"from {found.episodes:,} and {random.episodes:,} episodes"]

@@ -270,12 +270,16 @@ class _Slice:
     @property
     def vector(self) -> Node | None:
         value = self.where.value(self.node.value)
-        return value.node if value is not None and value.node.type.shape else None
+        if value is not None and value.node.type.shape:
+            return value.node
+        return None
 
     def end(self, expr: s.Expr | None) -> int | None:
         """Return an end of the slice if it is a constant."""
         node = None if expr is None else self.where.number(expr)
-        return int(node.value) if isinstance(node, Const) and node.type == INT else None
+        if isinstance(node, Const) and node.type == INT:
+            return int(node.value)
+        return None
 
 
 def past_the_end(context: LintContext) -> Iterator[Doubt]:

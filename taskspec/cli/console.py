@@ -95,7 +95,9 @@ def console(err: bool = False, wide: bool = False) -> Console:
 
 
 def _stream(err: bool) -> Any:
-    return sys.stderr if err else sys.stdout
+    if err:
+        return sys.stderr
+    return sys.stdout
 
 
 def colored(err: bool = False) -> bool:

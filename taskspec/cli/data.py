@@ -139,7 +139,10 @@ def _summary(about: Any) -> str:
         if about["return"] is not None:
             words += f"; the policy earns {about['return']['value']:.6g} ({about['return']['status']})"
         return words
-    parts = "whole episodes" if about["length"] is None else f"segments of {about['length']} steps"
+    if about["length"] is None:
+        parts = "whole episodes"
+    else:
+        parts = f"segments of {about['length']} steps"
     words = f"{about['shown'] - about['skipped']:,} pairs of {parts}"
     if about["skipped"]:
         words += f", {about['skipped']:,} skipped"

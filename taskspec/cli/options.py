@@ -70,7 +70,10 @@ def complete_paths(incomplete: str) -> Completions:
     specs: Completions = []
     folders: Completions = []
     for path in sorted(folder.iterdir()):
-        is_offered = path.name.startswith(tail) if tail else not path.name.startswith(".")
+        if tail:
+            is_offered = path.name.startswith(tail)
+        else:
+            is_offered = not path.name.startswith(".")
         if not is_offered:
             continue
         if path.is_dir():

@@ -161,7 +161,9 @@ def _grid(rows: Iterable[Sequence[RenderableType]], *styles: str, gap: int = 2) 
     table = columns(*([""] * len(styles)), fold=range(len(styles)), styles=styles, gap=gap)
     for row in rows:
         table.add_row(*row)
-    return [table] if table.rows else []
+    if table.rows:
+        return [table]
+    return []
 
 
 def _parameters(task: Task) -> list[RenderableType]:

@@ -178,7 +178,9 @@ def _value_words(c: Component, flat: Flat) -> str:
         items = [f"{x:.4g}" if isinstance(x, float) else str(x) for x in flat]
     if len(items) > MOST_ELEMENTS:
         items = [*items[:3], "...", *items[-3:]]
-    return items[0] if c.type.is_scalar else f"[{', '.join(items)}]"
+    if c.type.is_scalar:
+        return items[0]
+    return f"[{', '.join(items)}]"
 
 
 # -- summary ------------------------------------------------------------------------------------------------------

@@ -171,7 +171,10 @@ def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> Non
         if name == "optimal" and bounds is not None:
             remark = "knowing the state, which observations hide"
         elif name == "expert" and scores.gap is not None:
-            remark = "optimal" if abs(scores.gap) < 1e-9 else f"{decimal(scores.gap, 6)} below the optimum"
+            if abs(scores.gap) < 1e-9:
+                remark = "optimal"
+            else:
+                remark = f"{decimal(scores.gap, 6)} below the optimum"
         elif name != "expert" and value is None and scores.states is not None:  # otherwise the last line says why
             remark = scores.why_not_exact or ""
         table.add_row(f"  {name}", *_return(value), remark)

@@ -119,7 +119,9 @@ def _table(rows: Sequence[Measured], measures: Sequence[str] | None) -> Table:
 def _number(value: Any, half: Any = None) -> str:
     """Return a number, with half of its 95 % confidence interval where it is estimated."""
     if not isinstance(value, int | float):
-        return "" if value is None else str(value)
+        if value is None:
+            return ""
+        return str(value)
     if not half or half <= 1e-9 * abs(value):
         return decimal(value, 6)
     mean, width = estimate(value, half)

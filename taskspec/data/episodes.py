@@ -387,7 +387,10 @@ def role(task: Task, who: Literal["expert", "learner"]) -> Task:
 def described(task: Task, kind: str, acting: TaskPolicy, seed: int) -> dict[str, Any]:
     """Return what data is of, as plain data."""
     value = acting.value
-    told = None if value is None else {"value": value.value, "bound": value.bound, "status": value.status}
+    if value is None:
+        told = None
+    else:
+        told = {"value": value.value, "bound": value.bound, "status": value.status}
     return {
         "kind": kind, "id": task.id, "instance": task.instance_id, "variant": task.variant, "parameters": dict(task.values),
         "modifiers": [str(m) for m in task.modifiers], "horizon": task.horizon, "discount": task.discount,

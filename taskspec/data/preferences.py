@@ -117,7 +117,10 @@ def _preferred(ahead: Array, temperature: float, words: Array) -> Array:
 
 def _check(name: str, value: float, low: float, high: float) -> None:
     if not (low <= value <= high and math.isfinite(value)):
-        span = f"between {low:g} and {high:g}" if math.isfinite(high) else f"a number from {low:g} on"
+        if math.isfinite(high):
+            span = f"between {low:g} and {high:g}"
+        else:
+            span = f"a number from {low:g} on"
         misused(f"`{name}` of a teacher is {span}, not {value!r}")
 
 
@@ -280,7 +283,10 @@ def return_ends(task: Task, length: int | None) -> tuple[float, float]:
     worst = results.worst
     optimal = results.optimal
     assert worst is not None and optimal is not None
-    share = 1.0 if length is None or task.horizon is None else min(1.0, length / task.horizon)
+    if length is None or task.horizon is None:
+        share = 1.0
+    else:
+        share = min(1.0, length / task.horizon)
     if worst.value == optimal.value:
         misused(f"every policy earns {worst.value:g} on {task.id}, so returns have no range")
     return worst.value * share, optimal.value * share

@@ -198,9 +198,11 @@ def tabular(task: TaskLike) -> Tabular:
     """
     task = load(task)
     found = abstraction(task)
-    task = task if found is None else found.stand_in
+    if found is not None:
+        task = found.stand_in
     ends = not _lasts(task)
-    task = modify(task, "absorbing") if ends else task
+    if ends:
+        task = modify(task, "absorbing")
     model = extract(task, True if ends else None)
     horizon = _steps_until_over(model)
     steps = list({id(step): step for step in model.steps[:horizon]}.values())
@@ -226,7 +228,9 @@ def _steps_until_over(model: Model) -> int | None:
 
 def _whole(step: Step) -> Sparse:
     """Return where a step leads, whether or not it ends the episode."""
-    return step.P if step.P_end is None else step.P + step.P_end
+    if step.P_end is None:
+        return step.P
+    return step.P + step.P_end
 
 
 def _alike(a: Step, b: Step) -> bool:
@@ -257,4 +261,6 @@ def _rows(observations: Any) -> list[bytes]:
 
 def _lowest(layout: SpaceLayout) -> Sequence[int]:
     """Return the lowest value of each number of a discrete observation, as the environment shows it."""
-    return layout.starts if layout.form == "discrete" else [0] * len(layout.counts)
+    if layout.form == "discrete":
+        return layout.starts
+    return [0] * len(layout.counts)

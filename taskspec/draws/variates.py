@@ -271,7 +271,10 @@ def categorical(word: int, thresholds: Sequence[int]) -> int:
 
 def categoricals(words: Words, thresholds: Sequence[int] | Words) -> Ints:
     """`categorical`, elementwise: int32 of the same shape. Thresholds as uint32 are those a word can reach."""
-    reached = thresholds if isinstance(thresholds, np.ndarray) else reachable(thresholds)
+    if isinstance(thresholds, np.ndarray):
+        reached = thresholds
+    else:
+        reached = reachable(thresholds)
     if len(reached) > 8:
         return np.searchsorted(reached, words, side="right").astype(np.int32)
     result = np.zeros(words.shape, np.int32)

@@ -77,7 +77,9 @@ def _flat(c: Component, value: Any) -> Any:
             raise StateError(f"E709: {c.name} needs {_needs(c)}, not {value!r}")
     if c.type.kind is not Kind.REAL:
         items = list(map(bool if c.type.kind is Kind.BOOL else int, items))
-    return tuple(items) if c.type.shape else items[0]
+    if c.type.shape:
+        return tuple(items)
+    return items[0]
 
 
 def _label(c: Component, domain: Domain | None, value: str) -> int:
@@ -221,7 +223,9 @@ def ask_lane(lane: LaneView, name: str, *args: Any, **options: Any) -> Any:
     if name not in KNOWN:
         raise LaneError(f"E713: a lane has no {name!r}; it has {', '.join(KNOWN)}")
     found = getattr(lane, name)
-    return found(*args, **options) if callable(found) else found
+    if callable(found):
+        return found(*args, **options)
+    return found
 
 
 def refuse_to_set(name: str) -> NoReturn:

@@ -190,7 +190,9 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def render(self) -> tuple[Any, ...] | None:
         """Return the present state of every lane: texts, or pixels (480, 640, 3) of uint8. None without a render mode."""
-        return None if self.render_mode is None else self.call("render")
+        if self.render_mode is None:
+            return None
+        return self.call("render")
 
     def call(self, name: str, *args: Any, **options: Any) -> tuple[Any, ...]:
         """Return an attribute of every lane ("state", "time", "task", ...), or what its method gives ("render", ...).
@@ -231,7 +233,9 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Nothing to close."""
 
     def _observation(self) -> Any:
-        return self._seen if self._reuse else self._engine.buffers.seen.view(copy=True)
+        if self._reuse:
+            return self._seen
+        return self._engine.buffers.seen.view(copy=True)
 
     def _final(self) -> dict[str, Any]:
         """Last observations of the episodes that ended in this step, and which these are."""

@@ -49,7 +49,9 @@ def labels(c: Component, value: Any) -> Any:
     """Return a component's value for people: labels for choices, bools for conditions."""
     if c.domain is not None and c.type.is_scalar:
         return c.domain.labels[int(value)]
-    return bool(value) if c.type.kind is Kind.BOOL and c.type.is_scalar else value
+    if c.type.kind is Kind.BOOL and c.type.is_scalar:
+        return bool(value)
+    return value
 
 
 def text(task: Task, state: dict[str, Any], time: int) -> str:

@@ -137,7 +137,10 @@ class Oracle:
         other = np.array([self._value(second)])
         teacher = Teacher(boltzmann=temperature)
         words = self.rng.integers(0, 2**32, (WORDS, 1), dtype=np.uint32)
-        ends = return_ends(self.task, len(first.acts)) if teacher.needs_range else (0.0, 0.0)
+        if teacher.needs_range:
+            ends = return_ends(self.task, len(first.acts))
+        else:
+            ends = (0.0, 0.0)
         return float(teacher.labels(one, other, (one, other), ends, words)[0])
 
     def _value(self, trajectory: Any) -> float:
@@ -394,4 +397,6 @@ class _Meter:
     def paid(self, before: Any, actions: Any, after: Any, rewards: Array) -> Array:
         if "preferences" in self.case.learns_from:
             self.case._oracle.keep(before, actions, after, rewards)
-        return rewards if "reward" in self.case.learns_from else np.zeros_like(rewards)
+        if "reward" in self.case.learns_from:
+            return rewards
+        return np.zeros_like(rewards)

@@ -65,7 +65,10 @@ def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | N
     if not callable(train):
         hint = "file.py:train, or module:train, where `def train(case)` gives a policy"
         raise SpecError([Diagnostic("E713", None, f"there is no learner '{name}'", hint)])
-    wanted = getattr(train, "learns_from", DEFAULT) if learns_from is None else learns_from
+    if learns_from is None:
+        wanted = getattr(train, "learns_from", DEFAULT)
+    else:
+        wanted = learns_from
     granted = (wanted,) if isinstance(wanted, str) else tuple(wanted)
     for source in granted:
         if source not in SOURCES:

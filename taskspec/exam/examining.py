@@ -229,7 +229,10 @@ def _plan(
 ) -> list[Planned]:
     width = WIDEST if who.together else 1
     blocks = [seeds[i : i + width] for i in range(0, len(seeds), width)]
-    probed = blocks[: max(1, PROBED // width)] if probes and "reward" not in who.learns_from else []
+    if probes and "reward" not in who.learns_from:
+        probed = blocks[: max(1, PROBED // width)]
+    else:
+        probed = []
     plan = []
 
     def add(task: Task, twin: Modifiers | None, block: tuple[int, ...], negated: bool = False) -> None:
@@ -335,7 +338,9 @@ def _examined(task: Task, measured: list[dict[str, Any]]) -> Examined:
 
 def _finite(value: float | None) -> float | None:
     """Return a number as JSON has it; None for others."""
-    return value if value is not None and math.isfinite(value) else None
+    if value is not None and math.isfinite(value):
+        return value
+    return None
 
 
 def _score(planned: Planned, row: Row, about: Examined) -> Score:
@@ -344,7 +349,9 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
     expert = about["expert"]
 
     def scaled(value: float | None) -> float | None:
-        return None if value is None else score(value, random, expert)
+        if value is None:
+            return None
+        return score(value, random, expert)
 
     unit = abs((expert or 0) - (random or 0)) or 1.0
     curve = row.get("curve")

@@ -34,12 +34,16 @@ class FindingResult:
         """Return the outcome: `not run` if all results that could decide it are missing."""
         truth = self.truths[results]
         is_missing = truth.holds is None and all(each.is_missing for each in truth.evidence)
-        return "not run" if is_missing else _WORDS[truth.holds]
+        if is_missing:
+            return "not run"
+        return _WORDS[truth.holds]
 
     def deciding(self, results: str) -> Comparison | None:
         """Return the closest of the comparisons that decide, or leave it open."""
         known = [each for each in self.truths[results].evidence if not each.is_missing]
-        return min(known, key=lambda each: each.margin) if known else None
+        if known:
+            return min(known, key=lambda each: each.margin)
+        return None
 
     def record(self, results: str) -> dict[str, Any]:
         """Return outcome and evidence as JSON data."""
@@ -118,7 +122,9 @@ def _evaluator(book: RuleBook, exams: Mapping[str, Mapping[str, Any]]) -> ScoreE
 
 
 def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    if math.isfinite(value):
+        return value
+    return None
 
 
 # -- the page ---------------------------------------------------------------------------------------------------------
@@ -229,5 +235,10 @@ def _cited(entry: DiagnosisEntry, references: Mapping[str, Reference]) -> str:
     """Return a source as a line of text: authors, year, title, and the place in it."""
     key = entry.source.key
     found = references.get(key)
-    source = key if found is None else f"{found.authors} ({found.plain('year')}). {found.plain('title')}"
-    return f"{source}, {entry.source.where}" if entry.source.where else source
+    if found is None:
+        source = key
+    else:
+        source = f"{found.authors} ({found.plain('year')}). {found.plain('title')}"
+    if entry.source.where:
+        return f"{source}, {entry.source.where}"
+    return source

@@ -106,7 +106,10 @@ def _values_of(task: Task, policy: Any) -> dict[str, Any]:
 
 def _normalises_rewards(model: Any) -> bool:
     """Return whether the values of a model of Stable-Baselines3 are on a scale of their own (`VecNormalize`)."""
-    wrapper = model.get_vec_normalize_env() if hasattr(model, "get_vec_normalize_env") else None
+    if hasattr(model, "get_vec_normalize_env"):
+        wrapper = model.get_vec_normalize_env()
+    else:
+        wrapper = None
     return bool(getattr(wrapper, "norm_reward", False))
 
 

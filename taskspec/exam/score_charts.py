@@ -78,7 +78,9 @@ def _heat(left: float, width: float, cells: Sequence[Sequence[SeedCell]], across
 
 def background(cell: SeedCell) -> Rgb:
     """Return the colour of a cell of a heat map."""
-    return score_rows.NOT_RUN if cell.mean is None else score_rows.colour(cell.mean)
+    if cell.mean is None:
+        return score_rows.NOT_RUN
+    return score_rows.colour(cell.mean)
 
 
 def _score_axis(rows: Sequence[TaskRow], margin: float = 0.0) -> Scale:
@@ -143,7 +145,10 @@ def _panels(rows: Sequence[TaskRow], top: float) -> Iterator[Item]:
         upper = top + (i // ACROSS) * (height + 1.5)
         steps = chart.axis([x for curve in row.curves for x, _ in curve], most=3)
         steps = replace(steps, ticks=tuple((x, score_rows.steps(x)) for x, _ in steps.ticks))
-        y = scale if i % ACROSS == 0 else replace(scale, ticks=tuple((y, "") for y, _ in scale.ticks))
+        if i % ACROSS == 0:
+            y = scale
+        else:
+            y = replace(scale, ticks=tuple((y, "") for y, _ in scale.ticks))
         plot = Axes(left, upper, width, height, steps, y)
         yield from chart.frame(plot)
         yield from learning_curves(plot, row, CurveStyle())
@@ -275,7 +280,9 @@ def _without_family(learners: Sequence[str]) -> list[str]:
     """Return the names of learners, without the family or folder if all are in one."""
     parts = [name.rpartition("/") for name in learners]
     families = {family for family, _, _ in parts}
-    return [own for _, _, own in parts] if len(families) == 1 else list(learners)
+    if len(families) == 1:
+        return [own for _, _, own in parts]
+    return list(learners)
 
 
 def _cut(cell: SeedCell) -> SeedCell:

@@ -83,7 +83,9 @@ def score(value: float, random: float | None, expert: float | None) -> float | N
     if random is None or expert is None:
         return None
     found = normalised(value, random, expert, floor=None)
-    return found if math.isfinite(found) else None
+    if math.isfinite(found):
+        return found
+    return None
 
 
 def _constant_actions(task: Task) -> list[Any]:
@@ -105,7 +107,10 @@ class _Constant:
         self.action = action
 
     def predict(self, observations: Any) -> Any:
-        first = next(iter(observations.values())) if isinstance(observations, dict) else observations
+        if isinstance(observations, dict):
+            first = next(iter(observations.values()))
+        else:
+            first = observations
         return np.array([self.action] * len(first))
 
 
@@ -162,7 +167,8 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
         SpecError: where the learner cannot be found again.
     """
     with also(trial.limits):
-        train = train_at(trial.place, trial.content) if train is None else train
+        if train is None:
+            train = train_at(trial.place, trial.content)
         results = results_of(trial.about, trial.episodes)
         case = Case(results.task, trial.seeds, trial.terms, trial.negated)
         begin = time.perf_counter()
@@ -185,7 +191,10 @@ def _policies(learned: Any, seeds: int, train: Any) -> Sequence[Any]:
     if not getattr(train, "together", False):
         return [learned]
     if not isinstance(learned, list | tuple) or len(learned) != seeds:
-        given = f"{len(learned)} policies" if isinstance(learned, list | tuple) else type(learned).__name__
+        if isinstance(learned, list | tuple):
+            given = f"{len(learned)} policies"
+        else:
+            given = type(learned).__name__
         raise TypeError(f"`train.together` promises a list of {seeds} policies, one for each seed; this is {given}")
     return learned
 

@@ -43,7 +43,10 @@ class LearnersExamined:
                 low = found["low"]
                 high = found["high"]
                 values[learner] = found["mean"]
-                values[f"{learner}_half"] = None if low is None or high is None else (high - low) / 2
+                if low is None or high is None:
+                    values[f"{learner}_half"] = None
+                else:
+                    values[f"{learner}_half"] = (high - low) / 2
             measured.append(Measured(instance, "done", values))
         return tuple(measured)
 

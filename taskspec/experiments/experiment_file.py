@@ -53,7 +53,9 @@ class ExperimentFile:
 
     def _found(self, learner: str) -> str:
         is_file = learner.endswith((".yaml", ".yml")) or is_function(learner)
-        return str(self.folder / learner) if is_file and not Path(learner).is_absolute() else learner
+        if is_file and not Path(learner).is_absolute():
+            return str(self.folder / learner)
+        return learner
 
 
 def read(source: str | os.PathLike[str]) -> ExperimentFile:
@@ -81,7 +83,9 @@ def read_if_experiment(source: str) -> ExperimentFile | None:
         return None
     document = read_file(Path(source))
     is_one = isinstance(document.data, dict) and "experiment" in document.data
-    return described(document) if is_one else None
+    if is_one:
+        return described(document)
+    return None
 
 
 def find(source: str | os.PathLike[str]) -> Path:
@@ -131,7 +135,10 @@ def check_axes(
         elif name is not None and not names[name] and not may_be_fixed:
             message = f"'{name}' has one value in all instances of each task, so it is no axis"
             varying = [other for other, varies in names.items() if varies]
-            hint = f"these vary: {', '.join(varying)}" if varying else "no parameter varies"
+            if varying:
+                hint = f"these vary: {', '.join(varying)}"
+            else:
+                hint = "no parameter varies"
             collector.add("E206", written.document.span(("plot", key)), message, hint)
     if plot.x is not None and plot.x == plot.y:
         collector.add("E206", written.document.span(("plot", "y")), f"'{plot.y}' is on both axes")
@@ -175,7 +182,10 @@ def _check_episodes(written: ExperimentFile, collector: Collector) -> None:
     episodes = experiment.episodes * rolled_out
     most = limits().episodes
     if episodes > most:
-        times = f" ({experiment.episodes:,} with each of {rolled_out:,} seeds)" if rolled_out > 1 else ""
+        if rolled_out > 1:
+            times = f" ({experiment.episodes:,} with each of {rolled_out:,} seeds)"
+        else:
+            times = ""
         message = f"{episodes:,} episodes{times} are too many; the limit is {most:,}"
         place: Place = ("episodes",) if experiment.episodes > most or rolled_out == 1 else ("seeds",)
         collector.add("E314", written.document.span(place), message, how_to_raise("episodes", episodes))

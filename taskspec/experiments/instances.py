@@ -53,8 +53,8 @@ def options(written: str | Mapping[str, Any]) -> list[Option]:
     ((name, given),) = written.items()
     arguments = MODIFIERS[name].arguments if name in MODIFIERS else ()
     kinds = {a.name: a.kind for a in arguments}
-    if not isinstance(given, dict) or set(given) & set(SPANS):
-        given = {arguments[0].name: given} if arguments and given is not None else given
+    if (not isinstance(given, dict) or set(given) & set(SPANS)) and arguments and given is not None:
+        given = {arguments[0].name: given}
     if not isinstance(given, dict):
         return [Option(modifier({name: given}))]
     _bound(given)
@@ -265,7 +265,9 @@ class _Entry:
         """Return the task as `registry.load` takes it: paths start from the file's folder."""
         name = self.entry.task
         is_relative = name.endswith((".yaml", ".yml")) and not Path(name).is_absolute()
-        return str(self.written.folder / name) if is_relative else name
+        if is_relative:
+            return str(self.written.folder / name)
+        return name
 
     # -- axes -------------------------------------------------------------------------------------------------------
 
@@ -317,7 +319,9 @@ class _Entry:
     def _count(self) -> int | None:
         """Return the number of sampled combinations; None for all."""
         wanted = self.entry.sample
-        return wanted if wanted is None or isinstance(wanted, int) else wanted.count
+        if wanted is None or isinstance(wanted, int):
+            return wanted
+        return wanted.count
 
     def _settings(self, axes: Sequence[Axis]) -> Iterable[tuple[Values, ...]]:
         """Return one tuple of values for each axis."""
@@ -349,7 +353,10 @@ class _Entry:
             place = self._span("parameters")
             note = f"at {ids.assigned(values.items())}"
             self.refused += [replace(d, span=place, notes=(*d.notes, note)) for d in error.diagnostics]
-        all_values = dict(values) if bound is None else {p.name: p.value for p in bound.parameters}
+        if bound is None:
+            all_values = dict(values)
+        else:
+            all_values = {p.name: p.value for p in bound.parameters}
         laid = tuple(str(option.modifier) for option in over)
         shown = {n: all_values[n] for n in varied} | {k: v for option in over for k, v in option.varied.items()}
         name = str(ids.InstanceId(self.task.id, dict(sorted(all_values.items())), laid))
@@ -375,7 +382,9 @@ class _Entry:
     def _value_span(self, name: str, start: int, end: int) -> Span:
         path: Place = ("tasks", self.index, "parameters" if name in self.entry.parameters else "zip", name)
         one = isinstance(self.entry.parameters.get(name), str)
-        return self.document.span(path, start, end) if one else self.document.span(path)
+        if one:
+            return self.document.span(path, start, end)
+        return self.document.span(path)
 
     def _report(self, error: SpecError, path: Place) -> None:
         """Report the mistakes of a task, at the place where the experiment names it, unless it has one of its own."""

@@ -34,7 +34,9 @@ def count(written: Any) -> int:
     match written:
         case {"range": numbers}:
             start, stop, step = _exact(numbers)
-            return max(math.ceil((stop - start) / step), 0) if step else 0
+            if step:
+                return max(math.ceil((stop - start) / step), 0)
+            return 0
         case {"logrange": numbers}:
             return max(int(numbers[2]), 0)
         case list():
@@ -48,7 +50,9 @@ def listed(written: Any, kind: str) -> list[Any] | Draw:
 
     def loguniform(rng: np.random.Generator, low: float, high: float) -> int | float:
         found = math.exp(rng.uniform(math.log(low), math.log(high)))
-        return round(found) if whole else found
+        if whole:
+            return round(found)
+        return found
 
     match written:
         case {"range": numbers}:
@@ -57,7 +61,9 @@ def listed(written: Any, kind: str) -> list[Any] | Draw:
             return [int(x) if x.denominator == 1 and whole else float(x) for x in found]
         case {"logrange": [first, last, *_]}:
             spaced = np.geomspace(first, last, count(written))
-            return list(dict.fromkeys(round(x) for x in spaced)) if whole else [float(x) for x in spaced]
+            if whole:
+                return list(dict.fromkeys(round(x) for x in spaced))
+            return [float(x) for x in spaced]
         case {"uniform": [low, high]}:
             return lambda rng: int(rng.integers(low, high, endpoint=True)) if whole else float(rng.uniform(low, high))
         case {"loguniform": [low, high]}:
@@ -163,7 +169,9 @@ class _ExactChecker(Checker):
 
 
 def _decimal(number: float) -> Fraction | float:
-    return Fraction(repr(number)) if math.isfinite(number) else number
+    if math.isfinite(number):
+        return Fraction(repr(number))
+    return number
 
 
 # The axes of an experiment's settings: all combinations of their values, or a sample of them.
@@ -181,7 +189,9 @@ class Axis:
     @property
     def size(self) -> int:
         """The number of values; 0 where they are drawn."""
-        return 0 if callable(self.values) else len(self.values)
+        if callable(self.values):
+            return 0
+        return len(self.values)
 
     def without(self, names: frozenset[str]) -> Axis:
         """Return the same axis for the other parameters."""
@@ -193,7 +203,9 @@ class Axis:
 
     def drawn(self, rng: np.random.Generator) -> Values:
         """Return one of the values."""
-        return (self.values(rng),) if callable(self.values) else self.values[int(rng.integers(len(self.values)))]
+        if callable(self.values):
+            return (self.values(rng),)
+        return self.values[int(rng.integers(len(self.values)))]
 
 
 def combinations(axes: Sequence[Axis]) -> Iterator[tuple[Values, ...]]:

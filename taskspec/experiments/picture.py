@@ -89,7 +89,10 @@ def _panels(experiment: Experiment, rows: Sequence[Measured], scored: bool) -> l
         plot = experiment.plot
         x = plot.x if plot.x in free else next((n for n in free if n != plot.y), None)
         is_map = plot.y in free or (len(free) == 2 and plot.x is None)
-        y = (plot.y if plot.y in free else next(n for n in free if n != x)) if is_map else None
+        if is_map:
+            y = plot.y if plot.y in free else next(n for n in free if n != x)
+        else:
+            y = None
         rest = [n for n in free if n not in (x, y)]
         title = some[0].instance.task
         shown = tuple(plot.show)
@@ -178,7 +181,10 @@ def _curves(panel: _Panel, experiment: Experiment) -> Iterator[Item]:
 def _theory(panel: _Panel, rows: Sequence[Measured], xs: Sequence[float]) -> Iterator[_Curve]:
     spare = itertools.cycle(OTHERS)
     for name in panel.show:
-        color, dash, label = LINES[name] if name in LINES else (next(spare), "solid", name)
+        if name in LINES:
+            color, dash, label = LINES[name]
+        else:
+            color, dash, label = (next(spare), "solid", name)
         values = [_number(row.values.get(name)) for row in rows]
         halves = [_number(row.values.get(f"{name}_half")) for row in rows]
         if not all(map(math.isnan, values)):
@@ -247,11 +253,15 @@ def _is_geometric(xs: Sequence[float]) -> bool:
 
 
 def _key(value: Any) -> tuple[int, Any]:
-    return (1, value) if isinstance(value, str) else (0, value)
+    if isinstance(value, str):
+        return (1, value)
+    return (0, value)
 
 
 def _number(value: Any) -> float:
-    return float(value) if isinstance(value, int | float) else math.nan
+    if isinstance(value, int | float):
+        return float(value)
+    return math.nan
 
 
 # -- heat maps

@@ -221,7 +221,9 @@ def _of_one_type(values: Sequence[Any]) -> list[Any]:
     kinds = {
         bool if isinstance(v, bool) else float if isinstance(v, int | float) else str for v in values if v is not None
     }
-    return list(values) if len(kinds) < 2 else [None if v is None else str(v) for v in values]
+    if len(kinds) < 2:
+        return list(values)
+    return [None if v is None else str(v) for v in values]
 
 
 WRITERS = {"json": write_json, "csv": write_csv, "parquet": write_parquet}

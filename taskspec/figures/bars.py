@@ -54,7 +54,10 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
     if node is None:
         return None
     here = overlay.here
-    paths = [[dict(here)]] if here is not None else [expert_path(task, LONGEST, seed) for seed in range(SEEDS)]
+    if here is not None:
+        paths = [[dict(here)]]
+    else:
+        paths = [expert_path(task, LONGEST, seed) for seed in range(SEEDS)]
     states = max((_changes(task, node, path) for path in paths), key=len)
     rows = [at_state(task, node, state) for state in states]
     colors = [_colors(task, node, state) for state in states]
@@ -140,7 +143,9 @@ def _colors(task: Task, node: Node, state: State) -> list[Color]:
 
 def _bound(node: Node) -> float | None:
     most = max(abs(node.low), abs(node.high)) if isinstance(node, Read) else math.inf
-    return most if 0 < most < math.inf else None
+    if 0 < most < math.inf:
+        return most
+    return None
 
 
 def _bars(values: Array, colors: list[Color], most: float | None = None) -> Iterator[Item]:

@@ -44,7 +44,9 @@ def graph(task: Task, overlay: Overlay) -> Scene | None:
     if machine is None or all(t.source == t.target for t in machine.transitions):
         return None
     plan = plan_of(machine, overlay)
-    return None if plan is None else _scene(machine, plan, overlay)
+    if plan is None:
+        return None
+    return _scene(machine, plan, overlay)
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,9 @@ def _on_arrow(says: Captions, arc: Arc) -> m.Math | None:
         parts += [says.actions[a] for a in arc.actions]
     if says.rewards[0] == "arrow" and arc.reward:
         parts.append(equal("r", arc.reward))
-    return m.joined(parts) if parts else None
+    if parts:
+        return m.joined(parts)
+    return None
 
 
 @dataclass(frozen=True)
@@ -223,7 +227,9 @@ def _is_chance(v: Vertex) -> bool:
 def _size(v: Vertex, widths: Mapping[Vertex, float]) -> tuple[float, float]:
     if isinstance(v, int):
         return max(RADIUS, widths[v] / 2 + 0.1), RADIUS
-    return (0.12, 0.12) if _is_chance(v) else (0.26, 0.26)
+    if _is_chance(v):
+        return (0.12, 0.12)
+    return (0.26, 0.26)
 
 
 def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> Scene:

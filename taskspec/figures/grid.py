@@ -66,7 +66,9 @@ class _Grid:
     def numbers(self, place: Iterable[Node], reads: Reads, count: int = 1) -> Array:
         """Return column and row of states, and maybe a way, (count, 2) or (count, 4)."""
         found = [at_states(self.task, node, reads, count) for node in place]
-        return found[0] if len(found) == 1 else np.stack(found, axis=1)
+        if len(found) == 1:
+            return found[0]
+        return np.stack(found, axis=1)
 
     def _things(self) -> Iterator[Thing]:
         """Yield the objects of the figure section, and the nose of an agent with a direction."""
@@ -74,7 +76,10 @@ class _Grid:
         for word, place in places.items():
             (numbers,) = self.numbers(place, self.reads).astype(float)
             length = float(np.abs(numbers[2:]).max(initial=0.0))
-            way = tuple((numbers[2:] / length).tolist()) if 0 < length < math.inf else None
+            if 0 < length < math.inf:
+                way = tuple((numbers[2:] / length).tolist())
+            else:
+                way = None
             if word or way is not None:
                 yield Thing(self.short(word), _cell(numbers), way)
 
@@ -87,7 +92,9 @@ class _Grid:
 
     def key(self) -> tuple[str, ...]:
         words = [f"{self.short(word)}: {word}" for word in self.figure.objects if len(word) > 1]
-        return (f"{', '.join(words)}.",) if words else ()
+        if words:
+            return (f"{', '.join(words)}.",)
+        return ()
 
     def marks(self, reads: Reads, count: int = 1) -> Iterator[tuple[Color, Array]]:
         """Yield conditions (count,) or places (count, 2) to highlight, with their colours."""

@@ -135,7 +135,9 @@ def _elided(layers: list[list[Vertex]], arcs: list[Arc], marked: Collection[Vert
     on = {a.source for a in arcs if a.target != a.source}  # what leads on
     if len(layers) <= LONG:
         kept = [_narrow(layer, on, marked) for layer in layers]
-        return _cut(kept, arcs) if sum(map(len, kept)) <= 2 * MANY else None
+        if sum(map(len, kept)) <= 2 * MANY:
+            return _cut(kept, arcs)
+        return None
     first, second, third, *_, last = layers
     dots = (DOTS, 2)
     to_last = {a.source for a in arcs if a.target in last}

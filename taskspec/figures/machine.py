@@ -109,7 +109,9 @@ def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
             return {"": own}
         found[who] = own if other is task else _start_distribution(Steps(other))
     codes = [code for probabilities in found.values() for code in probabilities]
-    return found if len(set(codes)) == len(codes) and own in found.values() else {"": own}
+    if len(set(codes)) == len(codes) and own in found.values():
+        return found
+    return {"": own}
 
 
 def _start_distribution(steps: Steps) -> dict[int, float]:
@@ -135,7 +137,9 @@ def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Trans
             return None
         level = list(new)
         depth += 1
-    return (tuple(seen), tuple(transitions), level) if len(seen) <= MAX_STATES else None
+    if len(seen) <= MAX_STATES:
+        return (tuple(seen), tuple(transitions), level)
+    return None
 
 
 def _left(steps: Steps, last: list[int]) -> frozenset[int]:
@@ -240,7 +244,10 @@ class Captions:
         form = "({})"
         if len(self.machine.task.state) == 1:
             (c,) = self.machine.task.state
-            form = "{}" if c.domain else f"{plain(self.notation.symbol(c.name))} = {{}}"
+            if c.domain:
+                form = "{}"
+            else:
+                form = f"{plain(self.notation.symbol(c.name))} = {{}}"
         return ", ".join(form.format(plain(self.labels[c])) for c in codes)
 
     @cached_property

@@ -157,11 +157,16 @@ class _Known:
         if self.task.expert is None:
             return self.model, plans.optimal_plan(self.model)
         try:
-            whole = self.model if self.task.memory is None else extract(self.task.remembering())
+            if self.task.memory is None:
+                whole = self.model
+            else:
+                whole = extract(self.task.remembering())
         except SpecError:  # too many states with the memory
             return None
         plan = plans.expert_plan(whole)
-        return None if plan is None else (whole, plan)
+        if plan is None:
+            return None
+        return (whole, plan)
 
     def _without_memory(self, whole: Model, code: int) -> int:
         """Return the code of a state without what is remembered there, whose digits are the last ones."""

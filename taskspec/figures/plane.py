@@ -47,7 +47,9 @@ def turn(task: Task, node: Node) -> float:
         later = next((after for c, after in zip(task.state, task.next, strict=True) if c.name == node.name), None)
         if later is not None and any(isinstance(x, Apply) and x.op == "mod" for x in walk([later])):
             low, high = interval.bounds(later, {})
-            return (high - low) / 2 if math.isfinite(high - low) else math.inf
+            if math.isfinite(high - low):
+                return (high - low) / 2
+            return math.inf
     return math.inf
 
 

@@ -114,7 +114,9 @@ def loops(v: Spot) -> list[Line]:
         foot = y + sign * v.radius * inset
         found.append(((x - d, foot), (x - LOOP_WIDE, far), (x + LOOP_WIDE, far), (x + d, foot)))
     right, left, above, below = (Line(points, arrow=True, curved=True) for points in found)
-    return [right, above, below, left] if v.last else [above, below, right, left]
+    if v.last:
+        return [right, above, below, left]
+    return [above, below, right, left]
 
 
 def stubs(v: Spot) -> list[Line]:

@@ -288,7 +288,9 @@ def keyed(scene: Scene) -> Scene:
             word = Label((x + KEY + 0.1, y), m.Words(role), WORD, "start", "muted")
             key += [swatch, *marked(swatch), word]
             x += KEY + 0.1 + text_width(word.text, WORD) + 0.3
-    return scene.extended(key) if key else scene
+    if key:
+        return scene.extended(key)
+    return scene
 
 
 def signed(value: float) -> m.Math:

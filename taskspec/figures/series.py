@@ -60,7 +60,9 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
 def episode_series(task: Task, overlay: Overlay) -> Scene | None:
     """Draw all numbers of a task over the episode so far; None if it has a figure, or other components."""
     shown = len(task.state) <= MOST and all(not c.type.shape and c.domain is None for c in task.state)
-    return _so_far(task, overlay.seen) if shown and task.figure is None else None
+    if shown and task.figure is None:
+        return _so_far(task, overlay.seen)
+    return None
 
 
 def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
@@ -102,7 +104,9 @@ def _scale(number: _Number) -> tuple[float, float]:
 
 
 def _wide(low: float, high: float) -> tuple[float, float]:
-    return (low - 0.5, high + 0.5) if low == high else (low, high)
+    if low == high:
+        return (low - 0.5, high + 0.5)
+    return (low, high)
 
 
 def _panel(
@@ -147,7 +151,10 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
             found.append(_Number(names.symbol(c.name), values, (float(min(c.low)), float(max(c.high))), step))
         return found
     rows = np.array([at_state(task, node, state).reshape(-1) for state in path])
-    parts = node.args if isinstance(node, Apply) and node.op == "vector" else (node,) * node.type.size
+    if isinstance(node, Apply) and node.op == "vector":
+        parts = node.args
+    else:
+        parts = (node,) * node.type.size
     for i, (symbol, part) in enumerate(zip(_symbols(task, node)[:MOST], parts, strict=False)):
         found.append(_Number(symbol, rows[:, i].tolist(), interval.bounds(part, {}), turn(task, part)))
     return found

@@ -65,7 +65,10 @@ def all_states(task: Task) -> tuple[Reads, int] | None:
 def first_state(task: Task, seed: int = 0) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for c, flat in zip(task.state, _reset(task, task.initial, seed), strict=True):
-        found[c.name] = np.array([float(x) for x in flat]).reshape(c.type.shape) if c.type.shape else flat[0]
+        if c.type.shape:
+            found[c.name] = np.array([float(x) for x in flat]).reshape(c.type.shape)
+        else:
+            found[c.name] = flat[0]
     return found
 
 
@@ -119,7 +122,10 @@ def observed(task: Task) -> Iterator[Item]:
     for component, flat in zip(task.observation.components, flats, strict=True):
         symbol = names.symbol(component.name)
         word = m.Words("" if component.type.shape else _word(component, flat))
-        width = min(WIDTH, 0.3 * len(flat)) if component.type.shape else max(SIDE, text_width(word, LETTERS) + 0.2)
+        if component.type.shape:
+            width = min(WIDTH, 0.3 * len(flat))
+        else:
+            width = max(SIDE, text_width(word, LETTERS) + 0.2)
         width = max(width, text_width(symbol, LETTERS))
         yield Label((x + width / 2, -0.25), symbol, LETTERS)
         if component.type.shape:
@@ -134,7 +140,9 @@ def _word(component: Component, flat: Flat) -> str:
     (value,) = flat
     if component.domain is not None:
         return component.domain.labels[int(value)]
-    return number(value, 2) if isinstance(value, float) else str(value).replace("-", "−")
+    if isinstance(value, float):
+        return number(value, 2)
+    return str(value).replace("-", "−")
 
 
 def _bars(x: float, width: float, flat: Flat) -> Iterator[Item]:

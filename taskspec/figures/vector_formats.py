@@ -28,7 +28,10 @@ def svg(scene: sc.Scene, css: bool = False, kind: str = "figure") -> str:
     width = _px(scene.width)
     height = _px(scene.height)
     body = "".join(_svg_item(item) for item in scene.items)
-    paper = "" if css else f'<rect width="{width}" height="{height}" fill="{hex_color("paper")}"/>'
+    if css:
+        paper = ""
+    else:
+        paper = f'<rect width="{width}" height="{height}" fill="{hex_color("paper")}"/>'
     font = escape(_FONTS[scene.font])
     text = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" '
@@ -64,20 +67,31 @@ def _svg_item(item: Item) -> str:
 
 
 def _class(part: str, paint: sc.Paint) -> str:
-    return "" if paint.startswith("#") else f"{part}-{paint}"
+    if paint.startswith("#"):
+        return ""
+    return f"{part}-{paint}"
 
 
 def _svg_paint(item: Circle | Box | Area) -> str:
     classes = [_class(part, paint) for part, paint in (("fill", item.fill), ("line", item.line)) if paint is not None]
     inside = "none" if item.fill is None else hex_color(item.fill)
-    faded = f' fill-opacity="{item.shade:.2f}"' if item.fill and item.shade < 1 else ""
-    edge = f' stroke="{hex_color(item.line)}" stroke-width="{_px(0.032)}"' if item.line else ""
+    if item.fill and item.shade < 1:
+        faded = f' fill-opacity="{item.shade:.2f}"'
+    else:
+        faded = ""
+    if item.line:
+        edge = f' stroke="{hex_color(item.line)}" stroke-width="{_px(0.032)}"'
+    else:
+        edge = ""
     return f' class="{" ".join(filter(None, classes))}" fill="{inside}"{faded}{edge}'
 
 
 def _svg_line(line: Line) -> str:
     first, *others = map(_svg_point, sc.shaft(line))
-    path = f"M{first} C{' '.join(others)}" if line.curved else f"M{first} {' '.join(f'L{p}' for p in others)}"
+    if line.curved:
+        path = f"M{first} C{' '.join(others)}"
+    else:
+        path = f"M{first} {' '.join(f'L{p}' for p in others)}"
     dashes = " ".join(_px(length) for length in _DASHES[line.dash])
     dash = f' stroke-dasharray="{dashes}"' if dashes else ""
     faded = f' stroke-opacity="{line.shade:.2f}"' if line.shade < 1 else ""
@@ -96,7 +110,10 @@ def _label(label: Label) -> str:
     fill = _class("fill", label.color)
     halo = f' stroke="{hex_color("paper")}" stroke-width="{_px(0.12)}" paint-order="stroke" class="halo {fill}"'
     style = halo if label.halo else f' class="{fill}"'
-    turned = f' transform="rotate({-label.angle:g} {_px(x)} {_px(y)})"' if label.angle else ""
+    if label.angle:
+        turned = f' transform="rotate({-label.angle:g} {_px(x)} {_px(y)})"'
+    else:
+        turned = ""
     weight = ' font-weight="bold"' if label.bold else ""
     place = f'x="{_px(x)}" y="{_px(y + label.size * 0.34)}" font-size="{_px(label.size)}" text-anchor="{label.anchor}"'
     return f'<text {place} fill="{hex_color(label.color)}"{style}{weight}{turned}>{runs(label.text)}</text>'
@@ -184,7 +201,10 @@ def _tikz_paint(item: Circle | Box | Area) -> str:
 
 def _tikz_line(line: Line) -> str:
     points = sc.shaft(line)
-    dash = "" if line.dash == "solid" else f", {line.dash.replace('dashdot', 'dash dot')}"
+    if line.dash == "solid":
+        dash = ""
+    else:
+        dash = f", {line.dash.replace('dashdot', 'dash dot')}"
     thick = f", line width={_cm(line.width * 23)}pt"
     if line.curved:
         a, b, c, d = points

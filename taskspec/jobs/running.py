@@ -59,12 +59,16 @@ class JobProgress:
     @property
     def rate(self) -> float:
         """Jobs a second, in this run."""
-        return (self.over - self.before) / self.seconds if self.seconds > 0 else 0.0
+        if self.seconds > 0:
+            return (self.over - self.before) / self.seconds
+        return 0.0
 
     @property
     def left(self) -> float | None:
         """Seconds that the rest takes at this rate; None while there is none."""
-        return (self.total - self.over) / self.rate if self.rate else None
+        if self.rate:
+            return (self.total - self.over) / self.rate
+        return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -380,7 +384,10 @@ AHEAD = 2
 
 def processors() -> int:
     """Return how many processors this process may use: those of its affinity, or fewer where a container has fewer."""
-    affinity = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if hasattr(os, "sched_getaffinity"):
+        affinity = len(os.sched_getaffinity(0))
+    else:
+        affinity = os.cpu_count() or 1
     try:
         quota, period = Path("/sys/fs/cgroup/cpu.max").read_text(encoding="ascii").split()
         granted = -(-int(quota) // int(period))

@@ -55,7 +55,9 @@ class JobResult:
     @property
     def value(self) -> Any:
         """The result as JSON data; None unless the job is done."""
-        return None if self.result is None else json.loads(self.result)
+        if self.result is None:
+            return None
+        return json.loads(self.result)
 
 
 APPLICATION = 0x74736B73

@@ -186,7 +186,10 @@ def check_row(checker: BaseChecker, p: Node, expr: s.Expr) -> None:
 
 
 def _shown(value: Fraction | float) -> str:
-    fraction = f" ({value})" if isinstance(value, Fraction) and value.denominator != 1 else ""
+    if isinstance(value, Fraction) and value.denominator != 1:
+        fraction = f" ({value})"
+    else:
+        fraction = ""
     return f"{float(value):.10g}{fraction}"
 
 
@@ -252,7 +255,9 @@ class _Column:
     def shown(self, value: int) -> str:
         if self.domain is not None:
             return self.domain.labels[value]
-        return BOOLEAN_LABELS[value] if self.node.type.kind is Kind.BOOL else str(value)
+        if self.node.type.kind is Kind.BOOL:
+            return BOOLEAN_LABELS[value]
+        return str(value)
 
 
 _Key = int | None  # the value of one column, None for `else` or a cell that spans it
@@ -381,7 +386,10 @@ class _Table:
             if cell is None:
                 missing = []
                 for c, v in zip(self.columns, values, strict=True):
-                    name = c.expr.written if isinstance(c.expr, s.Name) else "the column"
+                    if isinstance(c.expr, s.Name):
+                        name = c.expr.written
+                    else:
+                        name = "the column"
                     missing.append(f"{name} = {c.shown(v)}")
                 message = f"this table has no row for {', '.join(missing)}"
                 checker.fail("E410", expr, message, "add the row, or `else:`")

@@ -170,7 +170,9 @@ class Runtime:
 
     def without_sign(self, x: AnyArray) -> AnyArray:
         """Return the numbers with 0.0 for -0.0. A sum with 0.0 would do, but XLA takes it for the number itself."""
-        return x if x.dtype.kind in "iub" else self.xp.where(x == 0, 0.0, x)
+        if x.dtype.kind in "iub":
+            return x
+        return self.xp.where(x == 0, 0.0, x)
 
     def argsort(self, x: AnyArray) -> AnyArray:
         return self.xp.argsort(x, axis=0, kind="stable").astype(self.int)
@@ -201,7 +203,9 @@ class Runtime:
             return xp.moveaxis(picked, i.ndim - 1, -1)
         lanes = xp.arange(x.shape[-1])
         picked = x[(i, *(slice(None),) * (x.ndim - 2), lanes)]
-        return picked if x.ndim == 2 else xp.moveaxis(picked, i.ndim - 1, -1)
+        if x.ndim == 2:
+            return picked
+        return xp.moveaxis(picked, i.ndim - 1, -1)
 
     def put(self, x: AnyArray, i: AnyArray, value: AnyArray) -> AnyArray:
         xp = self.xp

@@ -56,7 +56,9 @@ def power(base: Const, exponent: Const) -> tuple[Any, Type] | None:
         raise Refused("this power is too large to write out", "E314")
     value = Fraction(b) ** int(e)
     integral = base.type.kind is not Kind.REAL and e >= 0
-    return (int(value), INT) if integral else (value, REAL)
+    if integral:
+        return (int(value), INT)
+    return (value, REAL)
 
 
 # Folding uses the references of the operator table, so a constant means what it means at run time. Cost is bounded
@@ -120,7 +122,10 @@ class Builder:
         flat = (value,) if type.is_scalar else value
         self.check_size(type.shape)
         # A set may have a hundred thousand elements, and they are ints: a task's tables are built here.
-        items = tuple(map(int, flat)) if type.kind is Kind.INT else tuple(exact(v, type.kind) for v in flat)
+        if type.kind is Kind.INT:
+            items = tuple(map(int, flat))
+        else:
+            items = tuple(exact(v, type.kind) for v in flat)
         if type.kind is Kind.INT and items and max(max(items), -min(items)).bit_length() > Limits.bits:
             raise Refused(f"this integer has more than {Limits.bits} bits", "E314")
         return self._intern(_const_key(items, type), lambda: Const(items[0] if type.is_scalar else items, type))
@@ -241,7 +246,9 @@ class Builder:
         def leaf(part: Node) -> Node | None:
             if isinstance(part, Const) and part.type.kind is Kind.REAL:
                 return self._of(tuple(map(plain, part.flat)), part.type)
-            return None if isinstance(part, Apply) and _moves(part) else part
+            if isinstance(part, Apply) and _moves(part):
+                return None
+            return part
 
         return rewrite([node], leaf, self.remake)[0]
 
@@ -260,7 +267,9 @@ class Builder:
         least, most = self.certain(node)
         if least < low:
             node = self.apply("max2", node, self.scalar(int(low)))
-        return self.apply("min2", node, self.scalar(int(high))) if most > high else node
+        if most > high:
+            return self.apply("min2", node, self.scalar(int(high)))
+        return node
 
     def position(self, index: Node, length: int) -> Node:
         """Return an index (int) brought into range(length): a constant counts from the end when it is negative."""
@@ -297,7 +306,9 @@ class Builder:
         """Return the same node over other arguments (`ir.rewrite`)."""
         match node:
             case Apply(op=op, static=static):
-                return self.apply(op, *args) if op in OPERATORS else self.structure(op, args, static)
+                if op in OPERATORS:
+                    return self.apply(op, *args)
+                return self.structure(op, args, static)
             case Draw(base=base, type=type, site=site):
                 return self._intern((Draw, base, site, *map(id, args)), lambda: Draw(base, args, type, site))
             case _:
@@ -348,7 +359,9 @@ class Builder:
             return self.cast(base, Kind.INT)
         half = self._repeated(base, count // 2)
         square = self.apply("mul", half, half)
-        return self.apply("mul", square, base) if count % 2 else square
+        if count % 2:
+            return self.apply("mul", square, base)
+        return square
 
     def _identity(self, name: str, args: tuple[Node, ...], type: Type) -> Node | None:  # noqa: C901, PLR0912
         """Return a simpler node of the same value, where one is plain to see."""

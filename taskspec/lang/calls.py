@@ -83,7 +83,9 @@ def refuse_keywords(collector: Collector, expr: s.Call) -> None:
 def _keyword(name: str, value: s.Expr) -> s.Place:
     """Return the place of the name before `=`, which stands directly before its value."""
     start = value.place.text.value.rfind(name, 0, value.place.start)
-    return s.Place(value.place.text, start, start + len(name)) if start >= 0 else value.place
+    if start >= 0:
+        return s.Place(value.place.text, start, start + len(name))
+    return value.place
 
 
 def _built_in(checker: BaseChecker, expr: s.Call, scope: Scope) -> Node:
@@ -298,7 +300,10 @@ def subscript(checker: BaseChecker, expr: s.Subscript, scope: Scope) -> Node:
     b = checker.builder
     node = checker.numeric(expr.value, scope)
     if len(expr.indices) > len(node.type.shape):
-        what = "a single value" if node.type.is_scalar else f"a vector of {len(node.type.shape)} axis"
+        if node.type.is_scalar:
+            what = "a single value"
+        else:
+            what = f"a vector of {len(node.type.shape)} axis"
         checker.fail("E307", expr, f"{what} cannot take {len(expr.indices)} indices")
     if len(expr.indices) > 1:
         return _block(checker, node, expr, scope)

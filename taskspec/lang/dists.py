@@ -247,7 +247,9 @@ def _beta(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     one, other = (_elements(b, b.cast(a[name], Kind.REAL), shape) for name in ("a", "b"))
     pairs = (b.structure("vector", pair) for pair in zip(one, other, strict=True))
     shares = [b.structure("element", [b.draw("dirichlet", (pair,), pair.type)], (0,)) for pair in pairs]
-    return b.structure("reshape", [b.structure("vector", shares)], shape) if shape else shares[0]
+    if shape:
+        return b.structure("reshape", [b.structure("vector", shares)], shape)
+    return shares[0]
 
 
 def _binomial(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:

@@ -58,7 +58,9 @@ def apply_flat(name: str, args: Sequence[Flat], types: tuple[Type, ...], static:
     op = OPERATORS[name]
     if not op.elementwise:
         value = op.reference(*args)
-        return tuple(value) if result.shape else (value,)
+        if result.shape:
+            return tuple(value)
+        return (value,)
     size = result.size
     stretched = [arg if t.shape == result.shape else arg * size for arg, t in zip(args, types, strict=True)]
     return tuple(op.reference(*row) for row in zip(*stretched, strict=True))

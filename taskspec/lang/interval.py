@@ -101,7 +101,9 @@ def _is_nearest(op: Operator | Structure, args: Args, found: Range) -> bool:
     """Return whether an operator is correctly rounded, in either precision, or only selects elements."""
     if isinstance(op, Structure):
         return True
-    return op.precise if op.elementwise else found[:2] == args[0][:2]
+    if op.elementwise:
+        return op.precise
+    return found[:2] == args[0][:2]
 
 
 def _certain_step(node: Node, args: Args) -> Range:

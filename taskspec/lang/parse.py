@@ -281,7 +281,8 @@ def _scan(value: str, at: int, out: list[str], brackets: list[int]) -> int:
         return end + 1
     if char == "#":
         end = value.find("\n", at)
-        end = len(value) if end < 0 else end
+        if end < 0:
+            end = len(value)
         out.append(" " * (end - at))
         return end
     if char == PRIME or char == "\\":
@@ -331,7 +332,10 @@ class _Reader:
     def offset(self, line: int, byte_column: int) -> int:
         """Characters before a place that Python gives as line and UTF-8 byte column."""
         text = self.lines[line - 1]
-        column = byte_column if text.isascii() else len(text.encode()[:byte_column].decode())
+        if text.isascii():
+            column = byte_column
+        else:
+            column = len(text.encode()[:byte_column].decode())
         return self.starts[line - 1] + column - 1
 
     def place(self, node: ast.expr | ast.keyword | ast.Slice) -> s.Place:

@@ -152,7 +152,9 @@ class Scope:
 
 def named(value: Value, expr: s.Expr, scope: Scope) -> Value:
     """Return the value of an expression as that of a name, for which a definition or an argument lets it stand."""
-    return replace(value, late=True) if isinstance(value.node, Const) and varies(expr, scope) else value
+    if isinstance(value.node, Const) and varies(expr, scope):
+        return replace(value, late=True)
+    return value
 
 
 def varies(expr: s.Expr, scope: Scope) -> bool:
@@ -289,7 +291,10 @@ class BaseChecker(ABC):
         """Return an expression that must be a single condition; `of_many` may give a hint for several of some shape."""
         node = self.numeric(expr, scope)
         if node.type.kind is not Kind.BOOL:
-            hint = "compare it with something, e.g. `x != 0`" if node.type.is_scalar else None
+            if node.type.is_scalar:
+                hint = "compare it with something, e.g. `x != 0`"
+            else:
+                hint = None
             self.fail("E306", expr, f"a condition is needed here, not {node.type.with_article}", hint)
         if not node.type.is_scalar:
             hint = (of_many and of_many(node.type.shape)) or _ALL_OR_ANY
@@ -339,7 +344,9 @@ class BaseChecker(ABC):
         for name in s.names(tuple(e for e in exprs if e is not None)):
             if isinstance(name, s.Name) and name.id in self.parameters:
                 found[name.id] = f"{name.id} = {self.parameters[name.id]}"
-        return [f"with {', '.join(found.values())}"] if found else []
+        if found:
+            return [f"with {', '.join(found.values())}"]
+        return []
 
     def expand(self, expr: s.Expr, count: int = 1) -> None:
         """Count what is written out on the author's behalf: calls of definitions, elements of comprehensions."""

@@ -184,7 +184,10 @@ def _enumerate(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> _Po
                 checker.fail("E307", expr, f"cannot unpack this into {len(clause.targets)} names")
             parts = [(name, repeated[:, i]) for i, name in enumerate(clause.targets)]
         for name, column in parts:
-            low, high = (float(column.min()), float(column.max())) if column.size else (0.0, 0.0)
+            if column.size:
+                low, high = (float(column.min()), float(column.max()))
+            else:
+                low, high = (0.0, 0.0)
             type_ = Type(_kind(column), column.shape[1:])
             columns[name] = column
             bindings[name] = Value(checker.builder.read(Role.VARIABLE, name, type_, low, high), points.domain)
@@ -206,7 +209,10 @@ def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.E
     """Return a node evaluated for every candidate: (count, *shape)."""
     outside = any(role is not Role.VARIABLE or name not in columns for role, name in reads([node]))
     if outside or draws([node]):
-        hint = "draw an offset from a constant set and add it to the state" if outside else None
+        if outside:
+            hint = "draw an offset from a constant set and add it to the state"
+        else:
+            hint = None
         checker.fail("E312", expr, _ENUMERATED, hint)
     for part in walk([node]):
         if isinstance(part, Const) and part.type.kind is Kind.INT:
@@ -345,7 +351,9 @@ def _link(op: str, left: _Side, right: _Side) -> Node:
     b = checker.builder
     if op in ("in", "not in"):
         found = _member(left, right)
-        return b.apply("not", found) if op == "not in" else found
+        if op == "not in":
+            return b.apply("not", found)
+        return found
     if op in ("==", "!=") and _of_choices(left, right):
         parts = [(op, *pair) for pair in zip(left.parts, right.parts, strict=True)]
         return checker.stack(checker.each(_link, parts), left.expr)
@@ -370,7 +378,10 @@ def _alike(left: _Side, right: _Side) -> tuple[Value, Value]:
     try:
         one = left.value()
     except Poisoned:
-        word = right.expr.value if isinstance(right.expr, s.Quoted) else right.expr.place.written
+        if isinstance(right.expr, s.Quoted):
+            word = right.expr.value
+        else:
+            word = right.expr.place.written
         if not (right.may_be_label and right.scope.is_label(word)):
             right.checker.check(right.expr, right.scope)
         raise
@@ -401,7 +412,10 @@ def _member_of_many(left: _Side, right: s.Comprehension, scope: Scope) -> Node:
     b = checker.builder
     element = right.element
     parts = left.parts or [left]
-    items = element.items if left.parts and isinstance(element, s.Vector) else (element,)
+    if left.parts and isinstance(element, s.Vector):
+        items = element.items
+    else:
+        items = (element,)
     if len(items) != len(parts):
         return _member_of_values(checker, left.value(), left.expr, right, scope)
     domains = [alternatives.domain_of(part.expr, scope) for part in parts]
@@ -412,7 +426,9 @@ def _member_of_many(left: _Side, right: s.Comprehension, scope: Scope) -> Node:
             if not isinstance(checker.value(item, inner, domain).node, Const):
                 checker.fail("E312", item, _ENUMERATED)
         found = _link("==", left, _Side(checker, element, inner))
-        return b.apply("all", found) if found.type.shape else found
+        if found.type.shape:
+            return b.apply("all", found)
+        return found
 
     none: Node = b.scalar(False)
     return reduce(partial(b.apply, "or"), unroll(checker, right, scope, same, wants), none)

@@ -79,7 +79,9 @@ class Type:
 
     @property
     def with_article(self) -> str:
-        return f"an {self}" if self.kind is Kind.INT else f"a {self}"
+        if self.kind is Kind.INT:
+            return f"an {self}"
+        return f"a {self}"
 
 
 BOOL = Type(Kind.BOOL)
@@ -101,7 +103,9 @@ class Domain:
     symbols: tuple[str, ...] | None = None
 
     def index(self, label: str) -> int | None:
-        return self.labels.index(label) if label in self.labels else None
+        if label in self.labels:
+            return self.labels.index(label)
+        return None
 
     @property
     def listed(self) -> str:
@@ -111,7 +115,9 @@ class Domain:
 
 def shape(type_: Type, domain: Domain | None) -> Shape:
     """Return the shape of a value as arithmetic sees it: a mapped choice is what its label stands for."""
-    return type_.shape if domain is None or domain.value_type is None else domain.value_type.shape
+    if domain is None or domain.value_type is None:
+        return type_.shape
+    return domain.value_type.shape
 
 
 BOOLEAN_LABELS = ("false", "true")

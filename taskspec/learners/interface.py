@@ -101,7 +101,9 @@ class Vectors:
 
     @property
     def size(self) -> int:
-        return sum(self.counts) if self.counts else math.prod(self.shape)
+        if self.counts:
+            return sum(self.counts)
+        return math.prod(self.shape)
 
     @property
     def is_bounded(self) -> bool:
@@ -118,7 +120,9 @@ class Vectors:
     def flat(self, values: AnyArray) -> AnyArray:
         """Return finite values (N, *shape) as numbers from 0, int32 (N, K); values of a box as float32 (N, size)."""
         rows = values.reshape(len(values), -1)
-        return (rows - self.start).astype(np.int32) if self.counts else rows.astype(np.float32)
+        if self.counts:
+            return (rows - self.start).astype(np.int32)
+        return rows.astype(np.float32)
 
     def one_hot(self, numbers: AnyArray) -> AnyArray:
         """Return float32 (..., size) of numbers from 0, (..., K); real numbers are unchanged."""
@@ -203,14 +207,20 @@ class NetPolicy:
         v = self.actions
         if not v.counts:
             mean = self._output(seen)
-            drawn = mean if deterministic else mean + np.exp(self.deviations) * rng.standard_normal(mean.shape)
+            if deterministic:
+                drawn = mean
+            else:
+                drawn = mean + np.exp(self.deviations) * rng.standard_normal(mean.shape)
             return np.clip(drawn, v.low, v.high).astype(np.float32).reshape(-1, *v.shape)
         columns = []
         for p in self._groups(seen):
-            p = p >= p.max(axis=1, keepdims=True) if deterministic else p
+            if deterministic:
+                p = p >= p.max(axis=1, keepdims=True)
             columns.append((rng.random((len(p), 1)) * p.sum(axis=1, keepdims=True) >= p.cumsum(axis=1)).sum(axis=1))
         numbers = np.stack(columns, axis=1)
-        return numbers[:, 0] + v.start if v.single else numbers
+        if v.single:
+            return numbers[:, 0] + v.start
+        return numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,7 +256,9 @@ class LearnedReward:
             output = output + self.discount * after - self._forward(self.phi, state)
         if self.pay == "softplus(l)":
             return np.logaddexp(0, output)
-        return -np.logaddexp(0, -output) if self.pay == "-softplus(-l)" else output
+        if self.pay == "-softplus(-l)":
+            return -np.logaddexp(0, -output)
+        return output
 
     def _state(self, observations: Any) -> Array:
         rows = (self.seen(np.asarray(observations)) - self.mean) / self.deviation

@@ -170,7 +170,10 @@ def soft_policy(mdp: Tabular, reward: Array, config: Matching) -> Array:
 
     Source: Ziebart (2010), with the reward in V. The version that is not causal has log E exp V in place of E V.
     """
-    q_values = _expectation(mdp) if config.causal else _log_mean_exp(mdp, config.floor)
+    if config.causal:
+        q_values = _expectation(mdp)
+    else:
+        q_values = _log_mean_exp(mdp, config.floor)
     pi = []
 
     def choose(t: int, q: Array) -> Array:

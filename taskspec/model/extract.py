@@ -255,7 +255,10 @@ def successors(
             actions = np.arange(first, min(steps.actions.size, first + VISITED))
             for found in steps.outcomes(np.tile(some, len(actions)), np.repeat(actions, len(some)), t):
                 spend(len(found.code))
-                inside = np.ones(len(found.code), np.bool_) if found.outside is None else ~found.outside
+                if found.outside is None:
+                    inside = np.ones(len(found.code), np.bool_)
+                else:
+                    inside = ~found.outside
                 going.append(distinct(found.code[inside & ~found.terminal]))
                 ended.append(distinct(found.code[inside & found.terminal]))
     return union(going), union(ended)

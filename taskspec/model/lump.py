@@ -37,7 +37,9 @@ def lumped(roots: Iterable[Node], builder: Builder) -> tuple[Node, ...]:
 
 
 def _replaced(roots: tuple[Node, ...], made: dict[int, Node], builder: Builder) -> tuple[Node, ...]:
-    return rewrite(roots, lambda node: made.get(id(node)), builder.remake) if made else roots
+    if made:
+        return rewrite(roots, lambda node: made.get(id(node)), builder.remake)
+    return roots
 
 
 def _users_of(roots: Sequence[Node]) -> Users:
@@ -168,7 +170,9 @@ def _only(root: Node, above: set[int], users: Users) -> Draw | None:
     for draw in draws([root]):
         if draw.base == "bernoulli" and draw.type.shape == root.type.shape and _is_inside(draw, root, below, users):
             own.append(draw)
-    return own[0] if len(own) == 1 else None
+    if len(own) == 1:
+        return own[0]
+    return None
 
 
 def _is_inside(node: Node, root: Node, below: set[int], users: Users) -> bool:
@@ -235,7 +239,9 @@ def _onwards(node: Node, user: Node, places: Array) -> Array | None:
     if user.op in OPERATORS and OPERATORS[user.op].elementwise:
         others = [a for a in user.args if a is not node]
         is_alone = all(isinstance(a, Const) and a.type.is_scalar for a in others)
-        return places if is_alone and user.type.shape == node.type.shape else None
+        if is_alone and user.type.shape == node.type.shape:
+            return places
+        return None
     match user.op, user.static:
         case "element", (i,):
             return np.asarray(places[i])

@@ -77,7 +77,9 @@ class Step:
     @property
     def matrices(self) -> list[Sparse]:
         """`P`, and `P_end` where there is one."""
-        return [self.P] if self.P_end is None else [self.P, self.P_end]
+        if self.P_end is None:
+            return [self.P]
+        return [self.P, self.P_end]
 
     def with_reward(self, R: Array, lowest: float, highest: float) -> Step:
         """Return the step with another expected reward (A*S,), and bounds of that of all outcomes."""

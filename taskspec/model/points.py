@@ -167,7 +167,9 @@ def _element(low: float, high: float, kind: Kind, lanes: int, rng: np.random.Gen
 def columns(parts: Iterable[Reads]) -> Reads:
     """Return several batches of one another after the other."""
     parts = list(parts)
-    return {key: np.concatenate([p[key] for p in parts], axis=-1) for key in parts[0]} if parts else {}
+    if parts:
+        return {key: np.concatenate([p[key] for p in parts], axis=-1) for key in parts[0]}
+    return {}
 
 
 # -- cost -------------------------------------------------------------------------------------------------------------

@@ -48,7 +48,9 @@ def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> N
         return reward
 
     def leaf(node: Node) -> Node | None:
-        return means.get(node.site) if isinstance(node, Draw) else None
+        if isinstance(node, Draw):
+            return means.get(node.site)
+        return None
 
     return rewrite([reward], leaf, builder.remake)[0]
 
@@ -186,7 +188,9 @@ def picked(reads: Reads, at: Array) -> Reads:
 
 
 def _at(values: Array, point: Array) -> Array:
-    return values if values.shape[-1] == 1 else values[..., point]
+    if values.shape[-1] == 1:
+        return values
+    return values[..., point]
 
 
 def joint_outcomes(

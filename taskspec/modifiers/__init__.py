@@ -234,7 +234,9 @@ def _unpickled(
     remembers: bool,
 ) -> Task:
     task = modify(build(unpacked(pack), variant, values, suite), *modifiers)
-    return task.remembering() if remembers else task
+    if remembers:
+        return task.remembering()
+    return task
 
 
 copyreg.pickle(Task, _reduce)  # in the place of what `build` registers for tasks without modifiers

@@ -80,9 +80,15 @@ def _any(b: Builder, c: Component) -> Node:
 def _permuted(b: Builder, task: Task, given: Arguments) -> Task:
     """Return the table has a row of actions for every state, or one row for all."""
     count = combinations(task.action, "the actions")
-    states = combinations(task.state, "the states", max(1, MOST // count)) if given["per_state"] else 1
+    if given["per_state"]:
+        states = combinations(task.state, "the states", max(1, MOST // count))
+    else:
+        states = 1
     table = permutations(given["seed"], states, count)
-    row = joint(b, task.state, [present(b, c) for c in task.state]) if states > 1 else b.scalar(0)
+    if states > 1:
+        row = joint(b, task.state, [present(b, c) for c in task.state])
+    else:
+        row = b.scalar(0)
     start = b.apply("mul", row, b.scalar(count))
 
     def through(codes: np.ndarray[tuple[int, ...], np.dtype[np.int64]], actions: list[Node]) -> list[Node]:
@@ -168,9 +174,14 @@ def _horizon(b: Builder, task: Task, given: Arguments) -> Task:
     steps = given["steps"]
     longer = task.horizon is not None and steps > task.horizon
     if reads_time(task) and (longer or task.modifiers or task.horizon is None):
-        hint = "give the horizon before other modifiers" if task.modifiers else "a parameter of the task may decide it"
+        if task.modifiers:
+            hint = "give the horizon before other modifiers"
+        else:
+            hint = "a parameter of the task may decide it"
         raise Inapplicable("it depends on the time, and so on its horizon", hint)
-    return _longer(b, task, steps) if longer else replace(task, horizon=steps)
+    if longer:
+        return _longer(b, task, steps)
+    return replace(task, horizon=steps)
 
 
 def _longer(b: Builder, task: Task, steps: int) -> Task:
@@ -192,7 +203,10 @@ def _longer(b: Builder, task: Task, steps: int) -> Task:
 
 
 def _says_horizon(task: Task, given: Arguments) -> str:
-    before = "without a time limit" if task.horizon is None else f"of ${task.horizon}$ steps"
+    if task.horizon is None:
+        before = "without a time limit"
+    else:
+        before = f"of ${task.horizon}$ steps"
     return f"the horizon is ${given['steps']}$, in place of one {before}"
 
 

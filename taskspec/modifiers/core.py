@@ -91,7 +91,9 @@ def acting(b: Builder, task: Task, executed: Mapping[str, Node]) -> Task:
     """Return the task in which other actions are executed than those that are chosen, by name."""
 
     def leaf(node: Node) -> Node | None:
-        return executed[node.name] if isinstance(node, Read) and node.role is Role.ACTION else None
+        if isinstance(node, Read) and node.role is Role.ACTION:
+            return executed[node.name]
+        return None
 
     count = len(task.state)
     roots = (*task.next, *task.raw_next, task.reward, task.terminal)
@@ -122,7 +124,9 @@ def after_step(b: Builder, task: Task, node: Node) -> Node:
     following = {c.name: n for c, n in zip(task.state, task.next, strict=True)}
 
     def leaf(part: Node) -> Node | None:
-        return following[part.name] if isinstance(part, Read) and part.role is Role.STATE else None
+        if isinstance(part, Read) and part.role is Role.STATE:
+            return following[part.name]
+        return None
 
     return rewrite([node], leaf, b.remake_late)[0]
 
@@ -156,7 +160,8 @@ def observing(
     What was observed before, by name, is `meant` as a function of what is observed now. An expert that remembers something else
     of it is left out.
     """
-    meant = {} if meant is None else meant
+    if meant is None:
+        meant = {}
     now = list(zip(components, nodes, strict=True))
     before = zip(task.observation.components, task.observation.nodes, strict=True)
     lost = {(Role.NEXT, c.name) for c, node in before if (c, node) not in now and c.name not in meant}
@@ -173,7 +178,9 @@ def observing(
 
 def real_space(task: Task) -> SpaceKind:
     """Return the space of observations that hold reals: a dictionary where they are one, else a box."""
-    return "dict" if task.observation.space == "dict" else "box"
+    if task.observation.space == "dict":
+        return "dict"
+    return "box"
 
 
 def shows_the_state(task: Task) -> bool:
@@ -196,7 +203,9 @@ def remembering(b: Builder, task: Task, meant: Mapping[tuple[Role, str], Node]) 
         return task
 
     def leaf(node: Node) -> Node | None:
-        return meant.get((node.role, node.name)) if isinstance(node, Read) else None
+        if isinstance(node, Read):
+            return meant.get((node.role, node.name))
+        return None
 
     def read(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
         return rewrite(nodes, leaf, b.remake_late)
@@ -209,7 +218,9 @@ def remembering(b: Builder, task: Task, meant: Mapping[tuple[Role, str], Node]) 
         raw_next=read(memory.raw_next),
     )
     found = replace(task, memory=changed)
-    return found if remembers_what_is_told(found) else forgetting(task)
+    if remembers_what_is_told(found):
+        return found
+    return forgetting(task)
 
 
 def remembers_what_is_told(task: Task) -> bool:
@@ -286,4 +297,6 @@ def elements(b: Builder, node: Node) -> list[Node]:
 
 def shaped(b: Builder, flat: Sequence[Node], type: Type) -> Node:
     """Return elements, row-major, as a value of a type."""
-    return flat[0] if type.is_scalar else b.structure("reshape", [b.structure("vector", flat)], type.shape)
+    if type.is_scalar:
+        return flat[0]
+    return b.structure("reshape", [b.structure("vector", flat)], type.shape)

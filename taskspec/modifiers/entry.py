@@ -86,13 +86,18 @@ class ModifierArgument:
 
     def _number(self, value: Any) -> int | float:
         try:
-            number = Fraction(value.strip()) if isinstance(value, str) else Fraction(value)
+            if isinstance(value, str):
+                number = Fraction(value.strip())
+            else:
+                number = Fraction(value)
         except (TypeError, ValueError, ZeroDivisionError, OverflowError):
             raise ValueError(self.range) from None
         is_whole = number.denominator == 1
         if isinstance(value, bool) or not self.low <= number <= self.high or (self.kind == "int" and not is_whole):
             raise ValueError(self.range)
-        return int(number) if is_whole and abs(number) < 2**53 else float(number)
+        if is_whole and abs(number) < 2**53:
+            return int(number)
+        return float(number)
 
     def _text(self, value: Any) -> str:
         if self.kind == "expression" and isinstance(value, int | float):
@@ -155,7 +160,9 @@ class ModifierEntry:
 
     def kept(self, task: Task, given: Arguments) -> Kept:
         """Return what it keeps of a task with these arguments."""
-        return self.keeps if self.when(task, given) else "nothing"
+        if self.when(task, given):
+            return self.keeps
+        return "nothing"
 
     def keeps_observers(self, task: Task, given: Arguments) -> bool:
         """Return whether it keeps the returns of a task with these arguments, for those who see observations alone, too."""

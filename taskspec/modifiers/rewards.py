@@ -98,7 +98,10 @@ def few_rewards(b: Builder, task: Task) -> FewRewards | None:
     known: dict[int, Values] = {}
     for node in walk([task.reward]):
         found = _values(b, node, [known[id(c)] for c in children(node)])
-        known[id(node)] = found if found is not None and len(found) <= MOST_VALUES else None
+        if found is not None and len(found) <= MOST_VALUES:
+            known[id(node)] = found
+        else:
+            known[id(node)] = None
     constants = known[id(task.reward)]
     if constants is None:
         return None
@@ -173,7 +176,9 @@ def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
     """Return the queue without its first element, and with another one at its end."""
     steps = queue.type.size
     tail = b.structure("vector", [entry])
-    return tail if steps == 1 else b.structure("concat", [b.structure("slice", [queue], (1, steps - 1, 1)), tail])
+    if steps == 1:
+        return tail
+    return b.structure("concat", [b.structure("slice", [queue], (1, steps - 1, 1)), tail])
 
 
 # -- at the end ---------------------------------------------------------------------------------------------------
@@ -237,7 +242,9 @@ LATER_TABLE = (
 
 
 def _times(steps: int) -> str:
-    return "one step" if steps == 1 else f"${steps}$ steps"
+    if steps == 1:
+        return "one step"
+    return f"${steps}$ steps"
 
 
 # Modifiers of rewards: scaled, shifted, noisy, shaped.
@@ -269,7 +276,9 @@ def _some_state(task: Task) -> str:
         return f"sum({c.name})"
     if c.domain is not None:
         return f"{c.name} == {c.domain.labels[-1]}"
-    return f"1 if {c.name} else 0" if c.type.kind is Kind.BOOL else c.name
+    if c.type.kind is Kind.BOOL:
+        return f"1 if {c.name} else 0"
+    return c.name
 
 
 def lasts(task: Task) -> bool:

@@ -33,14 +33,19 @@ def _twin(b: Builder, task: Task, given: Arguments) -> Task:
     symmetry = _declared(task, given["name"])
     if symmetry.observation:
         task = _seen(b, task, symmetry)
-    return _steered(b, task, symmetry) if symmetry.action else task
+    if symmetry.action:
+        return _steered(b, task, symmetry)
+    return task
 
 
 def _declared(task: Task, name: str) -> Symmetry:
     """Return a symmetry by its name."""
     known = {each.name: each for each in task.unmodified.symmetries}
     if name not in known:
-        reason = f"it declares no symmetry '{name}'" if known else "it declares no symmetries"
+        if known:
+            reason = f"it declares no symmetry '{name}'"
+        else:
+            reason = "it declares no symmetries"
         raise Inapplicable(reason, suggest(name, known) or (f"it has {', '.join(known)}" if known else None))
     return known[name]
 
@@ -64,7 +69,9 @@ def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
     shown = {c.name: n for c, n in zip(task.observation.components, task.observation.nodes, strict=True)}
 
     def leaf(node: Node) -> Node | None:
-        return shown[node.name] if isinstance(node, Read) and node.role is Role.NEXT else None
+        if isinstance(node, Read) and node.role is Role.NEXT:
+            return shown[node.name]
+        return None
 
     nodes = rewrite(symmetry.observation, leaf, b.remake_late)
     taken = (names_in(task) - set(now)) | {c.name for c in components}
@@ -130,7 +137,9 @@ def _put(b: Builder, nodes: Sequence[Node], actions: dict[str, Node]) -> tuple[N
     """Return a map of the action, of an action that is given."""
 
     def leaf(node: Node) -> Node | None:
-        return actions[node.name] if isinstance(node, Read) and node.role is Role.ACTION else None
+        if isinstance(node, Read) and node.role is Role.ACTION:
+            return actions[node.name]
+        return None
 
     return rewrite(nodes, leaf, b.remake_late)
 

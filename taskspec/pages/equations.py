@@ -112,7 +112,10 @@ class Writing:
             if isinstance(end, list):
                 found[key] = end[int(index)]
             else:
-                found[key] = f"({end})[{index}]" if self._is_vector(expression(end)) else end
+                if self._is_vector(expression(end)):
+                    found[key] = f"({end})[{index}]"
+                else:
+                    found[key] = end
         return found
 
     def _is_vector(self, expr: s.Expr) -> bool:
@@ -144,7 +147,9 @@ class Writing:
     def whole(self, components: Iterable[str], primed: bool = False) -> m.Math:
         """Return the state or the action as one thing: its component, or the tuple of its components."""
         names = [self.symbol(name, primed) for name in components]
-        return names[0] if len(names) == 1 else m.brackets(m.joined(names))
+        if len(names) == 1:
+            return names[0]
+        return m.brackets(m.joined(names))
 
     def reads(self, expr: s.Expr) -> set[str]:
         """Return names that an expression depends on, through definitions and noise, as written (with primes)."""

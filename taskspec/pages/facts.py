@@ -109,7 +109,9 @@ def _by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterator[VerdictFact]
 
 
 def title(facts: Facts) -> str:
-    return "Exact scores" if facts.scores and all(s.exact for s in facts.scores.values()) else "Scores"
+    if facts.scores and all(s.exact for s in facts.scores.values()):
+        return "Exact scores"
+    return "Scores"
 
 
 def lines(task: Task, facts: Facts) -> Iterator[Inlines]:
@@ -138,7 +140,10 @@ def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:
     for name in facts.unknown:
         yield name, (Text("unknown"),)
     if facts.states is not None:
-        states = "reachable states" if task.spec.abstraction is None else "reachable abstract states"
+        if task.spec.abstraction is None:
+            states = "reachable states"
+        else:
+            states = "reachable abstract states"
         yield states, (Formula(number(facts.states)),)
 
 
@@ -180,7 +185,9 @@ def number(value: Value) -> m.Math:
     if isinstance(size, Fraction) and size.denominator < 1000 and 10**9 % size.denominator:  # no short decimal
         whole, rest = divmod(size, 1)
         frac = m.Frac(m.Num(str(rest.numerator)), m.Num(str(rest.denominator)))
-        return m.row(*sign, m.Num(str(whole)), m.Sym("−" if sign else "+"), frac) if whole else m.row(*sign, frac)
+        if whole:
+            return m.row(*sign, m.Num(str(whole)), m.Sym("−" if sign else "+"), frac)
+        return m.row(*sign, frac)
     digits = f"{float(size):.6g}"
     if isinstance(size, int) or float(size) == round(float(size), 10):
         digits = f"{float(size):.12g}"

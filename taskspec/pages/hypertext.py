@@ -29,7 +29,10 @@ def article(title: str, summary: p.Inlines, description: Iterable[p.Block], sect
     for section in sections:
         found = writer.section(section)
         lines = [found["lead"], *found["lines"]] if found["lead"] else found["lines"]
-        rows = [_row("th", section.table.header), *(_row("td", row) for row in found["rows"])] if section.table else []
+        if section.table:
+            rows = [_row("th", section.table.header), *(_row("td", row) for row in found["rows"])]
+        else:
+            rows = []
         parts.append(Markup("<h3>{}</h3>").format(section.title))
         parts += [Markup("<p>{}</p>").format(line) for line in lines]
         parts += [Markup("<table>{}</table>").format(Markup("").join(rows))] if rows else []
@@ -49,7 +52,10 @@ class HtmlWriter:
     def section(self, section: Section, settings: Sequence[str] = ()) -> dict[str, Any]:
         lines = [self.line(line, settings) for line in section.lines]
         lead, rest = (lines[0], lines[1:]) if section.lead else (None, lines)
-        rows = [[self.prose(cell) for cell in row] for row in section.table.rows] if section.table else []
+        if section.table:
+            rows = [[self.prose(cell) for cell in row] for row in section.table.rows]
+        else:
+            rows = []
         header = section.table.header if section.table else ()
         return {"key": section.key, "title": section.title, "lead": lead, "lines": rest, "header": header, "rows": rows}
 
@@ -82,7 +88,10 @@ class HtmlWriter:
             case p.Cite():
                 return self.cite(piece)
             case p.Mark(holds=holds, text=text):
-                sign, kind = ("?", "open") if holds is None else ("✓", "holds") if holds else ("✗", "fails")
+                if holds is None:
+                    sign, kind = ("?", "open")
+                else:
+                    sign, kind = ("✓", "holds") if holds else ("✗", "fails")
                 return Markup('<span class="mark {}"><span aria-hidden="true">{}</span> {}</span>').format(
                     kind, sign, text
                 )
@@ -141,7 +150,9 @@ def _pieces(math: m.Math) -> list[m.Math]:
 
 
 def _flat(math: m.Math) -> list[m.Math]:
-    return [x for item in math.items for x in _flat(item)] if isinstance(math, m.Row) else [math]
+    if isinstance(math, m.Row):
+        return [x for item in math.items for x in _flat(item)]
+    return [math]
 
 
 def _infix(element: str) -> str:

@@ -58,7 +58,9 @@ def setting(value: Any) -> m.Math:
         return m.upright(str(value).lower())
     if isinstance(value, int | float):
         digits = m.Num(number(abs(value), 10) if isinstance(value, float) else str(abs(value)))
-        return m.Row((m.Sym("−"), digits)) if value < 0 else digits
+        if value < 0:
+            return m.Row((m.Sym("−"), digits))
+        return digits
     return m.Words(str(value))
 
 
@@ -80,7 +82,10 @@ def _range(w: Writing, name: str) -> Inlines:
 def grids(w: Writing) -> Iterator[tuple[str, str]]:
     for name, value in w.spec.constants.items():
         if isinstance(value, Mapping) and "grid" in value:
-            text = value["grid"] if isinstance(value["grid"], str) else "\n".join(value["grid"])
+            if isinstance(value["grid"], str):
+                text = value["grid"]
+            else:
+                text = "\n".join(value["grid"])
             legend = ", ".join(f"{lettered(k)} = {v}" for k, v in (value.get("legend") or {}).items())
             yield f"{name} ({legend})", text
 
@@ -129,11 +134,16 @@ def _labels(w: Writing, c: Component) -> Inlines:
     for i, label in enumerate(c.domain.labels):
         mark = w.notation.labels[c.name][label]
         value = c.domain.values[i] if c.domain.values else None
-        tree = mark if value is None or isinstance(mark, m.Num) else m.Row((mark, m.Sym("="), _value(w, value)))
+        if value is None or isinstance(mark, m.Num):
+            tree = mark
+        else:
+            tree = m.Row((mark, m.Sym("="), _value(w, value)))
         word = isinstance(mark, m.Words | m.Num)
         items.append((Formula(tree),) if word else (Formula(tree), Text(f" {label.replace('_', ' ')}")))
     plain = all(len(x) == 1 for x in items) and not c.domain.values
-    return () if plain else listing(items)
+    if plain:
+        return ()
+    return listing(items)
 
 
 def _value(w: Writing, value: Any) -> m.Math:
@@ -212,7 +222,9 @@ def _when_drawn(w: Writing, noise: str) -> str:
     """Return when the draws of a noise are made: at the start, in every step, or both."""
     if not _is_read(w, noise, ("initial",)):
         return "again in every step"
-    return "at the start, and again in every step" if _is_read(w, noise, _OF_STEPS) else "at the start of an episode"
+    if _is_read(w, noise, _OF_STEPS):
+        return "at the start, and again in every step"
+    return "at the start of an episode"
 
 
 def _is_read(w: Writing, name: str, sections: Iterable[str]) -> bool:
@@ -287,9 +299,15 @@ def expert(w: Writing) -> Iterator[Inlines]:
         case "optimal":
             yield (Text("an optimal policy of the exact model"),)
         case Soft():
-            value = w.math(found.args[0]) if isinstance(found, s.Call) else m.Num(f"{w.task.expert.beta:g}")
+            if isinstance(found, s.Call):
+                value = w.math(found.args[0])
+            else:
+                value = m.Num(f"{w.task.expert.beta:g}")
             yield (Text("Boltzmann-rational, "), formula(m.Ident("β"), m.Sym("="), value))
         case _:
-            actions = found if isinstance(found, Mapping) else {next(iter(w.spec.action)): found}
+            if isinstance(found, Mapping):
+                actions = found
+            else:
+                actions = {next(iter(w.spec.action)): found}
             for name, expr in actions.items():
                 yield (Formula(w.equation(w.symbol(name), expr, name)),)

@@ -168,7 +168,9 @@ class Family:
         """The part of their titles, up to a comma or a colon, that all begin with; else that of the first."""
         titles = [page.title for page in self.pages]
         first = re.split("[,:]", titles[0])[0]
-        return first if len(set(titles)) > 1 and all(title.startswith(first) for title in titles) else titles[0]
+        if len(set(titles)) > 1 and all(title.startswith(first) for title in titles):
+            return first
+        return titles[0]
 
 
 def briefly(page: Page) -> Page:

@@ -67,7 +67,9 @@ def sentence(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> Inlines:
             names = ("model", "condition", "at") if under is None else ("condition", "at")
             given = dict(zip(names, call.args, strict=False)) | dict(call.keywords)
             content = (*_model(w, under or given["model"]), Text(" prefers "), _truth(w, given["condition"]))
-            return (*content, Text(" where "), _truth(w, given["at"])) if "at" in given else content
+            if "at" in given:
+                return (*content, Text(" where "), _truth(w, given["at"]))
+            return content
         case s.Logical(op=op, operands=operands):
             return separated([sentence(w, o, under) for o in operands], f" {op} ")
         case _:
@@ -260,7 +262,9 @@ class Section:
         """Return the text beside the heading and the lines below it."""
         if self.run_on:
             return "; ".join(lines), []
-        return (lines[0], lines[1:]) if self.lead else ("", lines)
+        if self.lead:
+            return (lines[0], lines[1:])
+        return ("", lines)
 
 
 _SECTIONS: tuple[tuple[str, str, lines.Maker, bool], ...] = (

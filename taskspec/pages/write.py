@@ -84,7 +84,9 @@ def write_pages(
     written = [Path(folder) / name for name in files]
     for path, text in zip(written, files.values(), strict=True):
         write_text(path, text)
-    return [*written, compile_pdf(Path(folder))] if "pdf" in wanted else written
+    if "pdf" in wanted:
+        return [*written, compile_pdf(Path(folder))]
+    return written
 
 
 def _known(formats: Iterable[str]) -> list[str]:

@@ -47,7 +47,10 @@ def policy_of(task: Task, policy: Any) -> TaskPolicy:
     """Return the policy of a name, of `model.py:fn`, of a function of an observation, or of an object with `predict`."""
     if isinstance(policy, str) and not is_function(policy):
         return named(task, policy)
-    name = policy if isinstance(policy, str) else getattr(policy, "__name__", type(policy).__name__)
+    if isinstance(policy, str):
+        name = policy
+    else:
+        name = getattr(policy, "__name__", type(policy).__name__)
     found = function_of(policy) if isinstance(policy, str) else policy
     if hasattr(found, "predict"):
         return Predictor(task, found, deterministic=True, name=name)
@@ -151,11 +154,15 @@ class ObservationPolicy(TaskPolicy):
         if self.may_explore:
             return None
         found = unvaried(ask)
-        return None if self.memory is not None else found
+        if self.memory is not None:
+            return None
+        return found
 
 
 def _of_kind(values: Array, kind: Kind) -> Array:
-    return values.astype(np.float64) if kind is Kind.REAL else np.rint(values).astype(np.int64)
+    if kind is Kind.REAL:
+        return values.astype(np.float64)
+    return np.rint(values).astype(np.int64)
 
 
 class Predictor(ObservationPolicy):
@@ -173,7 +180,10 @@ class Predictor(ObservationPolicy):
         self.deterministic = deterministic
         self.takes = parameters(getattr(policy, "predict", None))
         self.normalise: Callable[[Any], Any] = lambda observations: observations
-        wrapper = policy.get_vec_normalize_env() if hasattr(policy, "get_vec_normalize_env") else None
+        if hasattr(policy, "get_vec_normalize_env"):
+            wrapper = policy.get_vec_normalize_env()
+        else:
+            wrapper = None
         if wrapper is not None:  # that it was trained with
             self.normalise = wrapper.normalize_obs
         self.gives_probabilities = getattr(policy, "probabilities", getattr(policy, "action_probabilities", None))

@@ -60,7 +60,9 @@ class Expert:
         """The optimal return minus the expert's; None where there is no exact model."""
         best = self.results.optimal
         own = self.results.expert
-        return None if best is None or own is None else best.value - own.value
+        if best is None or own is None:
+            return None
+        return best.value - own.value
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
@@ -74,7 +76,10 @@ class Expert:
             deterministic: take the most likely action instead of drawing one.
         """
         single, batch = self._split(observation)
-        steps = np.zeros(len(batch), np.int64) if state is None else np.asarray(state[0]).copy()
+        if state is None:
+            steps = np.zeros(len(batch), np.int64)
+        else:
+            steps = np.asarray(state[0]).copy()
         if episode_start is not None:
             steps[np.asarray(episode_start, np.bool_).reshape(-1)] = 0
         memories = self._remembered(batch, steps, state)
@@ -139,7 +144,10 @@ class Expert:
         if self.results.model is None or plan is None:
             refuse(f"the expert of {self.task.name} needs an exact model: {self.results.why_not}")
         pi = probabilities_of(self.results, plan, states, t)[:, 0]
-        action = int(pi.argmax()) if deterministic else int(self.rng.choice(len(pi), p=pi / pi.sum()))
+        if deterministic:
+            action = int(pi.argmax())
+        else:
+            action = int(self.rng.choice(len(pi), p=pi / pi.sum()))
         return decoded(self.results, np.array([action]))
 
     def _states(self, observation: Any) -> dict[str, Array]:
@@ -148,7 +156,10 @@ class Expert:
         states = {}
         for c in (c for c in self.task.state if c.name in self.shown_by):
             value = np.array(flats[self.shown_by[c.name]]).reshape(*c.type.shape, 1)
-            states[c.name] = value if c.type.kind is Kind.REAL else np.rint(value).astype(np.int64)
+            if c.type.kind is Kind.REAL:
+                states[c.name] = value
+            else:
+                states[c.name] = np.rint(value).astype(np.int64)
         return states
 
 

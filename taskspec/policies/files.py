@@ -140,7 +140,9 @@ def _episodes(path: Path, task: Task) -> list[list[Any]]:
     is_nested = all(isinstance(item, list) for item in data)
     if is_nested and is_list:
         is_nested = all(isinstance(part, list | dict) for item in data for part in item)
-    return data if is_nested else [data]
+    if is_nested:
+        return data
+    return [data]
 
 
 def _number(cell: str) -> Any:
@@ -185,4 +187,6 @@ def _element(c: Component, item: Any) -> Any:
         return c.domain.labels.index(item)
     if isinstance(item, str):
         raise ValueError
-    return float(item) if c.type.kind is Kind.REAL else int(item)
+    if c.type.kind is Kind.REAL:
+        return float(item)
+    return int(item)

@@ -152,7 +152,9 @@ def observation_of(observations: Any, lane: int) -> Any:
     """Return the observation (or action) of one lane in the format of the scalar environment."""
     if isinstance(observations, dict):
         return {name: observation_of(part, lane) for name, part in observations.items()}
-    return observations[lane].copy() if observations.ndim > 1 else observations[lane].item()
+    if observations.ndim > 1:
+        return observations[lane].copy()
+    return observations[lane].item()
 
 
 def states_of(model: Model) -> State:
@@ -186,7 +188,9 @@ def named(task: Task, name: str) -> NamedPolicy:
             if task.expert is None:
                 hint = "an `expert:` section says how it acts; `optimal` is planned on the exact model"
                 misused(f"{task.id} gives no expert", hint)
-            return ExpressedExpert(task) if isinstance(task.expert, tuple) else PlannedPolicy(task, "expert", None)
+            if isinstance(task.expert, tuple):
+                return ExpressedExpert(task)
+            return PlannedPolicy(task, "expert", None)
         case ("epsilon", float(epsilon)) if 0 <= epsilon <= 1:
             return EpsilonPolicy(task, name, epsilon)
     unknown(name)
@@ -218,7 +222,9 @@ def _parsed(name: str) -> tuple[str, float | None]:
     """Return the kind of a name and its number; None where it has none."""
     found = _CALL.fullmatch(name)
     try:
-        return (found[1], float(found[2])) if found else (name, None)
+        if found:
+            return (found[1], float(found[2]))
+        return (name, None)
     except ValueError:
         return name, None
 
@@ -269,7 +275,9 @@ class NamedPolicy(TaskPolicy):
         results = self.results
         if not is_installed("scipy") or results.model is None or results.enclosure(self.which) is None:
             return None
-        return results.expert if self.which == "expert" else results.random
+        if self.which == "expert":
+            return results.expert
+        return results.random
 
 
 class RandomPolicy(NamedPolicy):

@@ -56,7 +56,10 @@ def policy_value(results: Results, policy: Any, deterministic: bool | None = Non
     if hasattr(policy, "predict"):
         return _value(results, Predictor(results.task, policy, deterministic))
     if not callable(policy):
-        hint = f"`Expert(task, {policy!r})`" if isinstance(policy, str) and planned(policy) is not None else None
+        if isinstance(policy, str) and planned(policy) is not None:
+            hint = f"`Expert(task, {policy!r})`"
+        else:
+            hint = None
         misused(f"{type(policy).__name__} is not a policy", hint or "a table, a function, or an object with `predict`")
     return _value(results, StateFunction(results.task, policy))
 
@@ -85,7 +88,8 @@ def _value(results: Results, policy: TaskPolicy) -> PolicyValue:
 
 
 def _expert_value(results: Results, expert: Expert) -> PolicyValue:
-    results = results if expert.given is None else expert.results
+    if expert.given is not None:
+        results = expert.results
     value = results.expert
     if value is None:
         refuse(f"the expert of {expert.task.name} has no return: {results.why_not}")
@@ -114,7 +118,9 @@ def plan_of_table(model: Model, table: Array) -> Plan:
             hint = _transposed(table)
         misused("the probabilities of the actions in a state are at least 0, and sum to 1", hint)
     by_action = np.moveaxis(table, -1, -2)
-    return stationary(by_action) if table.ndim == 2 else timed(list(by_action))
+    if table.ndim == 2:
+        return stationary(by_action)
+    return timed(list(by_action))
 
 
 def _by_row(table: Array, rows: int, actions: int, first: int = 0) -> Array:

@@ -81,7 +81,9 @@ class ExpressionWriter(Writer):
         if expr.op == "/":
             sign, top = _pull_sign(expr.left)
             fraction = applied("/", m.Frac(*operands("/", [self.number(top), self.number(expr.right)])))
-            return _signed("−", fraction) if sign else fraction
+            if sign:
+                return _signed("−", fraction)
+            return fraction
         sides = [self.number(expr.left), self.number(expr.right)]
         left, right = operands(expr.op, sides)
         match expr.op:
@@ -127,7 +129,10 @@ class ExpressionWriter(Writer):
     def _call(self, expr: s.Call) -> Piece:
         if is_distribution(expr.function):
             return idioms.distribution(self, expr)
-        found = idioms.IDIOMS[expr.function](self, expr) if expr.function in idioms.IDIOMS else None
+        if expr.function in idioms.IDIOMS:
+            found = idioms.IDIOMS[expr.function](self, expr)
+        else:
+            found = None
         if found is not None:
             return found
         function = FUNCTIONS.get(expr.function)
@@ -139,7 +144,10 @@ class ExpressionWriter(Writer):
             return applied(expr.function, fill(function.latex, holes), signed)
         if expr.function in self.notation.events:  # the probability of a condition, with the policy below
             given = dict(zip(("condition", "under"), expr.args, strict=False)) | dict(expr.keywords)
-            policy = text(given["under"]) if "under" in given else self.notation.events[expr.function]
+            if "under" in given:
+                policy = text(given["under"])
+            else:
+                policy = self.notation.events[expr.function]
             head = m.Script(self.notation.symbol(expr.function), m.Words(policy))
             return Piece(m.Row((head, m.brackets(self.truth(given["condition"]).tree))))
         arguments = m.brackets(m.joined(self.numbers(expr.args)))

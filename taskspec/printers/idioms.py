@@ -130,7 +130,10 @@ def arrows(w: Writer, table: s.Table, state: str, action: m.Math, actions: str) 
             assert not isinstance(inner.body, tuple)
             if parts:
                 parts += [m.Sym(","), m.Gap("wide")]
-            over = action if inner.key is None else replace(w, of=actions).number(inner.key).tree
+            if inner.key is None:
+                over = action
+            else:
+                over = replace(w, of=actions).number(inner.key).tree
             parts += [origin, m.Arrow(over), target.number(inner.body).tree]
             if inner.key is None:
                 parts.append(m.Words(" otherwise"))
@@ -344,7 +347,9 @@ def _is_set(domain: s.Expr) -> bool:
 
 def _target(w: Writer, clause: s.Clause) -> m.Math:
     names = [w.notation.symbol(name) for name in clause.targets]
-    return names[0] if len(names) == 1 else m.brackets(m.joined(names))
+    if len(names) == 1:
+        return names[0]
+    return m.brackets(m.joined(names))
 
 
 def divisible(w: Writer, expr: s.Compare) -> m.Math | None:

@@ -40,24 +40,32 @@ def _character(char: str) -> str:
     if char in _SPECIAL:
         return _SPECIAL[char]
     if char.isascii():
-        return char if char.isprintable() or char in "\t\n" else f"[U+{ord(char):04X}]"
+        if char.isprintable() or char in "\t\n":
+            return char
+        return f"[U+{ord(char):04X}]"
     if char in c.TEX_LETTER or (char in c.TEX_SYMBOL and c.TEX_SYMBOL[char].isalpha()):
         return rf"\ensuremath{{{_glyph(char)}}}"
     if "\u00a1" <= char <= "\u017f":  # what T1 fonts hold
         return char
     simpler = unicodedata.normalize("NFKD", char).encode("ascii", "ignore").decode()
-    return escape(simpler) if simpler else f"[U+{ord(char):04X}]"
+    if simpler:
+        return escape(simpler)
+    return f"[U+{ord(char):04X}]"
 
 
 def _glyph(char: str) -> str:
     name = c.TEX_LETTER.get(char) or c.TEX_SYMBOL.get(char)
     if name is not None:
-        return rf"\{name}" if name.isalpha() else name
+        if name.isalpha():
+            return rf"\{name}"
+        return name
     if char in _MATH_CHAR:
         return _MATH_CHAR[char]
     # what TeX reads as its own (^^5c is a backslash) goes through text mode, where it is written out
     plain = char.isascii() and char.isprintable() and char not in _SPECIAL
-    return char if plain or char in "<>'" else rf"\text{{{_character(char)}}}"
+    if plain or char in "<>'":
+        return char
+    return rf"\text{{{_character(char)}}}"
 
 
 def latex(node: m.Math) -> str:
@@ -71,13 +79,17 @@ def _tex(node: m.Math) -> str:  # noqa: C901, PLR0912
             return _ident(node)
         case m.Num(text=text):
             text = text.replace("−", "-").replace("∞", r"\infty ")
-            return text.replace("%", r"\%") if re.fullmatch(r"-?[0-9./%]+|-?\\infty ", text) else _text(text)
+            if re.fullmatch(r"-?[0-9./%]+|-?\\infty ", text):
+                return text.replace("%", r"\%")
+            return _text(text)
         case m.Sym(text=text):
             return _SYMBOLS.get(text) or f" {_glyph(text)} "
         case m.Words(text=text) | m.Hole(name=text):
             return _text(text)
         case m.Gap(width=gap):
-            return r"\," if gap == "thin" else r"\quad "
+            if gap == "thin":
+                return r"\,"
+            return r"\quad "
         case m.Row(items=items):
             return _row(items)
         case m.Frac(top=top, bottom=bottom):
@@ -118,7 +130,9 @@ def _ident(node: m.Ident) -> str:
         if " " in text or "-" in text or not text.isascii():
             return _text(text)
     if node.style == "italic" and len(text) == 1:  # an arrow that names an action is no relation
-        return f"{{{_glyph(text)}}}" if text in _RELATIONS else _glyph(text)
+        if text in _RELATIONS:
+            return f"{{{_glyph(text)}}}"
+        return _glyph(text)
     letters = ""
     for char in text:  # anything but plain letters goes through text mode
         if char.isascii() and char.isalnum():
@@ -156,7 +170,9 @@ def _script(node: m.Script) -> str:
 
 
 def _group(text: str) -> str:
-    return text if len(text) == 1 else f"{{{text}}}"
+    if len(text) == 1:
+        return text
+    return f"{{{text}}}"
 
 
 def _fence(node: m.Fence) -> str:
@@ -286,7 +302,9 @@ def _scripted(below: str, above: str, base: str, sub: m.Math | None, sup: str | 
         return f"<m{below}{above}>{base}{_element(sub)}{sup}</m{below}{above}>"
     if sub is not None:
         return f"<m{below}>{base}{_element(sub)}</m{below}>"
-    return base if sup is None else f"<m{above}>{base}{sup}</m{above}>"
+    if sup is None:
+        return base
+    return f"<m{above}>{base}{sup}</m{above}>"
 
 
 def _table(rows: Sequence[Sequence[m.Math]], style: str = "") -> str:

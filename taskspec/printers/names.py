@@ -46,13 +46,17 @@ def _given(text: str) -> m.Math:
 def _letter(name: str) -> m.Math | None:
     if len(name) == 1 and name.isalpha():
         return m.Ident(name)
-    return m.Ident(_LETTERS[name]) if name in _LETTERS else None
+    if name in _LETTERS:
+        return m.Ident(_LETTERS[name])
+    return None
 
 
 def label(name: str, given: str | None = None) -> m.Math:
     if given is not None:
         found = _given(given)
-        return m.Ident(found.text) if isinstance(found, m.Sym) else found
+        if isinstance(found, m.Sym):
+            return m.Ident(found.text)
+        return found
     if re.fullmatch(r"-?\d+(\.\d+)?", name):
         return m.Num(name.replace("-", "−"))
     return m.Words(name.replace("_", " "))
@@ -140,7 +144,10 @@ def of_task(task: Task) -> Notation:
     declared = spec.state | spec.action | spec.memory
     for name, entry in declared.items():
         symbols[name] = symbol(name, entry.symbol)
-        first = entry.shape[0] if isinstance(entry.shape, list) and entry.shape else entry.shape
+        if isinstance(entry.shape, list) and entry.shape:
+            first = entry.shape[0]
+        else:
+            first = entry.shape
         if first not in (None, []):
             lengths[name] = expression(first)
     symbols |= {name: symbol(name, entry.symbol) for name, entry in spec.parameters.entries.items()}

@@ -60,7 +60,9 @@ class Piece:
     def at(self, level: int, lead: bool = False) -> m.Math:
         """Return the tree as an operand that must bind at least this tightly; in sums and products only the first has a sign."""
         fits = self.level >= level and (lead or not self.signed or level <= Level.EXTREME)
-        return self.tree if fits else m.brackets(self.tree)
+        if fits:
+            return self.tree
+        return m.brackets(self.tree)
 
 
 def operands(operator: str, pieces: Iterable[Piece]) -> list[m.Math]:
@@ -121,7 +123,9 @@ def _letter(node: m.Math) -> bool:
 
 def _last(node: m.Math) -> m.Math:
     """Return the end of a factor: the 2 of -2."""
-    return _last(node.items[-1]) if isinstance(node, m.Row) and node.items else node
+    if isinstance(node, m.Row) and node.items:
+        return _last(node.items[-1])
+    return node
 
 
 def _is_name(node: m.Math) -> bool:

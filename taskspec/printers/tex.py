@@ -107,11 +107,15 @@ class _TexReader:
     stops: list[str] = field(default_factory=list)
 
     def peek(self) -> str | None:
-        return self.tokens[self.at] if self.at < len(self.tokens) else None
+        if self.at < len(self.tokens):
+            return self.tokens[self.at]
+        return None
 
     def take(self) -> str:
         self.at += 1
-        return self.tokens[self.at - 1] if self.at <= len(self.tokens) else ""
+        if self.at <= len(self.tokens):
+            return self.tokens[self.at - 1]
+        return ""
 
     def taken(self, token: str) -> bool:
         """Read a token if it is the next one."""
@@ -157,7 +161,9 @@ class _TexReader:
 
     def argument(self) -> Math:
         self.skip_blanks()
-        return m.Row(()) if self.peek() is None else m.row(*self.one())
+        if self.peek() is None:
+            return m.Row(())
+        return m.row(*self.one())
 
     def digit_or_argument(self) -> Math:
         r"""Read an argument; of a number only the first digit: `\\frac12` is a half."""
@@ -180,7 +186,9 @@ class _TexReader:
             name = ALIASES.get(token[1:], token[1:])
             if name in _IGNORED:
                 return []
-            return [_SINGLE[name]] if name in _SINGLE else self.structure(token, name)
+            if name in _SINGLE:
+                return [_SINGLE[name]]
+            return self.structure(token, name)
         if token[0].isdigit():
             return [m.Num(token)]
         if token.isalpha():
@@ -210,7 +218,9 @@ class _TexReader:
 
     def raw_argument(self) -> str:
         self.skip_blanks()
-        return self.raw() if self.taken("{") else self.take()
+        if self.taken("{"):
+            return self.raw()
+        return self.take()
 
     def fenced(self, token: str) -> Math:
         """Return a body up to its closing delimiter; when that is missing the opening one stands alone."""

@@ -93,14 +93,18 @@ def _display(expr: s.Vector | s.SetOf | s.Weights | s.Comprehension) -> str:
     match expr:
         case s.Vector(items=items):
             inner = ", ".join(map(text, items))
-            return f"[{inner}]" if len(items) < 2 else f"({inner})"
+            if len(items) < 2:
+                return f"[{inner}]"
+            return f"({inner})"
         case s.SetOf(items=items):
             return f"{{{', '.join(map(text, items))}}}"
         case s.Weights(pairs=pairs):
             return f"{{{', '.join(f'{text(v)}: {text(p)}' for v, p in pairs)}}}"
         case s.Comprehension(element=element, clauses=clauses, is_set=is_set):
             inner = " ".join([text(element), *map(_clause, clauses)])
-            return f"{{{inner}}}" if is_set else f"[{inner}]"
+            if is_set:
+                return f"{{{inner}}}"
+            return f"[{inner}]"
 
 
 def _clause(clause: s.Clause) -> str:
@@ -140,9 +144,13 @@ def plain(node: m.Math) -> str:  # noqa: C901, PLR0912
         case m.Sym(text=text):
             if text in _TIGHT:
                 return text
-            return f"{text} " if text in _AFTER else f" {text} "
+            if text in _AFTER:
+                return f"{text} "
+            return f" {text} "
         case m.Gap(width=gap):
-            return " " if gap == "thin" else "  "
+            if gap == "thin":
+                return " "
+            return "  "
         case m.Row(items=items):
             return _row(items)
         case m.Frac(top=top, bottom=bottom):
@@ -189,12 +197,16 @@ def _closed(node: m.Math) -> m.Math:
     """Put the fraction at the end in brackets."""
     if isinstance(node, m.Row) and node.items:
         return m.Row((*node.items[:-1], _closed(node.items[-1])))
-    return m.brackets(node) if isinstance(node, m.Frac) else node
+    if isinstance(node, m.Frac):
+        return m.brackets(node)
+    return node
 
 
 def _atom(node: m.Math) -> str:
     text = plain(node)
-    return text if isinstance(node, m.Ident | m.Num | m.Accent | m.Script | m.Fence) else f"({text})"
+    if isinstance(node, m.Ident | m.Num | m.Accent | m.Script | m.Fence):
+        return text
+    return f"({text})"
 
 
 def _script(node: m.Script) -> str:
@@ -211,4 +223,6 @@ def _small(node: m.Math | None, table: dict[int, int], mark: str) -> str:
     known = set(map(chr, table.values()))
     if set(raised) <= known and not known & set(text):  # a script of a script would be one with it
         return raised
-    return f"{mark}{text}" if len(text) == 1 or text.isdecimal() else f"{mark}({text})"
+    if len(text) == 1 or text.isdecimal():
+        return f"{mark}{text}"
+    return f"{mark}({text})"

@@ -342,7 +342,10 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         found = dict(zip(names, expr.args, strict=False))
         for name, value in expr.keywords:
             if name not in names:
-                hint = f"`==` compares: `{name} == {value.place.written}`" if self._is_bound(name) else None
+                if self._is_bound(name):
+                    hint = f"`==` compares: `{name} == {value.place.written}`"
+                else:
+                    hint = None
                 raise InvalidClaim(f"{expr.function} has no argument '{name}'; it has {', '.join(names)}", value, hint)
             found[name] = value
         for name in required:

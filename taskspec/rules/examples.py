@@ -97,7 +97,9 @@ def _are_equal(one: float | Fraction, other: float | Fraction) -> bool:
 
 def _number(p: float | Fraction) -> str:
     ratio = Fraction(p).limit_denominator(1000)
-    return str(ratio) if abs(ratio - Fraction(p)) <= 1e-12 else f"{float(p):.6g}"
+    if abs(ratio - Fraction(p)) <= 1e-12:
+        return str(ratio)
+    return f"{float(p):.6g}"
 
 
 def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
@@ -260,7 +262,9 @@ class _Trial:
             return None
 
         def leaf(found: Node) -> Node | None:
-            return self.given[found.role, found.name] if isinstance(found, Read) else None
+            if isinstance(found, Read):
+                return self.given[found.role, found.name]
+            return None
 
         if any(self.given[key] is None for key in reads([node])):
             return None

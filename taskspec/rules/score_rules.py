@@ -109,7 +109,9 @@ def side(score: Mapping[str, Any]) -> str:
     """Return the side of a task that a score belongs to: "printed", "twin", or the name of a probe."""
     if score["probe"]:
         return str(score["probe"])
-    return "printed" if score["twin"] is None else "twin"
+    if score["twin"] is None:
+        return "printed"
+    return "twin"
 
 
 def short_name(task: str) -> str:
@@ -353,7 +355,10 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         """Return a number about `(learner, task, side)`: a learner if there are several, and optionally a side."""
         name = expr.function
         args = expr.args
-        kinds = ["learner", "task"] if self.names.learners and name in NUMBERS else ["task"]
+        if self.names.learners and name in NUMBERS:
+            kinds = ["learner", "task"]
+        else:
+            kinds = ["task"]
         has_sides = name in NUMBERS
         if expr.keywords or not len(kinds) <= len(args) <= len(kinds) + has_sides:
             hint = f"behind them may stand {', '.join(SIDES)}" if has_sides else None
@@ -377,11 +382,16 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             if self._kind_of(member) != kind:
                 self._fail("E306", expr, f"'{expr.id}' is a {self._kind_of(member)} here; a {kind} is needed")
             return member
-        known = (*self.names.tasks, *self.names.instances) if kind == "task" else self.names.learners
+        if kind == "task":
+            known = (*self.names.tasks, *self.names.instances)
+        else:
+            known = self.names.learners
         return self._name(expr, known, kind, tuple(self.bound))
 
     def _kind_of(self, member: str) -> str:
-        return "learner" if member in self.names.learners else "task"
+        if member in self.names.learners:
+            return "learner"
+        return "task"
 
     def _name(self, expr: s.Expr, known: tuple[str, ...], kind: str, others: tuple[str, ...] = ()) -> str:
         if not isinstance(expr, s.Name) or expr.primed:
@@ -460,7 +470,9 @@ def _counted(parts: Sequence[Truth[Comparison]]) -> Estimate:
     """Return how many parts hold: an interval if some are undecided."""
     true = sum(part.holds is True for part in parts)
     undecided = sum(part.holds is None for part in parts)
-    return Estimate.between(true, true + undecided) if undecided else Estimate.exactly(true)
+    if undecided:
+        return Estimate.between(true, true + undecided)
+    return Estimate.exactly(true)
 
 
 def _compare(op: str, difference: Estimate) -> bool | None:

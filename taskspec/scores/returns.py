@@ -95,7 +95,9 @@ class Return:
     def status(self) -> OfNumber:
         if self.episodes:
             return "estimated"
-        return "tested" if self.tested else "exact"
+        if self.tested:
+            return "tested"
+        return "exact"
 
     @property
     def exact(self) -> bool:
@@ -156,14 +158,18 @@ class Results:
     @cached_property
     def abstraction_check(self) -> AbstractionCheck | None:
         """The verification of the abstraction; None without an abstraction."""
-        return None if self.abstraction is None else verify(self.abstraction)
+        if self.abstraction is None:
+            return None
+        return verify(self.abstraction)
 
     def tested(self, which: str = "") -> int:
         """Return the episodes on which the abstraction was tested; 0 without an abstraction, or if it is proved."""
         check = self.abstraction_check
         if check is None:
             return 0
-        return max(check.episodes, check.expert_episodes) if which == "expert" else check.episodes
+        if which == "expert":
+            return max(check.episodes, check.expert_episodes)
+        return check.episodes
 
     @cached_property
     def _extracted(self) -> Model | SpecError:
@@ -177,7 +183,9 @@ class Results:
 
     @property
     def model(self) -> Model | None:
-        return self._extracted if isinstance(self._extracted, Model) else None
+        if isinstance(self._extracted, Model):
+            return self._extracted
+        return None
 
     @property
     def why_not(self) -> str | None:
@@ -192,7 +200,9 @@ class Results:
     def remedy(self) -> str | None:
         """A hint how to get an exact model, where there is none."""
         found = self._extracted
-        return found.diagnostics[0].hint if isinstance(found, SpecError) else None
+        if isinstance(found, SpecError):
+            return found.diagnostics[0].hint
+        return None
 
     @cached_property
     def solvers(self) -> Solvers:
@@ -214,7 +224,9 @@ class Results:
 
     @cached_property
     def expert_rule(self) -> Rule | None:
-        return None if self.model is None else rule_of(self.model, self.given)
+        if self.model is None:
+            return None
+        return rule_of(self.model, self.given)
 
     # -- returns ----------------------------------------------------------------------------------
 
@@ -253,7 +265,10 @@ class Results:
             try:
                 found = self._enclosed(which, as_written)
             except (SpecError, NoNumber) as error:
-                self.unsettled = error.diagnostics[0].message if isinstance(error, SpecError) else str(error)
+                if isinstance(error, SpecError):
+                    self.unsettled = error.diagnostics[0].message
+                else:
+                    self.unsettled = str(error)
                 found = None
             self._enclosures[key] = found
         return self._enclosures[key]
@@ -287,7 +302,10 @@ class Results:
                 choose = by_expert(self.task)
             elif which == "random" and is_bounded(self.task):
                 choose = at_random(self.task)
-            self._samples[key] = None if choose is None else self.estimated(choose, episodes)
+            if choose is None:
+                self._samples[key] = None
+            else:
+                self._samples[key] = self.estimated(choose, episodes)
         return self._samples[key]
 
     def interval(self, sample: Return, confidence: float, soundly: bool) -> Enclosure:
@@ -310,7 +328,9 @@ class Results:
         """The expert as probabilities of actions (A, S) at each time; None without a model, or where they are unknown."""
         try:
             rule = self.expert_rule
-            return None if self.model is None or rule is None else tables(self.model, rule)
+            if self.model is None or rule is None:
+                return None
+            return tables(self.model, rule)
         except SpecError as error:
             self.unsettled = error.diagnostics[0].message
             return None
@@ -333,4 +353,6 @@ def normalised(value: float, random: float, expert: float, floor: float | None =
     if expert == random:
         return math.nan
     score = (value - random) / (expert - random)
-    return score if floor is None or math.isnan(score) else max(floor, score)
+    if floor is None or math.isnan(score):
+        return score
+    return max(floor, score)

@@ -117,7 +117,10 @@ def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) ->
         seed: of these episodes.
     """
     tell("the exact model")
-    results = task if isinstance(task, Results) else Results(load(task), episodes, seed)
+    if isinstance(task, Results):
+        results = task
+    else:
+        results = Results(load(task), episodes, seed)
     task = results.task
     model = results.model
     states = None

@@ -43,7 +43,9 @@ class Reader:
         if exact == short:
             return exact
         self.ambiguous = True
-        return short if self.as_written else exact
+        if self.as_written:
+            return short
+        return exact
 
     def computed(self, value: float) -> Fraction:
         """Return a probability that was computed in floats. Inexact: one that no short fraction explains."""
@@ -63,7 +65,9 @@ def written(value: float) -> Fraction:
     if size < 2**53:
         simple = simplest(size * (1 - _ULPS), size * (1 + _ULPS))
         if simple.denominator <= SHORT:
-            return simple if exact > 0 else -simple
+            if exact > 0:
+                return simple
+            return -simple
     mantissa = repr(value).lower().partition("e")[0]
     if len(mantissa.strip("-0").replace(".", "").strip("0")) <= DIGITS:
         return Fraction(repr(value))
@@ -129,7 +133,9 @@ class Enclosure:
         """The float nearest to the middle."""
         if isinstance(self.low, Fraction) and isinstance(self.high, Fraction):
             return rounded((self.low + self.high) / 2)
-        return float(self.low) if self.is_exact else math.nan
+        if self.is_exact:
+            return float(self.low)
+        return math.nan
 
     @property
     def error(self) -> float:
@@ -169,7 +175,9 @@ def rounded(value: End) -> float:
     try:
         return float(value)
     except OverflowError:
-        return math.inf if value > 0 else -math.inf
+        if value > 0:
+            return math.inf
+        return -math.inf
 
 
 def digits(value: End, count: int = 10) -> str:
@@ -275,7 +283,9 @@ def compare(op: str, a: Enclosure, b: Enclosure, tolerance: Fraction | None = No
             return _equal(a, b, tolerance)
         case "!=":
             is_equal = _equal(a, b, tolerance)
-            return None if is_equal is None else not is_equal
+            if is_equal is None:
+                return None
+            return not is_equal
         case "<":
             return _decided(a.high < b.low, a.low >= b.high)
         case "<=":
@@ -290,7 +300,9 @@ def compare(op: str, a: Enclosure, b: Enclosure, tolerance: Fraction | None = No
 def _decided(is_true: bool, is_false: bool) -> bool | None:
     if is_true:
         return True
-    return False if is_false else None
+    if is_false:
+        return False
+    return None
 
 
 def _equal(a: Enclosure, b: Enclosure, tolerance: Fraction | None) -> bool | None:

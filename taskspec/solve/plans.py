@@ -92,7 +92,9 @@ def optimal_plan(model: Model) -> Plan:
 def expert_plan(model: Model) -> Plan | None:
     """Return the expert that the task's spec gives, or None."""
     rule = rule_of(model)
-    return None if rule is None else tables(model, rule)
+    if rule is None:
+        return None
+    return tables(model, rule)
 
 
 # -- non-causal maximum entropy ---------------------------------------------------------------------------------------

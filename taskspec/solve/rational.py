@@ -68,7 +68,9 @@ class ExactProbabilities:
         return _objects([known[pair] for pair in pairs]).reshape(shape)
 
     def times(self, a: Array, b: Array) -> Array:
-        return b if a.shape == (1,) and a[0] == 1 else np.asarray(a * b)
+        if a.shape == (1,) and a[0] == 1:
+            return b
+        return np.asarray(a * b)
 
 
 def _objects(values: list[Any]) -> Array:
@@ -97,12 +99,16 @@ class Scaled:
 
     def reduced(self) -> Scaled:
         """In lowest terms once the denominator is long."""
-        return self if self.over.bit_length() < 128 else self.lowest()
+        if self.over.bit_length() < 128:
+            return self
+        return self.lowest()
 
     def lowest(self) -> Scaled:
         """In lowest terms."""
         common = math.gcd(self.over, *self.parts.reshape(-1).tolist())
-        return self if common == 1 else Scaled(self.parts // common, self.over // common)
+        if common == 1:
+            return self
+        return Scaled(self.parts // common, self.over // common)
 
     def at(self, index: Any) -> Fraction:
         return Fraction(self.parts[index], self.over)

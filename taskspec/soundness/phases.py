@@ -391,7 +391,9 @@ class Examination:
 
         def sample(draw: Draw, args: list[Array]) -> Array:
             known = branch.drawn.get(draw.site)
-            return sampler(draw, args) if known is None else known
+            if known is None:
+                return sampler(draw, args)
+            return known
 
         return sample
 
@@ -402,7 +404,10 @@ class Examination:
             return
         for batch in self.batches():
             for check, branch, flags, value in self.flagged(batch):
-                points = np.arange(batch.lanes) if branch.origin is None else branch.origin
+                if branch.origin is None:
+                    points = np.arange(batch.lanes)
+                else:
+                    points = branch.origin
                 outcomes = np.flatnonzero(np.broadcast_to(flags, points.shape))
                 points = points[outcomes]
                 first = 0
@@ -470,4 +475,6 @@ class Examination:
 
 
 def _at(values: Array, lane: int) -> Array:
-    return values if values.shape[-1] == 1 else values[..., lane : lane + 1]
+    if values.shape[-1] == 1:
+        return values
+    return values[..., lane : lane + 1]

@@ -72,7 +72,9 @@ class SectionScope:
             return None
 
     def negated(self, condition: Node | None) -> Node | None:
-        return None if condition is None else self.builder.apply("not", condition)
+        if condition is None:
+            return None
+        return self.builder.apply("not", condition)
 
 
 def narrow(expr: s.Expr, section: SectionScope, reads: Reads) -> s.Expr:
@@ -80,7 +82,9 @@ def narrow(expr: s.Expr, section: SectionScope, reads: Reads) -> s.Expr:
     for part, conditions in _alternatives(expr, section):
         known = [c for c in conditions if c is not None and not draws([c])]
         if all(value.reshape(-1)[0] for value in evaluate(known, reads)):
-            return narrow(part, section, reads) if len(known) == len(conditions) else expr
+            if len(known) == len(conditions):
+                return narrow(part, section, reads)
+            return expr
     return expr
 
 

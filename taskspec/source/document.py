@@ -56,7 +56,9 @@ class Document:
     def key_span(self, path: Path) -> Span:
         """Return the place of the key that a path ends with; of the item, when it ends in a list."""
         key, node = self._find(path)
-        return self._between(key.start, key.end) if key else self._between(node.start, node.end)
+        if key:
+            return self._between(key.start, key.end)
+        return self._between(node.start, node.end)
 
     def text(self, path: Path) -> str:
         """Return the text of a scalar as written (`0.10`, `1e-3`), quotes and line folds undone.

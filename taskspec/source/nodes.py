@@ -167,13 +167,17 @@ def quoted(written: str) -> str:
 def in_quotes(written: str) -> str:
     """Return the advice to put a text in quotes, ready to be pasted unless it is very long."""
     advice = "put this text in quotes"
-    return f"{advice}: {quoted(written)}" if len(written) <= _PASTED else advice
+    if len(written) <= _PASTED:
+        return f"{advice}: {quoted(written)}"
+    return advice
 
 
 def shown(written: str) -> str:
     """Return a piece of the author's text for a message: on one line, and cut when long."""
     words = " ".join(written.split())
-    return words if len(words) <= _LONGEST else words[: _LONGEST - 1] + "…"
+    if len(words) <= _LONGEST:
+        return words
+    return words[: _LONGEST - 1] + "…"
 
 
 def special_start(text: str, start: int, in_flow: bool) -> TextProblem:
@@ -195,7 +199,9 @@ def line_start(text: str, at: int) -> int:
 def line_end(text: str, at: int) -> int:
     """Return the offset of the line break that ends the line that holds an offset."""
     found = re.compile(r"[\r\n]").search(text, at)
-    return found.start() if found else len(text)
+    if found:
+        return found.start()
+    return len(text)
 
 
 # -- scalars ------------------------------------------------------------------------------------------------------

@@ -97,7 +97,9 @@ def _with_others(document: Document, chain: tuple[str, ...], known: _Known) -> D
             problems += [d if d.span else replace(d, span=document.span(path)) for d in error.diagnostics]
     if problems:
         raise SpecError(problems)
-    return replace(document, others=found) if found else document
+    if found:
+        return replace(document, others=found)
+    return document
 
 
 def _extended(data: Any) -> Iterator[tuple[Path, str]]:
@@ -131,7 +133,10 @@ def _compose(text: str) -> tuple[Node | None, list[TextProblem]]:
     composed, stops = compose_all(text)
     if stops and stops[-1].code == "E114":
         return composed.root, stops[-1:]  # a text past the bounds is not looked at any further
-    traps = [] if composed.root is None else list(find(text, composed.root, composed.bad_keys))
+    if composed.root is None:
+        traps = []
+    else:
+        traps = list(find(text, composed.root, composed.bad_keys))
     findings = [each for each in traps if not any(stop.covers(each) for stop in stops)]
     findings += [stop for stop in stops if not any(each.covers(stop) for each in findings)]
     return composed.root, findings
@@ -216,5 +221,8 @@ def compose_all(text: str) -> tuple[Composed, list[TextProblem]]:
 
 
 def _cover(text: str, stop: TextProblem) -> str:
-    letter = " " if stop.code in _TOO_MUCH or text.startswith(FENCE, stop.start) else "x"
+    if stop.code in _TOO_MUCH or text.startswith(FENCE, stop.start):
+        letter = " "
+    else:
+        letter = "x"
     return text[: stop.start] + re.sub(r"\S", letter, text[stop.start : stop.end]) + text[stop.end :]

@@ -30,7 +30,9 @@ _OTHERS = re.compile(r"^(experiment|exam|findings) *:", re.MULTILINE)
 def kind(text: str) -> Kind:
     """Return what a file's text is; a spec unless it says otherwise."""
     found = _OTHERS.search(text)
-    return cast(Kind, found[1]) if found else "taskspec"
+    if found:
+        return cast(Kind, found[1])
+    return "taskspec"
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +108,9 @@ def _collected(name: str, version: int, sections: Iterable[str], variants: Itera
 
 def task_name(name: str, variant: str) -> str:
     """Return the name of a variant's task: the key itself when it starts with the task's name, else the two run together."""
-    return variant if variant.startswith(name) else name + variant[:1].upper() + variant[1:]
+    if variant.startswith(name):
+        return variant
+    return name + variant[:1].upper() + variant[1:]
 
 
 def _parsed(text: str) -> Scanned:

@@ -85,7 +85,10 @@ def _open_quote(text: str, syntax: Syntax) -> TextProblem | None:
     start = syntax.since
     last = syntax.last
     if "quoted" in syntax.context and start is not None:
-        hint = "inside single quotes, a quote is written twice: ''" if text[start] == "'" else None
+        if text[start] == "'":
+            hint = "inside single quotes, a quote is written twice: ''"
+        else:
+            hint = None
         message = f"this text begins with {text[start]} and is never closed"
         return TextProblem("E111", start, line_end(text, start), message, hint)
     if not isinstance(last, ScalarNode) or last.style not in ("'", '"') or text[last.end : syntax.at].strip():
@@ -132,14 +135,17 @@ def _not_closed(text: str, syntax: Syntax) -> TextProblem | None:
 def _special(text: str, syntax: Syntax) -> TextProblem | None:
     at = syntax.at
     if any(word in syntax.context for word in _SPECIAL_CONTEXTS):
-        at = at if syntax.since is None else syntax.since
+        if syntax.since is not None:
+            at = syntax.since
     elif not any(word in syntax.problem for word in _SPECIAL_PROBLEMS):
         return None
     char = text[at : at + 1]
     if syntax.in_flow and char in (",", ":", "]", "}"):
         code = "E108" if char == ":" else "E112"
         return TextProblem(code, at, at + 1, f"there is nothing before this `{char}`")
-    return special_start(text, at, syntax.in_flow) if char in SPECIAL else None
+    if char in SPECIAL:
+        return special_start(text, at, syntax.in_flow)
+    return None
 
 
 def _colon(text: str, syntax: Syntax) -> TextProblem | None:
@@ -340,7 +346,10 @@ def _flow_mapping(text: str, node: MappingNode) -> Iterator[TextProblem]:
         if _opens(text, key):
             finding = _cut(text, key.start)
         elif _is_absent(value):
-            glued = f"write a space after the colon: {key.value.replace(':', ': ', 1)}" if _is_glued(key) else None
+            if _is_glued(key):
+                glued = f"write a space after the colon: {key.value.replace(':', ': ', 1)}"
+            else:
+                glued = None
             finding = _no_value(key, glued)
         elif isinstance(value, ScalarNode) and value.style == "plain":
             finding = _cut_value(text, node, key, value)
@@ -351,7 +360,10 @@ def _flow_mapping(text: str, node: MappingNode) -> Iterator[TextProblem]:
 
 def _cut_value(text: str, node: MappingNode, owner: ScalarNode, value: Node) -> TextProblem | None:
     """Return the finding for the value of a key that went on behind its comma, if it did; it takes all keys that came of that."""
-    end = value_end(text, value.start, in_flow=True) if _opens(text, value) else value.end
+    if _opens(text, value):
+        end = value_end(text, value.start, in_flow=True)
+    else:
+        end = value.end
     is_list = owner.value in _LISTS
     is_word = isinstance(resolve(text[value.start : value.end]), str)
     lone: list[ScalarNode] = []
@@ -360,7 +372,10 @@ def _cut_value(text: str, node: MappingNode, owner: ScalarNode, value: Node) -> 
             continue
         if not (is_word or is_list) or not _is_absent(other) or _is_key(text, key):
             break
-        end = value_end(text, key.start, in_flow=True) if _opens(text, key) else key.end
+        if _opens(text, key):
+            end = value_end(text, key.start, in_flow=True)
+        else:
+            end = key.end
         lone.append(key)
     if end == value.end:
         return None

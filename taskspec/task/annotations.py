@@ -37,7 +37,10 @@ def figure(context: Context, scope: Scope) -> Figure | None:
             context.report_key("E203", ("figure",), f"a figure of kind `{written['kind']}` needs `{key}`")
     shown: dict[str, Node] = {}
     for path in (("curve",), ("values",), *(("highlight", name) for name in written.get("highlight") or {})):
-        expr = context.forms.expr(("figure", *path)) if written.get(path[0]) is not None else None
+        if written.get(path[0]) is not None:
+            expr = context.forms.expr(("figure", *path))
+        else:
+            expr = None
         node = _number_of(context, expr, scope)
         if node is not None:
             shown[path[-1]] = node
@@ -89,7 +92,10 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
     constants = context.data.get("constants") or {}
     if name is None:
         return ()
-    grid = constants[name].get("grid") if isinstance(constants.get(name), dict) else None
+    if isinstance(constants.get(name), dict):
+        grid = constants[name].get("grid")
+    else:
+        grid = None
     if name not in constants:
         context.report("E302", ("figure", "map"), f"there is no constant '{name}'", suggest(name, constants))
     elif grid is None:
@@ -147,9 +153,15 @@ def _example(context: Context, entry: Mapping[str, Any], path: Path) -> Example:
         for name, expr in _named(context, entry, key, section, path)
     ]
     for key in _SINGLE:
-        expr = context.forms.expr((*path, key)) if entry.get(key) is not None else None
+        if entry.get(key) is not None:
+            expr = context.forms.expr((*path, key))
+        else:
+            expr = None
         follows += [] if expr is None else [Followed(key, None, expr)]
-    chance = context.forms.expr((*path, "probability")) if entry.get("probability") is not None else None
+    if entry.get("probability") is not None:
+        chance = context.forms.expr((*path, "probability"))
+    else:
+        chance = None
     most = limits().claims
     if (number := parameters.size(entry.get("for"))) > most:
         message = f"{number:,} choices of parameter values are too many; the limit is {most:,}"

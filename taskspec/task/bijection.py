@@ -151,7 +151,9 @@ def _all(components: Sequence[Component], rows: Array) -> list[Array]:
 def _rows(values: Sequence[Array], lanes: int) -> Array:
     """Return all elements (lanes, elements) of values (*shape, lanes or 1)."""
     flat = [np.broadcast_to(v.reshape(-1, v.shape[-1]), (math.prod(v.shape[:-1]), lanes)) for v in values]
-    return np.concatenate(flat).T if flat else np.zeros((lanes, 0), np.int64)
+    if flat:
+        return np.concatenate(flat).T
+    return np.zeros((lanes, 0), np.int64)
 
 
 def _values(components: Sequence[Component], arrays: Sequence[Array], lane: int) -> Values:

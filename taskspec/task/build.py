@@ -153,7 +153,9 @@ def reduce_task(task: Task) -> tuple[Any, ...]:
 
 def _unpickled(pack: Packed, variant: str | None, values: dict[str, Any], suite: str, remembers: bool) -> Task:
     task = build(unpacked(pack), variant, values, suite)
-    return task.remembering() if remembers else task
+    if remembers:
+        return task.remembering()
+    return task
 
 
 copyreg.pickle(Task, reduce_task)  # here, since a task need not know how it is built; `modifiers` adds what it changes
@@ -197,7 +199,10 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
     declarations.bind_constants(context)
     context.state = declarations.bind_components(context, "state")
     context.action = declarations.bind_components(context, "action")
-    context.memory = declarations.bind_components(context, "memory") if context.data.get("memory") else ()
+    if context.data.get("memory"):
+        context.memory = declarations.bind_components(context, "memory")
+    else:
+        context.memory = ()
     context.collect_labels()
     context.horizon = declarations.bind_horizon(context)
     discount = declarations.bind_discount(context)
@@ -333,7 +338,10 @@ def _error(message: str) -> SpecError:
 
 def _refused(found: Diagnostic, names: Sequence[str]) -> Diagnostic:
     """Return a mistake that there is because parameters are open."""
-    subject = f"parameter {names[0]}" if len(names) == 1 else f"all of the parameters {', '.join(names)}"
+    if len(names) == 1:
+        subject = f"parameter {names[0]}"
+    else:
+        subject = f"all of the parameters {', '.join(names)}"
     why = found.message.partition(":")[0]
     hint = "what decides shapes, counts and bounds is bound when a task is loaded: `load(task, L=5)`"
     return Diagnostic("E713", found.span, f"{subject} cannot differ between lanes: {why}", hint)

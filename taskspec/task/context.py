@@ -65,7 +65,9 @@ class Forms:
             case list():
                 return self._list(value, path)
             case dict():
-                return self._table(value, path) if "by" in value else self._weights(value, path)
+                if "by" in value:
+                    return self._table(value, path)
+                return self._weights(value, path)
             case None:
                 self.collector.add("E301", self.place(path), "an expression is missing here")
                 return None
@@ -87,7 +89,9 @@ class Forms:
             return parse_into(self._in_brackets(items[0], (*path, 0)), self.collector)
         exprs = [self.tree(item, (*path, i)) for i, item in enumerate(items)]
         found = tuple(e for e in exprs if e is not None)
-        return s.Vector(found, self.place(path)) if len(found) == len(items) else None
+        if len(found) == len(items):
+            return s.Vector(found, self.place(path))
+        return None
 
     def _in_brackets(self, item: str, path: Path) -> s.SourceText:
         """Return the only text of a list with the brackets of the list: `[f(i) for i in range(n)]` is a comprehension."""
@@ -109,7 +113,9 @@ class Forms:
                 branches.append((condition, then))
         if otherwise is None or len(branches) < last:
             return None
-        return s.Piecewise(tuple(branches), otherwise, self.place(path)) if branches else otherwise
+        if branches:
+            return s.Piecewise(tuple(branches), otherwise, self.place(path))
+        return otherwise
 
     def _weights(self, value: dict[str, Any], path: Path) -> s.Expr | None:
         pairs = []
@@ -118,7 +124,9 @@ class Forms:
             weight = self.tree(p, (*path, key))
             if outcome is not None and weight is not None:
                 pairs.append((outcome, weight))
-        return s.Weights(tuple(pairs), self.place(path)) if len(pairs) == len(value) else None
+        if len(pairs) == len(value):
+            return s.Weights(tuple(pairs), self.place(path))
+        return None
 
     def key(self, key: str, path: Path) -> s.Expr | None:
         """Return a key of a table or of a distribution: an expression on the left of a colon."""
@@ -163,7 +171,9 @@ class Forms:
                 broken = True
             else:
                 result.append(s.TableRow(label, body, self.place(here)))
-        return None if broken else tuple(result)
+        if broken:
+            return None
+        return tuple(result)
 
 
 def is_word(label: str) -> bool:
@@ -218,7 +228,10 @@ def _blame(checker: Checker, refused: Refused, expr: s.Expr, scope: Scope, compo
 
 def _fit(checker: Checker, value: Value, expr: s.Expr, c: Component) -> Node:
     """Return the value as one of a component; Refused when it cannot be."""
-    node = checker.number_of(value) if c.domain is None else numbered(checker, value, expr, c.domain)
+    if c.domain is None:
+        node = checker.number_of(value)
+    else:
+        node = numbered(checker, value, expr, c.domain)
     if node.type.kind > c.type.kind:
         message = f"'{c.name}' is {_NAMED[c.type.kind]}, but this is {_NAMED[node.type.kind]}"
         raise Refused(message, "E306", "compare it, e.g. `x > 0`" if c.type.kind is Kind.BOOL else _whole(expr, c))
@@ -327,7 +340,9 @@ class Context:
 
     def bound(self, c: Component, role: Role) -> Binding:
         """Return what the name of a component means."""
-        return Lazy(poison, c.domain) if c.name in self.broken else self.read(c, role)
+        if c.name in self.broken:
+            return Lazy(poison, c.domain)
+        return self.read(c, role)
 
     def read(self, c: Component, role: Role) -> Value:
         """Return the present value of a component."""
@@ -385,7 +400,9 @@ class Context:
             pass
         except Refused as refused:
             self.collector.add(refused.code, place, refused.message, refused.hint)
-        return binding if isinstance(binding, Value) else None
+        if isinstance(binding, Value):
+            return binding
+        return None
 
     # -- values of components -------------------------------------------------------------------------------------
 

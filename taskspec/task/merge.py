@@ -119,7 +119,9 @@ def merge(document: Document, variant: str | None = None) -> Merged:
 def before(document: Document, variant: str | None) -> Merged | None:
     """Return what a variant, or a spec, is based on; None for a spec that extends no other."""
     step = _base((document, variant))
-    return None if step is None else merge(*step)
+    if step is None:
+        return None
+    return merge(*step)
 
 
 @lru_cache(maxsize=512)

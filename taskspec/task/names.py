@@ -284,7 +284,10 @@ class Names:
         expr = context.exprs["dynamics"][written]
         leave = context.guard(written, at)
         try:
-            node = None if expr is None else context.assign(expr, self.scope("dynamics"), component)
+            if expr is None:
+                node = None
+            else:
+                node = context.assign(expr, self.scope("dynamics"), component)
         finally:
             leave()
         if node is None:
@@ -327,7 +330,10 @@ def check_names(merged: Merged, collector: Collector) -> None:
         place = merged.key_span(path)
         if name in known:
             before, there = known[name]
-            where = f"line {there.line}" if there.origin == place.origin else str(there)
+            if there.origin == place.origin:
+                where = f"line {there.line}"
+            else:
+                where = str(there)
             message = f"'{name}' is {article(before)} already, in {where}"
             collector.add("E309", place, message, "every name has one meaning in a spec")
         elif name in _RESERVED:

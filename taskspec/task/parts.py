@@ -37,14 +37,20 @@ def convert(value: Any, kind: str) -> Any:
     if isinstance(value, np.generic):
         value = value.item()
     if kind == "bool":
-        return value if isinstance(value, bool) else None
+        if isinstance(value, bool):
+            return value
+        return None
     is_nan = isinstance(value, float) and math.isnan(value)
     if isinstance(value, bool) or not isinstance(value, int | float | Fraction) or is_nan:
         return None
     if kind == "int":
-        return int(value) if -INT_WIDEST <= value <= INT_WIDEST and value == int(value) else None
+        if -INT_WIDEST <= value <= INT_WIDEST and value == int(value):
+            return int(value)
+        return None
     try:
-        return float(value) if kind == "real" else None
+        if kind == "real":
+            return float(value)
+        return None
     except OverflowError:
         return None
 
@@ -78,11 +84,15 @@ def size(grid: Grid) -> int:
 
 
 def _entries(grid: Grid) -> Sequence[Mapping[str, Any]]:
-    return [grid] if isinstance(grid, Mapping) else grid or ()
+    if isinstance(grid, Mapping):
+        return [grid]
+    return grid or ()
 
 
 def _values(value: Any) -> list[Any]:
-    return value if isinstance(value, list) else [value]
+    if isinstance(value, list):
+        return value
+    return [value]
 
 
 # Options of environments that a task's own methods take as well.
@@ -289,7 +299,9 @@ class Modifier:
 
 
 def _argument(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(value)
 
 
 @dataclass(frozen=True)
@@ -331,7 +343,9 @@ class Surface:
     def meaning(self, section: str, part: s.Expr) -> Value | None:
         """Return what a part of a section came to when the task was built; None for one in a comprehension or a definition."""
         found = self.meanings.get((section, id(part)))
-        return None if found is None else found[1]
+        if found is None:
+            return None
+        return found[1]
 
 
 # The kinds of figures. `taskspec.figures` imports the module that an entry names when it draws a figure of that kind.

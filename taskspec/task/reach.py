@@ -135,7 +135,9 @@ def kept(builder: Builder, c: Component, node: Node) -> Node:
     least, most = builder.certain(node)
     if least < max(c.low):
         node = builder.apply("max2", node, _each(builder, c.low, c))
-    return builder.apply("min2", node, _each(builder, c.high, c)) if most > min(c.high) else node
+    if most > min(c.high):
+        return builder.apply("min2", node, _each(builder, c.high, c))
+    return node
 
 
 def _each(builder: Builder, ends: Sequence[float], c: Component) -> Node:
@@ -176,9 +178,11 @@ def widest(
             if isinstance(node, Read | Draw) or (
                 isinstance(node, Apply) and node.op in OPERATORS and OPERATORS[node.op].rounds
             ):
-                low = max(low, -INT_MAX) if low == -INF else low
+                if low == -INF:
+                    low = max(low, -INT_MAX)
                 is_time = isinstance(node, Read) and node.role is Role.TIME  # one more step is observed
-                high = INT_MAX - is_time if high == INF else high
+                if high == INF:
+                    high = INT_MAX - is_time
             most = max(-low, high)
             if limit < most < INF:
                 return float(most)
@@ -222,7 +226,10 @@ class Observed:
         lows = [a for a, _ in edges] if low is None else list(low)
         highs = [b for _, b in edges] if high is None else list(high)
         original = self._original(node)
-        symbol = original.symbol if original is not None and original.name == name else None
+        if original is not None and original.name == name:
+            symbol = original.symbol
+        else:
+            symbol = None
         doc = original.doc if original is not None else None
         return Component(name, node.type, tuple(lows), tuple(highs), value.domain, symbol, doc)
 
@@ -241,7 +248,10 @@ class Observed:
                 return [edge for arg in args for edge in self.edges(arg)]
             case _:
                 # An int may come from reals, and JAX has others: the space has room for what any backend shows.
-                edge = single(node) if node.type.kind is Kind.INT else self.builder.bounds(node)
+                if node.type.kind is Kind.INT:
+                    edge = single(node)
+                else:
+                    edge = self.builder.bounds(node)
                 return self._tight([edge] * node.type.size, bounds(node, over([node], self.reached)))
 
     def _tight(self, edges: Edges, reached: Interval | None) -> Edges:

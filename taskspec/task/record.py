@@ -70,7 +70,9 @@ def component(c: Component) -> dict[str, Any]:
 
 def _bound(values: Sequence[float]) -> Any:
     """Return the bounds of a component, or one number where all elements share it."""
-    return values[0] if len(set(values)) == 1 else list(values)
+    if len(set(values)) == 1:
+        return values[0]
+    return list(values)
 
 
 def count(components: Sequence[Component]) -> int | None:
@@ -105,7 +107,9 @@ def _short(n: int) -> str:
 
 
 def horizon(task: Task) -> str:
-    return "none" if task.horizon is None else f"{task.horizon:,}"
+    if task.horizon is None:
+        return "none"
+    return f"{task.horizon:,}"
 
 
 def space(layout: SpaceLayout) -> dict[str, Any]:
@@ -131,19 +135,27 @@ def space_words(layout: SpaceLayout) -> str:
     found = space(layout)
     match found:
         case {"space": "Discrete", "n": n, "start": start}:
-            return f"Discrete({n})" if start == 0 else f"Discrete({n}, start={start})"
+            if start == 0:
+                return f"Discrete({n})"
+            return f"Discrete({n}, start={start})"
         case {"space": "MultiDiscrete", "nvec": nvec}:
             return f"MultiDiscrete({_listed(nvec)})"
         case {"space": "Dict", "keys": keys}:
             return f"Dict({', '.join(keys)})"
         case {"shape": shape, "low": low, "high": high}:
-            bounds = f" in {interval(low, high)}" if not isinstance(low, list) and not isinstance(high, list) else ""
+            if not isinstance(low, list) and not isinstance(high, list):
+                bounds = f" in {interval(low, high)}"
+            else:
+                bounds = ""
             return f"Box({_listed(shape)}){bounds}"
     raise AssertionError(found)
 
 
 def _listed(items: Sequence[Any]) -> str:
-    shown = [str(i) for i in items] if len(items) <= 6 else [*map(str, items[:5]), "…"]
+    if len(items) <= 6:
+        shown = [str(i) for i in items]
+    else:
+        shown = [*map(str, items[:5]), "…"]
     return ", ".join(shown)
 
 
@@ -195,7 +207,9 @@ def _value(value: Any) -> str:
 
 
 def _end(value: float) -> str:
-    return "" if math.isinf(value) else decimal(value).replace(",", "")
+    if math.isinf(value):
+        return ""
+    return decimal(value).replace(",", "")
 
 
 def settings(task: Task) -> str:

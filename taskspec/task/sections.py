@@ -172,7 +172,10 @@ def observed(context: Context, names: Names, initial: list[Node], following: lis
     """Return what the agent sees: the declared expressions, or else the state."""
     space = (context.data.get("observation") or {}).get("space", "auto")
     whole = len(initial) == len(following) == len(context.state)
-    reached = reach(context.state, initial, following, context.horizon) if whole else {}
+    if whole:
+        reached = reach(context.state, initial, following, context.horizon)
+    else:
+        reached = {}
     makes = Observed(context.builder, context.state, reached)
     declared = context.exprs["observation"]
     if not declared:
@@ -260,7 +263,9 @@ def expert_action(context: Context, names: Names) -> Expert:
         context.collector.add("E216", expr.place, f"an expert gives every action component: {{{every}}}")
         return None
     node = context.assign(expr, scope, components[0])
-    return None if node is None else (node,)
+    if node is None:
+        return None
+    return (node,)
 
 
 def by_component(
@@ -284,7 +289,9 @@ def by_component(
             node = context.read(c, Role.ACTION).node
         if node is not None:
             nodes.append(node)
-    return tuple(nodes) if len(nodes) == len(known) else None
+    if len(nodes) == len(known):
+        return tuple(nodes)
+    return None
 
 
 # -- abstraction and claims -----------------------------------------------------------------------------------

@@ -60,7 +60,9 @@ class Segment:
         """Return the numbers, from the elements of the component."""
         if self.values is not None:
             return tuple(float(flat[self.element] == value) for value in self.values)
-        return tuple(item - start for item, start in zip(flat, self.starts, strict=True)) if self.starts else flat
+        if self.starts:
+            return tuple(item - start for item, start in zip(flat, self.starts, strict=True))
+        return flat
 
     def columns(self, rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
         """Return the numbers (N, size) of many values at once, from the elements (N, elements) of the component."""
@@ -120,7 +122,10 @@ class SpaceLayout:
         found: list[Segment] = []
         first = 0
         for i, c in enumerate(self.components):
-            starts = tuple(int(v) for v in c.low) if self.form in ("multi_discrete", "one_hot") else ()
+            if self.form in ("multi_discrete", "one_hot"):
+                starts = tuple(int(v) for v in c.low)
+            else:
+                starts = ()
             if self.form == "dict":
                 found.append(Segment(i, 0, i, c.type.size))
             elif self.form == "one_hot":
@@ -182,11 +187,16 @@ def _automatic(components: tuple[Component, ...], several: Form) -> Form:
     finite = all(c.is_finite for c in components)
     if finite and len(components) == 1 and components[0].type.is_scalar:
         return "discrete"
-    return several if finite else "box"
+    if finite:
+        return several
+    return "box"
 
 
 def _box(components: tuple[Component, ...]) -> SpaceLayout:
-    shape = components[0].type.shape if len(components) == 1 else (sum(c.type.size for c in components),)
+    if len(components) == 1:
+        shape = components[0].type.shape
+    else:
+        shape = (sum(c.type.size for c in components),)
     low = tuple(single(v) for c in components for v in c.low)
     high = tuple(single(v) for c in components for v in c.high)
     return SpaceLayout("box", components, shape, low, high)
@@ -258,7 +268,9 @@ def pack_many(layout: SpaceLayout, rows: Sequence[np.ndarray[Any, Any]]) -> Any:
 def _joined(layout: SpaceLayout, hold: Callable[[Part, Any], Any], numbers: Sequence[Any]) -> Any:
     """Return the arrays of all parts by key, or the only one."""
     held = {part.name: hold(part, items) for part, items in zip(layout.parts, numbers, strict=True)}
-    return held if layout.is_dict else held[None]
+    if layout.is_dict:
+        return held
+    return held[None]
 
 
 def _held_many(part: Part, blocks: Sequence[np.ndarray[Any, Any]]) -> Any:
@@ -270,7 +282,9 @@ def _held_many(part: Part, blocks: Sequence[np.ndarray[Any, Any]]) -> Any:
 def _held(part: Part, items: Sequence[Any]) -> Any:
     if not part.is_whole:
         return singles(items, part.shape)
-    return np.array(items, np.int64) if part.shape else int(items[0])
+    if part.shape:
+        return np.array(items, np.int64)
+    return int(items[0])
 
 
 def unpack(layout: SpaceLayout, value: Any) -> list[tuple[Any, ...]]:
@@ -280,6 +294,7 @@ def unpack(layout: SpaceLayout, value: Any) -> list[tuple[Any, ...]]:
     flats = []
     for c, segment in zip(layout.components, layout.segments, strict=True):
         flat = parts[segment.part][segment.first : segment.first + segment.size]
-        flat = [item + start for item, start in zip(flat, segment.starts, strict=True)] if segment.starts else flat
+        if segment.starts:
+            flat = [item + start for item, start in zip(flat, segment.starts, strict=True)]
         flats.append(tuple(flat if c.type.kind is Kind.REAL else map(round, flat)))
     return flats

@@ -107,7 +107,9 @@ class Task:
     @property
     def ending(self) -> Ending:
         """What becomes of terminal states."""
-        return "absorb" if self._has("absorbing") else "terminate"
+        if self._has("absorbing"):
+            return "absorb"
+        return "terminate"
 
     @property
     def observe_time(self) -> bool:
@@ -166,7 +168,9 @@ class Task:
     @property
     def roles(self) -> dict[str, str]:
         """The variants in which the "expert" demonstrates and the "learner" acts; empty where the spec tells none apart."""
-        return {} if self.spec.roles is None else self.spec.roles.model_dump()
+        if self.spec.roles is None:
+            return {}
+        return self.spec.roles.model_dump()
 
     @property
     def observation_space(self) -> gymnasium.Space[Any]:
@@ -276,7 +280,9 @@ class Task:
         seen = dict(zip((c.name for c in self.observation.components), observed, strict=True))
 
         def leaf(node: Node) -> Node | None:
-            return seen[node.name] if isinstance(node, Read) and node.role is Role.NEXT else None
+            if isinstance(node, Read) and node.role is Role.NEXT:
+                return seen[node.name]
+            return None
 
         return rewrite(nodes, leaf, self.new_builder().remake_late)
 

@@ -218,7 +218,10 @@ class OpenParameters:
         for p in self.varying:
             value = _known(getattr(params, p.name))
             if value is not None:
-                here = value.reshape(-1)[np.argmin(holds)] if value.size == holds.size else value
+                if value.size == holds.size:
+                    here = value.reshape(-1)[np.argmin(holds)]
+                else:
+                    here = value
                 found.append(f"{p.name}={here}")
         return ", ".join(found)
 
@@ -279,7 +282,9 @@ def _known(value: Any) -> AnyArray | None:
         return (look(every) if isinstance(every, jax.core.Tracer) else every), mapped[0]  # of `vmap` within `vmap`
 
     look(value)
-    return None if not seen or isinstance(seen[-1], jax.core.Tracer) else np.asarray(seen[-1])
+    if not seen or isinstance(seen[-1], jax.core.Tracer):
+        return None
+    return np.asarray(seen[-1])
 
 
 def _check(parameter: Parameter, value: Any) -> None:

@@ -284,7 +284,9 @@ class JaxForm(ArrayForm):
         template = super()._template(node, entry)
         nothing = any(isinstance(a, Const) and not any(a.flat) for a in node.args)
         real = node.op == "add" and node.type.kind is Kind.REAL
-        return f"rt.without_sign({template})" if real and nothing else template
+        if real and nothing:
+            return f"rt.without_sign({template})"
+        return template
 
 
 def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[str, Any]) -> str:
@@ -373,7 +375,9 @@ _NARROW = {"b": np.bool_, "i": np.int32, "f": np.float32}
 
 def _parts(layout: SpaceLayout, seen: Any) -> list[Any]:
     """Return the parts of a dict in the order of the layout: JAX gives dicts back in that of their keys."""
-    return [seen[part.name] for part in layout.parts] if layout.is_dict else [seen]
+    if layout.is_dict:
+        return [seen[part.name] for part in layout.parts]
+    return [seen]
 
 
 @lru_cache(maxsize=64)

@@ -114,7 +114,10 @@ class NumbaEngine:
         ):
             actions = self._read(actions)
         runs = self._runs if actions.dtype is self._dtype else self._other
-        ended = runs[0](actions) if self._pool is None else self._step_threads(runs, actions)
+        if self._pool is None:
+            ended = runs[0](actions)
+        else:
+            ended = self._step_threads(runs, actions)
         if ended == BAD:
             raise BadActionError
         if self._waits:

@@ -63,7 +63,9 @@ class KernelLane(LaneEmitter):
         template = (form.real if real else form.whole) or form.template or entry.scalar.template
         if node.op in ("floordiv", "mod") and not real:
             template = self._whole_division(node, template)
-        return f"i32({template})" if self.is_narrow(node) and node.op != "to_int" else template
+        if self.is_narrow(node) and node.op != "to_int":
+            return f"i32({template})"
+        return template
 
     def _whole_division(self, node: Apply, template: str) -> str:
         """Without signs, division is one instruction that vectorises; ints of 32 bits are quicker still."""
@@ -113,7 +115,8 @@ class KernelLane(LaneEmitter):
             if real:
                 better = f"({better} | (({best} != {best}) & ({atom} == {atom})))"
             won = self.assign(better)
-            at = self.assign(f"select({won}, {k}, {at})") if place else at
+            if place:
+                at = self.assign(f"select({won}, {k}, {at})")
             best = self.assign(f"select({won}, {atom}, {best})")
         return [f"i32({at})" if place else best]
 
@@ -238,7 +241,9 @@ class KernelLane(LaneEmitter):
 
     def argument(self, draw: Draw) -> list[str]:
         atoms = [self.assign(a) for a in self.atoms(draw.args[0])]
-        return atoms * draw.type.size if len(atoms) == 1 else atoms
+        if len(atoms) == 1:
+            return atoms * draw.type.size
+        return atoms
 
 
 _FOLDS = {"sum": ("+", "0"), "prod": ("*", "1"), "any": ("|", "False"), "all": ("&", "True")}

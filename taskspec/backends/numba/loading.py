@@ -138,7 +138,9 @@ def read(file: Path) -> bytes | None:
     except OSError:
         return None
     content = whole[HASH_SIZE:]
-    return content if whole[:HASH_SIZE] == _hash(file.name, content) else None
+    if whole[:HASH_SIZE] == _hash(file.name, content):
+        return content
+    return None
 
 
 def write(file: Path, content: bytes) -> None:

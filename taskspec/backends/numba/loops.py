@@ -225,7 +225,8 @@ def _read_actions(p: Program) -> list[str]:
         for start in segment.starts or (0,) * segment.size:
             name, place = next(places)
             raw = f"actions[{place}] + {start}" if start else f"actions[{place}]"
-            raw = f"np.rint({raw})" if rounded else raw
+            if rounded:
+                raw = f"np.rint({raw})"
             cast = {Kind.BOOL: "({} != 0)", Kind.INT: "i32({})", Kind.REAL: "f64({})"}[c.type.kind]
             lines.append(f"{name} = {cast.format(raw)}")
     return lines
@@ -271,7 +272,10 @@ def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     body = [*lines, f"reward[j] = {reward}", *ending, *results, *stores]
     loads, in_rows = _loads(p, p.step_words, "\n".join(body), "j")
     rows = list(dict.fromkeys([*in_rows, *out_rows]))
-    time = f"i32(min(time[j], {INT_MAX}))" if p.task.horizon is None else "i32(time[j])"
+    if p.task.horizon is None:
+        time = f"i32(min(time[j], {INT_MAX}))"
+    else:
+        time = "i32(time[j])"
     arguments = ["n", "actions", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
     text = [
         "@apart",

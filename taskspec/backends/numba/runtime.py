@@ -169,7 +169,9 @@ def mod_real(a: Any, b: Any) -> Any:
     r = np.fmod(a, b)
     if r != 0.0 and ((r < 0.0) != (b < 0.0)):
         r += b
-    return math.copysign(0.0, b) if r == 0.0 else r
+    if r == 0.0:
+        return math.copysign(0.0, b)
+    return r
 
 
 @inner

@@ -165,7 +165,9 @@ def _sinks(
 
 
 def _copy(target: str, value: str) -> list[str]:
-    return [] if value == target else [f"copyto({target}, {value})"]
+    if value == target:
+        return []
+    return [f"copyto({target}, {value})"]
 
 
 def _observation(form: ArrayForm, layout: SpaceLayout, outputs: Sequence[str], values: Sequence[str]) -> list[str]:
@@ -177,7 +179,10 @@ def _observation(form: ArrayForm, layout: SpaceLayout, outputs: Sequence[str], v
         if not type_.size:
             continue  # a vector of reals without elements may be among ints
         if segment.values is not None:
-            element = value if type_.is_scalar else f"rt.rows({value})[{segment.element}]"
+            if type_.is_scalar:
+                element = value
+            else:
+                element = f"rt.rows({value})[{segment.element}]"
             lines.append(f"equal({element}, {form.constant(np.array(segment.values)[:, None])}, {out})")
         elif segment.starts:
             shape = (*type_.shape, 1)

@@ -106,13 +106,17 @@ def flat_state(task: Task, names: Sequence[str]) -> str:
     finite = all(c.is_finite for c in task.state)
     if _is_number(task):
         first = task.state[0]
-        return f"(1 if {names[0]} else 0)" if first.type.kind is Kind.BOOL else names[0]
+        if first.type.kind is Kind.BOOL:
+            return f"(1 if {names[0]} else 0)"
+        return names[0]
     items = _info_elements(task, names)
     shape = _shape(task)
     if any(abs(v) > FLOAT_MAX for c in task.state for v in (*c.low, *c.high)):
         return f"singles(({items},), {shape})"
     array = f"array(({items},), {'int64' if finite else 'float32'})"
-    return array if len(shape) == 1 else f"{array}.reshape({shape})"
+    if len(shape) == 1:
+        return array
+    return f"{array}.reshape({shape})"
 
 
 def _info_elements(task: Task, names: Sequence[str]) -> str:
@@ -122,7 +126,9 @@ def _info_elements(task: Task, names: Sequence[str]) -> str:
 def _shape(task: Task) -> tuple[int, ...]:
     """Return the shape of the array that tells the state."""
     (first, *others) = task.state
-    return (sum(c.type.size for c in task.state),) if others else first.type.shape
+    if others:
+        return (sum(c.type.size for c in task.state),)
+    return first.type.shape
 
 
 def is_kept(task: Task) -> bool:
@@ -198,7 +204,9 @@ def observe(lane: LaneEmitter, layout: SpaceLayout, phase: Phase, values: Sequen
 def _integer(lane: LaneEmitter, node: Node) -> str:
     """Return a finite scalar as `Discrete` has it: a condition is 0 or 1."""
     atom = lane.scalar(node)
-    return f"(1 if {atom} else 0)" if node.type.kind is Kind.BOOL else atom
+    if node.type.kind is Kind.BOOL:
+        return f"(1 if {atom} else 0)"
+    return atom
 
 
 def _all_atoms(lane: LaneEmitter, nodes: Sequence[Node]) -> list[str]:
@@ -208,7 +216,9 @@ def _all_atoms(lane: LaneEmitter, nodes: Sequence[Node]) -> list[str]:
 def _shifted(atom: str, start: int) -> str:
     if start == 0:
         return atom
-    return f"{atom} - {start}" if start > 0 else f"{atom} + {-start}"
+    if start > 0:
+        return f"{atom} - {start}"
+    return f"{atom} + {-start}"
 
 
 def _row(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> tuple[str, list[str]]:
@@ -222,7 +232,8 @@ def _row(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> tuple
             statements += _write(lane, start, run)
             run = []
         else:
-            start = start if run else offset
+            if not (run):
+                start = offset
             run.append(node)
         offset += size
     return "o", statements
@@ -265,7 +276,9 @@ def _array(lane: LaneEmitter, node: Node, source: str) -> str:
     if _may_overflow(lane, node):
         return f"singles({source}, {shape})"
     array = f"np.array({source}, np.float32)"
-    return f"{array}.reshape({shape})" if len(shape) > 1 else array
+    if len(shape) > 1:
+        return f"{array}.reshape({shape})"
+    return array
 
 
 def _dictionary(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> str:

@@ -74,7 +74,9 @@ def _kept(parts: Parts) -> list[str]:
 
 def _held(name: str, type_: Type) -> LaneValue:
     """Return how a value is held in a variable: a number, or one flat sequence."""
-    return LaneValue([name]) if type_.is_scalar else LaneValue(packed=name)
+    if type_.is_scalar:
+        return LaneValue([name])
+    return LaneValue(packed=name)
 
 
 def _lane(
@@ -102,7 +104,9 @@ def _lane(
 
 def _unpack(phase: Phase, call: str) -> list[str]:
     """Return the statement that takes the next item of the phase's stream."""
-    return [f"{', '.join(phase.names)} = {call}()"] if phase.names else []
+    if phase.names:
+        return [f"{', '.join(phase.names)} = {call}()"]
+    return []
 
 
 # -- reset and step -----------------------------------------------------------------------------------------------
@@ -221,7 +225,9 @@ def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
 
 def _stored(lane: LaneEmitter, node: Node, type_: Type) -> str:
     """Return a value as it is kept: a number of its kind, or a flat sequence."""
-    return lane.scalar(node) if type_.is_scalar else lane.packed(node)
+    if type_.is_scalar:
+        return lane.scalar(node)
+    return lane.packed(node)
 
 
 def _restored(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> list[str]:

@@ -54,7 +54,10 @@ class Phase:
         everything = (*roots, *observation)
         free = everywhere(everything, _block_can_compute)
         rows = layout.form == "box" and bool(layout.shape) and bool(observation)
-        parts, inner = _row_parts(observation, free) if rows else ((), list(observation))
+        if rows:
+            parts, inner = _row_parts(observation, free)
+        else:
+            parts, inner = ((), list(observation))
         hoisted = maximal_draws((*roots, *(n for n in inner if n is not None)), free)
         names = {id(n): f"h{i}" for i, n in enumerate(hoisted)}
 
@@ -84,7 +87,9 @@ class Phase:
     @property
     def row_size(self) -> int:
         """Elements of a fresh observation, 0 where observations are no arrays."""
-        return math.prod(self.row_shape) if self.row_shape else 0
+        if self.row_shape:
+            return math.prod(self.row_shape)
+        return 0
 
     @property
     def wide(self) -> list[str]:
@@ -178,7 +183,9 @@ def _items(phase: Phase, seed: int, kind: int, at: int, count: int) -> Sequence[
         columns += [words[start + k].tolist() for k in range(len(names))]
     for node, value in zip(phase.hoisted, values, strict=False):
         columns.append(_listed(node, value, count))
-    return columns[0] if len(columns) == 1 else list(zip(*columns, strict=True))
+    if len(columns) == 1:
+        return columns[0]
+    return list(zip(*columns, strict=True))
 
 
 def _rows(phase: Phase, values: Sequence[Array], count: int) -> Array:

@@ -35,4 +35,6 @@ INFIX: dict[str, Infix] = {i.symbol: i for i in (*(o.infix for o in TABLE if o.i
 
 def entry_of(op: str) -> Operator | Structure:
     """Return the entry of an operator, or of one that moves elements."""
-    return OPERATORS[op] if op in OPERATORS else STRUCTURES[op]
+    if op in OPERATORS:
+        return OPERATORS[op]
+    return STRUCTURES[op]

@@ -62,7 +62,9 @@ def div(a: Number, b: Number) -> Number:
 
 def floordiv(a: Number, b: Number) -> Number:
     if b == 0:
-        return 0 if _is_int(a, b) else div(a, b)
+        if _is_int(a, b):
+            return 0
+        return div(a, b)
     if not _is_int(a, b) and not (math.isfinite(a) and math.isfinite(b)):
         return math.nan
     return a // b
@@ -70,7 +72,9 @@ def floordiv(a: Number, b: Number) -> Number:
 
 def mod(a: Number, b: Number) -> Number:
     if b == 0:
-        return 0 if _is_int(a, b) else math.nan
+        if _is_int(a, b):
+            return 0
+        return math.nan
     if not _is_int(a, b) and not math.isfinite(a):
         return math.nan
     return a % b
@@ -83,7 +87,9 @@ def pow_(a: Number, b: Number) -> float:
         if a != 0 and not (float(b).is_integer() or a > 0):
             return math.nan
         odd = float(b).is_integer() and b % 2 == 1
-        return math.copysign(math.inf, a) if odd else math.inf
+        if odd:
+            return math.copysign(math.inf, a)
+        return math.inf
 
 
 def sign(a: Number) -> Number:
@@ -92,11 +98,15 @@ def sign(a: Number) -> Number:
 
 
 def min2(a: Number, b: Number) -> Number:
-    return a if a <= b or b != b else b
+    if a <= b or b != b:
+        return a
+    return b
 
 
 def max2(a: Number, b: Number) -> Number:
-    return a if a >= b or b != b else b
+    if a >= b or b != b:
+        return a
+    return b
 
 
 def _extreme(
@@ -218,7 +228,9 @@ def _saturating(function: Callable[[Any], int]) -> Callable[[Any], int]:
             return function(x)
         if x != x:
             return 0
-        return INT_MAX if x > 0 else -INT_MAX
+        if x > 0:
+            return INT_MAX
+        return -INT_MAX
 
     return saturated
 
@@ -279,7 +291,9 @@ def exp(x: Any) -> float:
 def log(x: Any) -> float:
     if x == 0:
         return -math.inf
-    return math.log(x) if x > 0 else math.nan
+    if x > 0:
+        return math.log(x)
+    return math.nan
 
 
 def _root(args: Args, node: Any) -> Interval:

@@ -35,7 +35,9 @@ def elementwise(kind: Callable[[tuple[Type, ...]], Kind | str]) -> TypeRule:
         if len(set(shapes)) > 1:
             return f"the shapes {' and '.join(str(list(x)) for x in shapes)} do not match element by element"
         result = kind(types)
-        return result if isinstance(result, str) else Type(result, shapes[0] if shapes else ())
+        if isinstance(result, str):
+            return result
+        return Type(result, shapes[0] if shapes else ())
 
     return rule
 
@@ -76,7 +78,9 @@ def reduction(kind: Callable[[Kind], Kind | str], empty: bool = True) -> TypeRul
         if not empty and t.size == 0:
             return "a vector of shape [0] has no smallest and no largest element"
         result = kind(t.kind)
-        return result if isinstance(result, str) else Type(result)
+        if isinstance(result, str):
+            return result
+        return Type(result)
 
     return rule
 
@@ -183,7 +187,9 @@ def _corners(function: Callable[[float, float], float], args: Args) -> Interval:
 
 
 def _mul(a: float, b: float) -> float:
-    return 0 if a == 0 or b == 0 else a * b
+    if a == 0 or b == 0:
+        return 0
+    return a * b
 
 
 def product(args: Args, node: Apply) -> Interval:
@@ -202,7 +208,9 @@ def floor_quotient(args: Args, node: Apply) -> Interval:
         return EVERYTHING
     if args[1].holds_zero():
         most = max(abs(args[0].low), abs(args[0].high))
-        return (-most, most) if integral else EVERYTHING
+        if integral:
+            return (-most, most)
+        return EVERYTHING
     low, high = _corners(lambda a, b: a // b, args)
     if not integral:  # wider by what a quotient that is too large for its last digits may be off
         low -= abs(low) * 2**-50 * (abs(low) >= 2**50)
@@ -215,10 +223,14 @@ def remainder(args: Args, node: Apply) -> Interval:
     c, d = args[1][:2]
     gap = 1 if node.type.kind is Kind.INT else 0
     if c > 0:
-        return (a, b) if gap and a >= 0 and b < c else (0, d - gap)
+        if gap and a >= 0 and b < c:
+            return (a, b)
+        return (0, d - gap)
     if d < 0:
         return c + gap, 0
-    return (min(0, c + 1), max(0, d - 1)) if gap else EVERYTHING
+    if gap:
+        return (min(0, c + 1), max(0, d - 1))
+    return EVERYTHING
 
 
 def extreme(pick: Callable[[float, float], float]) -> Bounds:
@@ -261,7 +273,9 @@ def to_int(function: Callable[[float], int]) -> Bounds:
 
     def rule(args: Args, node: Apply) -> Interval:
         low, high = (function(x) if math.isfinite(x) else x for x in args[0][:2])
-        return (low, high) if args[0].finite else (min(low, 0), max(high, 0))
+        if args[0].finite:
+            return (low, high)
+        return (min(low, 0), max(high, 0))
 
     return rule
 

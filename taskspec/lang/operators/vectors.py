@@ -201,11 +201,15 @@ def cumsum(x: Vector) -> list[Any]:
 
 def _quick_sort(x: Vector) -> list[Any]:
     ordered = sorted(v + 0.0 for v in x)
-    return sort(x) if any(v != v for v in ordered) else ordered
+    if any(v != v for v in ordered):
+        return sort(x)
+    return ordered
 
 
 def _quick_argsort(x: Vector) -> list[int]:
-    return argsort(x) if any(v != v for v in x) else sorted(range(len(x)), key=x.__getitem__)
+    if any(v != v for v in x):
+        return argsort(x)
+    return sorted(range(len(x)), key=x.__getitem__)
 
 
 # -- reductions, and vectors to vectors ---------------------------------------------------------------------------
@@ -215,7 +219,9 @@ Vector = Sequence[Number]
 
 
 def sum_(x: Vector) -> Number:
-    return reduce(lambda a, b: a + b, x) if x else 0
+    if x:
+        return reduce(lambda a, b: a + b, x)
+    return 0
 
 
 def _best(better: Callable[[Number, Number], bool], x: Vector) -> int:
@@ -259,7 +265,9 @@ def _extreme(two: str, many: str) -> Build:
 
 def _of_several(axes: Sequence[int]) -> int:
     """Return no axis for one vector, and the most axes of several arguments, which are compared elementwise."""
-    return 0 if len(axes) == 1 else max(axes)
+    if len(axes) == 1:
+        return 0
+    return max(axes)
 
 
 _BIG = Brackets(Level.BIG, (Level.BIG,))
@@ -359,7 +367,9 @@ def _product(b: NodeMaker, args: list[Node]) -> Node:
         columns = _columns(b, y)
     found = [b.apply("sum", b.apply("mul", row, column)) for row in rows for column in columns]
     shape = (*x.type.shape[:-1], *y.type.shape[1:])
-    return b.structure("reshape", [b.structure("vector", found)], shape) if shape else found[0]
+    if shape:
+        return b.structure("reshape", [b.structure("vector", found)], shape)
+    return found[0]
 
 
 def _columns(b: NodeMaker, x: Node) -> list[Node]:
@@ -387,7 +397,9 @@ def at(b: NodeMaker, name: str, x: Node, index: Node) -> Node:
 
 def _reverse(b: NodeMaker, args: list[Node]) -> Node:
     n = _need_vector("reverse", args[0])
-    return b.structure("slice", args, (n - 1, n, -1)) if n else args[0]
+    if n:
+        return b.structure("slice", args, (n - 1, n, -1))
+    return args[0]
 
 
 def _concat(b: NodeMaker, args: list[Node]) -> Node:

@@ -40,7 +40,9 @@ COMPARED = 16
 
 def bernoulli_threshold(p: Fraction | float) -> int:
     """Return the threshold below which the words of a condition lie; p is limited to [0, 1], NaN to 0."""
-    return round(Fraction(min(p, 1)) * draws.NEVER) if p > 0 else 0
+    if p > 0:
+        return round(Fraction(min(p, 1)) * draws.NEVER)
+    return 0
 
 
 def _condition(draw: Draw, args: list[Flat], words: Words) -> Flat:
@@ -144,7 +146,9 @@ def _reached_limits(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) 
         limits = [b.scalar(t - bias) for t in draws.thresholds(p.flat) if t < draws.NEVER]
         return [_reached(b, limits, w) for w in words]
     looked_up = row_table(p)
-    return None if looked_up is None else _row_outcomes(b, *looked_up, words, bias)
+    if looked_up is None:
+        return None
+    return _row_outcomes(b, *looked_up, words, bias)
 
 
 def _reached(b: NodeMaker, limits: Sequence[Node], word: Node) -> Node:

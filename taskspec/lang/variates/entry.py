@@ -115,7 +115,9 @@ class Variate:
 
 def stretched(flat: Flat, size: int) -> Flat:
     """Return an argument with one number for each element of a draw."""
-    return flat * size if len(flat) == 1 else flat
+    if len(flat) == 1:
+        return flat * size
+    return flat
 
 
 def rows(x: Draws, draw: Draw, arg: AnyArray) -> AnyArray:
@@ -169,7 +171,9 @@ def once(op: Callable[[Any, Any], Any], a: Array, b: Array) -> Array:
 def each(arg: Array, size: int) -> list[Array]:
     """Return an argument with one row for each element."""
     flat = list(arg.reshape(-1, arg.shape[-1]))
-    return flat * size if len(flat) == 1 else flat
+    if len(flat) == 1:
+        return flat * size
+    return flat
 
 
 def within(p: Array) -> Array:
@@ -194,4 +198,6 @@ def clean(p: Array) -> Array:
 
 def power(base: float, exponent: int) -> float:
     """Return `base ** exponent`, at most 1e300."""
-    return 1e300 if exponent * math.log(max(1.0, base)) > 690 else float(base) ** exponent
+    if exponent * math.log(max(1.0, base)) > 690:
+        return 1e300
+    return float(base) ** exponent

@@ -75,13 +75,17 @@ def poisson_bound(draw: Draw) -> float | None:
 
 def _poisson_words(draw: Draw) -> int:
     bound = poisson_bound(draw)
-    return draw.type.size if bound is None else draw.type.size * draws.poisson_words(bound)
+    if bound is None:
+        return draw.type.size
+    return draw.type.size * draws.poisson_words(bound)
 
 
 def _poisson_passes(draw: Draw) -> int:
     """Return for how many counts a word is searched where the rate is known only at run time."""
     bound = poisson_bound(draw)
-    return 1 if bound is None else draws.poisson_terms(bound)
+    if bound is None:
+        return 1
+    return draws.poisson_terms(bound)
 
 
 def _poissons(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:

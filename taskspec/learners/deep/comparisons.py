@@ -61,7 +61,10 @@ class PreferenceRound:
         self.policy = update
         self.judge = judge
         self.reward = RewardModel(config.reward, update.world, config.policy.discount)
-        self.curious = None if config.novelty is None else NoveltyBonus(config.novelty, update.world)
+        if config.novelty is None:
+            self.curious = None
+        else:
+            self.curious = NoveltyBonus(config.novelty, update.world)
         self._adam = optax.adam(config.reward.learning_rate)
         world = update.world
         self.alike = world.horizon is None or world.absorbs or not world.may_end
@@ -104,11 +107,15 @@ class PreferenceRound:
         """Return pairs of neighbouring episodes; of single steps, if episodes differ in length."""
         world = self.judge
         advantages = steps.reward * live * jnp.float32(world.task.discount) ** steps.time
-        order = None if self.alike else jnp.argsort(1 - live.T.reshape(-1), stable=True)
+        if self.alike:
+            order = None
+        else:
+            order = jnp.argsort(1 - live.T.reshape(-1), stable=True)
 
         def paired(x: AnyArray) -> AnyArray:
             rows = jnp.swapaxes(x, 0, 1)
-            rows = rows if order is None else rows.reshape(-1, 1, *x.shape[2:])[order]
+            if order is not None:
+                rows = rows.reshape(-1, 1, *x.shape[2:])[order]
             return rows[: 2 * self.pairs].reshape(self.pairs, 2, *rows.shape[1:])
 
         at = RewardInputs(*map(paired, reward_inputs(steps)))
@@ -126,7 +133,9 @@ class PreferenceRound:
         ahead = sums[:, 0] - sums[:, 1]
         each = pairs.better * jax.nn.softplus(-ahead) + (1 - pairs.better) * jax.nn.softplus(ahead)
         total = (each * pairs.weight).sum()
-        return total if self.config.total else total / jnp.maximum(pairs.weight.sum(), 1.0)
+        if self.config.total:
+            return total
+        return total / jnp.maximum(pairs.weight.sum(), 1.0)
 
     def advance(self, survey: PreferenceState, key: AnyArray, _: Any) -> PreferenceState:
         ask, draw, play, improve = jax.random.split(key, 4)

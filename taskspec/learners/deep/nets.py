@@ -87,7 +87,9 @@ class ActionHead:
 
     @property
     def deviations(self) -> int:
-        return 0 if self.vectors.counts else self.vectors.size
+        if self.vectors.counts:
+            return 0
+        return self.vectors.size
 
     def noise(self, key: AnyArray, shape: tuple[int, ...]) -> AnyArray:
         """Return the noise that `sample` takes, float32 (*shape, size)."""
@@ -134,7 +136,9 @@ class ActionHead:
         """Return actions (N, K) as programs take them, lanes last."""
         v = self.vectors
         if v.counts:
-            return action[:, 0] + v.start if v.single else action.T
+            if v.single:
+                return action[:, 0] + v.start
+            return action.T
         shown = jnp.clip(action, jnp.array(v.low), jnp.array(v.high)).T
         return shown.reshape(*v.shape, -1)
 

@@ -42,7 +42,9 @@ def world_of(task: Task, experience: Experience) -> World:
 
 def policy_update(config: Ppo | Trpo, world: World) -> Update:
     """Return the optimiser of a policy's settings."""
-    return PpoUpdate(config, world) if isinstance(config, Ppo) else TrpoUpdate(config, world)
+    if isinstance(config, Ppo):
+        return PpoUpdate(config, world)
+    return TrpoUpdate(config, world)
 
 
 def init_policy_state(update: Update, key: AnyArray) -> PolicyState:

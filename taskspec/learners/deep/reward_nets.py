@@ -78,7 +78,10 @@ class RewardModel:
     def __call__(self, nets: RewardNets, at: RewardInputs) -> AnyArray:
         """Return the rewards f (...) of steps (..., D)."""
         state = self._state(nets, at.seen, at.gone)
-        inputs = state if self.config.inputs == "state" else jnp.concatenate([state, at.taken], -1)
+        if self.config.inputs == "state":
+            inputs = state
+        else:
+            inputs = jnp.concatenate([state, at.taken], -1)
         found = forward(nets.theta, inputs, self.config.activation)[..., 0]
         if nets.phi is None:
             return found
@@ -91,7 +94,9 @@ class RewardModel:
             seen = self.world.seen.scaled(seen)
         if self.config.standardised:
             seen = (seen - nets.mean) / jnp.maximum(jnp.sqrt(nets.variance), 0.1)
-        return seen if not self.world.absorbs else jnp.concatenate([seen * (1 - gone)[..., None], gone[..., None]], -1)
+        if not self.world.absorbs:
+            return seen
+        return jnp.concatenate([seen * (1 - gone)[..., None], gone[..., None]], -1)
 
     def with_statistics(self, nets: RewardNets, seen: AnyArray) -> RewardNets:
         """Return the nets with more observations (N, D) in their mean and variance."""

@@ -62,7 +62,10 @@ class TrpoUpdate:
     ) -> ActorCritic:
         """Return the policy after a rollout (T, E, ...) with `rewards` (T, E) that led to `walk`."""
         config = self.config
-        lasts = in_complete_episode(steps) if self.experience.whole else jnp.ones_like(rewards)
+        if self.experience.whole:
+            lasts = in_complete_episode(steps)
+        else:
+            lasts = jnp.ones_like(rewards)
         seen = critic_observations(self.world, steps, walk, self.experience.critic_sees_time)
         if config.critic == "ridge":
             seen = ridge_features(seen, jnp.concatenate([steps.time, walk.state.time[None]]))

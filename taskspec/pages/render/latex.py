@@ -195,7 +195,9 @@ class LatexWriter:
 
 
 def _base(sibling: Sibling, head: Page) -> str:
-    return "" if sibling.base is head else escape(sibling.base.name)
+    if sibling.base is head:
+        return ""
+    return escape(sibling.base.name)
 
 
 def formula(math: m.Math, room: float, display: bool = False, end: str = "") -> str:

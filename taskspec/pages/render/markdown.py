@@ -127,7 +127,9 @@ class MarkdownWriter:
 
 def _inside(match: re.Match[str]) -> str:
     """Return marks that mean something inside a line."""
-    return match[1] if match[1] in "().-+!>#" else f"\\{match[1]}"
+    if match[1] in "().-+!>#":
+        return match[1]
+    return f"\\{match[1]}"
 
 
 def escape_entities(text: str) -> str:

@@ -161,7 +161,10 @@ def _draws(pages: Iterable[Page]) -> Iterator[str]:
             letters[writing.drawn] = letter
     if letters:
         usual, *others = (f"${latex(letters[name])}$" for name in LETTERS if name in letters)
-        instead = f" ({' or '.join(others)} where the task has such a name)" if others else ""
+        if others:
+            instead = f" ({' or '.join(others)} where the task has such a name)"
+        else:
+            instead = ""
         yield _DRAWN.format(usual + instead)
 
 

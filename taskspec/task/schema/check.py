@@ -216,7 +216,9 @@ def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
     value = error["input"]
     if error_type in _MAPPINGS:
         problem = values.wrong_kind("named entries (`name: ...`)", value, _entry_meant(error["loc"], value))
-        return problem if value is None else problem._replace(code="E201")
+        if value is None:
+            return problem
+        return problem._replace(code="E201")
     if error_type == "greater_than_equal":
         return Problem("E204", (), f"{value} is too small: at least {error['ctx']['ge']}")
     if expected := _EXPECTED.get(error_type):

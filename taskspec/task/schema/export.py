@@ -52,7 +52,9 @@ def _linked(node: Any) -> Any:
     if isinstance(node, list):
         return [_linked(item) for item in node]
     if not isinstance(node, dict):
-        return node.removesuffix("Entry") if isinstance(node, str) else node
+        if isinstance(node, str):
+            return node.removesuffix("Entry")
+        return node
     linked = {
         key.removesuffix("Entry"): _linked(value)
         for key, value in node.items()

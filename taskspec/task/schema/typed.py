@@ -61,7 +61,9 @@ class Shorthand:
         return {"anyOf": [{"type": "string"}, handler(schema)]}
 
     def entry(self, value: Any) -> Any:
-        return {self.key: value} if isinstance(value, str) else value
+        if isinstance(value, str):
+            return {self.key: value}
+        return value
 
 
 def checked(check: Callable[[Any], Iterator[Problem]]) -> BeforeValidator:

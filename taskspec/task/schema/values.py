@@ -81,7 +81,9 @@ def kind(value: object) -> str:
         case None:
             return "nothing"
         case bool():
-            return "`true`" if value else "`false`"
+            if value:
+                return "`true`"
+            return "`false`"
         case int() | float():
             return f"the number {value}"
         case str():
@@ -246,7 +248,10 @@ def _rows(rows: dict[str, Any], depth: int) -> Iterator[Problem]:
             hint = "add to `by` what these rows look at"
             yield Problem("E208", (key,), message, hint)
             continue
-        problems = _rows(cell, depth - 1) if depth > 1 and is_rows else expression(cell)
+        if depth > 1 and is_rows:
+            problems = _rows(cell, depth - 1)
+        else:
+            problems = expression(cell)
         yield from (problem.below(key) for problem in problems)
 
 
