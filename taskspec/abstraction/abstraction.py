@@ -68,7 +68,10 @@ def abstraction(task: Task) -> Abstraction | None:
     if not isinstance(written, dict):
         return None
     as_written = build_abstract(task)
-    stand_in = None if as_written is None else modified_stand_in(task, as_written)
+    if as_written is None:
+        stand_in = None
+    else:
+        stand_in = modified_stand_in(task, as_written)
     if stand_in is None:
         return None
     checker = Checker(task.new_builder(), Collector())

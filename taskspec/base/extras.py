@@ -55,7 +55,10 @@ def install(extra: str) -> str:
     if not project.is_file() or f'name = "{DISTRIBUTION}"' not in project.read_text(encoding="utf-8"):
         return install_package(f"{DISTRIBUTION}[{extra}]")
     here = Path(project.name)
-    root = "." if here.is_file() and here.samefile(project) else str(project.parent)
+    if here.is_file() and here.samefile(project):
+        root = "."
+    else:
+        root = str(project.parent)
     return f'pip install -e "{root}[{extra}]"'
 
 

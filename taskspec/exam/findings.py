@@ -165,7 +165,10 @@ def html(found: FindingsResult, told: Sequence[str] = ()) -> str:
 def _outcome(each: FindingResult, name: str) -> dict[str, Any]:
     outcome = each.outcome(name)
     deciding = each.deciding(name)
-    evidence = str(deciding) if deciding is not None and outcome != "not run" else ""
+    if deciding is not None and outcome != "not run":
+        evidence = str(deciding)
+    else:
+        evidence = ""
     return {"set": name, "outcome": outcome, "evidence": evidence, "more": len(each.truths[name].evidence) - 1}
 
 

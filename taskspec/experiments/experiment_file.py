@@ -159,7 +159,10 @@ def _check_shown(written: ExperimentFile, collector: Collector) -> None:
     """Report columns that the plot is to show and the results do not have."""
     experiment = written.experiment
     numbers = [name for name in COLUMNS if not name.endswith("_status")]
-    measured = list(MEASURES) if experiment.measures is None else experiment.measures
+    if experiment.measures is None:
+        measured = list(MEASURES)
+    else:
+        measured = experiment.measures
     speeds = list(SPEEDS) if experiment.speed else []
     known = [*numbers, *measured, *speeds]
     for i, name in enumerate(experiment.plot.show):

@@ -160,7 +160,10 @@ class Measured:
             if isinstance(value, Mapping):
                 found |= {f"{name}.{key}": each for key, each in _flat(value)}
             else:
-                found[name] = "+".join(value) if isinstance(value, list) else value
+                if isinstance(value, list):
+                    found[name] = "+".join(value)
+                else:
+                    found[name] = value
         return found
 
 
@@ -290,7 +293,10 @@ def sweep(
 
 def wanted_of(experiment: Experiment) -> Questions:
     """Return what an experiment asks of every instance."""
-    measures = None if experiment.measures is None else tuple(experiment.measures)
+    if experiment.measures is None:
+        measures = None
+    else:
+        measures = tuple(experiment.measures)
     functions = [place_of(name) for name in experiment.policies if is_function(name)]
     code = tuple(code_hash(path, function) for path, function in functions)
     return Questions(

@@ -142,7 +142,10 @@ def _colors(task: Task, node: Node, state: State) -> list[Color]:
 
 
 def _bound(node: Node) -> float | None:
-    most = max(abs(node.low), abs(node.high)) if isinstance(node, Read) else math.inf
+    if isinstance(node, Read):
+        most = max(abs(node.low), abs(node.high))
+    else:
+        most = math.inf
     if 0 < most < math.inf:
         return most
     return None

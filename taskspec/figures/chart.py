@@ -120,7 +120,10 @@ def axis(values: Iterable[float], label: str = "", log: bool = False, most: int 
         high *= factor
         ticks = log_ticks(low, high)
     else:
-        room = (high - low) * margin if high > low else max(abs(low) * margin, 0.5)
+        if high > low:
+            room = (high - low) * margin
+        else:
+            room = max(abs(low) * margin, 0.5)
         low -= room
         high += room
         ticks = nice_ticks(low, high, most)

@@ -136,7 +136,10 @@ class _Grid:
         most = max((1.0, *shades.values()))
         shades = {cell: share / most for cell, share in shades.items()}
         moves = list(chosen_ways(self.task, overlay.policy, by_code))
-        cell = ROOMY if values and moves and len(columns) * ROOMY <= WIDEST else CELL
+        if values and moves and len(columns) * ROOMY <= WIDEST:
+            cell = ROOMY
+        else:
+            cell = CELL
         board = Board(columns, rows, colors, self.letters, agents, shades, values, moves, self.things, cell=cell)
         alt = f"Grid of {self.task.name}: {len(columns)} columns and {len(rows)} rows"
         notes = (*self.key(), *unplaced, *board.notes())

@@ -83,7 +83,10 @@ def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
 def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
     """Yield for each overlay its name, its scale if it has one, and its description."""
     wanted = known.wanted
-    left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
+    if task.horizon is None:
+        left = ""
+    else:
+        left = f" with all {task.horizon:,} steps to go"
     whose = "an optimal policy's" if task.expert is None else "the expert's"
     lacks = ""
     if wanted & {"expert", "occupancy"} and known.acting is None:
@@ -94,7 +97,10 @@ def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
         yield "policy", ("", f"best actions{left}")
     if "expert" in wanted and ("policy" not in wanted or task.expert is not None):
         memory = "" if task.memory is None else ", whatever it remembers"
-        beside = ", as the best ones are" if "policy" in wanted and not lacks else ""
+        if "policy" in wanted and not lacks:
+            beside = ", as the best ones are"
+        else:
+            beside = ""
         yield "expert" if "policy" in wanted else "policy", ("", f"{whose} actions at first{lacks or memory}{beside}")
     if "occupancy" in wanted:
         scale = f"up to {number(max(known.visits.values(), default=0.0), 4)} per episode"
@@ -173,7 +179,10 @@ class _Known:
         return code // (whole.states.size // self.model.states.size)
 
     def at_state(self, state: State) -> Mapping[str, str]:
-        task = self.model.task if self.abstraction is None else self.abstraction.task
+        if self.abstraction is None:
+            task = self.model.task
+        else:
+            task = self.abstraction.task
         arrays = {c.name: reads_of(task, state)[c.read] for c in task.state}
         if self.abstraction is not None:
             arrays = self.abstraction.map(arrays)

@@ -163,7 +163,10 @@ def _tikz_item(item: Item) -> str:
         case Circle(centre=centre, radius=r):
             return rf"\path[{_tikz_paint(item)}] {_tikz_point(centre)} circle [radius={_cm(r)}];"
         case Box(corner=(x, y), width=w, height=h, round=corner):
-            rounded = f", rounded corners={_cm(corner * 28)}pt" if corner else ""
+            if corner:
+                rounded = f", rounded corners={_cm(corner * 28)}pt"
+            else:
+                rounded = ""
             corners = f"{_tikz_point((x, y))} rectangle {_tikz_point((x + w, y + h))}"
             return rf"\path[{_tikz_paint(item)}{rounded}] {corners};"
         case Area(points=points):
@@ -192,7 +195,10 @@ def _tikz_color(paint: sc.Paint) -> str:
 def _tikz_paint(item: Circle | Box | Area) -> str:
     parts = []
     if item.fill:
-        strength = f"!{round(100 * item.shade)}!taskpaper" if item.shade < 1 else ""
+        if item.shade < 1:
+            strength = f"!{round(100 * item.shade)}!taskpaper"
+        else:
+            strength = ""
         parts.append(f"fill={_tikz_color(item.fill)}{strength}")
     if item.line:
         parts.append(f"draw={_tikz_color(item.line)}")

@@ -398,7 +398,10 @@ def _member(left: _Side, right: _Side) -> Node:
     checker = left.checker
     if isinstance(right.expr, s.Comprehension) and right.expr.is_set and left.has_choices:
         return _member_of_many(left, right.expr, right.scope)
-    items = right.expr.items if isinstance(right.expr, s.SetOf | s.Vector) else ()
+    if isinstance(right.expr, s.SetOf | s.Vector):
+        items = right.expr.items
+    else:
+        items = ()
     sides = [_Side(checker, item, right.scope) for item in items]
     if not sides or not all(_of_choices(left, side) for side in sides):
         return _member_of_values(checker, left.value(), left.expr, right.expr, right.scope)

@@ -156,7 +156,10 @@ def fit(config: Matching, mdp: Tabular, demonstrated: Array, start: Array) -> tu
             break
         m[running] = b1 * m[running] + (1 - b1) * gradient
         v[running] = b2 * v[running] + (1 - b2) * gradient**2
-        c1, c2 = (1 - b1 ** (i + 1), 1 - b2 ** (i + 1)) if config.bias else (1.0, 1.0)
+        if config.bias:
+            c1, c2 = (1 - b1 ** (i + 1), 1 - b2 ** (i + 1))
+        else:
+            c1, c2 = (1.0, 1.0)
         reward[running] += config.learning_rate * (m[running] / c1) / (np.sqrt(v[running] / c2) + 1e-7)
     return reward, gaps, taken
 

@@ -77,7 +77,10 @@ def _enough_for(node: Node, sign: int, user: Node, users: Users, builder: Builde
         return math.inf
     first = user.args[0] is node
     low, high = builder.bounds(user.args[-1] if first else user.args[0])
-    far = high if sign > 0 else -low  # how far the other argument gets the same way
+    if sign > 0:  # how far the other argument gets the same way
+        far = high
+    else:
+        far = -low
     match user.op:
         case "min2" | "max2" if (user.op == "min2") == (sign > 0):
             return far

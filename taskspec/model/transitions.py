@@ -223,7 +223,10 @@ def merge_outcomes(keys: Sequence[Array], weight: Array) -> tuple[list[Array], A
     for key in keys:
         fresh[1:] |= key[1:] != key[:-1]
     start = np.flatnonzero(fresh)
-    total = weight if len(start) == len(weight) else np.add.reduceat(weight, start)
+    if len(start) == len(weight):
+        total = weight
+    else:
+        total = np.add.reduceat(weight, start)
     return [key[start] for key in keys], total
 
 
@@ -250,7 +253,10 @@ class Outcomes:
     def spread(self, lanes: int) -> tuple[Array, ...]:
         """Return points, codes, weights, rewards, ends and which are outside, (M,) each."""
         point = np.arange(lanes) if self.origin is None else self.origin
-        outside = np.zeros(1, np.bool_) if self.outside is None else self.outside
+        if self.outside is None:
+            outside = np.zeros(1, np.bool_)
+        else:
+            outside = self.outside
         fields = (point, self.code, self.weight, self.reward, self.terminal, outside)
         return tuple(np.broadcast_to(x, (len(point),)) for x in fields)
 
@@ -281,7 +287,10 @@ class Steps:
         self.actions = Space(task.action, Role.ACTION)
         decisive = draws((*task.next, task.terminal))
         b = task.new_builder()
-        self.reward = task.reward if as_paid else expected(task.reward, b, decisive)
+        if as_paid:
+            self.reward = task.reward
+        else:
+            self.reward = expected(task.reward, b, decisive)
         self.roots = lumped((*task.raw_next, self.reward, task.terminal), b)
         self.first = lumped(task.raw_initial, b)
 

@@ -101,7 +101,10 @@ def _bound(entry: ModifierEntry, given: dict[str, Any]) -> Iterator[tuple[str, A
     given = {name or names[0]: value for name, value in given.items()}
     for name in given:
         if name not in names:
-            known = f"it has {', '.join(names)}" if names else "it has no arguments"
+            if names:
+                known = f"it has {', '.join(names)}"
+            else:
+                known = "it has no arguments"
             _refuse(entry.name, f"it has no argument '{name}'", suggest(str(name), names) or known)
     for i, argument in enumerate(entry.arguments):
         if argument.name not in given and argument.default is None:

@@ -115,7 +115,10 @@ def permutations(seed: int, rows: int, count: int) -> np.ndarray[tuple[int, ...]
 
 
 def _says_permuted(task: Task, given: Arguments) -> str:
-    where = "in each state anew" if given["per_state"] else "in all states alike"
+    if given["per_state"]:
+        where = "in each state anew"
+    else:
+        where = "in all states alike"
     return f"what the actions do is permuted by the seed {given['seed']}, {where}"
 
 

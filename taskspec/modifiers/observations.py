@@ -39,7 +39,10 @@ def _distractors(b: Builder, task: Task, given: Arguments) -> Task:
     with b.written(apart=True) as drawn:
         dist = DISTS[given["kind"].capitalize()]
         node = dist.build(b, {name: b.scalar(v) for name, v in arguments.items()}, shape)
-    low, high = (-1.0, 1.0) if given["kind"] == "uniform" else (-math.inf, math.inf)
+    if given["kind"] == "uniform":
+        low, high = (-1.0, 1.0)
+    else:
+        low, high = (-math.inf, math.inf)
     (name,) = fresh(["distractor"], names_in(task))
     c = Component(
         name, Type(Kind.REAL, shape), (low,) * shape[0], (high,) * shape[0],

@@ -156,7 +156,10 @@ class _Walk:
                     yield from self._labels(value, here)
 
     def _labels(self, labels: Any, path: Path) -> Iterator[Mutant]:
-        keys = list(labels) if isinstance(labels, dict) else list(range(len(labels)))
+        if isinstance(labels, dict):
+            keys = list(labels)
+        else:
+            keys = list(range(len(labels)))
         for key in keys:
             if isinstance(labels, dict):
                 yield from self.expression(labels[key], (*path, key))

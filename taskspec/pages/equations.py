@@ -165,7 +165,10 @@ class Writing:
         while waiting:
             body, bound = waiting.pop()
             for node in s.names(body):
-                name = node.function if isinstance(node, s.Call) else node.written
+                if isinstance(node, s.Call):
+                    name = node.function
+                else:
+                    name = node.written
                 if name in defined:
                     waiting.append(defined.pop(name))
                 if name not in bound:

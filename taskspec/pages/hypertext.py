@@ -28,7 +28,10 @@ def article(title: str, summary: p.Inlines, description: Iterable[p.Block], sect
     parts = [Markup("<h2>{}</h2><p>{}</p>").format(title, writer.prose(summary)), *map(writer.block, description)]
     for section in sections:
         found = writer.section(section)
-        lines = [found["lead"], *found["lines"]] if found["lead"] else found["lines"]
+        if found["lead"]:
+            lines = [found["lead"], *found["lines"]]
+        else:
+            lines = found["lines"]
         if section.table:
             rows = [_row("th", section.table.header), *(_row("td", row) for row in found["rows"])]
         else:

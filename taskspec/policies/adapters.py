@@ -198,7 +198,10 @@ class Predictor(ObservationPolicy):
         if "episode_start" in self.takes:
             options["episode_start"] = np.full(len(batch.running), batch.t == 0)
         answer = self.policy.predict(self.normalise(batch.observations), **options)
-        actions, self.memory = answer if isinstance(answer, tuple) else (answer, None)
+        if isinstance(answer, tuple):
+            actions, self.memory = answer
+        else:
+            actions, self.memory = (answer, None)
         return actions
 
     def probabilities(self, observations: Any) -> Array | None:

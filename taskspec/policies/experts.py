@@ -121,7 +121,10 @@ class Expert:
         found = []
         size = len(self.memory.components)
         for i, (observation, t) in enumerate(zip(batch, steps, strict=True)):
-            before = [] if t == 0 else [tuple(part[i].tolist()) for part in state[1:]]
+            if t == 0:
+                before = []
+            else:
+                before = [tuple(part[i].tolist()) for part in state[1:]]
             seen = spaces.unpack(self.observation, observation)
             found.append(recall(self.task, self.memory, seen, before[:size], before[size:], int(t)))
         return found

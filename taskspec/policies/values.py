@@ -131,7 +131,10 @@ def _by_row(table: Array, rows: int, actions: int, first: int = 0) -> Array:
         table = np.eye(actions)[table - first]
     if table.ndim not in (2, 3) or table.shape[-2:] != (rows, actions):
         forms = f"({rows},) for actions, ({rows}, {actions}) for their probabilities or values"
-        hint = _transposed(table) if table.shape[-2:] == (actions, rows) else None
+        if table.shape[-2:] == (actions, rows):
+            hint = _transposed(table)
+        else:
+            hint = None
         misused(f"a table has shape {forms}; maybe with the time in front; not {table.shape}", hint)
     if not np.isfinite(table).all():
         what = "NaN" if np.isnan(table).any() else "an infinite number"

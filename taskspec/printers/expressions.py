@@ -90,7 +90,10 @@ class ExpressionWriter(Writer):
             case "+" | "-":
                 # in one row, so that it can break at any of its signs
                 is_sum = isinstance(left, m.Row) and any(x in (m.Sym("+"), m.Sym("−")) for x in left.items[1:])
-                head = left.items if is_sum and isinstance(left, m.Row) else (left,)
+                if is_sum and isinstance(left, m.Row):
+                    head = left.items
+                else:
+                    head = (left,)
                 total = m.Row((*head, m.Sym(expr.op.replace("-", "−")), right))
                 return applied(expr.op, total, _leads(sides[0], left))
             case "**":

@@ -226,7 +226,10 @@ def _over_slice(w: Writer, name: s.Name, part: s.Slice, sign: str) -> Piece | No
 
 def _extreme(name: str) -> Idiom:
     def write(w: Writer, call: s.Call) -> Piece | None:
-        found = pointwise(w, call.args[0]) if rank(w, call.args[0]) == 1 else None
+        if rank(w, call.args[0]) == 1:
+            found = pointwise(w, call.args[0])
+        else:
+            found = None
         if found is None:
             return None  # of a matrix it is a place in all its rows, one after the other
         of, index, inner = found

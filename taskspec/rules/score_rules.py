@@ -361,7 +361,10 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             kinds = ["task"]
         has_sides = name in NUMBERS
         if expr.keywords or not len(kinds) <= len(args) <= len(kinds) + has_sides:
-            hint = f"behind them may stand {', '.join(SIDES)}" if has_sides else None
+            if has_sides:
+                hint = f"behind them may stand {', '.join(SIDES)}"
+            else:
+                hint = None
             self._fail("E304", expr, f"{name} takes other arguments: {name}({', '.join(kinds)})", hint)
         *learners, task = [self._member(arg, kind) for kind, arg in zip(kinds, args, strict=False)]
         sides = [self._name(arg, tuple(SIDES), "side of a task") for arg in args[len(kinds) :]]

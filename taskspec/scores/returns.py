@@ -173,7 +173,10 @@ class Results:
 
     @cached_property
     def _extracted(self) -> Model | SpecError:
-        task = self.task if self.abstraction is None else self.abstraction.stand_in
+        if self.abstraction is None:
+            task = self.task
+        else:
+            task = self.abstraction.stand_in
         try:
             return extract(task, limit=self.limit)
         except SpecError as error:

@@ -226,7 +226,10 @@ class Rational:
     def goes_on(self, t: int, row: int) -> Iterator[tuple[int, int]]:
         """Yield states in which the episode goes on after a row, action * S + state, with their weights over `weights.over`."""
         step = self.step(t)
-        last = step.first[row + 1] if row + 1 < len(step.first) else len(step.columns)
+        if row + 1 < len(step.first):
+            last = step.first[row + 1]
+        else:
+            last = len(step.columns)
         for k in range(step.first[row], last):
             if not step.ends[k]:
                 yield int(step.columns[k]), int(step.weights.parts[k])

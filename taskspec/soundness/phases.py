@@ -276,7 +276,10 @@ class _Parameters:
             return
         b = self.where.builder
         found = [b.cast(n, Kind.REAL) for n in nodes if n is not None]
-        terms = found[0] if found[0].type.shape else b.structure("vector", found)
+        if found[0].type.shape:
+            terms = found[0]
+        else:
+            terms = b.structure("vector", found)
         for expr, node in zip(exprs, found, strict=True):
             yield self._check("E402", node, 0.0, 1.0, "a probability", expr)
         yield self._check("E401", b.apply("sum", terms), 1.0, 1.0, "the sum of the probabilities", self.written.expr)

@@ -289,7 +289,10 @@ def remembered(context: Context, names: Names, observation: Observation) -> Expe
         for key, nodes in found.items():
             expr = context.forms.expr(("memory", c.name, key))
             context.exprs.setdefault("memory", {})[c.name + "'" * (key == "next")] = expr
-            node = None if expr is None else context.assign(expr, scopes[key], c)
+            if expr is None:
+                node = None
+            else:
+                node = context.assign(expr, scopes[key], c)
             nodes += [] if node is None else [node]
     if not context.memory or any(len(nodes) < len(context.memory) for nodes in found.values()):
         return None

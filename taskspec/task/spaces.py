@@ -101,7 +101,10 @@ class SpaceLayout:
         """Least and largest value of each number of an action."""
         if self.form == "box":
             return self.limits
-        starts = self.starts if self.form == "discrete" else (0,) * len(self.counts)
+        if self.form == "discrete":
+            starts = self.starts
+        else:
+            starts = (0,) * len(self.counts)
         return tuple((start, start + count - 1) for start, count in zip(starts, self.counts, strict=True))
 
     @property
@@ -289,7 +292,10 @@ def _held(part: Part, items: Sequence[Any]) -> Any:
 
 def unpack(layout: SpaceLayout, value: Any) -> list[tuple[Any, ...]]:
     """Return a valid action (or observation, but for one-hot rows) of a layout as flat component values."""
-    held = [value[part.name] for part in layout.parts] if layout.is_dict else [value]
+    if layout.is_dict:
+        held = [value[part.name] for part in layout.parts]
+    else:
+        held = [value]
     parts = [np.asarray(each).ravel().tolist() for each in held]
     flats = []
     for c, segment in zip(layout.components, layout.segments, strict=True):

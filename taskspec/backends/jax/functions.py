@@ -297,7 +297,10 @@ def _check(parameter: Parameter, value: Any) -> None:
     high = parameter.high
     problem = ""
     if np.isnan(given).any() or (low is not None and (given < low).any()):
-        problem = f"must be at least {low}" if low is not None else "must be a number"
+        if low is not None:
+            problem = f"must be at least {low}"
+        else:
+            problem = "must be a number"
     elif high is not None and (given > high).any():
         problem = f"must be at most {high}"
     elif parameter.kind == "int" and (given != np.rint(given)).any():

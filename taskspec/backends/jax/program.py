@@ -36,7 +36,10 @@ def observed(layout: SpaceLayout, seen: Sequence[AnyArray]) -> Any:
     """Return components (*shape, N) as one array (*shape, N), float32 or int32; a dict for dict spaces."""
     rows: list[list[AnyArray]] = [[] for _ in layout.parts]
     for segment in layout.segments:
-        dtype = jnp.int32 if layout.parts[segment.part].is_whole else jnp.float32
+        if layout.parts[segment.part].is_whole:
+            dtype = jnp.int32
+        else:
+            dtype = jnp.float32
         rows[segment.part].append(_numbers(segment, seen[segment.component]).astype(dtype))
     lanes = seen[0].shape[-1]
     made = {p.name: jnp.concatenate(r).reshape(*p.shape, lanes) for p, r in zip(layout.parts, rows, strict=True)}

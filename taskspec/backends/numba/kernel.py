@@ -197,7 +197,10 @@ class KernelLane(LaneEmitter):
         """Return the name of a constant array."""
         dtype: Any = {Kind.BOOL: np.bool_, Kind.REAL: np.float64}.get(kind)
         if dtype is None:
-            dtype = np.int32 if all(abs(v) <= INT_MAX for v in cells) else np.int64
+            if all(abs(v) <= INT_MAX for v in cells):
+                dtype = np.int32
+            else:
+                dtype = np.int64
         return self.array(np.array(cells, dtype))
 
     def array(self, array: Any) -> str:

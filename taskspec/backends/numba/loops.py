@@ -66,7 +66,10 @@ class MemoryRow:
 
     def source(self, memory: Memory, first: str = "first", every: str = "every") -> str:
         # Numba compiles a function once more for every literal that it is given, and not for what i64() returns.
-        offset = first if self.row == 0 else f"i64({self.row}) * {every} + {first}"
+        if self.row == 0:
+            offset = first
+        else:
+            offset = f"i64({self.row}) * {every} + {first}"
         return f"{self.kind}({memory.at(self.array)}, {offset})"
 
 
@@ -224,7 +227,10 @@ def _read_actions(p: Program) -> list[str]:
         rounded = c.type.kind is not Kind.REAL and not p.action.parts[segment.part].is_whole
         for start in segment.starts or (0,) * segment.size:
             name, place = next(places)
-            raw = f"actions[{place}] + {start}" if start else f"actions[{place}]"
+            if start:
+                raw = f"actions[{place}] + {start}"
+            else:
+                raw = f"actions[{place}]"
             if rounded:
                 raw = f"np.rint({raw})"
             cast = {Kind.BOOL: "({} != 0)", Kind.INT: "i32({})", Kind.REAL: "f64({})"}[c.type.kind]

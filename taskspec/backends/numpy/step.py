@@ -116,7 +116,10 @@ def generate(
     arguments += [f"{name}{i}" for name in ("seen", "final") for i in range(len(observation.parts))]
     taken = [*actions, *hoisted.names, *hoisted.word_numbers]
     assert form.scratch is not None
-    quiet = ['@np.errstate(all="ignore")'] if _may_warn(roots, observation) else []
+    if _may_warn(roots, observation):
+        quiet = ['@np.errstate(all="ignore")']
+    else:
+        quiet = []
     body = [*form.scratch.declarations, "", *quiet, f"def step({', '.join(taken)}):"]
     body += [*indent(lines), "", "return step"]
     head = repr(f"{task.id}: n environments, array code. Generated; the spec is {task.document.origin.name}.")

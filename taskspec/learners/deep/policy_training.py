@@ -58,7 +58,10 @@ def collect(update: Update, learning: PolicyState, key: AnyArray) -> tuple[Rollo
     first, second = jax.random.split(key)
     world = update.world
     experience = update.experience
-    walk = world.begin(first, experience.lanes) if experience.whole else learning.walk
+    if experience.whole:
+        walk = world.begin(first, experience.lanes)
+    else:
+        walk = learning.walk
     return world.rollout(walk, sampler(world, learning.policy.actor), second, update.steps)
 
 

@@ -144,7 +144,10 @@ def notation(pages: Iterable[Page]) -> Inlines:
     if any(page.section("scores") for page in pages):
         # at a page's own values of the parameters, or at others beside them
         tasks = (task for page in pages for task in (page.task, *(s.task for s in page.settings)))
-        discounted = _DISCOUNTED if any(task.discount != 1 for task in tasks) else ""
+        if any(task.discount != 1 for task in tasks):
+            discounted = _DISCOUNTED
+        else:
+            discounted = ""
         sentences.append(_RETURNS.format(discounted=discounted))
     for word, text in _MARKS:
         if any(isinstance(piece, Mark) and piece.text.startswith(word) for piece in pieces):

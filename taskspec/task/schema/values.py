@@ -172,7 +172,10 @@ def reason(text: str) -> Iterator[Problem]:
 def definition(text: str) -> Iterator[Problem]:
     """Yield a key of `definitions`: a name, or a function with the names of its arguments."""
     function = _FUNCTION.fullmatch(text)
-    arguments = [part.strip() for part in function[2].split(",")] if function else []
+    if function:
+        arguments = [part.strip() for part in function[2].split(",")]
+    else:
+        arguments = []
     names = [function[1] if function else text, *arguments]
     yield from (problem for each in names for problem in name(each))
     if len(set(arguments)) < len(arguments):
