@@ -28,7 +28,8 @@ _WRITERS: dict[str, Callable[[Suite, Mapping[str, str]], dict[str, str]]] = {
     "markdown": lambda suite, links: render.markdown(suite),
     "svg": lambda suite, links: {},
 }
-FORMATS = (*_WRITERS, "pdf")  # names of the formats that pages are written in
+FORMATS = (*_WRITERS, "pdf")
+"""The names of the formats that pages are written in."""
 
 _SCRATCH = ("aux", "bbl", "blg", "log", "out")
 """Endings of what TeX leaves beside a document; where it fails, they stay."""

@@ -129,17 +129,16 @@ def test_modules_and_methods(written: str, message: str, hint: str | None) -> No
     ("transitions", {}, "unknown key `transitions`", "write `dynamics`"),
     ("state", {"s": {"type": "int", "max": 9}}, "unknown key `max`", "write `high`"),
     ("state", {"s": {"type": "int", "n": 9}}, "unknown key `n`", "write `low: 0, high: n - 1`"),
-    ("state", {"s": {"type": "bool", "length": 9}}, "unknown key `length`", "write `shape`"),
+    ("state", {"s": {"type": "int", "low": 0, "high": 1, "length": 9}}, "unknown key `length`", "write `shape`"),
     ("parameters", {"L": {"type": "int", "default": 1, "maximum": 9}}, "unknown key `maximum`", "write `high`"),
     ("state", {"s": {"type": "list"}}, "the text `list` is not one of int, real, bool, choice", "write `type: int, shape: [n]`"),
     ("parameters", {"L": 3}, "expected named entries (`name: ...`), found the number 3", "write {type: int, default: 3}"),
     ("parameters", {"L": False}, "expected named entries (`name: ...`), found `false`", "write {type: bool, default: false}"),
     ("parameters", {"L": {"default": 3}}, "`L` has no `type`", "one of `type: int`, `real`, `bool` and `choice`"),
     ("state", {"s": ["a", "b"]}, "expected named entries (`name: ...`), found a list", "write {type: choice, values: [a, b]}"),
-    ("dynamics", {"s'": {"table": {"by": "s", "rows": {"0": "1", "else": "0"}}}}, "a table stands by itself, not below `table`",
-     "put `by` and `rows` where `table` is"),
-    ("dynamics", {"s'": {"cases": [{"if": "u", "then": "1"}, {"else": "0"}]}}, "cases stand by themselves, not below `cases`",
-     "put the list where `cases` is"),
+    ("dynamics", {"s'": {"table": {"by": "s", "rows": {"0": "1", "else": "0"}}}},
+     "rows are nested deeper than `by` is long, or a probability is a mapping",
+     "a table stands by itself, not below `table`"),
 ])  # fmt: skip
 def test_keys_and_types_of_others(section: str, entry: Any, message: str, hint: str) -> None:
     with pytest.raises(SpecError) as refused:
