@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import warnings
-from contextlib import suppress
+from collections.abc import Iterator
 from pathlib import Path
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
@@ -32,25 +33,23 @@ def code_hash(path: Path | str, function: str) -> str:
 
 def code_files(path: Path | str) -> dict[Path, bytes]:
     """Return the contents of a file and of all that it imports from its own folder, by their places (see `code_hash`)."""
-    from modulefinder import ModuleFinder
-
     start = Path(path).resolve()
-    try:
-        contents = {start: start.read_bytes()}
-    except OSError as error:
-        message = f"cannot read {str(start)!r}: {error.strerror or error}"
-        raise SpecError([Diagnostic("E710", None, message)]) from error
     home = _home(start)
-    folders = [str(start.parent)]
+    folders = [start.parent]
     if (home / "__init__.py").is_file():
-        folders.append(str(home.parent))
-    finder = ModuleFinder(folders)
-    with warnings.catch_warnings(action="ignore"), suppress(Exception):  # running a broken file shows what is wrong
-        finder.import_hook(".".join(start.relative_to(folders[-1]).with_suffix("").parts))
-    for module in finder.modules.values():
-        file = Path(getattr(module, "__file__", None) or "")
-        if file.is_relative_to(home) and file.is_file():
+        folders.append(home.parent)
+    contents: dict[Path, bytes] = {}
+    waiting = [start]
+    while waiting:
+        file = waiting.pop()
+        if file in contents or not file.is_relative_to(home):
+            continue
+        try:
             contents[file] = file.read_bytes()
+        except OSError as error:
+            message = f"cannot read {str(file)!r}: {error.strerror or error}"
+            raise SpecError([Diagnostic("E710", None, message)]) from error
+        waiting += _imported(contents[file], file, folders)
     return contents
 
 
@@ -60,3 +59,31 @@ def _home(file: Path) -> Path:
     while (home.parent / "__init__.py").is_file() and (home / "__init__.py").is_file():
         home = home.parent
     return home
+
+
+def _imported(content: bytes, file: Path, folders: list[Path]) -> Iterator[Path]:
+    """Yield the files that a file imports, if they lie in the folders or in those of packages there."""
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            tree = ast.parse(content)
+    except (SyntaxError, ValueError, RecursionError):  # running it shows the mistake
+        return
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield from _files(alias.name, folders)
+        elif isinstance(node, ast.ImportFrom):
+            within = [file.parents[node.level - 1]] if 0 < node.level <= len(file.parents) else folders
+            for alias in node.names:
+                yield from _files(f"{node.module or ''}.{alias.name}".lstrip("."), within)
+
+
+def _files(module: str, folders: list[Path]) -> Iterator[Path]:
+    """Yield the files of a module and of the packages that it is in; the last parts may be names in one of them."""
+    for folder in folders:
+        place = folder
+        for part in module.split("."):
+            place = place / part
+            for file in (place / "__init__.py", place.with_name(f"{part}.py")):
+                if file.is_file():
+                    yield file

@@ -215,8 +215,9 @@ class Bounded:
     @cached_property
     def may_underflow(self) -> bool:
         """True if values may become too small for a float on their way through an episode."""
-        shrinks_by = -math.log(self.least_probability * max(self.model.discount, FAINT))
-        return self.is_faint or shrinks_by * (self.model.horizon or 0) > MOST_SHRINKING
+        shrinks_by = -math.log(self.least_probability) - math.log(max(self.model.discount, FAINT))
+        steps = math.inf if self.model.horizon is None else self.model.horizon
+        return self.is_faint or (shrinks_by > 0 and shrinks_by * steps > MOST_SHRINKING)
 
     @cached_property
     def is_signed(self) -> bool:
