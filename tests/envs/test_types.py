@@ -54,12 +54,16 @@ def test_the_examples_pass_mypy_in_its_strict_mode(tmp_path: Path) -> None:
 def test_the_examples_pass_pyright_in_its_strict_mode(tmp_path: Path) -> None:
     programs(tmp_path, without=UNTYPED)
     (tmp_path / "bad.py").write_text('import taskspec\n\ntaskspec.make("RiskyPath", ending="stop")\n')
-    options = {"typeCheckingMode": "strict", "extraPaths": [str(ROOT)], "pythonVersion": "3.11"}
+    # `import taskspec` registers ids, and a page's examples are one program: imports may be unused, or repeated.
+    options = {
+        "typeCheckingMode": "strict", "extraPaths": [str(ROOT)], "pythonVersion": "3.11", "reportUnusedImport": False,
+    }  # fmt: skip
     (tmp_path / "pyrightconfig.json").write_text(json.dumps(options))
     done = subprocess.run(
         ["pyright", "--outputjson", "--pythonpath", sys.executable, "."],
         cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     found = json.loads(done.stdout)["generalDiagnostics"]
+    found = [d for d in found if "imported more than once" not in d["message"]]
     wrong = [(Path(d["file"]).name, d["range"]["start"]["line"], d["message"]) for d in found]
     assert {name for name, _, _ in wrong} == {"bad.py"}, wrong
