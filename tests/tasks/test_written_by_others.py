@@ -12,10 +12,9 @@ import pytest
 
 import taskspec
 from taskspec import draws
-from taskspec.exact import scores, verdicts
+from taskspec.exact import scores
 from taskspec.lang.variates import WordLayout
-from taskspec.registry import entries
-from tests.shared.specs import spec_file, varied_files
+from tests.shared.specs import spec_file
 
 
 def make(name: str, **parameters: Any) -> Any:
