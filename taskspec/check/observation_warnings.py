@@ -137,8 +137,8 @@ def hidden(context: LintContext) -> Iterator[Doubt]:
             yield Doubt(context.key("observation"), message)
 
 
-def infinite_abstraction(context: LintContext) -> Iterator[Doubt]:
-    """Yield a component of the stand-in that has infinitely many values, so that there is no exact model of it."""
+def unproved_abstraction(context: LintContext) -> Iterator[Doubt]:
+    """Yield an abstraction that gives no exact results, as it is infinite or cannot be proved."""
     found = context.results.abstraction
     if found is None:
         return
@@ -146,3 +146,8 @@ def infinite_abstraction(context: LintContext) -> Iterator[Doubt]:
         if not c.is_finite:
             message = f"'{c.name}' has infinitely many values, so the abstraction gives no exact results"
             yield Doubt(context.key("abstraction", "state", c.name), message, "declare an int with `low` and `high`")
+            return
+    check = context.results.abstraction_check
+    if check is not None and check.why_not is not None:
+        message = f"the abstraction is not proved, so it gives no exact results: {check.why_not}"
+        yield Doubt(context.key("abstraction"), message)

@@ -40,7 +40,7 @@ KINDS: tuple[WarningKind, ...] = (
     WarningKind("W519", model_warnings.forgotten),
     WarningKind("W520", model_warnings.twins),
     WarningKind("W521", text_warnings.idle_errata),
-    WarningKind("W522", observation_warnings.infinite_abstraction),
+    WarningKind("W522", observation_warnings.unproved_abstraction),
     WarningKind("W524", text_warnings.printed_alike),
     WarningKind("W527", text_warnings.foreign_letters),
 )

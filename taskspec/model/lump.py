@@ -1,12 +1,13 @@
-"""Draws with merged outcomes, where a task cannot tell the difference.
+"""Draws with merged outcomes, and counts that are capped, where a task cannot tell the difference.
 
 Conditions that are only counted are one draw of the count, so that a sum of n of them has n + 1 outcomes and not 2**n; of a
-permutation, places that nothing reads and values that everything treats alike are left open. The joint distribution of the
-roots is the same.
+permutation, places that nothing reads and values that everything treats alike are left open; counts of events beyond what
+anything can tell apart, as in `min(Poisson(3), 5)`, are one. The joint distribution of the roots is the same.
 """
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -18,6 +19,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, children, draws, rewrite, walk
 from taskspec.lang.operators import OPERATORS, entry_of
 from taskspec.lang.types import INT, Kind, Type
+from taskspec.lang.variates.quantities import poisson_terms
 
 Users = dict[int, list[Node]]
 """The nodes that use a node, by its id; a root is used by itself, for what is not below the roots."""
@@ -26,8 +28,9 @@ Users = dict[int, list[Node]]
 def lumped(roots: Iterable[Node], builder: Builder) -> tuple[Node, ...]:
     """Return roots of the same joint distribution, whose draws have fewer outcomes where that is plain to see."""
     roots = tuple(roots)
-    if not any(d.base in ("bernoulli", "permutation") for d in draws(roots)):
+    if not any(d.base in ("bernoulli", "permutation", "poisson") for d in draws(roots)):
         return roots
+    roots = _replaced(roots, _capped(roots, _users_of(roots), builder), builder)
     while made := _counted(roots, _users_of(roots), builder):
         roots = _replaced(roots, made, builder)
     return _replaced(roots, _permuted(roots, _users_of(roots), builder), builder)
@@ -47,6 +50,49 @@ def _users_of(roots: Sequence[Node]) -> Users:
     for root in roots:
         users[id(root)].append(root)
     return users
+
+
+# -- counts, where `min`, comparisons, or several of them, are all that they meet -----------------------------------------
+
+
+def _capped(roots: Sequence[Node], users: Users, builder: Builder) -> dict[int, Node]:
+    """Return Poisson draws, by id, as draws of fewer outcomes: all counts from some on are one."""
+    made = {}
+    for draw in draws(roots):
+        if draw.base == "poisson":
+            most = max(0, _enough(draw, 1, users, builder))
+            if most + 1 < poisson_terms(draw.args[-1]):
+                args = (*draw.args, builder.const(math.ceil(most), INT))
+                made[id(draw)] = builder.remake(Draw("capped", (), draw.type, draw.site), args)
+    return made
+
+
+def _enough(node: Node, sign: int, users: Users, builder: Builder) -> float:
+    """Return the value of an int times the sign from which on its users' values stay the same; infinite if there is none."""
+    return max(_enough_for(node, sign, user, users, builder) for user in users[id(node)])
+
+
+def _enough_for(node: Node, sign: int, user: Node, users: Users, builder: Builder) -> float:
+    if not isinstance(user, Apply) or user is node or Kind.REAL in {a.type.kind for a in (user, *user.args)}:
+        return math.inf
+    first = user.args[0] is node
+    low, high = builder.bounds(user.args[-1] if first else user.args[0])
+    if sign > 0:  # how far the other argument gets the same way
+        far = high
+    else:
+        far = -low
+    match user.op:
+        case "min2" | "max2" if (user.op == "min2") == (sign > 0):
+            return far
+        case "min2" | "max2" | "element" | "slice":
+            return _enough(user, sign, users, builder)
+        case "add":
+            return _enough(user, sign, users, builder) + (-low if sign > 0 else high)
+        case "sub":
+            return _enough(user, sign if first else -sign, users, builder) + far
+        case "lt" | "le" | "eq" | "ne":
+            return far + 1
+    return math.inf
 
 
 # -- conditions that are counted --------------------------------------------------------------------------------------

@@ -192,6 +192,24 @@ def _arrangements(draw: Draw, bounds: Bounds) -> float:
     return float(min(ways[-1], 10**300))
 
 
+def _most(draw: Draw) -> int:
+    """Return the count from which on those of a capped draw are one outcome."""
+    most = draw.args[-1]
+    assert isinstance(most, Const)
+    return int(most.value)
+
+
+def _capped(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> Outcomes:
+    """Return counts up to a last one, which has the probability of all from there on."""
+    most = _most(draw)
+    terms = poisson_terms(draw.args[-2])
+    found = []
+    for rate in entry.each(numbers.argument(draw, args[0]), draw.type.size):
+        row = _poisson_row(rate, terms)
+        found.append(np.concatenate([row[:most], row[most:].sum(axis=0, keepdims=True)]))
+    return entry.product(draw, found, np.int64)
+
+
 TABLE = (
     Variate(  # a multiple of 2**-24 in [0, 1)
         name="uniform", kind=Kind.REAL, bounds=lambda draw, args: (0, 1),
@@ -230,6 +248,13 @@ TABLE = (
             tail=True,
         ),
         words=_poisson_words, many=_poissons, kernel=_poisson_kernel, passes=_poisson_passes,
+    ),
+    Variate(  # a Poisson draw, all of whose counts from some on come to the same; after its own arguments, which
+        name="capped", kind=Kind.INT, many=None, bounds=lambda draw, args: (0, args[-1].high),
+        outcomes=Enumeration(
+            lambda draw, bounds: entry.power(_most(draw) + 1, draw.type.size), _capped,
+            steps=lambda draw: draw.type.size * 7 * poisson_terms(draw.args[-2]), tail=True,  # and a sum of as many
+        ),
     ),
     Variate(  # the count of conditions that hold
         name="total", kind=Kind.INT, many=None, bounds=lambda draw, args: (0, draw.args[0].type.size),
