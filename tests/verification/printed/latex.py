@@ -22,7 +22,7 @@ from tests.verification.printed.marks import (
 
 TOKEN = re.compile(r"\\[A-Za-z]+|\\.|[0-9]+(?:\.[0-9]+)?|\s+|.")
 MARKS = {
-    "cdot": "⋅", "times": "×", "leq": "≤", "geq": "≥", "neq": "≠", "equiv": "≡", "land": "∧", "lor": "∨", "lnot": "¬",
+    "cdot": "⋅", "odot": "⊙", "times": "×", "leq": "≤", "geq": "≥", "neq": "≠", "equiv": "≡", "land": "∧", "lor": "∨", "lnot": "¬",
     "in": "∈", "notin": "∉", "bmod": "mod", "ldots": "…", "leftarrow": "←", "exists": "∃", "forall": "∀",
 }  # fmt: skip
 LETTERS = {"theta": "θ", "infty": "∞"}
