@@ -104,12 +104,17 @@ def printed_alike(context: LintContext) -> Iterator[Doubt]:
     printed = []
     for section, written, name in _names(context):
         printed.append((section, written, notation.symbol(name), f"the {_KINDS[section]} '{name}'"))
+    printed += [
+        ("observation", name, notation.symbol(name), f"the observation '{name}'") for name in _observed(context)
+    ]
     names = len(printed)
     for section, components in (("state", context.task.state), ("action", context.task.action)):
         for c in components:
             for label, tree in notation.labels.get(c.name, {}).items():
                 printed.append((section, c.name, tree, f"the label '{label}' of '{c.name}'"))
-    seen: dict[str, str] = {}
+    seen = {"R": "the reward"}
+    if context.task.discount != 1:
+        seen["γ"] = "the discount"
     for i, (section, written, tree, what) in enumerate(printed):
         symbol = plain(tree)
         if symbol in seen:
@@ -118,6 +123,14 @@ def printed_alike(context: LintContext) -> Iterator[Doubt]:
             yield Doubt(context.key(section, written), message, hint)
         elif i < names:
             seen[symbol] = what
+
+
+def _observed(context: LintContext) -> Iterator[str]:
+    """Yield observations that are not simply what has their name."""
+    written = context.task.surface.sections.get("observation")
+    for name, expr in written.items() if isinstance(written, dict) else ():
+        if not (isinstance(expr, s.Name) and expr.written == name):
+            yield name
 
 
 ALIKE = str.maketrans(

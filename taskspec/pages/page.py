@@ -122,7 +122,9 @@ def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tup
         own_values = _concrete(task, facts)
         for each in settings:
             found = _concrete(each.task, each.facts)
-            shown = [_beside(s, own_values.get(s.key), found.get(s.key)) for s in shown]
+            varied = [name for name, value in task.values.items() if each.task.values[name] != value]
+            only_here = Text(f" (for {', '.join(f'{name} = {task.values[name]}' for name in varied)})")
+            shown = [_beside(s, own_values.get(s.key), found.get(s.key), only_here) for s in shown]
     own = ", ".join(f"{p.name} = {p.value}" for p in task.parameters)
     table = scores.table([(own, task, facts), *((s.title, s.task, s.facts) for s in settings)])
     return tuple(replace(s, lines=(), table=table) if s.key == "scores" else s for s in shown)
@@ -133,8 +135,11 @@ def _concrete(task: Task, facts: Facts) -> dict[str, Section]:
     return {section.key: section for section in sections.all_sections(Writing(task, task.values), facts)}
 
 
-def _beside(section: Section, own: Section | None, concrete: Section | None) -> Section:
-    """Return a section with what its lines are at a setting, where that differs from what they are at the task's own values."""
+def _beside(section: Section, own: Section | None, concrete: Section | None, only_here: Text) -> Section:
+    """Return a section with what its lines are at a setting, where that differs from what they are at the task's own values.
+
+    A claim that does not hold there is marked as one about the task's own values.
+    """
     if section.key in ("parameters", "scores"):  # a setting is headed by its parameters, and scores stand side by side
         return section
     if own is None or concrete is None or not len(own.lines) == len(concrete.lines) == len(section.lines):
@@ -142,7 +147,12 @@ def _beside(section: Section, own: Section | None, concrete: Section | None) -> 
     lines = []
     for line, usual, other in zip(section.lines, own.lines, concrete.lines, strict=True):
         found = other.content if other.content != usual.content else ()
-        lines.append(replace(line, values=(*line.values, found)))
+        content = line.content
+        if sections.NOT_HERE in found:
+            found = ()
+            if only_here not in content:  # before the mark
+                content = (*content[:-2], only_here, *content[-2:])
+        lines.append(replace(line, content=content, values=(*line.values, found)))
     return replace(section, lines=tuple(lines))
 
 

@@ -37,6 +37,8 @@ from taskspec.task.build import build_abstract
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Claim, Example, Followed, Task
 
+NOT_HERE = Mark(False, "not for these values")
+"""The mark of a claim that is about other values of the parameters."""
 _ENDS = {"terminal": "terminates", "truncated": "is truncated"}
 
 
@@ -342,8 +344,8 @@ def _claims(w: Writing, facts: Facts) -> Iterator[SectionLine]:
         cases = (Text(" (for "), *lines.cases(w, claim.cases), Text(")")) if claim.cases else ()
         content: list[Inline] = [*claim_text(about_others, claim), *cases]
         if found is not None and found.words:
-            words = "not for these values" if found.holds is False and about_others.values else found.words
-            content += [Text(" "), Mark(found.holds, words)]
+            mark = NOT_HERE if found.holds is False and about_others.values else Mark(found.holds, found.words)
+            content += [Text(" "), mark]
         yield SectionLine(tuple(content))
 
 

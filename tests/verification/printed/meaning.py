@@ -173,8 +173,8 @@ class Meaning:
     def quantified(self, kind: str, arg: s.Expr) -> al.Value:
         if isinstance(arg, s.Vector):
             return (al.disjunction if kind == "some" else al.conjunction)(map(self.of, arg.items))
-        if kind == "every" and isinstance(arg, s.Compare) and [op for op, _ in arg.rest] == ["=="]:
-            if is_vector(arg.first) and is_vector(arg.rest[0][1]):
+        match arg:
+            case s.Compare(first=a, rest=(("==", b),)) if kind == "every" and is_vector(a) and is_vector(b):
                 return self.of(arg)  # two vectors are equal
         return al.mixed(kind, self.element(arg))
 
