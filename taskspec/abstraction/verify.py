@@ -30,7 +30,7 @@ from taskspec.model.transitions import TIME, Steps, count, is_finite, joint_outc
 from taskspec.rollout.rollout import Choose, Moved, Rollout, at_random, by_expert, is_bounded, reads_of, sampled_actions
 from taskspec.solve.enclosure import Inexact, Reader
 from taskspec.solve.rational import ExactProbabilities
-from taskspec.task.task import Component
+from taskspec.task.parts import Component
 
 STARTS = 4096
 LANES = 512
@@ -73,7 +73,9 @@ def verify(found: Abstraction, seed: int = 0) -> AbstractionCheck:
     except SpecError as error:
         why = error.diagnostics[0].message
     stand_in = found.stand_in
-    for draw in draws((*stand_in.initial, *stand_in.next, stand_in.reward, stand_in.terminal)):
+    for draw in draws(
+        (*stand_in.process.initial, *stand_in.process.next, stand_in.process.reward, stand_in.process.terminal)
+    ):
         if not is_finite(draw):
             infinite = f"it draws from a {draw.base} distribution, which has infinitely many outcomes"
             return AbstractionCheck(why=why, problem=infinite)
@@ -95,9 +97,9 @@ def _proof(found: Abstraction, seed: int) -> AbstractionCheck:
         nodes = tuple(Read(Role.STATE, c.name, c.type, c.least, c.most) for c in task.state)
     whole = extract(task, True, MOST_ENTRIES)
     other = extract(found.stand_in, True, MOST_ENTRIES)
-    has_expert = isinstance(task.expert, tuple)
-    problem = difference(whole, nodes, other, has_expert and isinstance(found.stand_in.expert, tuple))
-    if problem is not None or has_expert or not isinstance(found.task.expert, tuple):
+    has_expert = isinstance(task.annotations.expert, tuple)
+    problem = difference(whole, nodes, other, has_expert and isinstance(found.stand_in.annotations.expert, tuple))
+    if problem is not None or has_expert or not isinstance(found.task.annotations.expert, tuple):
         return AbstractionCheck(problem=problem)
     test = _Test(found, seed)
     problem = test.expert()
@@ -150,7 +152,7 @@ class _Test:
         mapped = self.found.map(Rollout(self.task, STARTS, self.seed).start())
         rows, lanes, counts = np.unique(_rows(mapped.values()), axis=0, return_index=True, return_counts=True)
         expected: dict[tuple[Any, ...], float] = defaultdict(float)
-        for values, _, weight in joint_outcomes(self.stand_in.initial, {}, 1):
+        for values, _, weight in joint_outcomes(self.stand_in.process.initial, {}, 1):
             for row, p in zip(_rows(values).tolist(), weight.tolist(), strict=True):
                 expected[tuple(row)] += p
         for row, lane, seen in zip(rows.tolist(), lanes, counts, strict=True):
@@ -165,7 +167,7 @@ class _Test:
         """Compare steps of random actions, and of the expert."""
         tally = _Tally()
         chosen = [at_random(self.task) if is_bounded(self.task) else sampled_actions(self.task)]
-        if isinstance(self.task.expert, tuple):
+        if isinstance(self.task.annotations.expert, tuple):
             chosen.append(by_expert(self.task))
         for choose in chosen:
             seed = self.seed + self.episodes
@@ -188,7 +190,7 @@ class _Test:
             same = np.isclose(paid, moved.reward[at], rtol=1e-9, atol=1e-9) & (ended == moved.terminal[at])
             return np.asarray(same & _are_equal(stand_in.state, following, there, at))
 
-        nodes = (*stand_in.next, stand_in.reward, stand_in.terminal)
+        nodes = (*stand_in.process.next, stand_in.process.reward, stand_in.process.terminal)
         lane = _unexplained(nodes, reads_of(here, action, t), self.lanes, agrees, tally)
         if lane is None:
             return None
@@ -198,8 +200,8 @@ class _Test:
 
     def expert(self) -> str | None:
         """Compare the actions of the expert of the stand-in, if both have one."""
-        nodes = self.stand_in.expert
-        if not isinstance(self.task.expert, tuple) or not isinstance(nodes, tuple):
+        nodes = self.stand_in.annotations.expert
+        if not isinstance(self.task.annotations.expert, tuple) or not isinstance(nodes, tuple):
             return None
         tally = _Tally()
         for t, state, action, _ in self._walk(by_expert(self.task), self.seed):
@@ -420,5 +422,5 @@ def _of_expert(model: Model, t: int, numbers: ExactProbabilities) -> _Rows:
 
 
 def _expert(model: Model) -> tuple[Any, ...]:
-    assert isinstance(model.task.expert, tuple)
-    return model.task.expert
+    assert isinstance(model.task.annotations.expert, tuple)
+    return model.task.annotations.expert

@@ -20,8 +20,9 @@ from taskspec.model.space import plain, shown, words
 from taskspec.rollout.rollout import at_random, is_bounded
 from taskspec.scores.partial_observability import pomdp_bounds
 from taskspec.task.build import build
+from taskspec.task.parts import Component, Soft
 from taskspec.task.reach import reached
-from taskspec.task.task import Component, Soft, Task
+from taskspec.task.task import Task
 
 SLACK = 1e-6
 LONGER = 1000
@@ -81,10 +82,10 @@ def _partners(task: Task) -> Iterator[Model]:
     roles = task.spec.roles
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
     for variant in dict.fromkeys((roles.expert, roles.learner) if roles is not None else ()):
-        if variant in (task.name, task.variant):
+        if variant in (task.name, task.source.variant):
             continue
         try:
-            yield extract(build(task.document, str(variant), given, task.suite), reachable=False)
+            yield extract(build(task.source.document, str(variant), given, task.source.suite), reachable=False)
         except SpecError:
             continue
 
@@ -92,7 +93,7 @@ def _partners(task: Task) -> Iterator[Model]:
 def _beyond(context: LintContext) -> Iterator[Doubt]:
     """Yield ends of ranges that intervals prove to be unreachable; a missing end counts if the other one is declared."""
     task = context.task
-    found = reached(task.state, task.initial, task.next, horizon=None)
+    found = reached(task.state, task.process.initial, task.process.next, horizon=None)
     normal = _components_with_normal_draws(task)
     for c in task.state:
         if c.name in normal or c.domain is not None or c.type.kind is Kind.BOOL:
@@ -120,7 +121,7 @@ def _beyond(context: LintContext) -> Iterator[Doubt]:
 
 def _components_with_normal_draws(task: Task) -> set[str]:
     """Return components that depend on normal draws, whose range depends on their implementation."""
-    pairs = {c.name: pair for c, *pair in zip(task.state, task.initial, task.next, strict=True)}
+    pairs = {c.name: pair for c, *pair in zip(task.state, task.process.initial, task.process.next, strict=True)}
     found = {n for n, pair in pairs.items() if any(isinstance(x, Draw) and VARIATES[x.base].cut for x in walk(pair))}
     while more := {n for n, pair in pairs.items() if {name for _, name in reads(pair)} & found} - found:
         found |= more
@@ -131,11 +132,11 @@ def unread(context: LintContext) -> Iterator[Doubt]:
     """Yield a component on which neither rewards nor ends depend, which is not shown, or is drawn all the same."""
     task = context.task
     is_state = task.observation.is_state
-    nexts = {c.name: node for c, node in zip(task.state, task.next, strict=True)}
-    used = _followed(nexts, (task.reward, task.terminal))
+    nexts = {c.name: node for c, node in zip(task.state, task.process.next, strict=True)}
+    used = _followed(nexts, (task.process.reward, task.process.terminal))
     if not is_state:
         used |= _followed(nexts, task.observation.nodes)
-    for c, first, following in zip(task.state, task.initial, task.next, strict=True):
+    for c, first, following in zip(task.state, task.process.initial, task.process.next, strict=True):
         if c.name in used or c.low == c.high:
             continue
         if not is_state:
@@ -149,10 +150,16 @@ def unread(context: LintContext) -> Iterator[Doubt]:
 def forgotten(context: LintContext) -> Iterator[Doubt]:
     """Yield a component of the expert's memory that no action of it depends on."""
     task = context.task
-    if task.memory is None:
+    if task.annotations.memory is None:
         return
-    nexts = {c.name: node for c, node in zip(task.memory.components, task.memory.next, strict=True) if c.type.size}
-    used = _followed(nexts, task.expert if isinstance(task.expert, tuple) else (), of_step=False)
+    nexts = {
+        c.name: node
+        for c, node in zip(task.annotations.memory.components, task.annotations.memory.next, strict=True)
+        if c.type.size
+    }
+    used = _followed(
+        nexts, task.annotations.expert if isinstance(task.annotations.expert, tuple) else (), of_step=False
+    )
     for name in nexts:
         if name not in used:
             yield Doubt(context.key("memory", name), f"no action of the expert depends on '{name}'")
@@ -262,7 +269,7 @@ def twins(context: LintContext) -> Iterator[Doubt]:
 
 
 def _step(task: Task) -> tuple[Node, ...]:
-    return (*task.next, task.reward, task.terminal)
+    return (*task.process.next, task.process.reward, task.process.terminal)
 
 
 def _effects(context: LintContext, c: Component) -> list[list[Any]]:
@@ -316,7 +323,11 @@ def expert(context: LintContext) -> Iterator[Doubt]:
     results = context.results
     found = results.expert
     task = context.task
-    if found is None or isinstance(task.expert, Soft) or any(_compares_expert(claim.expr) for claim in task.claims):
+    if (
+        found is None
+        or isinstance(task.annotations.expert, Soft)
+        or any(_compares_expert(claim.expr) for claim in task.annotations.claims)
+    ):
         return
     value = f"the expert returns {found.value:.10g}"
     optimal = results.optimal
@@ -332,7 +343,7 @@ def expert(context: LintContext) -> Iterator[Doubt]:
         return
     best = optimal.value
     whose = ""
-    if task.memory is not None and (seen := pomdp_bounds(results)) is not None:
+    if task.annotations.memory is not None and (seen := pomdp_bounds(results)) is not None:
         whose = ", which knows the state"
         if seen.remembering is not None:
             best = seen.remembering.value

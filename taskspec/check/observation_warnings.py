@@ -22,7 +22,8 @@ from taskspec.modifiers import modify
 from taskspec.rollout.rollout import Choose, State, by_expert, reads_of, simulate
 from taskspec.scores.returns import normalised
 from taskspec.solve.plans import optimal_plan
-from taskspec.task.task import Component, Task
+from taskspec.task.parts import Component
+from taskspec.task.task import Task
 
 
 def leak(context: LintContext) -> Iterator[Doubt]:
@@ -30,12 +31,12 @@ def leak(context: LintContext) -> Iterator[Doubt]:
     task = context.task
     if task.observation.is_state:
         return
-    reward = _bare(task.reward)
+    reward = _bare(task.process.reward)
     if draws([reward]):
         return  # what chance paid can only be known by being shown
     for c, node in zip(task.observation.components, task.next_observation, strict=True):
         if _bare(node) is reward and reads([node]):
-            place = task.surface.sections["observation"].get(c.name)
+            place = task.source.surface.sections["observation"].get(c.name)
             yield Doubt(place and place.place, f"'{c.name}' is the reward of the step before")
 
 
@@ -151,16 +152,21 @@ EPISODES = 200
 def idle_symmetry(context: LintContext) -> Iterator[Doubt]:
     """Yield a symmetry if the expert of the task as printed does in the twin about as well as in the task."""
     task = context.task
-    if not task.symmetries or not isinstance(task.expert, tuple) or task.memory is not None or task.modifiers:
+    if (
+        not task.annotations.symmetries
+        or not isinstance(task.annotations.expert, tuple)
+        or task.annotations.memory is not None
+        or task.modifiers
+    ):
         return
     places = _places(task)
-    if {name for role, name in reads(task.expert) if role is Role.STATE} - places.keys():
+    if {name for role, name in reads(task.annotations.expert) if role is Role.STATE} - places.keys():
         return  # the expert knows more than it sees
     expert = context.results.sample("expert", EPISODES)
     random = context.results.sample("random", EPISODES)
     if expert is None or random is None:
         return
-    for symmetry in task.symmetries:
+    for symmetry in task.annotations.symmetries:
         try:
             twin = modify(task, {"symmetry": symmetry.name})
             found = float(simulate(twin, _as_printed(task, twin, places), EPISODES).mean())

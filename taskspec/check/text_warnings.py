@@ -156,7 +156,7 @@ def idle_errata(context: LintContext) -> Iterator[Doubt]:
     """Yield an erratum of a variant about a section that is as it is without the variant."""
     task = context.task
     merged = context.merged
-    based = before(task.document, task.variant)
+    based = before(task.source.document, task.source.variant)
     if based is None or not merged.data.get("errata") or not merged.is_own(("errata",)):
         return
     for i, entry in enumerate(merged.data["errata"]):
@@ -175,11 +175,11 @@ POINTS = 100_000
 def moved(context: LintContext) -> Iterator[Doubt]:
     """Yield an index that lies outside in a state in which episodes act, where its value matters."""
     task = context.task
-    left = {id(m.node): m for m in task.surface.moved}
+    left = {id(m.node): m for m in task.source.surface.moved}
     if not left:
         return
-    expert = task.expert if isinstance(task.expert, tuple) else ()
-    step = (*task.raw_next, task.reward, task.terminal)
+    expert = task.annotations.expert if isinstance(task.annotations.expert, tuple) else ()
+    step = (*task.process.raw_next, task.process.reward, task.process.terminal)
     for phase, roots in (("observation", task.observation.nodes), ("expert", expert), ("step", step)):
         checks = {}
         for node, guard in _guards(roots, task.new_builder(roots)):
@@ -406,7 +406,7 @@ def whole(context: LintContext) -> Iterator[Doubt]:
     """
     task = context.task
     reals = {p.name for p in task.parameters if p.kind == "real"}
-    nodes = {c.name: pair for c, *pair in zip(task.state, task.initial, task.next, strict=True)}
+    nodes = {c.name: pair for c, *pair in zip(task.state, task.process.initial, task.process.next, strict=True)}
     found = set()
     for c in task.state:
         used = mentioned(task, "initial", c.name) | mentioned(task, "dynamics", c.name + "'")

@@ -336,7 +336,7 @@ def _dynamics(task: Task, gamma: float) -> Dynamics:
 def _paid(task: Task, change: Callable[[Builder, Node], Node]) -> Task:
     """Return the task with another reward."""
     b = task.new_builder()
-    return paying(b, task, b.cast(change(b, task.reward), REAL.kind))
+    return paying(b, task, b.cast(change(b, task.process.reward), REAL.kind))
 
 
 def fixed_point(dynamics: Dynamics, operator: BellmanOperator, reduce: Reduce) -> Array | None:
