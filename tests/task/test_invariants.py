@@ -56,7 +56,16 @@ def test_every_task_keeps_them(path: Path) -> None:
 
 
 def damaged(task: Task, **changes: object) -> Task:
-    return dataclasses.replace(task, **changes)  # type: ignore[arg-type]
+    """Return a task with fields changed, wherever they are: in the task, its process or its annotations."""
+    for name, value in changes.items():
+        change = {name: value}
+        if hasattr(task.process, name):
+            task = task.with_process(**change)
+        elif hasattr(task.annotations, name):
+            task = task.with_annotations(**change)
+        else:
+            task = dataclasses.replace(task, **change)  # type: ignore[arg-type]
+    return task
 
 
 def remembering(task: Task, **changes: object) -> Task:
