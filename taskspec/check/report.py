@@ -138,13 +138,13 @@ def check(  # noqa: C901
 
 def _warnings(task: Task, results: Results) -> list[Diagnostic]:
     try:
-        stand_in = results.abstraction
+        verified = results.abstraction_check
     except SpecError as error:
         return list(error.diagnostics)
     found = list(warnings(task, results))
-    if stand_in is not None and results.abstraction_check is not None and results.abstraction_check.problem is not None:
+    if verified is not None and verified.problem is not None:
         expr = next(iter(task.source.surface.sections["abstraction"].values()))
-        problem = f"the abstraction is not faithful: {results.abstraction_check.problem}"
+        problem = f"the abstraction is not faithful: {verified.problem}"
         found.append(Diagnostic("E604", expr.place.span, problem))
     return found
 

@@ -45,7 +45,7 @@ def outside_domain(task: Task) -> tuple[str, float] | None:
         "reward": (task.process.reward,),
         "initial": task.process.initial,
         "dynamics": task.process.next,
-        "expert": task.annotations.expert if isinstance(task.annotations.expert, tuple) else (),
+        "expert": task.annotations.expert_nodes,
     }
     for value in _sizes([task.process.reward]):
         if not SMALLEST_NUMBER <= value <= LARGEST_NUMBER:

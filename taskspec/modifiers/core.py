@@ -135,7 +135,7 @@ def after_step(b: Builder, task: Task, node: Node) -> Node:
 
 def reads_time(task: Task) -> bool:
     """Return whether anything depends on the time."""
-    expert = task.annotations.expert if isinstance(task.annotations.expert, tuple) else ()
+    expert = task.annotations.expert_nodes
     roots = (
         *task.process.next,
         task.process.reward,

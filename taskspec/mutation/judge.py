@@ -239,7 +239,7 @@ def _forms(task: Task, forms: NormalForms) -> list[int]:
     """Return the forms of all that a task computes."""
     found = forms.all([*task.process.initial, *task.first_observation])
     found += forms.all([*task.process.next, task.process.reward, task.process.terminal, *task.next_observation])
-    expert = task.annotations.expert if isinstance(task.annotations.expert, tuple) else ()
+    expert = task.annotations.expert_nodes
     return found + forms.all([*task.observation.nodes, task.process.absorbing_reward, *expert])
 
 

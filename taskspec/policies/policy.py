@@ -378,7 +378,7 @@ class EpsilonPolicy(NamedPolicy):
             return None
         model = self.results.model  # of the task with the expert's memory, where it has one
         assert model is not None
-        return Return(solve.policy_return(model, self.plan(model)), tested=self.results.tested("expert"))
+        return Return(solve.policy_return(model, self.plan(model)))
 
 
 # -- on the exact model -----------------------------------------------------------------------------------------------

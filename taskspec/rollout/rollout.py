@@ -287,7 +287,7 @@ def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0
     if never_ends and task.discount == 1 and (task.horizon is None or task.horizon > LONGEST):
         _refuse_endless(task, LONGEST)
     parts = []
-    expert = task.annotations.expert if isinstance(task.annotations.expert, tuple) else ()
+    expert = task.annotations.expert_nodes
     start = Cost(task.process.initial, simulated=True)
     step = Cost((*task.process.next, task.process.reward, task.process.terminal, *expert), simulated=True)
     lanes = step.batch(min(episodes, WORDS // max(1, Rollout(task, 1).words)))

@@ -129,10 +129,6 @@ def _evaluated(claim: Claim, results: Results) -> tuple[bool | None, Reason, int
             elif not holds:
                 holds = None
         return holds, reason, episodes
-    if holds and evaluator.rests_on:
-        episodes = evaluator.rests_on
-        why = f"of an abstraction that agreed with the task in {episodes:,} episodes"
-        reason = Reason(f"{reason.text}; {why}", reason.place)
     if holds is not None and evaluator.ambiguous:
         other, _ = _decided(ClaimEvaluator(results, claim.options, replace(terms, as_written=True)), claim)
         if other is not holds:

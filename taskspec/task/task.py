@@ -120,10 +120,16 @@ class Annotations:
     symmetries: tuple[Symmetry, ...] = ()
 
     @property
+    def expert_nodes(self) -> tuple[Node, ...]:
+        """The actions of an expert that is given by nodes; empty for another one."""
+        if isinstance(self.expert, tuple):
+            return self.expert
+        return ()
+
+    @property
     def nodes(self) -> Iterator[Node]:
         """All expressions that became nodes."""
-        if isinstance(self.expert, tuple):
-            yield from self.expert
+        yield from self.expert_nodes
         for part in (self.memory, self.figure, *self.symmetries):
             if part is not None:
                 yield from part.nodes

@@ -78,7 +78,7 @@ def roots(task: Task) -> tuple[Node, ...]:
 
 def experts(task: Task) -> tuple[Node, ...]:
     """Return the expert's action where the spec writes it out, else nothing."""
-    return task.annotations.expert if isinstance(task.annotations.expert, tuple) else ()
+    return task.annotations.expert_nodes
 
 
 def kept(task: Task) -> tuple[Component, ...]:

@@ -131,8 +131,7 @@ _DISCOUNTED = r", where a task with a discount $\gamma$ multiplies that of the s
 _MARKS = (
     ("proved", "What is marked as proved follows from the form of the equations, or from exact results whose rounding errors are "
                "bounded."),
-    ("tested", "What is marked as tested was not contradicted by simulated episodes, or follows from a finite abstraction that "
-               "agreed with them."),
+    ("tested", "What is marked as tested was not contradicted by simulated episodes."),
 )  # fmt: skip
 
 
