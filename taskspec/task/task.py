@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class TaskSource:
-    """What was written: the sections of a spec, and what they mean for given parameter values."""
+    """The sections of a spec as written, with the parameter values that are bound."""
 
     merged: Merged
     suite: str
@@ -105,7 +105,7 @@ class Process:
 
 @dataclass(frozen=True, eq=False)
 class Annotations:
-    """What a spec states about its process: the expert, claims, examples, symmetries as written, and the figure.
+    """Statements of a spec about its process: the expert, claims, examples, symmetries as written, and the figure.
 
     An expert that is given by nodes reads STATE and TIME; where it has a `memory`, it reads that as STATE as well.
     """
@@ -185,14 +185,14 @@ class Task:
 
     @property
     def ending(self) -> Ending:
-        """What becomes of terminal states."""
+        """The fate of terminal states: the episode ends, or they absorb."""
         if self._has("absorbing"):
             return "absorb"
         return "terminate"
 
     @property
     def observe_time(self) -> bool:
-        """Whether the number of steps taken was added to the observation."""
+        """True if the number of steps taken was added to the observation."""
         return self._has("time_observed")
 
     def _has(self, modifier: str) -> bool:
@@ -221,7 +221,7 @@ class Task:
 
     @property
     def info(self) -> tuple[str, ...]:
-        """What infos of steps hold: "old_state", "new_state", both or neither."""
+        """The keys of infos of steps: "old_state", "new_state", both or neither."""
         return tuple(self.source.merged.data.get("info") or ())
 
     @property
@@ -231,12 +231,12 @@ class Task:
 
     @property
     def summary(self) -> str:
-        """What the task is, in a sentence; empty where the spec does not say."""
+        """One sentence about the task; empty where the spec has none."""
         return self.spec.summary or ""
 
     @property
     def capability(self) -> str | None:
-        """What the task tests in a learner, such as "exploration"."""
+        """The capability of a learner that the task tests, such as "exploration"."""
         return self.spec.capability
 
     @property
@@ -302,7 +302,7 @@ class Task:
 
     @property
     def is_finite(self) -> bool:
-        """Whether states and actions are finite in number by their declared domains."""
+        """True if states and actions are finite in number by their declared domains."""
         return all(c.is_finite for c in (*self.state, *self.action))
 
     def __eq__(self, other: object) -> bool:
@@ -366,12 +366,12 @@ class Task:
 
     @cached_property
     def reset_words(self) -> WordLayout:
-        """Which of the random words of a reset each of its draws takes."""
+        """The random words of a reset that each of its draws takes."""
         return WordLayout.dealt(self.process.reset_draws)
 
     @cached_property
     def step_words(self) -> WordLayout:
-        """Which of the random words of a step each of its draws takes."""
+        """The random words of a step that each of its draws takes."""
         return WordLayout.dealt(self.process.step_draws)
 
     @property
@@ -459,4 +459,4 @@ def recall(
 
 
 TaskLike: TypeAlias = Task | str | PathLike[str]
-"""What stands for a task wherever one is wanted: the task itself, its id, or the path of its spec."""
+"""A task, its id, or the path of its spec: functions that need a task take any of them."""
