@@ -14,6 +14,7 @@ from taskspec.check.warning_context import Doubt, LintContext
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Node, Role, children, reads, walk
 from taskspec.lang.scope import ClampedIndex
+from taskspec.lang.syntax import Name
 from taskspec.model.points import Samples, columns
 from taskspec.model.space import Reads, words
 from taskspec.printers import plain
@@ -119,10 +120,10 @@ def printed_alike(context: LintContext) -> Iterator[Doubt]:
 
 
 def _observed(context: LintContext) -> Iterator[str]:
-    """Yield observations that are not simply what has their name."""
+    """Yield observations with the name of something else that is no part of the state."""
     written = context.task.surface.sections.get("observation")
     for name, expr in written.items() if isinstance(written, dict) else ():
-        if not (isinstance(expr, s.Name) and expr.written == name):
+        if name not in context.task.spec.state and not (isinstance(expr, Name) and expr.written == name):
             yield name
 
 
