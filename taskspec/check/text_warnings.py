@@ -121,7 +121,7 @@ def printed_alike(context: LintContext) -> Iterator[Doubt]:
 
 def _observed(context: LintContext) -> Iterator[str]:
     """Yield observations with the name of something else that is no part of the state."""
-    written = context.task.surface.sections.get("observation")
+    written = context.task.source.surface.sections.get("observation")
     for name, expr in written.items() if isinstance(written, dict) else ():
         if name not in context.task.spec.state and not (isinstance(expr, Name) and expr.written == name):
             yield name

@@ -215,7 +215,7 @@ def definitions(w: Writing) -> Iterator[Inlines]:
         left = w.symbol(name)
         if arguments is not None:
             left = m.Row((left, m.brackets(m.joined(w.notation.symbol(a) for a in arguments))))
-        axes = {a: w.task.surface.argument_axes.get((name, a), 0) for a in arguments or ()}
+        axes = {a: w.task.source.surface.argument_axes.get((name, a), 0) for a in arguments or ()}
         yield (Formula(w.equation(left, expr, arguments=axes)),)
     for name, expr in (w.parsed("noise") or {}).items():
         yield (Formula(w.equation(w.symbol(name), expr)), Text(f", drawn {_when_drawn(w, name)}"))
