@@ -36,7 +36,7 @@ def _values(value: Any) -> Iterator[Problem]:
             yield wrong_kind("a value, or a list of some", None)
         case list():
             for i, each in enumerate(value):
-                yield from (problem.below(i) for problem in values.setting(each))
+                yield from values.below(values.setting(each), i)
         case _:
             yield from values.setting(value)
 
