@@ -9,8 +9,8 @@ import pytest
 import taskspec
 from taskspec.exam import read
 from tests.shared.commands import Done
-from tests.verification.study.bugs import LEARNERS, Bug, bugs
-from tests.verification.study.exams import TERMS, TRANSITIONS
+from tests.verification.exam_study.bugs import LEARNERS, Bug, bugs
+from tests.verification.exam_study.exams import TERMS, TRANSITIONS
 
 
 @pytest.mark.parametrize("bug", bugs(), ids=lambda bug: f"{bug.learner}-{bug.name}")
