@@ -25,7 +25,7 @@ def test_a_mistake_whose_text_is_gone_is_no_mistake() -> None:
         Bug("bc", "gone", "", {"what stands nowhere": ""}).source()
 
 
-@pytest.mark.parametrize("learner", TERMS)
+@pytest.mark.parametrize("learner", [name for name, terms in TERMS.items() if terms.is_shipped])
 def test_stored_exams_are_of_the_tasks_as_they_are(learner: str) -> None:
     stored = read(f"derail/{learner}")
     assert {task: about["content_hash"] for task, about in stored["tasks"].items()} == {

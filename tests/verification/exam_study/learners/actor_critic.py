@@ -37,7 +37,7 @@ def train(case: Case) -> Learned:
             reached = np.array(next_obs)
             ended = np.logical_or(terminations, truncations)
             if ended.any():
-                reached[ended] = np.array([final for final in infos["final_obs"][ended]], int)
+                reached[ended] = np.array(list(infos["final_obs"][ended]), int)
             next_values[step] = np.where(terminations, 0.0, v[reached])
             dones[step] = ended
         advantages = np.zeros_like(rewards)

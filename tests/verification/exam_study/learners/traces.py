@@ -19,27 +19,27 @@ def train(case: Case) -> Learned:
     """Return Q-values (O, A)."""
     env = case.env()
     rng = np.random.default_rng(case.seed)
-    Q = np.zeros((case.observation_space.n, case.action_space.n))
-    E = np.zeros_like(Q)
+    q = np.zeros((case.observation_space.n, case.action_space.n))
+    trace = np.zeros_like(q)
     s, _ = env.reset()
-    a = epsilon_greedy(Q[s], rng)
+    a = epsilon_greedy(q[s], rng)
     for step in range(case.steps):
         alpha = max(0.02, 0.3 * (1 - step / case.steps))
         s_next, r, terminated, truncated, _ = env.step(a)
-        a_next = epsilon_greedy(Q[s_next], rng)
-        best = Q[s_next].max()
+        a_next = epsilon_greedy(q[s_next], rng)
+        best = q[s_next].max()
         follow = 0.0 if terminated else 1.0
-        delta = r + GAMMA * follow * best - Q[s, a]
-        E[s] = 0.0
-        E[s, a] = 1.0
-        Q += alpha * delta * E
-        E *= GAMMA * LAMBDA if Q[s_next, a_next] >= best - 1e-9 else 0.0
+        delta = r + GAMMA * follow * best - q[s, a]
+        trace[s] = 0.0
+        trace[s, a] = 1.0
+        q += alpha * delta * trace
+        trace *= GAMMA * LAMBDA if q[s_next, a_next] >= best - 1e-9 else 0.0
         s, a = s_next, a_next
         if terminated or truncated:
-            E[:] = 0.0
+            trace[:] = 0.0
             s, _ = env.reset()
-            a = epsilon_greedy(Q[s], rng)
-    return Learned(Q, discount=GAMMA)
+            a = epsilon_greedy(q[s], rng)
+    return Learned(q, discount=GAMMA)
 
 
 def epsilon_greedy(values: Array, rng: np.random.Generator) -> int:
