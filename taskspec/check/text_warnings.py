@@ -149,7 +149,7 @@ def idle_errata(context: LintContext) -> Iterator[Doubt]:
     """Yield an erratum of a variant about a section that is as it is without the variant."""
     task = context.task
     merged = context.merged
-    based = before(task.document, task.variant)
+    based = before(task.source.document, task.source.variant)
     if based is None or not merged.data.get("errata") or not merged.is_own(("errata",)):
         return
     for i, entry in enumerate(merged.data["errata"]):
@@ -168,11 +168,11 @@ POINTS = 100_000
 def moved(context: LintContext) -> Iterator[Doubt]:
     """Yield an index that lies outside in a state in which episodes act, where its value matters."""
     task = context.task
-    left = {id(m.node): m for m in task.surface.moved}
+    left = {id(m.node): m for m in task.source.surface.moved}
     if not left:
         return
-    expert = task.expert if isinstance(task.expert, tuple) else ()
-    step = (*task.raw_next, task.reward, task.terminal)
+    expert = task.annotations.expert_nodes
+    step = (*task.process.raw_next, task.process.reward, task.process.terminal)
     for phase, roots in (("observation", task.observation.nodes), ("expert", expert), ("step", step)):
         checks = {}
         for node, guard in _guards(roots, task.new_builder(roots)):
