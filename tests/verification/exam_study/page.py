@@ -15,33 +15,33 @@ NAMES = {
 TEXT = """\
 # Which mistakes the exam notices
 
-Small learners, correct as far as we know, are given typical mistakes, one at a time. Each is [examined](exam.md) on finite tasks of
-DERAIL and on the probes, against stored results of the right version (`--against`), on {seeds} seeds that were not used before.
+Small learners, correct as far as we know, are given typical mistakes, one at a time. Each is [examined](exam.md) on finite tasks
+of DERAIL and on the probes, against stored results of the right version (`--against`), on {seeds} seeds that were not used before.
 
 | | first mistakes | new mistakes | all |
 |---|---|---|---|
 {summary}
 
-The first mistakes were known when operators, probes and diagnoses were written; the new ones were written afterwards, and nothing was
-adjusted to their results.
+The first mistakes were known when operators, probes and diagnoses were written. The new ones were written afterwards, and
+nothing was adjusted to their results.
 
 | part of the exam | what counts |
 |---|---|
 | old tasks | lower scores, twins that differ, peeking, failures and diagnoses, on DERAIL |
 | probes | the same on the suite `probes` |
-| values | other numbers that differ: learned values and rewards, learning curves, drawn actions, the score on a longer horizon |
+| values | other numbers that differ: learned values and rewards, learning curves, drawn actions, a longer horizon |
 | fingerprints | learned values or rewards that a known mistake explains; this needs no right version |
 
-The cause is named where the [explanation of learned values or rewards](learned.md), or a [diagnosis](diagnoses.md), is among those that
-are written beside the mistake. It is named wrongly where values or rewards are explained by another mistake. Many mistakes have no
-operator and no diagnosis of their own: then no name is right.
+The cause is named where the [explanation of learned values or rewards](learned.md), or a [diagnosis](diagnoses.md), is among
+those that are written beside the mistake. It is named wrongly where values or rewards are explained by another mistake. Many
+mistakes have no operator and no diagnosis of their own: then no name is right.
 
 ```sh
 python -m tests.verification.exam_study
 ```
 
-The learners are in `tests/verification/exam_study/learners`, the mistakes in `bugs.yaml` and `new_bugs.yaml` beside them. Steps of
-training: {steps}.
+The learners are in `tests/verification/exam_study/learners`, the mistakes in `bugs.yaml` and `new_bugs.yaml` beside them. Steps
+of training: {steps}.
 """
 HEAD = f"| mistake | {' | '.join(PARTS)} | named | cause |\n|---|---|---|---|---|---|---|"
 
