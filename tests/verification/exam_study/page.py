@@ -16,7 +16,7 @@ TEXT = """\
 # Which mistakes the exam notices
 
 Small learners, correct as far as we know, are given typical mistakes, one at a time. Each is [examined](exam.md) on finite tasks
-of DERAIL and on the probes, against stored results of the right version (`--against`), on {seeds} seeds that were not used before.
+of DERAIL and on the probes, against stored results of the right version (`--against`), on {seeds} seeds not used before.
 
 | | first mistakes | new mistakes | all |
 |---|---|---|---|
