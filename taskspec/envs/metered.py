@@ -20,7 +20,7 @@ class Meter(Protocol):
     """Who counts steps, follows episodes, and decides what is paid for steps."""
 
     def begin(self, lanes: int) -> None:
-        """Is told that new episodes begin in all lanes."""
+        """Note that new episodes begin in all lanes."""
 
     def spend(self, steps: int) -> None:
         """Is told before steps are taken; what it raises ends in the hands of whoever wanted them."""
@@ -29,7 +29,7 @@ class Meter(Protocol):
         """Return the rewards (N,) that are paid for N steps, from those of the task; observations and actions are batches."""
 
     def follow(self, rewards: Array, is_over: Array, takes_part: Array) -> None:
-        """Is told of the rewards (N,) of the task, and which episodes ended; lanes that were reset instead take no part."""
+        """Note the rewards (N,) of the task, and which episodes ended; lanes that were reset instead take no part."""
 
 
 class Metered(gymnasium.Env[Any, Any]):

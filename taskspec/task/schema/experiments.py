@@ -217,7 +217,7 @@ class DiagnosisEntry(Strict):
 
 
 class Evaluation(Strict):
-    """On what policies are scored, besides the tasks that they were trained on."""
+    """A longer horizon, on which policies are scored as well."""
 
     horizon: Annotated[str, Field(pattern=r"^[1-9][0-9]* \* h$")] | Annotated[int, Field(ge=1)] = Field(
         description="A longer horizon: a number of steps, or a multiple of the task's own: `3 * h`."
