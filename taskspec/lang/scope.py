@@ -217,6 +217,7 @@ class BaseChecker(ABC):
         self.moved: dict[int, ClampedIndex] = {}  # by id of the node
         self.found: dict[tuple[int, int], tuple[s.Expr, Value]] = {}
         self.parameters: dict[str, Any] = {}
+        self.argument_axes: dict[tuple[str, str], int] = {}  # of definitions with arguments, as they are called
         self._lenient = False
         self._expanded = 0
         self._times = 1  # how often the present expression is written out by comprehensions around it

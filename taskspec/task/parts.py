@@ -355,6 +355,7 @@ class Surface:
     moved: tuple[ClampedIndex, ...] = ()  # indices that may lie outside their vectors
     meanings: Mapping[tuple[str, int], tuple[s.Expr, Value]] = field(default_factory=dict, repr=False)
     shapes: Mapping[str, Shape] = field(default_factory=dict, repr=False)  # of definitions and of noise
+    argument_axes: Mapping[tuple[str, str], int] = field(default_factory=dict, repr=False)  # by definition and argument
     expressions: int = 0  # that sections came to, each as often as it is written out: what the build cost
 
     def meaning(self, section: str, part: s.Expr) -> Value | None:
