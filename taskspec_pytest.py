@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from taskspec.pytest_plugin import Examination
+    from taskspec.pytest_plugin import ExamOutcome
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -31,10 +31,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 @pytest.fixture
-def exam(request: pytest.FixtureRequest) -> Callable[..., Examination]:
+def exam(request: pytest.FixtureRequest) -> Callable[..., ExamOutcome]:
     """Return a function that examines a learner: `exam(train, tasks="RiskyPath").passes()`."""
 
-    def examine_learner(learner: str | Callable[[Any], Any], **terms: Any) -> Examination:
+    def examine_learner(learner: str | Callable[[Any], Any], **terms: Any) -> ExamOutcome:
         from taskspec.pytest_plugin import examined
 
         __tracebackhide__ = True

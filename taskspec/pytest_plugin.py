@@ -24,7 +24,7 @@ from taskspec.exam.results import Exam
 from taskspec.exam.score_rows import listed
 from taskspec.task.task import Task, TaskLike
 
-__all__ = ["Examination", "examined"]
+__all__ = ["ExamOutcome", "examined"]
 
 DEFAULTS: Mapping[str, Any] = {"seeds": 5, "steps": 10_000}
 """The budget where neither the test, nor its marker, nor the command line says one."""
@@ -39,7 +39,7 @@ MOST_LINES = 50
 
 def examined(
     request: pytest.FixtureRequest, learner: str | Callable[[Any], Any], terms: Mapping[str, Any]
-) -> Examination:
+) -> ExamOutcome:
     """Run the exam of a test; bad arguments fail the test with their message alone.
 
     Args:
@@ -61,7 +61,7 @@ def _options(config: pytest.Config) -> dict[str, Any]:
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _examined(test: str, learner: str | Callable[[Any], Any], given: Mapping[str, Any], out: str | None) -> Examination:
+def _examined(test: str, learner: str | Callable[[Any], Any], given: Mapping[str, Any], out: str | None) -> ExamOutcome:
     """Run an exam whose arguments are known."""
     __tracebackhide__ = True
     terms = _terms(given)
@@ -80,7 +80,7 @@ def _examined(test: str, learner: str | Callable[[Any], Any], given: Mapping[str
         message = str(error)
     if message is not None:
         pytest.fail(message, pytrace=False)
-    return Examination(found, test, learner, terms)
+    return ExamOutcome(found, test, learner, terms)
 
 
 def _terms(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -103,7 +103,7 @@ def _terms(given: Mapping[str, Any]) -> dict[str, Any]:
     return terms
 
 
-class Examination:
+class ExamOutcome:
     """The result of an exam in a test.
 
     Attributes:
