@@ -183,7 +183,7 @@ class ExamOutcome:
 
 def _spec(task: Task) -> list[str]:
     """Return the lines of the spec of a task, or the first ones."""
-    lines = task.document.origin.text.splitlines()
+    lines = task.source.document.origin.text.splitlines()
     found = [f"  {line}".rstrip() for line in lines[:MOST_LINES]]
     if len(lines) > MOST_LINES:
         found.append(f"  ... {len(lines) - MOST_LINES} more lines: taskspec show {task.id}")
