@@ -24,14 +24,16 @@ from taskspec.data import demonstrations
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.examinee import Examinee, learner_of
 from taskspec.exam.findings import diagnose
+from taskspec.exam.flags import check_comparable, flags
 from taskspec.exam.learned import learned_flags
 from taskspec.exam.results import FORMAT, Exam, Examined, Score, read, write
 from taskspec.exam.trial import LearnerFailed, Row, Trial, baselines, key_of, run_trial, score
-from taskspec.exam.verdicts import check_comparable, flags, verdicts
+from taskspec.exam.verdicts import verdicts
 from taskspec.jobs.running import JobProgress, run
 from taskspec.jobs.store import Job, Store
 from taskspec.modifiers import keeps_observers, modify
 from taskspec.rules.rule_books import EXAM, file_of, read_exam
+from taskspec.task.schema.experiments import Evaluation, ExamDocument
 from taskspec.task.task import Task, TaskLike
 
 WIDEST = 16
@@ -109,7 +111,7 @@ def examine(
         baseline = read(against)
         hashes = {name: task.content_hash for name, task in asked.items()}
         check_comparable(baseline, str(against), hashes, {"steps": steps, "transitions": transitions})
-    plan = _plan(asked.values(), who, numbers, terms, twins, probes)
+    plan = _plan(asked.values(), who, numbers, terms, twins, probes, _evaluation(suite))
     variants = {}
     for name, task in asked.items():
         variants[name] = [task, *(modify(task, *twin) for twin in twins_of(task, twins))]
@@ -158,6 +160,16 @@ def tasks_of(suite: str, wanted: Sequence[TaskLike] | None) -> list[Task]:
         if name in ids[:i]:
             raise SpecError([Diagnostic("E713", None, f"{name} is given twice", "an exam has each task once")])
     return found
+
+
+def _evaluation(suite: str) -> Evaluation | None:
+    """Return on what else policies are scored, as the suite's `exam.yaml` says."""
+    path = file_of(suite, EXAM)
+    if path is None:
+        return None
+    described = read_exam(path).described
+    assert isinstance(described, ExamDocument)
+    return described.evaluate
 
 
 def exam_id(task: Task) -> str:
@@ -225,7 +237,13 @@ def _expert_actions(task: Task, way: str, seed: int) -> Array:
 
 
 def _plan(
-    asked: Iterable[Task], who: Examinee, seeds: tuple[int, ...], terms: ExamTerms, twins: int, probes: bool
+    asked: Iterable[Task],
+    who: Examinee,
+    seeds: tuple[int, ...],
+    terms: ExamTerms,
+    twins: int,
+    probes: bool,
+    evaluation: Evaluation | None,
 ) -> list[Planned]:
     width = WIDEST if who.together else 1
     blocks = [seeds[i : i + width] for i in range(0, len(seeds), width)]
@@ -237,7 +255,9 @@ def _plan(
 
     def add(task: Task, twin: Modifiers | None, block: tuple[int, ...], negated: bool = False) -> None:
         about = modify(task, *(twin or ()))
-        trial = Trial(about, negated, who.place or "", who.content, terms, block, EPISODES, written())
+        horizon = None if evaluation is None else evaluation.longer_than(task.horizon)
+        place = who.place or ""
+        trial = Trial(about, negated, place, who.content, terms, block, EPISODES, written(), horizon)
         plan.append(Planned(task, twin, trial))
 
     for task in asked:
@@ -366,4 +386,5 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
         "reward_regret": None if lost is None else lost / unit,
         "curve": None if curve is None else [[steps, scaled(value)] for steps, value in curve],
         "operators": row.get("operators"), "rewards": row.get("rewards"),
+        "value": None if row.get("value") is None else row["value"] / unit, "longer": row.get("longer"),
     }  # fmt: skip
