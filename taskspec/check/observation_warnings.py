@@ -1,28 +1,22 @@
-"""Warnings about observations that show too much or too little, and about symmetries and abstractions without use."""
+"""Warnings about observations that show too much or too little, and about abstractions without use."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import SpecError
 from taskspec.check.text_warnings import mentioned
 from taskspec.check.warning_context import Doubt, LintContext
 from taskspec.lang.batch import evaluate
-from taskspec.lang.ir import Apply, Const, Node, Read, Role, draws, reads
-from taskspec.lang.types import Kind
-from taskspec.lang.variates import WordLayout, batch_sampler
+from taskspec.lang.ir import Apply, Const, Node, Role, draws, reads
 from taskspec.model.model import Model
 from taskspec.model.space import plain, words
 from taskspec.model.transitions import picked
-from taskspec.modifiers import modify
-from taskspec.rollout.rollout import Choose, State, by_expert, reads_of, simulate
-from taskspec.scores.returns import normalised
 from taskspec.solve.plans import optimal_plan
-from taskspec.task.task import Component, Task
+from taskspec.task.parts import Component
 
 
 def leak(context: LintContext) -> Iterator[Doubt]:
@@ -30,12 +24,12 @@ def leak(context: LintContext) -> Iterator[Doubt]:
     task = context.task
     if task.observation.is_state:
         return
-    reward = _bare(task.reward)
+    reward = _bare(task.process.reward)
     if draws([reward]):
         return  # what chance paid can only be known by being shown
     for c, node in zip(task.observation.components, task.next_observation, strict=True):
         if _bare(node) is reward and reads([node]):
-            place = task.surface.sections["observation"].get(c.name)
+            place = task.source.surface.sections["observation"].get(c.name)
             yield Doubt(place and place.place, f"'{c.name}' is the reward of the step before")
 
 
@@ -143,79 +137,8 @@ def hidden(context: LintContext) -> Iterator[Doubt]:
             yield Doubt(context.key("observation"), message)
 
 
-SOLVED = 0.9
-"""The score from which a twin counts as solved."""
-EPISODES = 200
-
-
-def idle_symmetry(context: LintContext) -> Iterator[Doubt]:
-    """Yield a symmetry if the expert of the task as printed does in the twin about as well as in the task."""
-    task = context.task
-    if not task.symmetries or not isinstance(task.expert, tuple) or task.memory is not None or task.modifiers:
-        return
-    places = _places(task)
-    if {name for role, name in reads(task.expert) if role is Role.STATE} - places.keys():
-        return  # the expert knows more than it sees
-    expert = context.results.sample("expert", EPISODES)
-    random = context.results.sample("random", EPISODES)
-    if expert is None or random is None:
-        return
-    for symmetry in task.symmetries:
-        try:
-            twin = modify(task, {"symmetry": symmetry.name})
-            found = float(simulate(twin, _as_printed(task, twin, places), EPISODES).mean())
-        except SpecError:
-            continue  # it is no symmetry, and reported as that
-        score = normalised(found, random.value, expert.value, None)
-        if score >= SOLVED:
-            message = f"in the twin by '{symmetry.name}' the expert of the task as it is printed scores {score:.2f}"
-            hint = None
-            if symmetry.observation and symmetry.action:
-                hint = "leave out the map of the action, or the other one"
-            yield Doubt(context.key("symmetries", symmetry.name), message, hint)
-
-
-def _places(task: Task) -> dict[str, tuple[int, Component]]:
-    """Return the positions of components of the state in the observation as one vector."""
-    state = {c.name: c for c in task.state}
-    found = {}
-    at = 0
-    for c, node in zip(task.observation.components, task.observation.nodes, strict=True):
-        shown = _bare(node)
-        if isinstance(shown, Read) and shown.role is Role.STATE:
-            found[shown.name] = (at, state[shown.name])
-        at += c.type.size
-    return found
-
-
-def _as_printed(task: Task, twin: Task, places: Mapping[str, tuple[int, Component]]) -> Choose:
-    """Return the expert of a task, acting on observations of the twin as if they were those of the task."""
-    nodes = twin.observation.nodes
-    expert = by_expert(task)
-    layout = WordLayout.of(nodes)
-    needed = max(at + c.type.size for at, c in places.values())
-
-    def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
-        lanes = next(iter(state.values())).shape[-1]
-        words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
-        values = evaluate(nodes, reads_of(state, {}, t), batch_sampler(layout, words))
-        rows = [np.broadcast_to(v, (*v.shape[:-1], lanes)).reshape(-1, lanes) for v in values]
-        seen = np.concatenate([*rows, np.zeros((needed, lanes))])  # where a twin shows less
-        believed = {}
-        for name, (at, c) in places.items():
-            value = seen[at : at + c.type.size]
-            if c.type.kind is not Kind.REAL:  # it is moved into its range
-                low = np.array(c.low).reshape(-1, 1)
-                high = np.array(c.high).reshape(-1, 1)
-                value = np.rint(np.clip(value, low, high)).astype(np.bool_ if c.type.kind is Kind.BOOL else np.int64)
-            believed[name] = value.reshape(*c.type.shape, lanes)
-        return expert(believed, t, rng)
-
-    return choose
-
-
-def infinite_abstraction(context: LintContext) -> Iterator[Doubt]:
-    """Yield a component of the stand-in that has infinitely many values, so that there is no exact model of it."""
+def unproved_abstraction(context: LintContext) -> Iterator[Doubt]:
+    """Yield an abstraction that gives no exact results, as it is infinite or cannot be proved."""
     found = context.results.abstraction
     if found is None:
         return
@@ -223,3 +146,8 @@ def infinite_abstraction(context: LintContext) -> Iterator[Doubt]:
         if not c.is_finite:
             message = f"'{c.name}' has infinitely many values, so the abstraction gives no exact results"
             yield Doubt(context.key("abstraction", "state", c.name), message, "declare an int with `low` and `high`")
+            return
+    check = context.results.abstraction_check
+    if check is not None and check.why_not is not None:
+        message = f"the abstraction is not proved, so it gives no exact results: {check.why_not}"
+        yield Doubt(context.key("abstraction"), message)

@@ -1,32 +1,25 @@
-"""Warnings about the text of a spec: names, indices and slices, draws without chance, reals that are whole."""
+"""Warnings about the text of a spec: names, and indices that lie outside."""
 
 from __future__ import annotations
 
-import math
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.check.warning_context import Doubt, LintContext
-from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
-from taskspec.lang.dists import CATEGORICAL, DISTS
-from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, draws, reads, walk
-from taskspec.lang.operators import entry_of
+from taskspec.lang.ir import Apply, Node, Role, children, reads, walk
 from taskspec.lang.scope import ClampedIndex
-from taskspec.lang.types import INT, Kind
 from taskspec.model.points import Samples, columns
 from taskspec.model.space import Reads, words
 from taskspec.printers import plain
 from taskspec.printers.names import of_task
 from taskspec.rollout.rollout import visited
-from taskspec.soundness.phases import Check, CheckPhase, Examination, Violation, entries
-from taskspec.soundness.places import SectionScope, distributions
+from taskspec.soundness.phases import Check, CheckPhase, Examination, Violation
 from taskspec.soundness.soundness import in_words
 from taskspec.task.merge import before
 from taskspec.task.task import Task
@@ -156,7 +149,7 @@ def idle_errata(context: LintContext) -> Iterator[Doubt]:
     """Yield an erratum of a variant about a section that is as it is without the variant."""
     task = context.task
     merged = context.merged
-    based = before(task.document, task.variant)
+    based = before(task.source.document, task.source.variant)
     if based is None or not merged.data.get("errata") or not merged.is_own(("errata",)):
         return
     for i, entry in enumerate(merged.data["errata"]):
@@ -175,11 +168,11 @@ POINTS = 100_000
 def moved(context: LintContext) -> Iterator[Doubt]:
     """Yield an index that lies outside in a state in which episodes act, where its value matters."""
     task = context.task
-    left = {id(m.node): m for m in task.surface.moved}
+    left = {id(m.node): m for m in task.source.surface.moved}
     if not left:
         return
-    expert = task.expert if isinstance(task.expert, tuple) else ()
-    step = (*task.raw_next, task.reward, task.terminal)
+    expert = task.annotations.expert_nodes
+    step = (*task.process.raw_next, task.process.reward, task.process.terminal)
     for phase, roots in (("observation", task.observation.nodes), ("expert", expert), ("step", step)):
         checks = {}
         for node, guard in _guards(roots, task.new_builder(roots)):
@@ -250,190 +243,3 @@ def _guards(roots: Sequence[Node], b: Builder) -> Iterator[tuple[Node, Node]]:
                 needed[2] = b.apply("and", here, fails)
         for child, guard in zip(children(node), needed, strict=True):
             guards[id(child)] = b.apply("or", guards.get(id(child), never), guard)
-
-
-# -- slices ---------------------------------------------------------------------------------------
-
-MOST = 1000
-"""Slices that are checked, at most."""
-SECTIONS = ("noise", "initial", "dynamics", "reward", "terminal", "observation", "memory", "expert")
-
-
-@dataclass(frozen=True)
-class _Slice:
-    """A slice of a vector as it is written; the vector and its length where they are known."""
-
-    node: s.Subscript
-    cut: s.Slice
-    where: SectionScope
-
-    @property
-    def vector(self) -> Node | None:
-        value = self.where.value(self.node.value)
-        if value is not None and value.node.type.shape:
-            return value.node
-        return None
-
-    def end(self, expr: s.Expr | None) -> int | None:
-        """Return an end of the slice if it is a constant."""
-        node = None if expr is None else self.where.number(expr)
-        if isinstance(node, Const) and node.type == INT:
-            return int(node.value)
-        return None
-
-
-def past_the_end(context: LintContext) -> Iterator[Doubt]:
-    """Yield a slice that asks for more than there is."""
-    for expr in _sliced(context.task):
-        for each in expr:
-            vector = each.vector
-            if vector is not None:
-                yield from _past_the_end(each, vector.type.shape[0])
-
-
-def _past_the_end(each: _Slice, length: int) -> Iterator[Doubt]:
-    cut = each.cut
-    for end in (cut.start, cut.stop):
-        at = each.end(end)
-        if end is not None and at is not None and not -length <= at <= length:
-            yield Doubt(end.place, f"this slice goes to {at}, but the vector has {length} elements")
-            return
-    ends = (cut.start, cut.stop, cut.step)
-    is_literal = all(end is None or not list(s.names(end)) for end in ends)
-    if is_literal and length and not range(length)[slice(*map(each.end, ends))]:
-        yield Doubt(cut.place, "this slice has no elements for any parameters")
-
-
-def uneven(context: LintContext) -> Iterator[Doubt]:
-    """Yield a first and a last part of one vector that overlap, or that leave something out between them.
-
-    `v[1:]` beside `v[:-1]` sets neighbours side by side, and `concat(v[:i], v[j:])` cuts a piece out: both are meant so.
-    """
-    for expr in _sliced(context.task, joined=False):
-        stops: dict[int, int] = {}
-        starts = []
-        for each in expr:
-            cut = each.cut
-            vector = each.vector
-            at = each.end(cut.start or cut.stop)
-            if vector is None or at is None or cut.step is not None or len(each.node.indices) > 1:
-                continue
-            if at < 0:
-                at += vector.type.shape[0]
-            if cut.start is None:
-                stops[id(vector)] = at
-            elif cut.stop is None:
-                starts.append((vector, at, each.node))
-        for vector, start, node in starts:
-            stop = stops.get(id(vector), start)
-            if stop != start and stop + start != vector.type.shape[0]:
-                what = f"both hold elements {start} to {stop - 1}"
-                if stop < start:
-                    what = f"leave out {stop} to {start - 1}"
-                message = f"the parts before {stop} and from {start} of this vector {what}"
-                yield Doubt(node.place, message, "use the same index for both")
-
-
-def _sliced(task: Task, joined: bool = True) -> Iterator[list[_Slice]]:
-    """Yield the slices of every expression, as long as there are not too many; without those that are `joined` by `concat`."""
-    left = MOST
-    for expr, where in expressions(task):
-        parts = list(s.below(expr))
-        arguments = {id(a) for c in parts if isinstance(c, s.Call) and c.function == "concat" for a in c.args}
-        subscripts = [n for n in parts if isinstance(n, s.Subscript) and isinstance(n.indices[0], s.Slice)]
-        if subscripts and left > 0:
-            left -= len(subscripts)
-            kept = [n for n in subscripts if joined or id(n) not in arguments]
-            yield [_Slice(n, n.indices[0], where) for n in kept if isinstance(n.indices[0], s.Slice)]
-
-
-def expressions(task: Task) -> Iterator[tuple[s.Expr, SectionScope]]:
-    """Yield every expression of the sections that act, and of the definitions, with a section whose names it can use."""
-    for section in (*SECTIONS, "definitions"):
-        where = SectionScope(task, "reward" if section == "definitions" else section)
-        for _, expr in entries(task, section):
-            yield expr, where
-
-
-# -- draws ----------------------------------------------------------------------------------------
-
-
-def certain(context: LintContext) -> Iterator[Doubt]:
-    """Yield a draw with a single outcome. Where a real parameter has a say, its ends may be why."""
-    task = context.task
-    reals = {p.name for p in task.parameters if p.kind == "real"}
-    for section in SECTIONS:
-        where = SectionScope(task, section)
-        for _, expr in entries(task, section):
-            for written in distributions(expr, where):
-                used = {n.id for n in s.names(written.expr) if isinstance(n, s.Name)}
-                if _is_certain(written.expr, where) and not followed(task, used) & reals:
-                    yield Doubt(written.expr.place, "this draw has only one outcome", "write the value itself")
-
-
-def _is_certain(expr: s.Call | s.Weights, where: SectionScope) -> bool:
-    match expr:
-        case s.Weights(pairs=pairs) | s.Call(args=(s.Weights(pairs=pairs),)):
-            weights = [where.number(p) for _, p in pairs]
-            constants = [w for w in weights if isinstance(w, Const)]
-            return len(constants) == len(weights) and sum(any(v > 0 for v in w.flat) for w in constants) == 1
-        case s.Call(args=(s.Comprehension(),)):
-            return False  # what is left of a set may be a matter of the map that it is made from
-        case s.Call(args=(s.SetOf(),)):
-            value = where.value(expr)
-            return value is not None and all(_is_of_one(draw) for draw in draws([value.node]))
-        case s.Call(function=name, args=args, keywords=keywords):
-            dist = CATEGORICAL if name == CATEGORICAL.name else DISTS[name]
-            names = [a.name for a in dist.arguments]
-            given = dict(zip(names, args, strict=False)) | dict(keywords)
-            return dist.certain({key: where.number(value) for key, value in given.items() if key in names})
-
-
-def _is_of_one(draw: Draw) -> bool:
-    """Return whether a draw from a set has one outcome."""
-    first = draw.args[0] if draw.args else None
-    return draw.base == "index" and isinstance(first, Const) and first.type.is_scalar and first.value == 1
-
-
-# -- reals ----------------------------------------------------------------------------------------
-
-
-def whole(context: LintContext) -> Iterator[Doubt]:
-    """Yield a real component of the state that is whole in every state of every episode.
-
-    They are the largest set of real components that start whole and stay whole while all of them are. A real parameter in
-    their equations need not be whole.
-    """
-    task = context.task
-    reals = {p.name for p in task.parameters if p.kind == "real"}
-    nodes = {c.name: pair for c, *pair in zip(task.state, task.initial, task.next, strict=True)}
-    found = set()
-    for c in task.state:
-        used = mentioned(task, "initial", c.name) | mentioned(task, "dynamics", c.name + "'")
-        if c.type.kind is Kind.REAL and c.type.size and not used & reals:
-            found.add(c.name)
-    while broken := {name for name in found if not all(_is_whole(node, found) for node in nodes[name])}:
-        found -= broken
-    for c in task.state:
-        if c.name in found:
-            first, following = nodes[c.name]
-            is_fixed = isinstance(first, Const) and isinstance(following, Read) and following.name == c.name
-            if not is_fixed:
-                message = f"'{c.name}' is declared real, but only takes whole values"
-                yield Doubt(context.key("state", c.name), message, "declare it `type: int`")
-
-
-def _is_whole(root: Node, assumed: set[str]) -> bool:
-    """Return whether a value is whole if the components in `assumed` are."""
-    whole: dict[int, bool] = {}
-    for node in walk([root]):
-        keeps = node.type.kind is not Kind.REAL
-        match node:
-            case Const():
-                keeps = keeps or all(math.isfinite(v) and v == int(v) for v in node.flat)
-            case Read(role=role, name=name):
-                keeps = keeps or (role is Role.STATE and name in assumed)
-            case Apply(op=op, args=args):
-                keeps = keeps or (entry_of(op).whole and all(whole[id(a)] for a in args))
-        whole[id(node)] = keeps
-    return whole[id(root)]

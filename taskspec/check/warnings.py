@@ -5,27 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError
+from taskspec.base.diagnostics import Collector, Diagnostic, Span
 from taskspec.check import model_warnings, observation_warnings, text_warnings
 from taskspec.check.warning_context import Doubt, LintContext
 from taskspec.registry import load
 from taskspec.scores.returns import Results
-from taskspec.soundness.soundness import cases
-from taskspec.task.build import build
 from taskspec.task.merge import merge
 from taskspec.task.task import Task, TaskLike
 
 
 @dataclass(frozen=True, slots=True)
 class WarningKind:
-    """A kind of warnings: their code, and the function that finds them.
-
-    With `for_all`, they are about the text itself, and given only if they remain for other parameter values.
-    """
+    """A kind of warnings: their code, and the function that finds them."""
 
     code: str
     find: Callable[[LintContext], Iterator[Doubt]]
-    for_all: bool = False
 
 
 KINDS: tuple[WarningKind, ...] = (
@@ -39,10 +33,6 @@ KINDS: tuple[WarningKind, ...] = (
     WarningKind("W508", observation_warnings.leak),
     WarningKind("W509", observation_warnings.hidden_goal),
     WarningKind("W510", text_warnings.moved),
-    WarningKind("W512", text_warnings.certain, for_all=True),
-    WarningKind("W513", text_warnings.whole, for_all=True),
-    WarningKind("W514", text_warnings.past_the_end, for_all=True),
-    WarningKind("W515", text_warnings.uneven, for_all=True),
     WarningKind("W516", observation_warnings.constant),
     WarningKind("W517", observation_warnings.duplicate),
     WarningKind("W518", observation_warnings.hidden),
@@ -50,9 +40,8 @@ KINDS: tuple[WarningKind, ...] = (
     WarningKind("W519", model_warnings.forgotten),
     WarningKind("W520", model_warnings.twins),
     WarningKind("W521", text_warnings.idle_errata),
-    WarningKind("W522", observation_warnings.infinite_abstraction),
+    WarningKind("W522", observation_warnings.unproved_abstraction),
     WarningKind("W524", text_warnings.printed_alike),
-    WarningKind("W525", observation_warnings.idle_symmetry),
     WarningKind("W527", text_warnings.foreign_letters),
 )
 
@@ -64,35 +53,13 @@ def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic
         results: of the task, where they are known already.
     """
     task = load(task)
-    results = results or Results(task)
+    context = LintContext(task, results or Results(task))
     collector = Collector()
-    _collect(task, results, collector, for_all=False)
-    text = Collector()
-    _collect(task, results, text, for_all=True)
-    found = text.diagnostics
-    for values in cases(task):
-        if not found:
-            break
-        try:
-            other = build(task.document, task.variant, values, task.suite)
-        except SpecError:
-            continue
-        lasting = Collector()
-        _collect(other, Results(other), lasting, for_all=True)
-        kept = {(d.code, d.span) for d in lasting.diagnostics}
-        found = tuple(d for d in found if (d.code, d.span) in kept)
-    collector.extend(found)
-    return collector.diagnostics
-
-
-def _collect(task: Task, results: Results, collector: Collector, for_all: bool) -> None:
-    context = LintContext(task, results)
     for kind in KINDS:
-        if kind.for_all is not for_all:
-            continue
-        for problem in kind.find(context):
+        for doubt in kind.find(context):
             context.codes.add(kind.code)
-            collector.add(kind.code, problem.place, problem.message, problem.hint, problem.notes)
+            collector.add(kind.code, doubt.place, doubt.message, doubt.hint, doubt.notes)
+    return collector.diagnostics
 
 
 # -- accepted warnings ----------------------------------------------------------------------------
@@ -110,7 +77,7 @@ class Accepted:
 def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic], list[Accepted]]:
     """Split diagnostics into those to report, and warnings that the task accepts."""
     reasons = task.spec.accept
-    merged = merge(task.document, task.variant)
+    merged = merge(task.source.document, task.source.variant)
     accepted = [
         Accepted(each, reasons[each.code], merged.key_span(("accept", each.code)))
         for each in found
@@ -123,7 +90,7 @@ def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic]
 def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) -> list[Diagnostic]:
     """Reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
     reasons = task.spec.accept
-    merged = merge(task.document, task.variant)
+    merged = merge(task.source.document, task.source.variant)
     unneeded = [code for code in reasons if code not in {*unknown, *(each.warning.code for each in accepted)}]
     return [
         Diagnostic("W511", merged.key_span(("accept", code)), f"there is no {code} to accept", "remove this entry")

@@ -50,11 +50,9 @@ class Measure:
 
 
 def _model(results: Results) -> Model:
-    """Return the exact model; raise E712 if there is none, or its abstraction is not faithful."""
+    """Return the exact model; raise E712 if there is none."""
     if results.model is None:
         refuse(results.why_not or "there is no exact model", results.remedy)
-    if results.abstraction_check is not None and results.abstraction_check.problem is not None:
-        refuse("the abstraction is not faithful")
     return results.model
 
 

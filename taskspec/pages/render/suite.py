@@ -86,10 +86,13 @@ class Suite:
     @cached_property
     def folded(self) -> dict[str, tuple[Page, ...]]:
         """Pages of variants by the anchor of the page that they are based on, directly or not."""
-        known = {(page.task.document.origin.name, page.task.variant): page.anchor for page in self.pages}
+        known = {(page.task.source.document.origin.name, page.task.source.variant): page.anchor for page in self.pages}
         found: dict[str, list[Page]] = {}
         for page in self.pages:
-            line = [(document.origin.name, key) for document, key in lineage((page.task.document, page.task.variant))]
+            line = [
+                (document.origin.name, key)
+                for document, key in lineage((page.task.source.document, page.task.source.variant))
+            ]
             *_, first = (known[step] for step in line if step in known)
             found.setdefault(first, [])
             found[first] += [page] if page.anchor != first else []
@@ -128,8 +131,7 @@ _DISCOUNTED = r", where a task with a discount $\gamma$ multiplies that of the s
 _MARKS = (
     ("proved", "What is marked as proved follows from the form of the equations, or from exact results whose rounding errors are "
                "bounded."),
-    ("tested", "What is marked as tested was not contradicted by simulated episodes, or follows from a finite abstraction that "
-               "agreed with them."),
+    ("tested", "What is marked as tested was not contradicted by simulated episodes."),
 )  # fmt: skip
 
 
