@@ -112,7 +112,7 @@ def examine(
     granted = _granted(suites, steps, is_most=suite is None and tasks is None)
     terms = {}
     for name, task in asked.items():
-        terms[name] = ExamTerms(granted.get(task.suite, steps or STEPS), who.learns_from, transitions)
+        terms[name] = ExamTerms(granted.get(task.source.suite, steps or STEPS), who.learns_from, transitions)
     baseline = None
     if against is not None:
         baseline = read(against)
@@ -133,7 +133,9 @@ def examine(
         with tempfile.TemporaryDirectory() as scratch, Store((folder or Path(scratch)) / "exam.sqlite") as store:
             measured = _measured(variants, store, running or Running())
             rows = _trained(plan, store, running or Running())
-    found = _exam(who, " and ".join(suites), plan, rows, {name: _examined(task, measured[name]) for name, task in asked.items()})
+    found = _exam(
+        who, " and ".join(suites), plan, rows, {name: _examined(task, measured[name]) for name, task in asked.items()}
+    )
     found["verdicts"] = verdicts(found["tasks"], found["scores"])
     found["flags"] = [*flags(found["tasks"], found["scores"], baseline), *learned_flags(found["scores"])]
     found["diagnoses"] = [each for name in suites for each in diagnose(found, name)]
@@ -261,7 +263,12 @@ def _expert_actions(task: Task, way: str, seed: int) -> Array:
 
 
 def _plan(
-    asked: Iterable[Task], who: Examinee, seeds: tuple[int, ...], terms: Mapping[str, ExamTerms], twins: int, probes: bool
+    asked: Iterable[Task],
+    who: Examinee,
+    seeds: tuple[int, ...],
+    terms: Mapping[str, ExamTerms],
+    twins: int,
+    probes: bool,
 ) -> list[Planned]:
     width = WIDEST if who.together else 1
     blocks = [seeds[i : i + width] for i in range(0, len(seeds), width)]
