@@ -24,14 +24,16 @@ from taskspec.data import demonstrations
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.examinee import Examinee, learner_of
 from taskspec.exam.findings import diagnose
+from taskspec.exam.flags import check_comparable, flags
 from taskspec.exam.learned import learned_flags
 from taskspec.exam.results import FORMAT, Exam, Examined, Score, read, write
 from taskspec.exam.trial import LearnerFailed, Row, Trial, baselines, key_of, run_trial, score
-from taskspec.exam.verdicts import check_comparable, flags, verdicts
+from taskspec.exam.verdicts import verdicts
 from taskspec.jobs.running import JobProgress, run
 from taskspec.jobs.store import Job, Store
 from taskspec.modifiers import keeps_observers, modify
 from taskspec.rules.rule_books import EXAM, file_of, read_exam
+from taskspec.task.schema.experiments import ExamDocument
 from taskspec.task.task import Task, TaskLike
 
 WIDEST = 16
@@ -109,17 +111,19 @@ def examine(
     who = learner_of(learner, learns_from)
     suites = SUITES if suite is None else (suite,)
     asked = {exam_id(task): task for task in tasks_of(suites, tasks)}
-    granted = _granted(suites, steps, is_most=suite is None and tasks is None)
+    described = {name: _described(name) for name in suites}
+    is_most = suite is None and tasks is None
     terms = {}
     for name, task in asked.items():
-        terms[name] = ExamTerms(granted.get(task.source.suite, steps or STEPS), who.learns_from, transitions)
+        own = described.get(task.source.suite, ExamDocument(exam=1))
+        terms[name] = ExamTerms(_granted(own, steps, is_most), who.learns_from, transitions)
     baseline = None
     if against is not None:
         baseline = read(against)
         hashes = {name: task.content_hash for name, task in asked.items()}
         most = max(each.steps for each in terms.values())
         check_comparable(baseline, str(against), hashes, {"steps": most, "transitions": transitions})
-    plan = _plan(asked.values(), who, numbers, terms, twins, probes)
+    plan = _plan(asked.values(), who, numbers, terms, twins, probes, described)
     variants = {}
     for name, task in asked.items():
         variants[name] = [task, *(modify(task, *twin) for twin in twins_of(task, twins))]
@@ -176,26 +180,31 @@ def _names_in(suite: str) -> list[str]:
     if not known:
         suites = {e.suite for e in registry.known().values()}
         raise SpecError([Diagnostic("E713", None, f"there is no suite '{suite}'", suggest(suite, suites))])
-    path = file_of(suite, EXAM)
-    asked = read_exam(path).described.tasks if path is not None else ()
+    asked = _described(suite).tasks
     return [known[name] for name in asked or known]
 
 
-def _granted(suites: Sequence[str], steps: int | None, is_most: bool) -> dict[str, int]:
-    """Return the steps of a training run on a task of each suite.
+def _described(suite: str) -> ExamDocument:
+    """Return the suite's `exam.yaml`; an empty one where it has none."""
+    path = file_of(suite, EXAM)
+    if path is None:
+        return ExamDocument(exam=1)
+    described = read_exam(path).described
+    assert isinstance(described, ExamDocument)
+    return described
+
+
+def _granted(described: ExamDocument, steps: int | None, is_most: bool) -> int:
+    """Return the steps of a training run on a task of a suite.
 
     Args:
         steps: that are asked for.
-        is_most: whether a suite's own number is the most.
+        is_most: whether the suite's own number is the most.
     """
-    found = {}
-    for suite in suites:
-        path = file_of(suite, EXAM)
-        own = None if path is None else read_exam(path).described.steps
-        found[suite] = steps or own or STEPS
-        if is_most and own is not None:
-            found[suite] = min(found[suite], own)
-    return found
+    granted = steps or described.steps or STEPS
+    if is_most and described.steps is not None:
+        return min(granted, described.steps)
+    return granted
 
 
 def exam_id(task: Task) -> str:
@@ -269,6 +278,7 @@ def _plan(
     terms: Mapping[str, ExamTerms],
     twins: int,
     probes: bool,
+    described: Mapping[str, ExamDocument],
 ) -> list[Planned]:
     width = WIDEST if who.together else 1
     blocks = [seeds[i : i + width] for i in range(0, len(seeds), width)]
@@ -280,7 +290,10 @@ def _plan(
 
     def add(task: Task, twin: Modifiers | None, block: tuple[int, ...], negated: bool = False) -> None:
         about = modify(task, *(twin or ()))
-        trial = Trial(about, negated, who.place or "", who.content, terms[exam_id(task)], block, EPISODES, written())
+        suite = described.get(task.source.suite, ExamDocument(exam=1))
+        horizon = None if suite.evaluate is None else suite.evaluate.longer_than(task.horizon)
+        place = who.place or ""
+        trial = Trial(about, negated, place, who.content, terms[exam_id(task)], block, EPISODES, written(), horizon)
         plan.append(Planned(task, twin, trial))
 
     for task in asked:
@@ -409,4 +422,5 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
         "reward_regret": None if lost is None else lost / unit,
         "curve": None if curve is None else [[steps, scaled(value)] for steps, value in curve],
         "operators": row.get("operators"), "rewards": row.get("rewards"),
+        "value": None if row.get("value") is None else row["value"] / unit, "longer": row.get("longer"),
     }  # fmt: skip

@@ -149,6 +149,29 @@ def fingerprint(
     return distances
 
 
+def first_value(task: TaskLike, *, q: Any = None, values: Any = None, **_: Any) -> float | None:
+    """Return the learned value of the first states, in the mean over starts; None where it is not a finite number.
+
+    Args:
+        q, values: as `fingerprint` takes them; the value of Q is that of the best action.
+
+    Raises:
+        SpecError: as for `fingerprint`.
+    """
+    task = load(task)
+    model = dynamics_of(task, task.discount).model
+    rows = _Observed(task, model)
+    if values is None:
+        V = rows.read(q, model.n_actions).max(axis=1)
+    else:
+        V = rows.read(values, None)
+    is_start = model.start > 0
+    found = float(model.start[is_start] @ V[is_start])
+    if np.isfinite(found):
+        return found
+    return None
+
+
 @lru_cache(maxsize=32)
 def greedy_points(task: Task, gamma: float) -> dict[str, list[Array]]:
     """Return the fixed points of each operator for learners that act greedily, Q (A, S): one, or one for each exploration."""
