@@ -37,7 +37,9 @@ LearnerArgument = Annotated[
         "[cyan]suite/name[/]: its learners, on its tasks.",
     ),
 ]  # fmt: skip
-Suite = Annotated[str | None, _option("--suite", metavar="NAME", help="The suite of tasks; derail and probes unless given.")]
+Suite = Annotated[
+    str | None, _option("--suite", metavar="NAME", help="The suite of tasks; derail and probes unless given.")
+]
 Tasks = Annotated[
     list[str] | None,
     _option(
@@ -47,7 +49,8 @@ Tasks = Annotated[
 ]  # fmt: skip
 Seeds = Annotated[int | None, _option("--seeds", min=1, help="Number of random seeds; 15 unless given.")]
 Steps = Annotated[
-    str | None, _option("--steps", metavar="N", help="Environment steps of each training run; 500k unless given, 10k on probes.")
+    str | None,
+    _option("--steps", metavar="N", help="Environment steps of each training run; 500k unless given, 10k on probes."),
 ]
 Transitions = Annotated[
     str | None, _option("--transitions", metavar="N", help="Transitions of expert demonstrations; 10k unless given.")
