@@ -34,7 +34,9 @@ LearnerArgument = Annotated[
         "[cyan]suite/name[/]: its learners, on its tasks.",
     ),
 ]  # fmt: skip
-Suite = Annotated[str | None, _option("--suite", metavar="NAME", help="The suite of tasks; derail unless given.")]
+Suite = Annotated[
+    str | None, _option("--suite", metavar="NAME", help="The suite of tasks; derail and probes unless given.")
+]
 Tasks = Annotated[
     list[str] | None,
     _option(
@@ -44,7 +46,8 @@ Tasks = Annotated[
 ]  # fmt: skip
 Seeds = Annotated[int | None, _option("--seeds", min=1, help="Number of random seeds; 15 unless given.")]
 Steps = Annotated[
-    str | None, _option("--steps", metavar="N", help="Environment steps of each training run; 500k unless given.")
+    str | None,
+    _option("--steps", metavar="N", help="Environment steps of each training run; 500k unless given, 10k on probes."),
 ]
 Transitions = Annotated[
     str | None, _option("--transitions", metavar="N", help="Transitions of expert demonstrations; 10k unless given.")
@@ -125,7 +128,7 @@ def exam(
         terms["tasks"] = _tasks(options.split_names(tasks))
     if learns_from is not None:
         terms["learns_from"] = options.split_names(learns_from)
-    _examine_one(learner, output, running, {"suite": suite or "derail", "against": against, **terms}, json)
+    _examine_one(learner, output, running, {"suite": suite, "against": against, **terms}, json)
 
 
 def _examine_one(learner: str, output: Path | None, running: Running, terms: dict[str, Any], json: bool) -> None:
