@@ -16,7 +16,7 @@ from taskspec.model.model import Model
 from taskspec.model.space import plain, words
 from taskspec.model.transitions import picked
 from taskspec.solve.plans import optimal_plan
-from taskspec.task.task import Component
+from taskspec.task.parts import Component
 
 
 def leak(context: LintContext) -> Iterator[Doubt]:
@@ -24,12 +24,12 @@ def leak(context: LintContext) -> Iterator[Doubt]:
     task = context.task
     if task.observation.is_state:
         return
-    reward = _bare(task.reward)
+    reward = _bare(task.process.reward)
     if draws([reward]):
         return  # what chance paid can only be known by being shown
     for c, node in zip(task.observation.components, task.next_observation, strict=True):
         if _bare(node) is reward and reads([node]):
-            place = task.surface.sections["observation"].get(c.name)
+            place = task.source.surface.sections["observation"].get(c.name)
             yield Doubt(place and place.place, f"'{c.name}' is the reward of the step before")
 
 

@@ -101,11 +101,11 @@ def check(  # noqa: C901
         found += others.diagnostics
         cases = others.cases
     symmetries = []
-    for symmetry in task.symmetries if is_as_written(task) else ():
+    for symmetry in task.annotations.symmetries if is_as_written(task) else ():
         each = verify_symmetry(task, symmetry)
         symmetries.append(each)
         if each.problem is not None:
-            place = merge(task.document, task.variant).key_span(("symmetries", each.symmetry.name))
+            place = merge(task.source.document, task.source.variant).key_span(("symmetries", each.symmetry.name))
             found.append(Diagnostic("E605", place, f"'{each.symmetry.name}' is not a symmetry: {each.problem}"))
     wrong = list(wrong_examples(task)) if claims else []
     found += [diagnostic for _, diagnostic in wrong]
@@ -115,7 +115,7 @@ def check(  # noqa: C901
         if with_warnings or claims:
             skipped = f"sanity checks and claims need scipy: {install('exact')}"
         return replace(report, diagnostics=in_order(found), skipped=skipped)
-    results = Results(task) if task.claims else Results(task, limit=MODERATE)
+    results = Results(task) if task.annotations.claims else Results(task, limit=MODERATE)
     decided: tuple[Verdict, ...] = ()
     if with_warnings and is_as_written(task) and not _MEANINGLESS & {d.code for d in sound.diagnostics}:
         found += _warnings(task, results)
@@ -143,7 +143,7 @@ def _warnings(task: Task, results: Results) -> list[Diagnostic]:
         return list(error.diagnostics)
     found = list(warnings(task, results))
     if verified is not None and verified.problem is not None:
-        expr = next(iter(task.surface.sections["abstraction"].values()))
+        expr = next(iter(task.source.surface.sections["abstraction"].values()))
         problem = f"the abstraction is not faithful: {verified.problem}"
         found.append(Diagnostic("E604", expr.place.span, problem))
     return found

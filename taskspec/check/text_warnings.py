@@ -14,6 +14,7 @@ from taskspec.check.warning_context import Doubt, LintContext
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Node, Role, children, reads, walk
 from taskspec.lang.scope import ClampedIndex
+from taskspec.lang.syntax import Name
 from taskspec.model.points import Samples, columns
 from taskspec.model.space import Reads, words
 from taskspec.printers import plain
@@ -97,12 +98,17 @@ def printed_alike(context: LintContext) -> Iterator[Doubt]:
     printed = []
     for section, written, name in _names(context):
         printed.append((section, written, notation.symbol(name), f"the {_KINDS[section]} '{name}'"))
+    printed += [
+        ("observation", name, notation.symbol(name), f"the observation '{name}'") for name in _observed(context)
+    ]
     names = len(printed)
     for section, components in (("state", context.task.state), ("action", context.task.action)):
         for c in components:
             for label, tree in notation.labels.get(c.name, {}).items():
                 printed.append((section, c.name, tree, f"the label '{label}' of '{c.name}'"))
-    seen: dict[str, str] = {}
+    seen = {"R": "the reward"}
+    if context.task.discount != 1:
+        seen["γ"] = "the discount"
     for i, (section, written, tree, what) in enumerate(printed):
         symbol = plain(tree)
         if symbol in seen:
@@ -111,6 +117,14 @@ def printed_alike(context: LintContext) -> Iterator[Doubt]:
             yield Doubt(context.key(section, written), message, hint)
         elif i < names:
             seen[symbol] = what
+
+
+def _observed(context: LintContext) -> Iterator[str]:
+    """Yield observations with the name of something else that is no part of the state."""
+    written = context.task.source.surface.sections.get("observation")
+    for name, expr in written.items() if isinstance(written, dict) else ():
+        if name not in context.task.spec.state and not (isinstance(expr, Name) and expr.written == name):
+            yield name
 
 
 ALIKE = str.maketrans(
@@ -149,7 +163,7 @@ def idle_errata(context: LintContext) -> Iterator[Doubt]:
     """Yield an erratum of a variant about a section that is as it is without the variant."""
     task = context.task
     merged = context.merged
-    based = before(task.document, task.variant)
+    based = before(task.source.document, task.source.variant)
     if based is None or not merged.data.get("errata") or not merged.is_own(("errata",)):
         return
     for i, entry in enumerate(merged.data["errata"]):
@@ -168,11 +182,11 @@ POINTS = 100_000
 def moved(context: LintContext) -> Iterator[Doubt]:
     """Yield an index that lies outside in a state in which episodes act, where its value matters."""
     task = context.task
-    left = {id(m.node): m for m in task.surface.moved}
+    left = {id(m.node): m for m in task.source.surface.moved}
     if not left:
         return
-    expert = task.expert if isinstance(task.expert, tuple) else ()
-    step = (*task.raw_next, task.reward, task.terminal)
+    expert = task.annotations.expert_nodes
+    step = (*task.process.raw_next, task.process.reward, task.process.terminal)
     for phase, roots in (("observation", task.observation.nodes), ("expert", expert), ("step", step)):
         checks = {}
         for node, guard in _guards(roots, task.new_builder(roots)):

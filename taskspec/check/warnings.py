@@ -77,7 +77,7 @@ class Accepted:
 def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic], list[Accepted]]:
     """Split diagnostics into those to report, and warnings that the task accepts."""
     reasons = task.spec.accept
-    merged = merge(task.document, task.variant)
+    merged = merge(task.source.document, task.source.variant)
     accepted = [
         Accepted(each, reasons[each.code], merged.key_span(("accept", each.code)))
         for each in found
@@ -90,7 +90,7 @@ def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic]
 def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) -> list[Diagnostic]:
     """Reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
     reasons = task.spec.accept
-    merged = merge(task.document, task.variant)
+    merged = merge(task.source.document, task.source.variant)
     unneeded = [code for code in reasons if code not in {*unknown, *(each.warning.code for each in accepted)}]
     return [
         Diagnostic("W511", merged.key_span(("accept", code)), f"there is no {code} to accept", "remove this entry")

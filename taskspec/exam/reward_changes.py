@@ -29,4 +29,4 @@ def with_changed_reward(task: Task, name: str) -> Task:
     Expected rewards of the result are not those of the task, changed: what is random is changed outcome by outcome.
     """
     b = task.new_builder()
-    return paying(b, task, REWARD_CHANGES[name](b, task.reward))
+    return paying(b, task, REWARD_CHANGES[name](b, task.process.reward))

@@ -285,14 +285,14 @@ class Steps:
         self.task = task
         self.states = Space(task.state, Role.STATE)
         self.actions = Space(task.action, Role.ACTION)
-        decisive = draws((*task.next, task.terminal))
+        decisive = draws((*task.process.next, task.process.terminal))
         b = task.new_builder()
         if as_paid:
-            self.reward = task.reward
+            self.reward = task.process.reward
         else:
-            self.reward = expected(task.reward, b, decisive)
-        self.roots = lumped((*task.raw_next, self.reward, task.terminal), b)
-        self.first = lumped(task.raw_initial, b)
+            self.reward = expected(task.process.reward, b, decisive)
+        self.roots = lumped((*task.process.raw_next, self.reward, task.process.terminal), b)
+        self.first = lumped(task.process.raw_initial, b)
 
     @cached_property
     def draws(self) -> tuple[Draw, ...]:
@@ -309,7 +309,7 @@ class Steps:
     @property
     def ends(self) -> bool:
         """Whether some step may terminate."""
-        return not (isinstance(self.task.terminal, Const) and not self.task.terminal.value)
+        return not (isinstance(self.task.process.terminal, Const) and not self.task.process.terminal.value)
 
     @cached_property
     def branching(self) -> float:

@@ -18,8 +18,9 @@ from hypothesis import strategies as st
 import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.source.scan import scan
+from taskspec.task.parts import FINITE_SPACES
 from taskspec.task.spaces import pack, unpack
-from taskspec.task.task import FINITE_SPACES, Task
+from taskspec.task.task import Task
 from tests.shared.interpreter import Interpreter
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids, varied_files

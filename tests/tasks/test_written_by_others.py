@@ -79,7 +79,7 @@ def test_blackjack_is_played_as_gymnasiums() -> None:
     theirs: Any = gym.make("Blackjack-v1").unwrapped
     ours = make("blackjack")
     task = ours.task
-    layout = WordLayout.of((*task.next, task.reward, task.terminal, *task.next_observation))
+    layout = WordLayout.of((*task.process.next, task.process.reward, task.process.terminal, *task.next_observation))
     card, dealt = (next(d for d in layout.draws if d.type.size == n) for n in (1, 12))
     rng = np.random.default_rng(0)
     ours.reset(seed=11)
@@ -223,7 +223,7 @@ def test_choices_of_several_components_and_labels_that_are_no_names() -> None:
 
 def test_variants_of_variants() -> None:
     offset = taskspec.load(str(spec_file("two_goals")), "TwoGoalsOffset")
-    assert (offset.expert, offset.claims, offset.values) == (None, (), {"L": 5})
+    assert (offset.annotations.expert, offset.annotations.claims, offset.values) == (None, (), {"L": 5})
     env = taskspec.make(offset)
     starts = {int(env.reset(seed=s)[0]) for s in range(200)}
     assert starts == {k for k in range(-5, 6) if k != 0}
