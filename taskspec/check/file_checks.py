@@ -235,9 +235,8 @@ def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
         seen: Counter[tuple[Any, ...]] = Counter()
         for diagnostic in each.diagnostics:
             span = diagnostic.span
-            if span is None:
-                place = None
-            else:
+            place = None
+            if span is not None:
                 place = (span.line, span.column, span.end_line, span.end_column)
             here = (diagnostic.code, place or diagnostic.message)
             seen[here] += 1

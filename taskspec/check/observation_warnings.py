@@ -19,20 +19,6 @@ from taskspec.solve.plans import optimal_plan
 from taskspec.task.task import Component
 
 
-def leak(context: LintContext) -> Iterator[Doubt]:
-    """Yield a part of the next observation that is the reward."""
-    task = context.task
-    if task.observation.is_state:
-        return
-    reward = _bare(task.reward)
-    if draws([reward]):
-        return  # what chance paid can only be known by being shown
-    for c, node in zip(task.observation.components, task.next_observation, strict=True):
-        if _bare(node) is reward and reads([node]):
-            place = task.surface.sections["observation"].get(c.name)
-            yield Doubt(place and place.place, f"'{c.name}' is the reward of the step before")
-
-
 def _bare(node: Node) -> Node:
     while isinstance(node, Apply) and node.op in ("to_real", "to_int"):
         node = node.args[0]

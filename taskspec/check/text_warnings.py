@@ -21,7 +21,6 @@ from taskspec.printers.names import of_task
 from taskspec.rollout.rollout import visited
 from taskspec.soundness.phases import Check, CheckPhase, Examination, Violation
 from taskspec.soundness.soundness import in_words
-from taskspec.task.merge import before
 from taskspec.task.task import Task
 
 NAMED = ("parameters", "constants", "definitions", "noise")
@@ -143,20 +142,6 @@ def _names(context: LintContext) -> Iterator[tuple[str, str, str]]:
     for section, declared in zip(_KINDS, parts, strict=True):
         for written in declared:
             yield section, written, written.partition("(")[0].strip()
-
-
-def idle_errata(context: LintContext) -> Iterator[Doubt]:
-    """Yield an erratum of a variant about a section that is as it is without the variant."""
-    task = context.task
-    merged = context.merged
-    based = before(task.document, task.variant)
-    if based is None or not merged.data.get("errata") or not merged.is_own(("errata",)):
-        return
-    for i, entry in enumerate(merged.data["errata"]):
-        for j, section in enumerate(entry.get("about") or ()):
-            if merged.data.get(section) == based.data.get(section):
-                message = f"this erratum is about `{section}`, which this variant does not change"
-                yield Doubt(merged.span(("errata", i, "about", j)), message)
 
 
 # -- indices --------------------------------------------------------------------------------------
