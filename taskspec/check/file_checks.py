@@ -23,8 +23,7 @@ from taskspec.targets import File, name_of, task_in, variants_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taskspec.check.report import Report
-    from taskspec.check.warnings import Accepted
+    from taskspec.check.report import Accepted, Report
     from taskspec.task.task import Task
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from taskspec import source
-from taskspec.check.warnings import warnings
+from taskspec.check.report import warnings
 from taskspec.scores import returns
 from taskspec.task.build import build
 from taskspec.task.task import Task
