@@ -172,7 +172,8 @@ def make_vec(
     given = {**parameters, "modifiers": modifiers}
     if isinstance(instance_seed, Sequence):
         tasks = [_loaded(source, variant, {**given, "instance_seed": seed}) for seed in instance_seed]
-        return _instance_lanes(tasks, num_envs, options)
+        lanes: VectorEnvironment = _instance_lanes(tasks, num_envs, options)
+        return lanes
     if instance_seed is not None:
         given["instance_seed"] = instance_seed
     task = _loaded(source, variant, given)

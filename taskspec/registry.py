@@ -192,7 +192,9 @@ def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Tas
     given = {names.get(name, name): value for name, value in parameters.items()}
     if not variant:
         given = {**task.given, **given}
-    return modify(build(task.document, variant or task.variant, given, task.suite), *task.modifiers)
+    return modify(
+        build(task.source.document, variant or task.source.variant, given, task.source.suite), *task.modifiers
+    )
 
 
 def is_path(name: str) -> bool:

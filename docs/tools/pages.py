@@ -14,7 +14,7 @@ from docs.tools.language import language
 from docs.tools.markdown import code, table
 from docs.tools.names import names
 from taskspec.base.diagnostics import PAGE
-from taskspec.exam.fingerprints import OPERATORS
+from taskspec.exam.operators import OPERATORS
 from taskspec.exam.starc import REWARDS
 from taskspec.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
 from taskspec.modifiers.entry import never

@@ -68,9 +68,9 @@ def _verified(found: Abstraction) -> AbstractionCheck:
         nodes = tuple(Read(Role.STATE, c.name, c.type, c.least, c.most) for c in task.state)
     whole = extract(task, True, MOST_ENTRIES)
     other = extract(found.stand_in, True, MOST_ENTRIES)
-    has_expert = isinstance(task.expert, tuple) and isinstance(found.stand_in.expert, tuple)
+    has_expert = isinstance(task.annotations.expert, tuple) and isinstance(found.stand_in.annotations.expert, tuple)
     problem = difference(whole, nodes, other, has_expert)
-    return AbstractionCheck(problem, None, has_expert or not isinstance(found.task.expert, tuple))
+    return AbstractionCheck(problem, None, has_expert or not isinstance(found.task.annotations.expert, tuple))
 
 
 MOST = 400_000
@@ -233,5 +233,5 @@ def _of_expert(model: Model, t: int, numbers: ExactProbabilities) -> _Rows:
 
 
 def _expert(model: Model) -> tuple[Any, ...]:
-    assert isinstance(model.task.expert, tuple)
-    return model.task.expert
+    assert isinstance(model.task.annotations.expert, tuple)
+    return model.task.annotations.expert

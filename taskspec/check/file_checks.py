@@ -210,7 +210,7 @@ def check_task(file: File, variant: str | None, prove: Examine) -> Checked:
     try:
         found = prove(task)
     except SpecError as error:  # of one task, so that the others are still looked at
-        place = task.document.span(("name",))
+        place = task.source.document.span(("name",))
         placed = [d if d.span is not None else dataclasses.replace(d, span=place) for d in error.diagnostics]
         found = Finding(in_order(placed), "given up")
     return Checked(task.name, variant, task.id, task, found, time.perf_counter() - start)

@@ -18,7 +18,8 @@ from taskspec.model.space import plain, shown, words
 from taskspec.rollout.rollout import at_random, is_bounded
 from taskspec.scores.partial_observability import pomdp_bounds
 from taskspec.task.build import build
-from taskspec.task.task import Component, Soft, Task
+from taskspec.task.parts import Component, Soft
+from taskspec.task.task import Task
 
 LONGER = 1000
 """Steps beyond the horizon that are searched for other rewards."""
@@ -74,10 +75,10 @@ def _partners(task: Task) -> Iterator[Model]:
     roles = task.spec.roles
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
     for variant in dict.fromkeys((roles.expert, roles.learner) if roles is not None else ()):
-        if variant in (task.name, task.variant):
+        if variant in (task.name, task.source.variant):
             continue
         try:
-            yield extract(build(task.document, str(variant), given, task.suite), reachable=False)
+            yield extract(build(task.source.document, str(variant), given, task.source.suite), reachable=False)
         except SpecError:
             continue
 
@@ -86,11 +87,11 @@ def unread(context: LintContext) -> Iterator[Doubt]:
     """Yield a component on which neither rewards nor ends depend, which is not shown, or is drawn all the same."""
     task = context.task
     is_state = task.observation.is_state
-    nexts = {c.name: node for c, node in zip(task.state, task.next, strict=True)}
-    used = _followed(nexts, (task.reward, task.terminal))
+    nexts = {c.name: node for c, node in zip(task.state, task.process.next, strict=True)}
+    used = _followed(nexts, (task.process.reward, task.process.terminal))
     if not is_state:
         used |= _followed(nexts, task.observation.nodes)
-    for c, first, following in zip(task.state, task.initial, task.next, strict=True):
+    for c, first, following in zip(task.state, task.process.initial, task.process.next, strict=True):
         if c.name in used or c.low == c.high:
             continue
         if not is_state:
@@ -104,10 +105,11 @@ def unread(context: LintContext) -> Iterator[Doubt]:
 def forgotten(context: LintContext) -> Iterator[Doubt]:
     """Yield a component of the expert's memory that no action of it depends on."""
     task = context.task
-    if task.memory is None:
+    memory = task.annotations.memory
+    if memory is None:
         return
-    nexts = {c.name: node for c, node in zip(task.memory.components, task.memory.next, strict=True) if c.type.size}
-    used = _followed(nexts, task.expert if isinstance(task.expert, tuple) else (), of_step=False)
+    nexts = {c.name: node for c, node in zip(memory.components, memory.next, strict=True) if c.type.size}
+    used = _followed(nexts, task.annotations.expert_nodes, of_step=False)
     for name in nexts:
         if name not in used:
             yield Doubt(context.key("memory", name), f"no action of the expert depends on '{name}'")
@@ -183,7 +185,7 @@ def inert(context: LintContext) -> Iterator[Doubt]:
     """Yield a component of the action that changes nothing."""
     model = context.model
     task = context.task
-    read = reads((*task.next, task.reward, task.terminal))
+    read = reads((*task.process.next, task.process.reward, task.process.terminal))
     for c in task.action:
         if c.is_finite and c.counts == (1,) * c.type.size:
             continue
@@ -251,7 +253,10 @@ def expert(context: LintContext) -> Iterator[Doubt]:
     results = context.results
     found = results.expert
     task = context.task
-    if found is None or isinstance(task.expert, Soft) or any(_compares_expert(claim.expr) for claim in task.claims):
+    annotations = task.annotations
+    if found is None or isinstance(annotations.expert, Soft):
+        return
+    if any(_compares_expert(claim.expr) for claim in annotations.claims):
         return
     value = f"the expert returns {found.value:.10g}"
     optimal = results.optimal
@@ -267,7 +272,7 @@ def expert(context: LintContext) -> Iterator[Doubt]:
         return
     best = optimal.value
     whose = ""
-    if task.memory is not None and (seen := pomdp_bounds(results)) is not None:
+    if task.annotations.memory is not None and (seen := pomdp_bounds(results)) is not None:
         whose = ", which knows the state"
         if seen.remembering is not None:
             best = seen.remembering.value

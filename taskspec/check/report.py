@@ -84,7 +84,7 @@ class Accepted:
 def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic], list[Accepted]]:
     """Split diagnostics into those to report, and warnings that the task accepts."""
     reasons = task.spec.accept
-    merged = merge(task.document, task.variant)
+    merged = merge(task.source.document, task.source.variant)
     accepted = [
         Accepted(each, reasons[each.code], merged.key_span(("accept", each.code)))
         for each in found
@@ -97,7 +97,7 @@ def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic]
 def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) -> list[Diagnostic]:
     """Reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
     reasons = task.spec.accept
-    merged = merge(task.document, task.variant)
+    merged = merge(task.source.document, task.source.variant)
     unneeded = [code for code in reasons if code not in {*unknown, *(each.warning.code for each in accepted)}]
     return [
         Diagnostic("W511", merged.key_span(("accept", code)), f"there is no {code} to accept", "remove this entry")
@@ -186,13 +186,13 @@ def check(  # noqa: C901
         found += others.diagnostics
         cases = others.cases
     symmetries = []
-    for symmetry in task.symmetries if is_as_written(task) else ():
+    for symmetry in task.annotations.symmetries if is_as_written(task) else ():
         each = verify_symmetry(task, symmetry)
         symmetries.append(each)
         if each.problem is not None:
-            place = merge(task.document, task.variant).key_span(("symmetries", each.symmetry.name))
+            place = merge(task.source.document, task.source.variant).key_span(("symmetries", each.symmetry.name))
             found.append(Diagnostic("E605", place, f"'{each.symmetry.name}' is not a symmetry: {each.problem}"))
-    wrong = list(wrong_examples(task)) if claims and task.examples else []
+    wrong = list(wrong_examples(task)) if claims and task.annotations.examples else []
     found += [diagnostic for _, diagnostic in wrong]
     report = Report(task, (), sound.method, cases, wrong_examples=frozenset(dict(wrong)), symmetries=tuple(symmetries))
     if not is_installed("scipy"):
@@ -200,7 +200,7 @@ def check(  # noqa: C901
         if with_warnings or claims:
             skipped = f"sanity checks and claims need scipy: {install('exact')}"
         return replace(report, diagnostics=in_order(found), skipped=skipped)
-    results = Results(task) if task.claims else Results(task, limit=MODERATE)
+    results = Results(task) if task.annotations.claims else Results(task, limit=MODERATE)
     decided: tuple[Verdict, ...] = ()
     if with_warnings and is_as_written(task) and not _MEANINGLESS & {d.code for d in sound.diagnostics}:
         found += _warnings(task, results)
@@ -228,7 +228,7 @@ def _warnings(task: Task, results: Results) -> list[Diagnostic]:
         return list(error.diagnostics)
     found = list(warnings(task, results))
     if verified is not None and verified.problem is not None:
-        expr = next(iter(task.surface.sections["abstraction"].values()))
+        expr = next(iter(task.source.surface.sections["abstraction"].values()))
         problem = f"the abstraction is not faithful: {verified.problem}"
         found.append(Diagnostic("E604", expr.place.span, problem))
     return found

@@ -26,7 +26,8 @@ from taskspec.rollout.rollout import visited
 from taskspec.solve.plans import optimal_plan
 from taskspec.soundness.phases import Check, CheckPhase, Examination, Violation
 from taskspec.soundness.soundness import in_words
-from taskspec.task.task import Component, Task
+from taskspec.task.parts import Component
+from taskspec.task.task import Task
 
 NAMED = ("parameters", "constants", "definitions", "noise")
 ROOTS = (
@@ -158,11 +159,11 @@ POINTS = 100_000
 def moved(context: LintContext) -> Iterator[Doubt]:
     """Yield an index that lies outside in a state in which episodes act, where its value matters."""
     task = context.task
-    left = {id(m.node): m for m in task.surface.moved}
+    left = {id(m.node): m for m in task.source.surface.moved}
     if not left:
         return
-    expert = task.expert if isinstance(task.expert, tuple) else ()
-    step = (*task.raw_next, task.reward, task.terminal)
+    expert = task.annotations.expert_nodes
+    step = (*task.process.raw_next, task.process.reward, task.process.terminal)
     for phase, roots in (("observation", task.observation.nodes), ("expert", expert), ("step", step)):
         checks = {}
         for node, guard in _guards(roots, task.new_builder(roots)):

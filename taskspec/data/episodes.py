@@ -379,7 +379,7 @@ def demonstrations(
 def role(task: Task, who: Literal["expert", "learner"]) -> Task:
     """Return the task in the variant in which somebody acts; the task itself where its spec tells no roles apart."""
     key = task.roles.get(who)
-    if key is None or key == task.variant:
+    if key is None or key == task.source.variant:
         return task
     return load(task, key, **{p.name: p.value for p in task.parameters if p.value != p.default})
 
@@ -392,7 +392,8 @@ def described(task: Task, kind: str, acting: TaskPolicy, seed: int) -> dict[str,
     else:
         told = {"value": value.value, "bound": value.bound, "status": value.status}
     return {
-        "kind": kind, "id": task.id, "instance": task.instance_id, "variant": task.variant, "parameters": dict(task.values),
+        "kind": kind, "id": task.id, "instance": task.instance_id,
+        "variant": task.source.variant, "parameters": dict(task.values),
         "modifiers": [str(m) for m in task.modifiers], "horizon": task.horizon, "discount": task.discount,
         "content_hash": task.content_hash, "policy": acting.name, "seed": seed, "return": told,
         "versions": {"taskspec": __version__, "numpy": np.__version__},

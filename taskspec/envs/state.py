@@ -14,9 +14,9 @@ from taskspec.base.diagnostics import suggest
 from taskspec.envs import window
 from taskspec.envs.options import LaneError, NotRunningError, StateError, one_of
 from taskspec.lang.types import Domain, Kind
-from taskspec.task.parts import RenderMode
+from taskspec.task.parts import Component, RenderMode
 from taskspec.task.spaces import single, space
-from taskspec.task.task import Component, Task
+from taskspec.task.task import Task
 
 # -- reading and setting the state --------------------------------------------------------------------------------
 

@@ -39,10 +39,10 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
         sign: what rewards are multiplied by that are not granted.
     """
     names = _EXPERT if "reward" in learns_from else (*_EXPERT, *_REWARD)
-    document = _document(task.document, names)
+    document = _document(task.source.document, names)
     builder = task.new_builder()
-    reward = task.reward
-    absorbing_reward = task.absorbing_reward
+    reward = task.process.reward
+    absorbing_reward = task.process.absorbing_reward
     if "reward" not in learns_from and sign == 0:
         reward = builder.scalar(0.0)
         absorbing_reward = builder.scalar(0.0)
@@ -52,26 +52,22 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
     as_written = None
     if task.written_as is not None:
         as_written = withheld(task.written_as, learns_from, sign)
-    data = _sections(task.merged.data, names)
+    merged = task.source.merged
+    surface = task.source.surface
     changed = f"{task.content_hash} without {', '.join(names)}, {sign:g}"
-    return replace(
-        task,
-        reward=reward,
-        absorbing_reward=absorbing_reward,
-        expert=None,
-        memory=None,
-        claims=(),
-        examples=(),
-        merged=Merged(document, task.merged.name, task.merged.variant, data, {}),
+    source = replace(
+        task.source,
+        merged=Merged(document, merged.name, merged.variant, _sections(merged.data, names), {}),
         surface=replace(
-            task.surface,
-            sections={name: part for name, part in task.surface.sections.items() if name not in names},
-            meanings={key: part for key, part in task.surface.meanings.items() if key[0] not in names},
+            surface,
+            sections={name: part for name, part in surface.sections.items() if name not in names},
+            meanings={key: part for key, part in surface.meanings.items() if key[0] not in names},
         ),
-        document=document,
-        written_as=as_written,
         content_hash=hashlib.sha256(changed.encode()).hexdigest(),
     )
+    found = task.with_process(reward=reward, absorbing_reward=absorbing_reward)
+    found = found.with_annotations(expert=None, memory=None, claims=(), examples=())
+    return replace(found, source=source, written_as=as_written)
 
 
 def _document(document: Document, names: Collection[str]) -> Document:
@@ -327,7 +323,7 @@ class Case:
             NotGranted: when the learner is not entitled to them.
         """
         self._need("demonstrations")
-        policy = "optimal" if self._judge.expert is None else "expert"
+        policy = "optimal" if self._judge.annotations.expert is None else "expert"
         seed = (self.seed + 1 << 32) + (1 << 31)
         found = demonstrations(self._judge, policy, transitions=self.terms.transitions, seed=seed)
         self.spent.demonstrations = len(found)

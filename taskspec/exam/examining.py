@@ -187,7 +187,7 @@ def twins_of(task: Task, wanted: int) -> tuple[Modifiers, ...]:
     """
     way = _way(task)
     if way is None:
-        return tuple((f"symmetry={each.name}",) for each in task.symmetries[:wanted])
+        return tuple((f"symmetry={each.name}",) for each in task.annotations.symmetries[:wanted])
     if not wanted:
         return ()
     known = {seed: _expert_actions(task, way, seed) for seed in range(1, max(TRIED, 2 * wanted) + 1)}
@@ -217,7 +217,7 @@ def _modifiers(way: str, seed: int) -> Modifiers:
 def _expert_actions(task: Task, way: str, seed: int) -> Array:
     """Return the names of the expert's actions, (steps,), in some episodes, which are the same under every seed."""
     twin = modify(task, way.format(seed=seed))
-    policy = "optimal" if twin.expert is None else "expert"
+    policy = "optimal" if twin.annotations.expert is None else "expert"
     return np.asarray(demonstrations(twin, policy, episodes=SHOWN).acts)
 
 

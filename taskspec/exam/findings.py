@@ -140,7 +140,7 @@ def markdown(found: FindingsResult, told: Sequence[str] = ()) -> str:
     lines = [f"# {described.title or 'Findings'}", "", *([described.doc, ""] if described.doc else [])]
     lines += [f"- {line}" for line in told] + ([""] if told else [])
     counts = [[name, *map(str, found.counts(name).values())] for name in found.sets]
-    legend = "A finding is confirmed if it holds everywhere in the 95 % bootstrap intervals (in brackets), refuted if nowhere."
+    legend = "A finding is confirmed if it holds everywhere in the 95 % intervals (in brackets), refuted if nowhere."
     lines += [*_table(["results", *OUTCOMES], counts), "", legend, ""]
     rows = [_row(each, found.sets) for each in found.results]
     return "\n".join([*lines, *_table(["", "the paper says", *found.sets], rows)]) + "\n"

@@ -10,7 +10,8 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
-from taskspec.exam.fingerprints import GOOD, OPERATORS, BellmanOperator, fingerprint, named, pooled
+from taskspec.exam.fingerprints import fingerprint, named, pooled
+from taskspec.exam.operators import GOOD, OPERATORS, BellmanOperator
 from taskspec.exam.results import Flag, Score
 from taskspec.exam.starc import REWARDS, KnownReward, reward_fields
 from taskspec.policies.adapters import Predictor, parameters

@@ -16,7 +16,8 @@ from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.actions import SEED, permutations
 from taskspec.modifiers.core import apart, combinations, fresh, joint, looked_up, names_in, noisy, observing, real_space
 from taskspec.modifiers.entry import STD, Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, unaffected
-from taskspec.task.task import FINITE_SPACES, Component, Observation, Task
+from taskspec.task.parts import FINITE_SPACES, Component, Observation
+from taskspec.task.task import Task
 
 
 def _relabelled(b: Builder, task: Task, given: Arguments) -> Task:

@@ -26,7 +26,8 @@ from taskspec.modifiers.core import (
 )
 from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, as_well
 from taskspec.task.bijection import MapPart, Moves, bounds, codes, outside, parts
-from taskspec.task.task import FINITE_SPACES, Component, Symmetry, Task
+from taskspec.task.parts import FINITE_SPACES, Component, Symmetry
+from taskspec.task.task import Task
 
 
 def _twin(b: Builder, task: Task, given: Arguments) -> Task:
@@ -40,7 +41,7 @@ def _twin(b: Builder, task: Task, given: Arguments) -> Task:
 
 def _declared(task: Task, name: str) -> Symmetry:
     """Return a symmetry by its name."""
-    known = {each.name: each for each in task.unmodified.symmetries}
+    known = {each.name: each for each in task.unmodified.annotations.symmetries}
     if name not in known:
         if known:
             reason = f"it declares no symmetry '{name}'"
@@ -125,12 +126,13 @@ def _steered(b: Builder, task: Task, symmetry: Symmetry) -> Task:
         if part.clash() is not None or outside(part) is not None:
             raise Inapplicable("it is not one-to-one in the actions", "`taskspec check` shows where")
         executed |= zip((c.name for c in part.inputs), _undone(b, part), strict=True)
-    expert = task.expert
+    expert = task.annotations.expert
     if isinstance(expert, tuple):
         expert = _put(b, symmetry.action, dict(zip((c.name for c in task.action), expert, strict=True)))
     every = {c.name: executed.get(c.name) or present(b, c, Role.ACTION) for c in task.action}
     plain = tuple(replace(c, domain=None) if c.name in executed else c for c in task.action)
-    return meaning(b, replace(task, action=plain, expert=expert), every)
+    changed = replace(task, action=plain).with_annotations(expert=expert)
+    return meaning(b, changed, every)
 
 
 def _put(b: Builder, nodes: Sequence[Node], actions: dict[str, Node]) -> tuple[Node, ...]:
@@ -184,7 +186,7 @@ TABLE = (
     ModifierEntry(
         "symmetry", (
             ModifierArgument("name", "word", "which symmetry of the spec",
-                             sample=lambda task: task.symmetries[0].name if task.symmetries else "none"),
+                             sample=lambda task: task.annotations.symmetries[0].name if task.annotations.symmetries else "none"),
         ),
         "Observations or actions are transformed as the spec declares under `symmetries`.",
         _twin, _says, keeps="all returns", observed=always, abstraction=as_well, needs="a spec that declares it",

@@ -44,7 +44,7 @@ class Writing:
         return self.task.spec
 
     def parsed(self, name: str) -> Any:
-        return self.task.surface.sections.get(name)
+        return self.task.source.surface.sections.get(name)
 
     def put(self, expr: s.Expr) -> s.Expr:
         found: s.Expr = substitute(expr, self.values) if self.values else expr
@@ -120,7 +120,7 @@ class Writing:
 
     def _is_vector(self, expr: s.Expr) -> bool:
         if isinstance(expr, s.Name):
-            return expr.id in self.task.fixed and bool(self.task.fixed[expr.id].type.shape)
+            return expr.id in self.task.source.constants and bool(self.task.source.constants[expr.id].type.shape)
         return isinstance(expr, s.Unary | s.Binary) and any(map(self._is_vector, m.children(expr)))
 
     def _scalar(self, name: str, entry: ComponentEntry | ParameterEntry, ends: Mapping[str, Any]) -> m.Math:

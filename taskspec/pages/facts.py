@@ -97,7 +97,7 @@ def _by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterator[VerdictFact]
     """Yield one verdict for each claim, which holds if it holds in all its cases."""
     waiting = iter(decisions)
     order = list(CLAIMS)
-    for claim in task.claims:
+    for claim in task.annotations.claims:
         found = [next(waiting) for _ in claim.cases or ({},)]
         worst = max(found, key=lambda verdict: order.index(verdict.status))
         shown = CLAIMS[worst.status].shown.format(episodes=max(verdict.episodes for verdict in found))

@@ -17,8 +17,8 @@ from taskspec.printers.names import expression
 from taskspec.printers.rewrites import is_draw
 from taskspec.printers.text import text
 from taskspec.task.names import signature
+from taskspec.task.parts import Component, Soft
 from taskspec.task.schema.typed import ComponentEntry
-from taskspec.task.task import Component, Soft
 
 _SPACES = {
     "dict": "as a dictionary of its components", "one_hot": "as one-hot vectors",
@@ -283,7 +283,7 @@ def roles(w: Writing) -> Iterator[Inlines]:
 
 
 def expert(w: Writing) -> Iterator[Inlines]:
-    for c in () if w.task.memory is None else w.task.memory.components:
+    for c in () if w.task.annotations.memory is None else w.task.annotations.memory.components:
         memory = w.parsed("memory")
         symbol = w.symbol(c.name)
         doc = (Text(", "), *inlines(c.doc)) if c.doc else ()
@@ -293,7 +293,7 @@ def expert(w: Writing) -> Iterator[Inlines]:
             Formula(w.equation(w.symbol(c.name, primed=True), memory[f"{c.name}'"], c.name)),
         )  # fmt: skip
     found = w.parsed("expert")
-    match w.task.expert:
+    match w.task.annotations.expert:
         case None:
             return
         case "optimal":
@@ -302,7 +302,7 @@ def expert(w: Writing) -> Iterator[Inlines]:
             if isinstance(found, s.Call):
                 value = w.math(found.args[0])
             else:
-                value = m.Num(f"{w.task.expert.beta:g}")
+                value = m.Num(f"{w.task.annotations.expert.beta:g}")
             yield (Text("Boltzmann-rational, "), formula(m.Ident("β"), m.Sym("="), value))
         case _:
             if isinstance(found, Mapping):

@@ -85,12 +85,13 @@ def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[s
     if task.modifiers:
         changed.append(f"modifiers={list(map(str, task.modifiers))!r}")
     make = f"gymnasium.make({', '.join((json.dumps('taskspec:' + task.id, ensure_ascii=False), *changed))})"
+    origin = task.source.document.origin
     return Page(
         id=task.id, name=task.name, anchor=anchor(task.name), title=task.title,
         capability=task.spec.capability or "", summary=inlines(task.spec.summary),
         description=blocks(task.spec.description), make=visible(make, keep=""), sections=shown,
         sources=tuple(Cite(x.key, x.where) for x in task.spec.sources),
-        source_text=task.document.origin.text, source_name=task.document.origin.name.replace("\\", "/").rsplit("/")[-1],
+        source_text=origin.text, source_name=origin.name.replace("\\", "/").rsplit("/")[-1],
         task=task, facts=facts, settings=settings,
     )  # fmt: skip
 
@@ -194,7 +195,7 @@ def _shorter(line: SectionLine) -> SectionLine:
 
 def families(pages: Iterable[Page]) -> list[Family]:
     found = []
-    for _, group in groupby(pages, key=lambda page: page.task.document.origin.name):
+    for _, group in groupby(pages, key=lambda page: page.task.source.document.origin.name):
         head, *others = group
         siblings = [_sibling(page, [head, *others[:i]]) for i, page in enumerate(others)]
         found.append(Family(head, tuple(siblings)))

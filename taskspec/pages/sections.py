@@ -34,8 +34,9 @@ from taskspec.printers.names import expression
 from taskspec.printers.text import text
 from taskspec.rules.claim_rules import MODELS, RESULTS
 from taskspec.task.build import build_abstract
+from taskspec.task.parts import Claim, Example, Followed
 from taskspec.task.spaces import SpaceLayout
-from taskspec.task.task import Claim, Example, Followed, Task
+from taskspec.task.task import Task
 
 _ENDS = {"terminal": "terminates", "truncated": "is truncated"}
 
@@ -99,7 +100,7 @@ def examples(w: Writing, wrong: frozenset[int] = frozenset()) -> CellTable | Non
     """Return the examples of a task without columns that stay empty; None if there are none."""
     columns: dict[str, list[Inlines]] = {}
     for title, make in _COLUMNS:
-        columns[title] = [make(w, example) for example in w.task.examples]
+        columns[title] = [make(w, example) for example in w.task.annotations.examples]
     entries = w.spec.examples
     columns[""] = [inlines(entry.doc) for entry in entries]
     kept = [(title, cells) for title, cells in columns.items() if any(cells)]
@@ -194,7 +195,7 @@ _MAPS = {"observation": "what is seen: ", "action": "actions: "}
 def symmetries(w: Writing) -> Iterator[Inlines]:
     """Yield a line for each: its name, what it is, its maps, and how it is known to keep returns."""
     exprs: Mapping[str, Mapping[str, Mapping[str, s.Expr]]] = w.parsed("symmetries") or {}
-    for symmetry in w.task.symmetries:
+    for symmetry in w.task.annotations.symmetries:
         content: list[Inline] = [CodeSpan(symmetry.name), Text(": ")]
         content += [*inlines(symmetry.doc), Text("; ")] if symmetry.doc else []
         for key, maps in exprs[symmetry.name].items():
@@ -219,14 +220,14 @@ def modifiers(task: Task) -> Iterator[Inlines]:
         count = math.prod(n for c in task.state for n in c.counts)
         line += [Text(" ("), Formula(m.Num(f"{count:,}" if count < 10**9 else f"{count:.2e}")), Text(" values)")]
     rest = "; the rest of this page, its scores apart, is the task as written"
-    if task.expert is None is not task.unmodified.expert:
+    if task.annotations.expert is None is not task.unmodified.annotations.expert:
         rest += ", whose expert is not one here"
     yield (*line, Text(", and the observation is "), *_observation(task.observation_layout), Text(rest))
 
 
 def as_written(task: Task) -> Task:
     """Return the task as its spec has it, with the claims and examples that are still about it."""
-    return replace(task.unmodified, claims=task.claims, examples=task.examples)
+    return task.unmodified.with_annotations(claims=task.annotations.claims, examples=task.annotations.examples)
 
 
 def _observation(layout: SpaceLayout) -> Inlines:
@@ -314,7 +315,7 @@ def _single(section: Section) -> Section:
 
 def _claims(w: Writing, facts: Facts) -> Iterator[SectionLine]:
     verdicts = list(facts.verdicts)
-    for i, claim in enumerate(w.task.claims):
+    for i, claim in enumerate(w.task.annotations.claims):
         found = verdicts[i] if i < len(verdicts) else None
         about_others = w if not claim.cases else replace(w, values={})  # it says itself which values it is about
         cases = (Text(" (for "), *lines.cases(w, claim.cases), Text(")")) if claim.cases else ()

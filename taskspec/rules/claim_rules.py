@@ -259,7 +259,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
                 return self._folded(expr)
 
     def _is_bound(self, name: str) -> bool:
-        scope = self.results.task.surface.scopes.get("claims")
+        scope = self.results.task.source.surface.scopes.get("claims")
         return scope is not None and scope.lookup(name) is not None
 
     def _folded(self, expr: s.Expr) -> Enclosure:
@@ -267,7 +267,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         task = self.results.task
         collector = Collector()
         try:
-            value = Checker(Builder(), collector).check(expr, task.surface.scopes["claims"])
+            value = Checker(Builder(), collector).check(expr, task.source.surface.scopes["claims"])
         except Refused as refused:
             raise InvalidClaim(refused.message, expr) from None
         if value is None:
@@ -303,7 +303,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
 
     def _return(self, name: str, expr: s.Expr) -> Enclosure:
         which = name.removesuffix("_return")
-        if which == "expert" and self.results.task.expert is None:
+        if which == "expert" and self.results.task.annotations.expert is None:
             raise InvalidClaim("the spec gives no expert", expr)
         if which in SEARCHES:  # of policies that see observations only
             try:

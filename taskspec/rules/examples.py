@@ -31,7 +31,8 @@ from taskspec.solve.rational import ExactProbabilities
 from taskspec.task.annotations import SCOPE
 from taskspec.task.build import build
 from taskspec.task.context import assign
-from taskspec.task.task import Component, Example, Followed, Task, TaskLike
+from taskspec.task.parts import Component, Example, Followed
+from taskspec.task.task import Task, TaskLike
 
 MOST_OUTCOMES = 100_000
 MOST_NUMBERS = 2_000_000
@@ -174,19 +175,21 @@ def wrong_examples(task: TaskLike) -> Iterator[tuple[int, Diagnostic]]:
     """Yield every problem with the examples of a task, with the number of its example."""
     task = load(task)
     known: dict[str, Task | SpecError] = {repr({}): task}
-    for i, example in enumerate(task.examples):
+    for i, example in enumerate(task.annotations.examples):
         for case in example.cases or ({},):
             key = repr(case)
             if key not in known:
                 try:
-                    known[key] = build(task.document, task.variant, task.given | dict(case), task.suite)
+                    known[key] = build(
+                        task.source.document, task.source.variant, task.given | dict(case), task.source.suite
+                    )
                 except SpecError as error:
                     known[key] = error
             found = known[key]
             if isinstance(found, SpecError):
                 problems: tuple[Diagnostic, ...] = (wrong_setting(task, "examples", i, case, found),)
             else:
-                problems = _Trial(found, found.examples[i]).problems()
+                problems = _Trial(found, found.annotations.examples[i]).problems()
             for problem in problems:
                 if case:
                     note = f"for {', '.join(f'{k} = {words(v)}' for k, v in case.items())}"
@@ -205,7 +208,7 @@ class _Trial:
         self.collector = Collector()
         self.builder = self.task.new_builder()
         self.checker = Checker(self.builder, self.collector)
-        self.scope = self.task.surface.scopes[SCOPE]
+        self.scope = self.task.source.surface.scopes[SCOPE]
         self.fixed = Scope({}, parent=self.scope)
         self.fixed.draws = "what an example begins with is fixed"
 
@@ -280,9 +283,9 @@ class _Trial:
         nodes: Sequence[Node]
         match follows.section:
             case "initial":
-                entry = (task.state, task.initial, f"the first {name}")
+                entry = (task.state, task.process.initial, f"the first {name}")
             case "next":
-                entry = (task.state, task.next, f"the next {name}")
+                entry = (task.state, task.process.next, f"the next {name}")
             case "observation":
                 nodes = task.observation.nodes
                 if self.example.starts:
@@ -291,15 +294,15 @@ class _Trial:
                     nodes = task.next_observation
                 entry = (task.observation.components, nodes, f"'{name}' in the observation")
             case "expert":
-                if not isinstance(task.expert, tuple):
+                if not isinstance(task.annotations.expert, tuple):
                     message = "only an expert given by expressions can be checked"
                     self.collector.add("E612", follows.expr.place, message)
                     return None
-                entry = (task.action, task.expert, f"the expert's {name}")
+                entry = (task.action, task.annotations.expert, f"the expert's {name}")
             case "reward":
-                entry = ([REWARD], [task.reward], "the reward")
+                entry = ([REWARD], [task.process.reward], "the reward")
             case "terminal":
-                entry = ([TERMINAL], [task.terminal], "`terminal`")
+                entry = ([TERMINAL], [task.process.terminal], "`terminal`")
             case _:
                 cut = task.horizon is not None and self.example.t + 1 >= task.horizon
                 entry = ([TRUNCATED], [self.builder.scalar(cut)], "`truncated`")

@@ -343,7 +343,7 @@ def effective_horizon(model: Model) -> float:
     """Return an upper bound of the effective horizon of a deterministic task: the least k + log_A m over k."""
     if model.n_actions == 1:
         refuse("there is only one action")
-    is_drawn = Steps(model.task).reward is not model.task.reward
+    is_drawn = Steps(model.task).reward is not model.task.process.reward
     if is_drawn or np.count_nonzero(model.start) > 1 or any(step.rounding.terms > 1 for step in model.steps):
         refuse("the bound holds for deterministic tasks with one first state")
     ahead = _Lookahead(model)

@@ -24,7 +24,8 @@ from taskspec.solve.backward import Greedy, Plan, Rule, Uniform, rule_of
 from taskspec.solve.enclosure import Enclosure, NoNumber, rounded
 from taskspec.solve.plans import tables
 from taskspec.solve.solve import Solvers, why_endless
-from taskspec.task.task import Soft, Task, TaskLike
+from taskspec.task.parts import Soft
+from taskspec.task.task import Task, TaskLike
 
 Given: TypeAlias = Literal["optimal"] | Soft | None
 
@@ -202,7 +203,7 @@ class Results:
     @cached_property
     def remembering(self) -> Results:
         """The results of the task whose state includes the expert's memory; these results for experts without memory."""
-        if self.task.memory is None or self.given is not None:
+        if self.task.annotations.memory is None or self.given is not None:
             return self
         return Results(self.task.remembering(), self.episodes, self.seed, self.limit)
 
@@ -289,7 +290,7 @@ class Results:
         key = (which, episodes or self.episodes)
         if key not in self._samples:
             choose: Choose | None = None
-            if which == "expert" and isinstance(self.task.expert, tuple) and self.given is None:
+            if which == "expert" and isinstance(self.task.annotations.expert, tuple) and self.given is None:
                 choose = by_expert(self.task)
             elif which == "random" and is_bounded(self.task):
                 choose = at_random(self.task)

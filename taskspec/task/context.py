@@ -19,7 +19,7 @@ from taskspec.lang.scope import Binding, Lazy, Poisoned, Scope, Value, numbered
 from taskspec.lang.types import Domain, Kind, Refused, Shape, shape
 from taskspec.source import Path
 from taskspec.task.merge import Merged
-from taskspec.task.task import Component, Parameter, Surface
+from taskspec.task.parts import Component, Parameter, Surface
 
 # ---------- forms
 # YAML values -> surface syntax: texts, numbers, vectors, `if:`/`then:` lists, `by:`/`rows:` tables, probabilities.

@@ -18,8 +18,7 @@ from taskspec.lang.types import BOOL, INT, INT_WIDEST, Domain, Kind, Refused, Ty
 from taskspec.lang.variates import WordLayout, sampler
 from taskspec.source import Path
 from taskspec.task.context import Context, poison
-from taskspec.task.parts import Varying, article, brief, convert
-from taskspec.task.task import Component, Parameter
+from taskspec.task.parts import Component, Parameter, Varying, article, brief, convert
 
 OPTIONS = frozenset({"task", "path", "variant", "render_mode", "ending", "observe_time", "modifiers", "num_envs",
                      "vectorization_mode", "vector_kwargs", "wrappers", "backend", "max_episode_steps",

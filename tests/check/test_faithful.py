@@ -257,7 +257,7 @@ class Written:
     def node(self, text: str) -> Node:
         parsed = parse_into(SourceText(text, lambda start, end: None), Collector())
         assert parsed is not None
-        value = Checker(self.builder, Collector()).check(parsed, self.task.surface.scopes["reward"])
+        value = Checker(self.builder, Collector()).check(parsed, self.task.source.surface.scopes["reward"])
         assert value is not None
         return value.node
 

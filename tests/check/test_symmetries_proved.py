@@ -46,7 +46,7 @@ def spec(symmetries: str, text: str = BOX) -> Task:
 
 def found(symmetry: str, text: str = BOX) -> SymmetryCheck:
     task = spec(f"{{s: {symmetry}}}", text)
-    return verify_symmetry(task, task.symmetries[0])
+    return verify_symmetry(task, task.annotations.symmetries[0])
 
 
 def clip(x: int, low: int, high: int) -> int:
@@ -233,8 +233,8 @@ variants:
       three: {{doc: both, observation: {{w: -w}}}}
 """
     document = source.read_text(text)
-    assert [s.name for s in build(document).symmetries] == ["one", "two"]
-    changed = build(document, "other").symmetries
+    assert [s.name for s in build(document).annotations.symmetries] == ["one", "two"]
+    changed = build(document, "other").annotations.symmetries
     assert [(s.name, s.doc, bool(s.observation), bool(s.action)) for s in changed] == [
         ("one", None, False, True), ("three", "both", True, False),
     ]  # fmt: skip

@@ -67,7 +67,7 @@ def test_each_fault(code: str, section: str, parts: dict[str, str], message: str
     assert message in found[0].message
     assert found[0].severity == "warning"
     assert found[0].span is not None
-    assert found[0].span.line == made.document.key_span((section,)).line
+    assert found[0].span.line == made.source.document.key_span((section,)).line
 
 
 @pytest.mark.parametrize(

@@ -16,10 +16,10 @@ from taskspec.mutation.mutants import mutants, written
 from taskspec.mutation.text_changes import Replacements, changes
 from taskspec.task.build import build
 from taskspec.task.task import Task
-from tests.shared.specs import specs
+from tests.shared.specs import specs, varied_files
 
 ROOT = Path(__file__).parents[2]
-SPECS = specs("tasks/*/*.yaml", "tests/specs/*.yaml")
+SPECS = [*specs("tasks/derail/*.yaml", "tasks/seals/*.yaml"), *varied_files()]
 NAMES = Replacements({"s": ["n"], "n": ["s"], "calm": ["cross"]}, frozenset({"s"}))
 
 # Every change of an expression, counted by hand.

@@ -24,7 +24,7 @@ from taskspec.printers import plain
 from taskspec.printers.names import nowhere
 from taskspec.source import read_text
 from taskspec.task.build import build
-from taskspec.task.task import Claim
+from taskspec.task.parts import Claim
 from tests.shared.commands import Done
 
 ROOT = Path(__file__).parents[2]

@@ -23,6 +23,7 @@ from taskspec.solve import solve
 from taskspec.solve.bounded import Bounded
 from taskspec.task.build import build
 from tests.benchmarks import exact as benchmark
+from tests.shared.specs import spec_file
 from tests.shared.tasks import shipped
 
 ROOT = Path(__file__).parents[2]
@@ -206,7 +207,7 @@ def test_experts_as_policy_objects_walk_through_the_environment(name: str, varia
 
 
 def test_planned_experts_count_their_steps() -> None:
-    task = build(source.read(ROOT / "tests" / "specs" / "frozen_lake.yaml"), None, {"slippery": False})
+    task = build(source.read(spec_file("frozen_lake")), None, {"slippery": False})
     expert, env = exact.Expert(task), taskspec.make(task)
     observation, _ = env.reset(seed=0)
     state, total, over = None, 0.0, False
@@ -296,7 +297,7 @@ def test_compiled_sweeps_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, t
     monkeypatch.setattr(extraction, "TIDY", tidy)
     for task in (
         benchmark.grid(70, 100),
-        build(source.read(ROOT / "tests" / "specs" / "taxi.yaml")),
+        build(source.read(spec_file("taxi"))),
         shipped("risky_path"),
     ):
         model = exact.extract(task)

@@ -146,8 +146,10 @@ def test_constants_are_printed_and_drawn(path: Path) -> None:
         "constants"
     ]
     assert told["walls"] == task.constants["walls"].tolist() and told["half"] == 2
-    assert task.figure is not None
-    assert task.figure.map == tuple("".join("#" if w else " " for w in row) for row in task.constants["walls"])
+    assert task.annotations.figure is not None
+    assert task.annotations.figure.map == tuple(
+        "".join("#" if w else " " for w in row) for row in task.constants["walls"]
+    )
     drawn = [figure(load(path, instance_seed=seed), path.parent / f"{seed}.svg").read_text() for seed in (3, 4)]
     assert drawn[0] != drawn[1]
     path.write_text(SHUFFLED.replace("map: walls", "map: odds"))

@@ -21,8 +21,9 @@ from taskspec.base.extras import need
 from taskspec.lang.types import INT_MAX
 from taskspec.registry import load
 from taskspec.task.build import build_varying
+from taskspec.task.parts import Parameter
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
-from taskspec.task.task import Parameter, Task, TaskLike
+from taskspec.task.task import Task, TaskLike
 
 
 class Gymnax:
@@ -170,11 +171,11 @@ class OpenParameters:
     @classmethod
     def of(cls, task: Task, varying: tuple[Parameter, ...]) -> OpenParameters:
         """Return those of a task that is built with them open."""
-        messages = tuple(message for _, message in task.required)
+        messages = tuple(message for _, message in task.process.required)
         bound = tuple(p.name for p in task.parameters if p.name not in {open_one.name for open_one in varying})
         if not messages:
             return cls(varying, bound)
-        return cls(varying, bound, repr(task.required), messages, compile_required(task))
+        return cls(varying, bound, repr(task.process.required), messages, compile_required(task))
 
     def default(self, task: Task) -> Any:
         """Return a named tuple of the horizon, `max_steps_in_episode`, and of the values: a pytree for `vmap` and `jit`.

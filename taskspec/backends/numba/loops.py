@@ -270,7 +270,7 @@ def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     results, stores, out_rows = _results(p, loop, state, seen)
     lines = without_unused(loop.lane.lines, [*state.values(), *seen.values(), reward, terminal])
     late = "False" if p.task.horizon is None else f"(t + 1 >= {p.task.horizon})"
-    either = "late" if never(p.task.terminal) else f"late | {terminal}"
+    either = "late" if never(p.task.process.terminal) else f"late | {terminal}"
     ending = [f"late = {late}", f"e = {either}", "steps[j] = u32(steps[j] + u32(1))"]
     ending += [f"terminated[j] = {terminal}", "truncated[j] = late", "ended[j] = e"]
     body = [*lines, f"reward[j] = {reward}", *ending, *results, *stores]

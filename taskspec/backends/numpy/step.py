@@ -121,7 +121,7 @@ def generate(
         quiet = ['@np.errstate(all="ignore")']
     body = [*form.scratch.declarations, "", *quiet, f"def step({', '.join(taken)}):"]
     body += [*indent(lines), "", "return step"]
-    head = repr(f"{task.id}: n environments, array code. Generated; the spec is {task.document.origin.name}.")
+    head = repr(f"{task.id}: n environments, array code. Generated; the spec is {task.source.document.origin.name}.")
     return "\n".join([head, "", "", f"def lanes({', '.join(arguments)}):", *indent(body), ""]), form.constants
 
 

@@ -47,7 +47,9 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
     constants = dict[str, Any]()
     states = names_of("s", task.state)
     # `repr`, because ids and file names are somebody's text: nothing in them may end the literal.
-    head = [repr(f"{task.id}: one environment, straight-line. Generated; the spec is {task.document.origin.name}.")]
+    head = [
+        repr(f"{task.id}: one environment, straight-line. Generated; the spec is {task.source.document.origin.name}.")
+    ]
     restored = _restored(parts, states, constants)
     step = _step(parts, states, restored, constants)
     reset = _reset(parts, states, [*step, *restored], constants)

@@ -86,10 +86,13 @@ class Suite:
     @cached_property
     def folded(self) -> dict[str, tuple[Page, ...]]:
         """Pages of variants by the anchor of the page that they are based on, directly or not."""
-        known = {(page.task.document.origin.name, page.task.variant): page.anchor for page in self.pages}
+        known = {(page.task.source.document.origin.name, page.task.source.variant): page.anchor for page in self.pages}
         found: dict[str, list[Page]] = {}
         for page in self.pages:
-            line = [(document.origin.name, key) for document, key in lineage((page.task.document, page.task.variant))]
+            line = [
+                (document.origin.name, key)
+                for document, key in lineage((page.task.source.document, page.task.source.variant))
+            ]
             *_, first = (known[step] for step in line if step in known)
             found.setdefault(first, [])
             found[first] += [page] if page.anchor != first else []
