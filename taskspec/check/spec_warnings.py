@@ -16,6 +16,7 @@ from taskspec.lang.batch import evaluate
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Node, Role, children, draws, reads, walk
 from taskspec.lang.scope import ClampedIndex
+from taskspec.lang.syntax import Name
 from taskspec.model.model import Model
 from taskspec.model.points import Samples, columns
 from taskspec.model.space import Reads, plain, words
@@ -102,12 +103,17 @@ def printed_alike(context: LintContext) -> Iterator[Doubt]:
     printed = []
     for section, written, name in _names(context):
         printed.append((section, written, notation.symbol(name), f"the {_KINDS[section]} '{name}'"))
+    printed += [
+        ("observation", name, notation.symbol(name), f"the observation '{name}'") for name in _observed(context)
+    ]
     names = len(printed)
     for section, components in (("state", context.task.state), ("action", context.task.action)):
         for c in components:
             for label, tree in notation.labels.get(c.name, {}).items():
                 printed.append((section, c.name, tree, f"the label '{label}' of '{c.name}'"))
-    seen: dict[str, str] = {}
+    seen = {"R": "the reward"}
+    if context.task.discount != 1:
+        seen["γ"] = "the discount"
     for i, (section, written, tree, what) in enumerate(printed):
         symbol = symbol_text(tree)
         if symbol in seen:
@@ -116,6 +122,14 @@ def printed_alike(context: LintContext) -> Iterator[Doubt]:
             yield Doubt(context.key(section, written), message, hint)
         elif i < names:
             seen[symbol] = what
+
+
+def _observed(context: LintContext) -> Iterator[str]:
+    """Yield observations with the name of something else that is no part of the state."""
+    written = context.task.source.surface.sections.get("observation")
+    for name, expr in written.items() if isinstance(written, dict) else ():
+        if name not in context.task.spec.state and not (isinstance(expr, Name) and expr.written == name):
+            yield name
 
 
 ALIKE = str.maketrans(

@@ -14,7 +14,7 @@ from taskspec.printers import idioms
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import ExpressionWriter
 from taskspec.printers.names import expression
-from taskspec.printers.rewrites import is_draw
+from taskspec.printers.rewrites import draws, is_draw
 from taskspec.printers.text import text
 from taskspec.task.names import signature
 from taskspec.task.parts import Component, Soft
@@ -137,7 +137,7 @@ def _labels(w: Writing, c: Component) -> Inlines:
         if value is None or isinstance(mark, m.Num):
             tree = mark
         else:
-            tree = m.Row((mark, m.Sym("="), _value(w, value)))
+            tree = m.Row((mark, m.Sym("↦"), _value(w, value)))
         word = isinstance(mark, m.Words | m.Num)
         items.append((Formula(tree),) if word else (Formula(tree), Text(f" {label.replace('_', ' ')}")))
     plain = all(len(x) == 1 for x in items) and not c.domain.values
@@ -207,13 +207,16 @@ def definitions(w: Writing) -> Iterator[Inlines]:
     for name, value in w.spec.constants.items():
         if isinstance(value, Mapping) and "grid" in value:
             continue
-        yield (Formula(w.equation(w.symbol(name), expression(value))),)
+        written = expression(value)
+        once: Inlines = (Text(", drawn once per instance"),) if draws(written) else ()
+        yield (Formula(w.equation(w.symbol(name), written)), *once)
     for written, expr in (w.parsed("definitions") or {}).items():
         name, arguments = signature(written)
         left = w.symbol(name)
         if arguments is not None:
             left = m.Row((left, m.brackets(m.joined(w.notation.symbol(a) for a in arguments))))
-        yield (Formula(w.equation(left, expr)),)
+        axes = {a: w.task.source.surface.argument_axes.get((name, a), 0) for a in arguments or ()}
+        yield (Formula(w.equation(left, expr, arguments=axes)),)
     for name, expr in (w.parsed("noise") or {}).items():
         yield (Formula(w.equation(w.symbol(name), expr)), Text(f", drawn {_when_drawn(w, name)}"))
 

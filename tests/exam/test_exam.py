@@ -489,7 +489,7 @@ def test_what_has_become_worse_is_flagged_against_an_earlier_exam(tmp_path: Path
     status, same = held(tmp_path / "again", "q_learning", *options, "--against", str(tmp_path / "before"))
     assert status == 0 and flagged(same) == set()
     status, worse = held(tmp_path / "after", "q_wrong_sign", *options, "--against", str(tmp_path / "before"))
-    assert status == 1 and {kind for kind, _ in flagged(worse)} == {"regression"}
+    assert status == 1 and {kind for kind, _ in flagged(worse)} == {"regression", "changed"}
     assert {task for _, task in flagged(worse)} == {"EarlyTermPos", "InitShiftLearner"}
     other = Done("exam", f"{LEARNERS}:q_learning", "--steps", "4k", "--against", str(tmp_path / "before"))
     assert other.status == 1 and "had 3,000 steps, this one has 4,000" in other.err

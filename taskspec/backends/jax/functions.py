@@ -21,7 +21,7 @@ from taskspec.base.extras import need
 from taskspec.lang.types import INT_MAX
 from taskspec.registry import load
 from taskspec.task.build import build_varying
-from taskspec.task.parts import Parameter
+from taskspec.task.parts import Parameter, are_finite
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
 from taskspec.task.task import Task, TaskLike
 
@@ -409,7 +409,7 @@ class Functional:
 
 def _one_hot(task: Task) -> Task:
     """Return the same task with one-hot observations."""
-    if not all(c.is_finite for c in task.observation.components):
+    if not are_finite(task.observation.components):
         raise spec_error("E713", f"the observations of {task.id} are not finite, and cannot be one-hot")
     return replace(task, observation=replace(task.observation, space="one_hot"))
 

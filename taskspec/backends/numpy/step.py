@@ -17,6 +17,7 @@ from taskspec.lang.batch import UNSORTED, Runtime, network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import many
+from taskspec.task.parts import by_read
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
@@ -134,8 +135,8 @@ def _may_warn(roots: Sequence[Node], observation: SpaceLayout) -> bool:
 
 def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Hoisted) -> ArrayForm:
     names = {(Role.TIME, "t"): "t"}
-    names |= {(Role.STATE, c.name): s for c, s in zip(task.state, states, strict=True)}
-    names |= {(Role.ACTION, c.name): a for c, a in zip(task.action, actions, strict=True)}
+    names |= by_read(Role.STATE, task.state, states)
+    names |= by_read(Role.ACTION, task.action, actions)
     names |= {(Role.VARIABLE, v): v for v in (*hoisted.names, *hoisted.word_numbers)}
     form = ArrayForm(names, lambda draw, args: drawn(draw, args), scratch=Scratch())
 

@@ -9,8 +9,8 @@ import pytest
 import taskspec
 from taskspec.exam import read
 from tests.shared.commands import Done
-from tests.verification.study.bugs import LEARNERS, Bug, bugs
-from tests.verification.study.exams import TERMS, TRANSITIONS
+from tests.verification.exam_study.bugs import LEARNERS, Bug, bugs
+from tests.verification.exam_study.exams import TERMS, TRANSITIONS
 
 
 @pytest.mark.parametrize("bug", bugs(), ids=lambda bug: f"{bug.learner}-{bug.name}")
@@ -25,7 +25,7 @@ def test_a_mistake_whose_text_is_gone_is_no_mistake() -> None:
         Bug("bc", "gone", "", {"what stands nowhere": ""}).source()
 
 
-@pytest.mark.parametrize("learner", TERMS)
+@pytest.mark.parametrize("learner", [name for name, terms in TERMS.items() if terms.is_shipped])
 def test_stored_exams_are_of_the_tasks_as_they_are(learner: str) -> None:
     stored = read(f"derail/{learner}")
     assert {task: about["content_hash"] for task, about in stored["tasks"].items()} == {

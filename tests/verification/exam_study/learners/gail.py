@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.exam import Case, learns_from
-from tests.verification.study.learners.ppo import DISCOUNT, LANES, LENGTH, Learner, Player, Steps
+from tests.verification.exam_study.learners.ppo import DISCOUNT, LANES, LENGTH, Learner, Player, Steps
 
 Array = np.ndarray[Any, Any]
 UPDATES, RATE, KEPT = 10, 0.2, 0.8

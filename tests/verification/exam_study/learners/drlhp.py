@@ -7,23 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exam import Case, learns_from
-from tests.verification.study.learners.ppo import LANES, LENGTH, Learner, Player, Steps
+from taskspec.exam import Case, Learned, learns_from
+from tests.verification.exam_study.learners.ppo import LANES, LENGTH, Learner, Player, Steps
 
 Array = np.ndarray[Any, Any]
 PAIRS, UPDATES, RATE, DECAY = 12, 20, 1.0, 0.01
 
 
 @learns_from("preferences")
-def train(case: Case) -> Array:
-    """The probabilities of actions, (S, A)."""
+def train(case: Case) -> Learned:
+    """The probabilities of actions, (S, A), and the learned reward."""
     player, learner, model = Player(case), Learner(case), Reward(case)
     for _ in range(case.steps // (LANES * LENGTH)):
         steps = player.play(learner.probabilities())
         model.ask(case, episodes(steps))
         model.fit()
         learner.improve(steps, model.table[steps.obs, steps.acts])
-    return learner.probabilities()
+    return Learned(learner.probabilities(), reward=lambda obs, acts, _: model.table[obs, acts])
 
 
 class Reward:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exam import Case, learns_from
+from taskspec.exam import Case, Learned, learns_from
 
 Array = np.ndarray[Any, Any]
 LANES, LENGTH = 64, 20
@@ -17,13 +17,13 @@ POLICY_RATE, LARGEST, CRITIC_RATE = 0.5, 0.05, 0.2
 
 
 @learns_from("reward")
-def train(case: Case) -> Array:
-    """The probabilities of actions, (S, A)."""
+def train(case: Case) -> Learned:
+    """The probabilities of actions, (S, A), and the values of states."""
     player, learner = Player(case), Learner(case)
     for _ in range(case.steps // (LANES * LENGTH)):
         steps = player.play(learner.probabilities())
         learner.improve(steps, steps.rewards)
-    return learner.probabilities()
+    return Learned(learner.probabilities(), values=learner.values, discount=DISCOUNT)
 
 
 @dataclass(frozen=True)
