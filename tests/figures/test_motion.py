@@ -21,6 +21,7 @@ from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.docs.test_contact_sheet import outside, overlapping
+from tests.shared.specs import without_figure
 
 SPRING = """\
 taskspec: 1
