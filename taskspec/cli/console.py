@@ -10,7 +10,7 @@ import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import rich.console
 import rich.text
@@ -19,9 +19,6 @@ from rich.segment import Segment
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, render
 from taskspec.base.display import visible, visible_json
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 STYLES = {
     "title": "bold",
@@ -128,33 +125,6 @@ def line(*parts: tuple[str, str] | str) -> VisibleText:
         else:
             text.append(*part)
     return text
-
-
-def columns(
-    *headers: str, right: Iterable[int] = (), fold: Iterable[int] = (), styles: Sequence[str] = (), gap: int = 2
-) -> Table:
-    """Return a table without rules.
-
-    Args:
-        headers: one for each column; a table without any has no row for them.
-        right: the columns that are aligned to the right.
-        fold: the columns that may wrap.
-        styles: the styles of the first columns.
-        gap: blanks between columns.
-    """
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), show_header=any(headers), header_style="quiet")
-    for header in headers:
-        table.add_column(header, no_wrap=True)
-    for i in right:
-        table.columns[i].justify = "right"
-    for i in fold:
-        table.columns[i].no_wrap = False
-        table.columns[i].overflow = "fold"
-    for column, style in zip(table.columns, styles, strict=False):
-        column.style = style
-    return table
 
 
 def write_json(data: Any) -> None:

@@ -214,7 +214,7 @@ def _word(exam: Mapping[str, Any], row: TaskRow | None) -> str:
                 return str(diagnosis["name"]).replace("_", " ")
     for flag in exam["flags"]:
         if flag["task"] == row.id:
-            return FLAG_WORDS.get(flag["kind"], flag["kind"])
+            return FLAG_WORDS.get(flag["kind"], str(flag["kind"]))
     if row.grade == "masters":
         return ""
     return row.grade

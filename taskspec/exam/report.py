@@ -108,7 +108,7 @@ def page(exam: Mapping[str, Any]) -> str:
             for row in (*shown.rows, *shown.others)
             if row.curves
         ],
-        diagnoses=[each | {key: _code(each[key]) for key in ("message", "cause", "try")} for each in shown.diagnoses],
+        diagnoses=[{**each, **{key: _code(each[key]) for key in ("message", "cause", "try")}} for each in shown.diagnoses],
         flags=[{"kind": flag.kind, "words": _code(flag.words)} for flag in shown.flags],
         notes=[_code(note) for note in shown.notes],
         verdicts=[_verdict(name, verdict) for name, verdict in exam["verdicts"].items()], facts=_facts(exam),

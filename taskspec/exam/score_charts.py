@@ -128,8 +128,8 @@ def learning_curves(plot: Axes, row: TaskRow) -> Iterator[Item]:
     for curve in row.curves:
         xs, ys = zip(*curve, strict=True)
         yield from chart.polyline(plot, xs, score_rows.clipped(ys), color, 0.02, shade=0.4)
-    xs, ys = score_rows.mean_curve(row.curves)
-    yield from chart.polyline(plot, xs, score_rows.clipped(ys), color, 0.05)
+    steps, means = score_rows.mean_curve(row.curves)
+    yield from chart.polyline(plot, steps, score_rows.clipped(means), color, 0.05)
 
 
 def sparkline(left: float, top: float, size: tuple[float, float], row: TaskRow) -> Iterator[Item]:
@@ -156,7 +156,7 @@ def curves(row: TaskRow) -> Scene:
 
 def picture(shown: Card) -> Scene:
     """Draw the card of an exam: what is wrong in words, a strip for each task that needs a look, and learning curves."""
-    lines = [(f"{shown.learner}: {shown.terms}", "muted", False)]
+    lines: list[tuple[str, Paint, bool]] = [(f"{shown.learner}: {shown.terms}", "muted", False)]
     lines += [(line, "ink", True) for line in textwrap.wrap(shown.lead, LETTERS)]
     lines += [(line, "ink", False) for line in textwrap.wrap(shown.advice.replace("`", ""), LETTERS)]
     lines += [(line, "muted", False) for line in textwrap.wrap(shown.passed, LETTERS)]

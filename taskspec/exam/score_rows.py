@@ -124,7 +124,7 @@ class TaskRow:
         low, high, best = (self.about.get(key) for key in ("random", "expert", "optimal"))
         if low is None or high is None or best is None or high == low:
             return None
-        return (best - low) / (high - low)
+        return float((best - low) / (high - low))
 
     @property
     def worst(self) -> tuple[float, str]:

@@ -1,0 +1,161 @@
+"""Tables on the terminal, none of whose cells is ever cut off."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.measure import Measurement
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+ENDS = "/?&"
+"""Characters after which a prefix that all names share may end."""
+UNBOUNDED = 10_000
+
+
+class Columns:
+    """A table without rules, which fits itself to the width of the terminal.
+
+    Where it is too wide, it drops the prefix that all names share, then the spare columns, and then continues the other
+    columns below, each part with the names. Numbers and names are never cut off.
+    """
+
+    def __init__(
+        self,
+        *headers: str,
+        right: Iterable[int] = (),
+        fold: Iterable[int] = (),
+        styles: Sequence[str] = (),
+        gap: int = 2,
+        names: int | None = None,
+        spare: Sequence[int] = (),
+        widths: dict[int, int] | None = None,
+    ) -> None:
+        """Make a table without rows.
+
+        Args:
+            headers: one for each column; a table without any has no row for them.
+            right: the columns that are aligned to the right.
+            fold: the columns of prose, which may wrap.
+            styles: the styles of the first columns.
+            gap: blanks between columns.
+            names: the column that identifies rows; those before it stay beside it.
+            spare: the columns that can be dropped, the first one first.
+            widths: the least widths of columns.
+        """
+        self.headers = headers
+        self.right = set(right)
+        self.fold = set(fold)
+        self.styles = dict(enumerate(styles))
+        self.gap = gap
+        self.names = names
+        self.spare = spare
+        self.widths = widths or {}
+        self.rows: list[list[Any]] = []
+
+    def add_row(self, *cells: Any) -> None:
+        """Add a row; cells that are missing at its end are empty."""
+        self.rows.append([*cells, *[""] * (len(self.headers) - len(cells))])
+
+    def __rich_console__(self, console: Any, options: Any) -> Iterator[Table | str]:
+        shown = list(range(len(self.headers)))
+        width = options.max_width
+        if self.names is not None and self._needed(console, shown) > width:
+            shown = self._without_spare(console, shown, width)
+        widths = self._widths(console)
+        for i, part in enumerate(self._parts(console, shown, width)):
+            if i:
+                yield ""
+            yield self._table(part, widths)
+
+    def __rich_measure__(self, console: Any, options: Any) -> Measurement:
+        return Measurement.get(console, options, self._table(range(len(self.headers)), {}))
+
+    def _widths(self, console: Any) -> dict[int, int]:
+        """Return what each column needs: its widest cell, or its longest word if it may wrap."""
+        options = console.options.update(max_width=UNBOUNDED)
+        found = {}
+        for i, header in enumerate(self.headers):
+            sizes = [Measurement.get(console, options, cell) for cell in (header, *(row[i] for row in self.rows))]
+            needed = [size.minimum if i in self.fold else size.maximum for size in sizes]
+            found[i] = max(*needed, self.widths.get(i, 0))
+        return found
+
+    def _needed(self, console: Any, shown: Sequence[int]) -> int:
+        widths = self._widths(console)
+        return sum(widths[i] + self.gap for i in shown) - self.gap
+
+    def _table(self, shown: Iterable[int], widths: Mapping[int, int]) -> Table:
+        """Return the table of some columns."""
+        from rich.table import Table
+
+        columns = list(shown)
+        has_header = any(self.headers[i] for i in columns)
+        table = Table(
+            box=None, pad_edge=False, padding=(0, self.gap, 0, 0), show_header=has_header, header_style="quiet"
+        )
+        for i in columns:
+            table.add_column(
+                self.headers[i], no_wrap=i not in self.fold, overflow="fold", min_width=widths.get(i, self.widths.get(i)),
+                style=self.styles.get(i, ""), justify="right" if i in self.right else "left",
+            )  # fmt: skip
+        for row in self.rows:
+            table.add_row(*(row[i] for i in columns))
+        return table
+
+    def _without_spare(self, console: Any, shown: list[int], width: int) -> list[int]:
+        """Return the columns that remain: the prefix of all names is dropped first, then spare columns one by one."""
+        self._drop_prefix()
+        for column in self.spare:
+            if self._needed(console, shown) > width:
+                shown = [i for i in shown if i != column]
+        return shown
+
+    def _drop_prefix(self) -> None:
+        """Remove what all names begin with, and put it above them."""
+        assert self.names is not None
+        cells = [row[self.names] for row in self.rows]
+        names = [text for text in (str(cell).strip() for cell in cells) if any(end in text for end in ENDS)]
+        shared = shared_prefix(names)
+        if len(names) < 2 or not shared:
+            return
+        for row, cell in zip(self.rows, cells, strict=True):
+            text = str(cell)
+            if text.strip().startswith(shared):
+                style = cell.style if isinstance(cell, Text) else ""
+                row[self.names] = Text(text.replace(shared, "…", 1), style=style)
+        above: list[Any] = [""] * len(self.headers)
+        above[self.names] = Text(f"{shared}…", style="quiet")
+        self.rows.insert(0, above)
+
+    def _parts(self, console: Any, shown: Sequence[int], width: int) -> Iterator[list[int]]:
+        """Yield the columns in parts that fit, each with the names."""
+        if self.names is None:
+            yield list(shown)
+            return
+        beside = [i for i in shown if i <= self.names]
+        part = list(beside)
+        for i in shown[len(beside) :]:
+            if len(part) > len(beside) and self._needed(console, [*part, i]) > width:
+                yield part
+                part = list(beside)
+            part.append(i)
+        yield part
+
+
+def shared_prefix(names: Sequence[str]) -> str:
+    """Return what all names begin with, up to the end of a part of an id or of a path."""
+    if not names:
+        return ""
+    first = min(names)
+    last = max(names)
+    length = 0
+    while length < min(len(first), len(last)) and first[length] == last[length]:
+        length += 1
+    shared = first[:length]
+    while shared and shared[-1] not in ENDS:
+        shared = shared[:-1]
+    return shared
