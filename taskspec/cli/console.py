@@ -160,9 +160,9 @@ class UsageError(SpecError):
     """Wrong usage of a command: exit status 2."""
 
 
-def misuse(message: str, hint: str | None = None) -> UsageError:
+def misuse(message: str, hint: str | None = None, code: str = "E713") -> UsageError:
     """Return an error about options that mean nothing, alone or together."""
-    return UsageError([Diagnostic("E713", None, message, hint)])
+    return UsageError([Diagnostic(code, None, message, hint)])
 
 
 @contextmanager

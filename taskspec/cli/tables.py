@@ -14,13 +14,15 @@ if TYPE_CHECKING:
 ENDS = "/?&"
 """Characters after which a prefix that all names share may end."""
 UNBOUNDED = 10_000
+MOST_PARTS = 3
+"""The most parts that a table is cut into; one that needs more is turned."""
 
 
 class Columns:
     """A table without rules, which fits itself to the width of the terminal.
 
     Where it is too wide, it drops the prefix that all names share, then the spare columns, and then continues the other
-    columns below, each part with the names. Numbers and names are never cut off.
+    columns below, each part with the names, or turns rows into paragraphs. Numbers and names are never cut off.
     """
 
     def __init__(
@@ -60,13 +62,17 @@ class Columns:
         """Add a row; cells that are missing at its end are empty."""
         self.rows.append([*cells, *[""] * (len(self.headers) - len(cells))])
 
-    def __rich_console__(self, console: Any, options: Any) -> Iterator[Table | str]:
+    def __rich_console__(self, console: Any, options: Any) -> Iterator[Any]:
         shown = list(range(len(self.headers)))
         width = options.max_width
         if self.names is not None and self._needed(console, shown) > width:
             shown = self._without_spare(console, shown, width)
         widths = self._widths(console)
-        for i, part in enumerate(self._parts(console, shown, width)):
+        parts = list(self._parts(console, shown, width))
+        if len(parts) > MOST_PARTS or any(self._needed(console, part) > width for part in parts):
+            yield from self._turned(shown, width)
+            return
+        for i, part in enumerate(parts):
             if i:
                 yield ""
             yield self._table(part, widths)
@@ -115,21 +121,24 @@ class Columns:
         return shown
 
     def _drop_prefix(self) -> None:
-        """Remove what all names begin with, and put it above them."""
+        """Remove what all names begin with, and put it above them; names that are indented are a group of their own."""
         assert self.names is not None
-        cells = [row[self.names] for row in self.rows]
-        names = [text for text in (str(cell).strip() for cell in cells) if any(end in text for end in ENDS)]
-        shared = shared_prefix(names)
-        if len(names) < 2 or not shared:
-            return
-        for row, cell in zip(self.rows, cells, strict=True):
-            text = str(cell)
-            if text.strip().startswith(shared):
-                style = cell.style if isinstance(cell, Text) else ""
-                row[self.names] = Text(text.replace(shared, "…", 1), style=style)
-        above: list[Any] = [""] * len(self.headers)
-        above[self.names] = Text(f"{shared}…", style="quiet")
-        self.rows.insert(0, above)
+        groups: dict[bool, list[list[Any]]] = {}
+        for row in self.rows:
+            text = str(row[self.names])
+            if any(end in text for end in ENDS):
+                groups.setdefault(text.startswith(" "), []).append(row)
+        for is_indented, rows in sorted(groups.items(), reverse=True):
+            indent = "  " if is_indented else ""
+            shared = shared_prefix([str(row[self.names]).strip() for row in rows])
+            if len(rows) < 2 or not shared:
+                continue
+            for row in rows:
+                style = row[self.names].style if isinstance(row[self.names], Text) else ""
+                row[self.names] = Text(str(row[self.names]).replace(shared, "…", 1), style=style)
+            above: list[Any] = [""] * len(self.headers)
+            above[self.names] = Text(f"{indent}{shared}…", style="quiet")
+            self.rows.insert(0, above)
 
     def _parts(self, console: Any, shown: Sequence[int], width: int) -> Iterator[list[int]]:
         """Yield the columns in parts that fit, each with the names."""
@@ -144,6 +153,30 @@ class Columns:
                 part = list(beside)
             part.append(i)
         yield part
+
+    def _turned(self, shown: Sequence[int], width: int) -> Iterator[Text]:
+        """Yield each row as its name, and below it the other columns with their headers."""
+        assert self.names is not None
+        for row in self.rows:
+            yield Text(" ").join(_as_text(row[i]) for i in range(self.names + 1) if str(row[i]))
+            line = Text("   ")
+            for i in shown:
+                if i <= self.names or not str(row[i]):
+                    continue
+                header = self.headers[i].replace("\n", " ")
+                cell = Text.assemble(" ", (header, "quiet"), " " if header else "", _as_text(row[i]))
+                if len(line) + len(cell) > width and len(line) > 3:
+                    yield line
+                    line = Text("   ")
+                line.append_text(cell).append(" ")
+            if len(line) > 3:
+                yield line
+
+
+def _as_text(cell: Any) -> Text:
+    if isinstance(cell, Text):
+        return cell.copy()
+    return Text(str(cell))
 
 
 def shared_prefix(names: Sequence[str]) -> str:

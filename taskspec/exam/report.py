@@ -37,7 +37,7 @@ def write(exam: Mapping[str, Any], folder: Path | str, formats: Iterable[str] = 
         The files written, in order.
 
     Raises:
-        SpecError: E713 for another format; E705 for PNG and PDF without matplotlib, for tables without pyarrow; E716 for a file
+        SpecError: E726 for another format; E705 for PNG and PDF without matplotlib, for tables without pyarrow; E716 for a file
             that cannot be written.
     """
     place = Path(folder)
@@ -83,12 +83,12 @@ def write_several(exams: Mapping[str, Mapping[str, Any]], folder: Path | str, fo
 
 
 def _known(formats: Iterable[str]) -> list[str]:
-    """Return the formats asked for, each once, or raise E713 for an unknown one."""
+    """Return the formats asked for, each once, or raise E726 for an unknown one."""
     wanted = list(dict.fromkeys(formats))
     for name in wanted:
         if name not in FORMATS:
             hint = suggest(name, FORMATS) or f"use {', '.join(FORMATS)}"
-            raise SpecError([Diagnostic("E713", None, f"'{name}' is not a format of this report", hint)])
+            raise SpecError([Diagnostic("E726", None, f"'{name}' is not a format of this report", hint)])
     return wanted
 
 

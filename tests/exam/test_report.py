@@ -260,7 +260,7 @@ def test_the_table_holds_every_score(results: dict[str, Any], tmp_path: Path) ->
 def test_a_format_that_there_is_not_is_refused(results: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(SpecError) as error:
         report.write(results, tmp_path, ["html", "parket"])
-    assert error.value.diagnostics[0].code == "E713" and "parquet" in str(error.value)
+    assert error.value.diagnostics[0].code == "E726" and "parquet" in str(error.value)
     assert list(tmp_path.iterdir()) == []
 
 
