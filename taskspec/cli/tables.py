@@ -65,7 +65,10 @@ class Columns:
     def __rich_console__(self, console: Any, options: Any) -> Iterator[Any]:
         shown = list(range(len(self.headers)))
         width = options.max_width
-        if self.names is not None and self._needed(console, shown) > width:
+        if self.names is None:
+            yield self._table(shown, {})
+            return
+        if self._needed(console, shown) > width:
             shown = self._without_spare(console, shown, width)
         widths = self._widths(console)
         parts = list(self._parts(console, shown, width))
@@ -142,9 +145,7 @@ class Columns:
 
     def _parts(self, console: Any, shown: Sequence[int], width: int) -> Iterator[list[int]]:
         """Yield the columns in parts that fit, each with the names."""
-        if self.names is None:
-            yield list(shown)
-            return
+        assert self.names is not None
         beside = [i for i in shown if i <= self.names]
         part = list(beside)
         for i in shown[len(beside) :]:
