@@ -2,7 +2,7 @@
 
 The pages are plain Markdown that reads well in the repository, too. What the site needs beyond them is worked out here
 and in the modules beside this one: tables of contents from the links on index pages, pages for files above this folder,
-mathematics as MathML, which needs no network, a first screen, galleries, and figures in the colours of the site.
+mathematics as MathML, which needs no network, galleries, and figures in the colours of the site.
 """
 
 from __future__ import annotations
@@ -26,8 +26,7 @@ version = release = __version__
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
 
-from galleries import SUITES, below, with_figures, with_gallery  # noqa: E402
-from landing import landing  # noqa: E402
+from galleries import SUITES, below, thumbnails, with_figures, with_gallery  # noqa: E402
 
 extensions = ["myst_parser", "sphinx_copybutton"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
@@ -45,7 +44,7 @@ html_show_sphinx = html_show_sourcelink = html_copy_source = False
 html_static_path = ["static"]
 html_css_files = ["site.css", "gallery.css"]
 
-SHOWN = {"readme": "README.md", "contributing": "CONTRIBUTING.md", "security": "SECURITY.md"}
+SHOWN = {"contributing": "CONTRIBUTING.md", "security": "SECURITY.md"}
 """Pages of the site, and the files above this folder that they show."""
 LINK = re.compile(r"\[[^\]]*\]\(([\w/-]+)\.md\)")
 ACCESSIBLE = (
@@ -55,6 +54,8 @@ ACCESSIBLE = (
     (r'<th class="([^"]*)"><p></p></th>', r'<td class="\1"></td>'),
 )
 """Parts of pages, and how they are written so that all can read them."""
+HIDDEN = "---\nhide-toc: true\n---\n\n"
+"""Leaves out the table of contents on the right."""
 GROUP = re.compile(r"^- (?=[^\[])", re.MULTILINE)
 
 
@@ -75,8 +76,8 @@ def read(app: Any, page: str, source: list[str]) -> None:
     if listed is not None:
         source[0] += tree("", listed)
     elif page == "index":
-        pages = source[0][source[0].index("\n- ") :]
-        source[0] = landing(DOCS.parent / SHOWN["readme"]) + "\n## Pages\n" + pages + contents(pages)
+        text, _, pages = source[0].partition("\n## Pages\n")
+        source[0] = HIDDEN + text.replace("<!-- tasks -->", thumbnails()) + contents(pages)
     if page in SUITES:
         source[0] = with_gallery(page, source[0])
     source[0] = with_figures(source[0], (DOCS / page).parent)
@@ -95,10 +96,9 @@ def finish(app: Any, error: Exception | None) -> None:
 
 
 def contents(text: str) -> str:
-    """Hidden tables of contents of the pages that an index links to; a list item without a link begins another one."""
-    first, *groups = GROUP.split(text)
-    named = [("", first), *((group.split("\n", 1)[0], group) for group in groups)]
-    return "".join(tree(caption, LINK.findall(part)) for caption, part in named)
+    """Return the groups of the sidebar: a list item without a link names one, and the links below it are its pages."""
+    groups = GROUP.split(text)[1:]
+    return "".join(tree(group.split("\n", 1)[0], LINK.findall(group)) for group in groups)
 
 
 def tree(caption: str, pages: list[str]) -> str:

@@ -55,7 +55,7 @@ def shown(ids: Iterable[str]) -> Iterator[tuple[Task, str]]:
     for name in ids:
         task = registry.load(name)
         names = {p.name: p.name for p in task.parameters} | OWN_NAMES.get(task.name, {})
-        wanted = SETTINGS.get(Path(task.document.origin.name).stem, ({},))
+        wanted = SETTINGS.get(Path(task.source.document.origin.name).stem, ({},))
         given = [{names[key]: value for key, value in values.items() if key in names} for values in wanted]
         for i, values in enumerate(given):
             if values not in given[:i]:

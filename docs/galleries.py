@@ -13,6 +13,7 @@ from taskspec.pages.write import gather_pages
 
 SUITES = {"suite/index": "derail", "seals/index": "seals"}
 """Index pages, and the suites whose tasks they show."""
+FIGURES = Path(__file__).parent / "suite/figures"
 TABLE = re.compile(r"^\|.*\n(?:\|.*\n)+", re.MULTILINE)
 FIGURE = re.compile(r"!\[([^\]]*)\]\(([\w./-]+\.svg)\)")
 PAPER = re.compile(r'<rect width="[\d.]+" height="[\d.]+" fill="#ffffff"/>')
@@ -29,6 +30,17 @@ def with_gallery(page: str, text: str) -> str:
     """An index page with a gallery in place of its table."""
     cards = gallery(suite_of(page))
     return TABLE.sub(lambda _: f"```{{raw}} html\n{cards}\n```\n", text, count=1)
+
+
+def thumbnails() -> str:
+    """The figures of the tasks of DERAIL, each a link to its page."""
+    suite = suite_of("suite/index")
+    links = []
+    for anchor in suite.folded:
+        page = next(page for page in suite.pages if page.anchor == anchor)
+        drawn = PAPER.sub("", (FIGURES / f"{anchor}.svg").read_text(encoding="utf-8"), count=1)
+        links.append(f'<a href="suite/{anchor}.html">{drawn}<span>{page.name}</span><em>{page.capability}</em></a>')
+    return '```{raw} html\n<div class="thumbnails">' + "".join(links) + "</div>\n```\n"
 
 
 def below(page: str) -> list[str] | None:

@@ -7,7 +7,7 @@ the mapped state alone; then values, and returns of policies of the mapped state
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,7 +24,8 @@ from taskspec.registry import load
 from taskspec.rollout.rollout import reads_of
 from taskspec.task.build import build_abstract
 from taskspec.task.context import assign
-from taskspec.task.task import Component, Task, TaskLike
+from taskspec.task.parts import Component
+from taskspec.task.task import Task, TaskLike
 
 
 @dataclass(frozen=True)
@@ -62,20 +63,19 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
 
 def abstraction(task: Task) -> Abstraction | None:
     """Return the abstraction that a task declares, or None."""
-    if task.memory is not None or task.remembers:  # the map does not read the memory
-        task = replace(task, expert=None, memory=None)
-    written = task.surface.sections.get("abstraction")
+    if task.annotations.memory is not None or task.annotations.remembers:  # the map does not read the memory
+        task = task.with_annotations(expert=None, memory=None)
+    written = task.source.surface.sections.get("abstraction")
     if not isinstance(written, dict):
         return None
     as_written = build_abstract(task)
-    if as_written is None:
-        stand_in = None
-    else:
+    stand_in = None
+    if as_written is not None:
         stand_in = modified_stand_in(task, as_written)
     if stand_in is None:
         return None
     checker = Checker(task.new_builder(), Collector())
-    scope = task.surface.scopes["abstraction"]
+    scope = task.source.surface.scopes["abstraction"]
     nodes = [assign(checker, written[c.name], scope, c) for c in stand_in.state if c.name in written]
     found = tuple(n for n in nodes if n is not None)
     if len(found) == len(stand_in.state):

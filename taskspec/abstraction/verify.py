@@ -1,21 +1,19 @@
-"""Verify that an abstraction is faithful: by a proof over all of its steps, or by tests on episodes of the task.
+"""Prove that an abstraction is faithful, by a comparison of all of its steps with those of the task.
 
 It is proved if the task can be rewritten over the mapped state (`factor`), or is finite itself, and then agrees with the
-stand-in in every state, for every action, in the probability of every outcome. Otherwise episodes are compared with it.
+stand-in in every state, for every action, in the probability of every outcome.
 """
 
 from __future__ import annotations
 
-import math
 import operator
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from taskspec.abstraction.abstraction import Abstraction, in_words
+from taskspec.abstraction.abstraction import Abstraction
 from taskspec.abstraction.factor import Unfactored, factored
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
@@ -25,22 +23,10 @@ from taskspec.lang.types import Refused
 from taskspec.lang.variates.entry import once
 from taskspec.model.extract import extract
 from taskspec.model.model import Model
-from taskspec.model.space import Reads, entries_of
-from taskspec.model.transitions import TIME, Steps, count, is_finite, joint_outcomes, merge_outcomes, total
-from taskspec.rollout.rollout import Choose, Moved, Rollout, at_random, by_expert, is_bounded, reads_of, sampled_actions
+from taskspec.model.space import entries_of
+from taskspec.model.transitions import TIME, Steps, count, joint_outcomes, merge_outcomes, total
 from taskspec.solve.enclosure import Inexact, Reader
 from taskspec.solve.rational import ExactProbabilities
-from taskspec.task.task import Component
-
-STARTS = 4096
-LANES = 512
-FEWEST = 32
-STEPS = 200_000
-"""The most and the fewest episodes, and the steps of all of them together."""
-LONGEST = 2000
-"""Steps of an episode that are compared."""
-SIGMAS = 6.0
-"""Standard deviations that a count may be from its expectation."""
 
 
 @dataclass(frozen=True)
@@ -48,45 +34,32 @@ class AbstractionCheck:
     """The result of the verification of an abstraction.
 
     Args:
-        episodes: on which it was tested; 0 if it is proved.
-        expert_episodes: the same for its expert.
-        why: the reason for which there is no proof.
         problem: a difference from the task; None if none was found.
+        why_not: the reason for which there is no proof; None if it is proved.
+        has_expert: whether the experts were compared as well, if both are given by expressions.
     """
 
-    episodes: int = 0
-    expert_episodes: int = 0
-    why: str = ""
     problem: str | None = None
+    why_not: str | None = None
+    has_expert: bool = True
 
     @property
     def is_proved(self) -> bool:
-        return self.problem is None and not self.episodes
+        return self.problem is None and self.why_not is None
 
 
-def verify(found: Abstraction, seed: int = 0) -> AbstractionCheck:
-    """Prove an abstraction, or test it."""
+def verify(found: Abstraction) -> AbstractionCheck:
+    """Prove an abstraction, or say why it cannot be proved."""
     try:
-        return _proof(found, seed)
+        return _verified(found)
     except (Unfactored, Uncompared, Refused) as error:
-        why = str(error)
+        return AbstractionCheck(why_not=str(error))
     except SpecError as error:
-        why = error.diagnostics[0].message
-    stand_in = found.stand_in
-    for draw in draws((*stand_in.initial, *stand_in.next, stand_in.reward, stand_in.terminal)):
-        if not is_finite(draw):
-            infinite = f"it draws from a {draw.base} distribution, which has infinitely many outcomes"
-            return AbstractionCheck(why=why, problem=infinite)
-    test = _Test(found, seed)
-    problem = test.starts()
-    if problem is not None:
-        return AbstractionCheck(STARTS, STARTS, why, problem)
-    problem = test.steps() or test.expert()
-    return AbstractionCheck(test.episodes, test.episodes, why, problem)
+        return AbstractionCheck(why_not=error.diagnostics[0].message)
 
 
-def _proof(found: Abstraction, seed: int) -> AbstractionCheck:
-    """Return the result of a proof; an expert that depends on more than the mapped state is tested."""
+def _verified(found: Abstraction) -> AbstractionCheck:
+    """Return the result of a proof; an expert that depends on more than the mapped state is left out."""
     if found.task.is_finite:
         task = found.task
         nodes = found.nodes
@@ -95,169 +68,9 @@ def _proof(found: Abstraction, seed: int) -> AbstractionCheck:
         nodes = tuple(Read(Role.STATE, c.name, c.type, c.least, c.most) for c in task.state)
     whole = extract(task, True, MOST_ENTRIES)
     other = extract(found.stand_in, True, MOST_ENTRIES)
-    has_expert = isinstance(task.expert, tuple)
-    problem = difference(whole, nodes, other, has_expert and isinstance(found.stand_in.expert, tuple))
-    if problem is not None or has_expert or not isinstance(found.task.expert, tuple):
-        return AbstractionCheck(problem=problem)
-    test = _Test(found, seed)
-    problem = test.expert()
-    return AbstractionCheck(0, test.lanes, "the expert depends on more than the mapped state", problem)
-
-
-# -- tests --------------------------------------------------------------------------------------------------------
-
-
-class _Tally:
-    """Observed and expected counts of each of several outcomes."""
-
-    def __init__(self) -> None:
-        self.counts: dict[tuple[int, int], Array] = {}  # observed, expected, variance
-
-    def add(self, number: Array, count: Array, seen: Array, p: Array) -> None:
-        """Count outcomes by their number among all of a step.
-
-        Args:
-            number, count, seen, p: the number of each outcome, the number of outcomes of its step, its share of what was
-                observed, and its probability; all (N,).
-        """
-        kinds, at = np.unique(np.stack([number + 1, count]), axis=1, return_inverse=True)
-        columns = [np.bincount(at.reshape(-1), column, kinds.shape[1]) for column in (seen, p, p * (1 - p))]
-        for kind, totals in zip(kinds.T.tolist(), np.stack(columns, axis=1), strict=True):
-            self.counts[tuple(kind)] = self.counts.get(tuple(kind), np.zeros(3)) + totals
-
-    def problem(self) -> str | None:
-        """Return an outcome whose count is too far from its expectation, or None."""
-        for (number, size), (seen, expected, variance) in self.counts.items():
-            if abs(seen - expected) > SIGMAS * math.sqrt(max(variance, 0.0)) + SIGMAS:
-                which = f"number {number} of {size} outcomes"
-                return f"{which} was seen {seen:.0f} times, where {expected:.0f} are expected"
-        return None
-
-
-class _Test:
-    """Episodes of the task, each step of which is compared with the outcomes of the stand-in; each method gives a problem."""
-
-    def __init__(self, found: Abstraction, seed: int) -> None:
-        self.found = found
-        self.seed = seed
-        self.task = found.task
-        self.stand_in = found.stand_in
-        self.last = min(found.task.horizon or LONGEST, LONGEST)
-        self.lanes = max(FEWEST, min(LANES, STEPS // self.last))
-        self.episodes = 0
-
-    def starts(self) -> str | None:
-        mapped = self.found.map(Rollout(self.task, STARTS, self.seed).start())
-        rows, lanes, counts = np.unique(_rows(mapped.values()), axis=0, return_index=True, return_counts=True)
-        expected: dict[tuple[Any, ...], float] = defaultdict(float)
-        for values, _, weight in joint_outcomes(self.stand_in.initial, {}, 1):
-            for row, p in zip(_rows(values).tolist(), weight.tolist(), strict=True):
-                expected[tuple(row)] += p
-        for row, lane, seen in zip(rows.tolist(), lanes, counts, strict=True):
-            p = expected.get(tuple(row), 0.0)
-            spread = SIGMAS * math.sqrt(STARTS * max(0.0, p * (1 - p))) + SIGMAS * (p > 0)
-            if abs(seen - STARTS * p) > spread:
-                state = in_words(self.stand_in.state, mapped, lane)
-                return f"{seen} of {STARTS} episodes start in {state}, where {STARTS * p:.0f} are expected"
-        return None
-
-    def steps(self) -> str | None:
-        """Compare steps of random actions, and of the expert."""
-        tally = _Tally()
-        chosen = [at_random(self.task) if is_bounded(self.task) else sampled_actions(self.task)]
-        if isinstance(self.task.expert, tuple):
-            chosen.append(by_expert(self.task))
-        for choose in chosen:
-            seed = self.seed + self.episodes
-            self.episodes += self.lanes
-            for t, state, action, moved in self._walk(choose, seed):
-                problem = self._step(t, state, action, moved, tally)
-                if problem is not None:
-                    return problem
-        return tally.problem()
-
-    def _step(
-        self, t: int, state: Mapping[str, Array], action: Mapping[str, Array], moved: Moved, tally: _Tally
-    ) -> str | None:
-        stand_in = self.stand_in
-        here = self.found.map(state)
-        there = self.found.map(moved.state)
-
-        def agrees(values: Sequence[Array], at: Array) -> Array:
-            *following, paid, ended = values
-            same = np.isclose(paid, moved.reward[at], rtol=1e-9, atol=1e-9) & (ended == moved.terminal[at])
-            return np.asarray(same & _are_equal(stand_in.state, following, there, at))
-
-        nodes = (*stand_in.next, stand_in.reward, stand_in.terminal)
-        lane = _unexplained(nodes, reads_of(here, action, t), self.lanes, agrees, tally)
-        if lane is None:
-            return None
-        where = in_words(stand_in.state, here, lane)
-        did = in_words(self.task.action, action, lane)
-        return f"from {where} with {did} it gives another reward, end or next state than the task does"
-
-    def expert(self) -> str | None:
-        """Compare the actions of the expert of the stand-in, if both have one."""
-        nodes = self.stand_in.expert
-        if not isinstance(self.task.expert, tuple) or not isinstance(nodes, tuple):
-            return None
-        tally = _Tally()
-        for t, state, action, _ in self._walk(by_expert(self.task), self.seed):
-            here = self.found.map(state)
-
-            def agrees(values: Sequence[Array], at: Array, action: Mapping[str, Array] = action) -> Array:
-                return _are_equal(self.task.action, values, action, at)
-
-            lane = _unexplained(nodes, reads_of(here, {}, t), self.lanes, agrees, tally)
-            if lane is not None:
-                return f"in {in_words(self.stand_in.state, here, lane)} its expert does not act as the task's does"
-        return tally.problem()
-
-    def _walk(self, choose: Choose, seed: int) -> Iterator[tuple[int, Mapping[str, Array], Mapping[str, Array], Moved]]:
-        rollout = Rollout(self.task, self.lanes, seed)
-        rng = np.random.default_rng(seed)
-        state = rollout.start()
-        for t in range(self.last):
-            action = choose(state, t, rng)
-            moved = rollout.step(state, action, t)
-            yield t, state, action, moved
-            state = {n: np.where(moved.terminal, state[n], moved.state[n]) for n in state}
-
-
-def _unexplained(
-    nodes: Sequence[Node], reads: Reads, lanes: int, agrees: Callable[[Sequence[Array], Array], Array], tally: _Tally
-) -> int | None:
-    """Return a lane in which no outcome of some nodes agrees with what was seen; count the outcomes if there is none."""
-    parts = [(at, weight, agrees(values, at)) for values, at, weight in joint_outcomes(nodes, reads, lanes)]
-    at, weight, same = (np.concatenate(part) for part in zip(*parts, strict=True))
-    explained = np.bincount(at[same], weight[same], lanes)
-    if (explained == 0).any():
-        return int(np.flatnonzero(explained == 0)[0])
-    order = np.argsort(at, kind="stable")
-    first = np.searchsorted(at[order], np.arange(lanes))
-    number = np.empty(len(at), np.int64)  # of an outcome among those of its lane
-    number[order] = np.arange(len(at)) - first[at[order]]
-    share = np.where(same, weight / explained[at], 0.0)
-    count = np.bincount(at, minlength=lanes)[at]
-    random = count > 1
-    if random.any():
-        tally.add(number[random], count[random], share[random], weight[random])
-    return None
-
-
-def _are_equal(
-    components: Sequence[Component], values: Sequence[Array], others: Mapping[str, Array], at: Array
-) -> Array:
-    """Return where (N,) all components have the values of the lanes."""
-    same = np.ones(len(at), np.bool_)
-    for c, value in zip(components, values, strict=True):
-        same &= (value == others[c.name][..., at]).reshape(-1, len(at)).all(axis=0)
-    return same
-
-
-def _rows(values: Iterable[Array]) -> Array:
-    """Return all elements of a state as integers (lanes, elements)."""
-    return np.concatenate([v.reshape(-1, v.shape[-1]).astype(np.int64) for v in values]).T
+    has_expert = isinstance(task.annotations.expert, tuple) and isinstance(found.stand_in.annotations.expert, tuple)
+    problem = difference(whole, nodes, other, has_expert)
+    return AbstractionCheck(problem, None, has_expert or not isinstance(found.task.annotations.expert, tuple))
 
 
 MOST = 400_000
@@ -420,5 +233,5 @@ def _of_expert(model: Model, t: int, numbers: ExactProbabilities) -> _Rows:
 
 
 def _expert(model: Model) -> tuple[Any, ...]:
-    assert isinstance(model.task.expert, tuple)
-    return model.task.expert
+    assert isinstance(model.task.annotations.expert, tuple)
+    return model.task.annotations.expert

@@ -17,6 +17,7 @@ from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.lang.variates import VARIATES, WordLayout, words_of
 from taskspec.lang.variates.choices import row_table
+from taskspec.task.parts import by_read
 from taskspec.task.task import Task
 
 # -- values out of the steps ----------------------------------------------------------------------------------------
@@ -64,7 +65,7 @@ class Invariants:
     def of(cls, b: Builder, task: Task, rows: bool) -> Invariants:
         """`rows`: whether observations are float32 arrays, which can be kept and copied."""
         frozen = frozen_components(task)
-        roots = (*task.next, task.reward, task.terminal)
+        roots = (*task.process.next, task.process.reward, task.process.terminal)
         everything = (*roots, *task.next_observation)
 
         def is_fixed(node: Node) -> bool:
@@ -100,14 +101,7 @@ class Invariants:
 
 def _at_reset(b: Builder, task: Task, nodes: Sequence[Node]) -> tuple[Node, ...]:
     """Return nodes as functions of the first state."""
-    first = {c.name: n for c, n in zip(task.state, task.initial, strict=True)}
-
-    def leaf(node: Node) -> Node | None:
-        if isinstance(node, Read) and node.role is Role.STATE:
-            return first[node.name]
-        return None
-
-    return rewrite(nodes, leaf, b.remake_late)
+    return b.substitute(nodes, by_read(Role.STATE, task.state, task.process.initial))
 
 
 WIDE = 32
@@ -128,7 +122,7 @@ def cold_components(task: Task, roots: Sequence[Node]) -> frozenset[str]:
 
 def frozen_components(task: Task) -> frozenset[str]:
     """Return names of the state components that no step changes."""
-    pairs = zip(task.state, task.next, strict=True)
+    pairs = zip(task.state, task.process.next, strict=True)
     return frozenset(c.name for c, n in pairs if isinstance(n, Read) and n.role is Role.STATE and n.name == c.name)
 
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from taskspec.task.task import Component
+from taskspec.task.parts import Component
 
 _NAMES = re.compile(r"[A-Za-z_]\w*")
 _ASSIGNED = re.compile(r"(v\d+) = ")

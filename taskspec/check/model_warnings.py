@@ -1,4 +1,4 @@
-"""Warnings about states, rewards, actions and experts: what episodes can do, by the exact model or by the equations."""
+"""Warnings about states, rewards, actions and experts: what episodes can do, mostly by the exact model."""
 
 from __future__ import annotations
 
@@ -11,25 +11,20 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.check.warning_context import SAME, SMALL, Doubt, LintContext
 from taskspec.lang import syntax as s
-from taskspec.lang.ir import Draw, Node, Read, Role, draws, reads, rewrite, walk
-from taskspec.lang.types import Kind
-from taskspec.lang.variates import VARIATES
+from taskspec.lang.ir import Node, Role, draws, reads, walk
 from taskspec.model.extract import extract
 from taskspec.model.model import Model, differs, groups
 from taskspec.model.space import plain, shown, words
 from taskspec.rollout.rollout import at_random, is_bounded
 from taskspec.scores.partial_observability import pomdp_bounds
 from taskspec.task.build import build
-from taskspec.task.reach import reached
-from taskspec.task.task import Component, Soft, Task
+from taskspec.task.parts import Component, Soft, by_name
+from taskspec.task.task import Task
 
-SLACK = 1e-6
 LONGER = 1000
 """Steps beyond the horizon that are searched for other rewards."""
 FEW = 32
 """Values of an action up to which all pairs are compared."""
-MOST = 200_000
-"""Operations that are worked out, once for each value."""
 ROUNDING = 1e-12
 
 # -- states ---------------------------------------------------------------------------------------
@@ -38,30 +33,29 @@ ROUNDING = 1e-12
 def unreachable(context: LintContext) -> Iterator[Doubt]:
     """Yield values of a component that occur in no episode, however long, of this task or of one that shares its roles.
 
-    With an exact model, all values are checked; otherwise the ends of ranges, by interval arithmetic.
+    Tasks without an exact model of moderate size are passed over.
     """
     model = context.results.model
-    if model is not None and model.entries <= SMALL:
-        is_own = model.task is context.task
-        section = ("state",) if is_own else ("abstraction", "state")
-        models = [model]
-        if is_own:
-            models += _partners(context.task)
-        entered = [m.states.decode(m.codes[m.connected]) for m in models]
-        for c in model.task.state:
-            values = [e[Role.STATE, c.name] for e in entered]
-            seen = np.concatenate([v.reshape(c.type.size, v.shape[-1]) for v in values], 1)
-            missing = []
-            if c.type.is_scalar or not is_own:  # on a map, the outer cells are often walls
-                missing = _missing_values(c, seen)
-            if missing:
-                values_in_words = ", ".join(missing[:6]) + ", ..." * (len(missing) > 6)
-                subject = f"{c.name} = {values_in_words}"
-                if not c.type.is_scalar:
-                    subject = f"an element {values_in_words} in {c.name}"
-                yield Doubt(context.key(*section, c.name), f"no episode visits a state with {subject}")
-    if context.model is None:
-        yield from _beyond(context)
+    if model is None or model.entries > SMALL:
+        return
+    is_own = model.task is context.task
+    section = ("state",) if is_own else ("abstraction", "state")
+    models = [model]
+    if is_own:
+        models += _partners(context.task)
+    entered = [m.states.decode(m.codes[m.connected]) for m in models]
+    for c in model.task.state:
+        values = [e[Role.STATE, c.name] for e in entered]
+        seen = np.concatenate([v.reshape(c.type.size, v.shape[-1]) for v in values], 1)
+        missing = []
+        if c.type.is_scalar or not is_own:  # on a map, the outer cells are often walls
+            missing = _missing_values(c, seen)
+        if missing:
+            values_in_words = ", ".join(missing[:6]) + ", ..." * (len(missing) > 6)
+            subject = f"{c.name} = {values_in_words}"
+            if not c.type.is_scalar:
+                subject = f"an element {values_in_words} in {c.name}"
+            yield Doubt(context.key(*section, c.name), f"no episode visits a state with {subject}")
 
 
 def _missing_values(c: Component, seen: Array) -> list[str]:
@@ -81,61 +75,23 @@ def _partners(task: Task) -> Iterator[Model]:
     roles = task.spec.roles
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
     for variant in dict.fromkeys((roles.expert, roles.learner) if roles is not None else ()):
-        if variant in (task.name, task.variant):
+        if variant in (task.name, task.source.variant):
             continue
         try:
-            yield extract(build(task.document, str(variant), given, task.suite), reachable=False)
+            yield extract(build(task.source.document, str(variant), given, task.source.suite), reachable=False)
         except SpecError:
             continue
-
-
-def _beyond(context: LintContext) -> Iterator[Doubt]:
-    """Yield ends of ranges that intervals prove to be unreachable; a missing end counts if the other one is declared."""
-    task = context.task
-    found = reached(task.state, task.initial, task.next, horizon=None)
-    normal = _components_with_normal_draws(task)
-    for c in task.state:
-        if c.name in normal or c.domain is not None or c.type.kind is Kind.BOOL:
-            continue
-        if not np.isfinite([c.least, c.most]).any():
-            continue
-        low, high = found[c.name]
-        slack = SLACK * max([1.0, *(abs(v) for v in (low, high) if np.isfinite(v))])
-        ends = []
-        if low > c.least + slack:
-            if np.isfinite(c.least):
-                range_ = f"begins at {c.least:g}"
-            else:
-                range_ = "has no low end"
-            ends.append(f"below {low:g}, and its range {range_}")
-        if high < c.most - slack:
-            if np.isfinite(c.most):
-                range_ = f"ends at {c.most:g}"
-            else:
-                range_ = "has no high end"
-            ends.append(f"above {high:g}, and its range {range_}")
-        for end in ends:
-            yield Doubt(context.key("state", c.name), f"no episode visits a state with {c.name} {end}")
-
-
-def _components_with_normal_draws(task: Task) -> set[str]:
-    """Return components that depend on normal draws, whose range depends on their implementation."""
-    pairs = {c.name: pair for c, *pair in zip(task.state, task.initial, task.next, strict=True)}
-    found = {n for n, pair in pairs.items() if any(isinstance(x, Draw) and VARIATES[x.base].cut for x in walk(pair))}
-    while more := {n for n, pair in pairs.items() if {name for _, name in reads(pair)} & found} - found:
-        found |= more
-    return found
 
 
 def unread(context: LintContext) -> Iterator[Doubt]:
     """Yield a component on which neither rewards nor ends depend, which is not shown, or is drawn all the same."""
     task = context.task
     is_state = task.observation.is_state
-    nexts = {c.name: node for c, node in zip(task.state, task.next, strict=True)}
-    used = _followed(nexts, (task.reward, task.terminal))
+    nexts = by_name(task.state, task.process.next)
+    used = _followed(nexts, (task.process.reward, task.process.terminal))
     if not is_state:
         used |= _followed(nexts, task.observation.nodes)
-    for c, first, following in zip(task.state, task.initial, task.next, strict=True):
+    for c, first, following in zip(task.state, task.process.initial, task.process.next, strict=True):
         if c.name in used or c.low == c.high:
             continue
         if not is_state:
@@ -149,10 +105,11 @@ def unread(context: LintContext) -> Iterator[Doubt]:
 def forgotten(context: LintContext) -> Iterator[Doubt]:
     """Yield a component of the expert's memory that no action of it depends on."""
     task = context.task
-    if task.memory is None:
+    memory = task.annotations.memory
+    if memory is None:
         return
-    nexts = {c.name: node for c, node in zip(task.memory.components, task.memory.next, strict=True) if c.type.size}
-    used = _followed(nexts, task.expert if isinstance(task.expert, tuple) else (), of_step=False)
+    nexts = {c.name: node for c, node in zip(memory.components, memory.next, strict=True) if c.type.size}
+    used = _followed(nexts, task.annotations.expert_nodes, of_step=False)
     for name in nexts:
         if name not in used:
             yield Doubt(context.key("memory", name), f"no action of the expert depends on '{name}'")
@@ -227,8 +184,9 @@ def indifferent(context: LintContext) -> Iterator[Doubt]:
 def inert(context: LintContext) -> Iterator[Doubt]:
     """Yield a component of the action that changes nothing."""
     model = context.model
-    read = reads(_step(context.task))
-    for c in context.task.action:
+    task = context.task
+    read = reads((*task.process.next, task.process.reward, task.process.terminal))
+    for c in task.action:
         if c.is_finite and c.counts == (1,) * c.type.size:
             continue
         if (Role.ACTION, c.name) not in read:
@@ -239,16 +197,16 @@ def inert(context: LintContext) -> Iterator[Doubt]:
 
 
 def twins(context: LintContext) -> Iterator[Doubt]:
-    """Yield two values of an action that do the same in every state."""
+    """Yield values of an action that do the same in every state of the exact model."""
+    model = context.model
+    if model is None:
+        return
     for c in context.task.action:
         if not c.is_finite or not c.type.is_scalar or not 2 < c.counts[0] <= FEW:
             continue  # W505 is about two values that are the same
-        count = c.counts[0]
-        if context.model is None and len(list(walk(_step(context.task)))) * count > MOST:
-            continue
         alike: list[list[int]] = []
-        effects = _effects(context, c)
-        for number in range(count):
+        effects = _effects(model, c)
+        for number in range(c.counts[0]):
             known = next((group for group in alike if _are_same(effects[group[0]], effects[number])), None)
             if known is None:
                 alike.append([number])
@@ -261,45 +219,24 @@ def twins(context: LintContext) -> Iterator[Doubt]:
                 yield Doubt(context.key("action", c.name), message)
 
 
-def _step(task: Task) -> tuple[Node, ...]:
-    return (*task.next, task.reward, task.terminal)
-
-
-def _effects(context: LintContext, c: Component) -> list[list[Any]]:
-    """Return the effects of each value of an action: rows of the model, or the step with the value put in."""
-    model = context.model
-    if model is not None:
-        table = groups(model, c.name)
-        acting = np.flatnonzero(model.acting)
-        steps = list({id(step): step for step in model.steps}.values())
-        effects = []
-        for number in range(c.counts[0]):
-            rows = (table[:, number][:, None] * model.n_states + acting[None, :]).reshape(-1)
-            parts = [part for step in steps for part in (step.R, step.P, step.P_end) if part is not None]
-            effects.append([part[rows] for part in parts])
-        return effects
-    b = context.task.new_builder()
-    forms = []
+def _effects(model: Model, c: Component) -> list[list[Any]]:
+    """Return the effects of each value of an action: rows of the model."""
+    table = groups(model, c.name)
+    acting = np.flatnonzero(model.acting)
+    steps = {id(step): step for step in model.steps}.values()
+    effects = []
     for number in range(c.counts[0]):
-        value = b.scalar(int(c.low[0]) + number)
-
-        def leaf(node: Node, value: Node = value) -> Node | None:
-            is_read = isinstance(node, Read) and (node.role, node.name) == (Role.ACTION, c.name)
-            if is_read:
-                return value
-            return None
-
-        forms.append(list(rewrite(_step(context.task), leaf, b.remake)))
-    return forms
+        rows = (table[:, number][:, None] * model.n_states + acting[None, :]).reshape(-1)
+        parts = []
+        for step in steps:
+            parts += [step.R[rows], *(matrix[rows] for matrix in step.matrices)]
+        effects.append(parts)
+    return effects
 
 
 def _are_same(one: list[Any], other: list[Any]) -> bool:
-    """Return whether effects are equal: equal forms are one node."""
+    """Return whether effects are equal."""
     for a, b in zip(one, other, strict=True):
-        if isinstance(a, Node):
-            if a is not b:
-                return False
-            continue
         gap = a - b
         if not isinstance(gap, np.ndarray):
             gap = gap.data
@@ -316,7 +253,10 @@ def expert(context: LintContext) -> Iterator[Doubt]:
     results = context.results
     found = results.expert
     task = context.task
-    if found is None or isinstance(task.expert, Soft) or any(_compares_expert(claim.expr) for claim in task.claims):
+    annotations = task.annotations
+    if found is None or isinstance(annotations.expert, Soft):
+        return
+    if any(_compares_expert(claim.expr) for claim in annotations.claims):
         return
     value = f"the expert returns {found.value:.10g}"
     optimal = results.optimal
@@ -332,7 +272,7 @@ def expert(context: LintContext) -> Iterator[Doubt]:
         return
     best = optimal.value
     whose = ""
-    if task.memory is not None and (seen := pomdp_bounds(results)) is not None:
+    if task.annotations.memory is not None and (seen := pomdp_bounds(results)) is not None:
         whose = ", which knows the state"
         if seen.remembering is not None:
             best = seen.remembering.value

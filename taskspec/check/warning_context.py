@@ -51,7 +51,7 @@ class LintContext:
 
     @cached_property
     def merged(self) -> Merged:
-        return merge(self.task.document, self.task.variant)
+        return merge(self.task.source.document, self.task.source.variant)
 
     def key(self, *path: str) -> Span:
         return self.merged.key_span(path)

@@ -86,7 +86,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a terminal that lacks a letter shows a question mark
             stream.reconfigure(errors="replace")
-    gc.set_threshold(10_000, 10, 10)  # tasks and models are many small objects, and few of them become garbage
+    gc.set_threshold(100_000, 50, 50)  # tasks and models are many small objects, and few of them become garbage
     try:
         app(prog_name="taskspec")
     finally:

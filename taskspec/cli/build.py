@@ -93,7 +93,7 @@ class _Results:
                 self.scores[task.id] = scores(report.unlimited).record()
             except SpecError as error:
                 self.problems += error.diagnostics
-        return finding(report, len(task.examples))
+        return finding(report, len(task.annotations.examples))
 
 
 def _table(checked: Sequence[Checked]) -> Columns:
@@ -121,7 +121,7 @@ def _write(tasks: Sequence[Task], results: _Results, folder: Path) -> Iterator[t
     index = {"taskspec": __version__, "tasks": [record(task) for task in tasks]}
     yield _json(folder / "tasks.json", index), f"{len(tasks)} tasks with spaces, parameters and content hashes"
     for task in tasks:
-        path = folder / "source" / safe_name(task.suite or "tasks") / f"{safe_name(task.name)}.py"
+        path = folder / "source" / safe_name(task.source.suite or "tasks") / f"{safe_name(task.name)}.py"
         write_text(path, compile_scalar(task).source)
     yield folder / "source", "the generated code of every environment"
     if has_scores():

@@ -107,7 +107,7 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
     """
     from taskspec.check.file_checks import finding
 
-    return finding(reported(task, sense, defaults), len(task.examples) if sense and defaults else 0)
+    return finding(reported(task, sense, defaults), len(task.annotations.examples) if sense and defaults else 0)
 
 
 def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:

@@ -59,7 +59,7 @@ def _print_tasks(tasks: Sequence[Task]) -> None:
     out = console(wide=True)
     out.print(_task_table(ordered, out.width))
     if out.is_terminal:
-        files = len({task.document.origin.name for task in tasks})
+        files = len({task.source.document.origin.name for task in tasks})
         out.print(f"\n{len(tasks)} tasks in {files} specs; `taskspec show ID` shows one", style="quiet")
 
 

@@ -23,8 +23,9 @@ from taskspec.printers import plain
 from taskspec.printers import text as written
 from taskspec.printers.tex import read as read_tex
 from taskspec.task.merge import variant_names
+from taskspec.task.parts import Component, Example, Soft
 from taskspec.task.record import domain_words, space_words
-from taskspec.task.task import Component, Example, Soft, Task
+from taskspec.task.task import Task
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -57,8 +58,8 @@ def print_page(task: Task, out: Console) -> None:
         ("Modifiers", _modifiers(task), "in this order; the equations are those of the task as written"),
         ("Equations", list(_equations(bare)), ""),
         ("Symmetries", _symmetries(bare), ""),
-        ("Claims", [_expression(claim.text, claim.cases) for claim in task.claims], ""),
-        ("Examples", [_expression(_example(each), each.cases) for each in task.examples], ""),
+        ("Claims", [_expression(claim.text, claim.cases) for claim in task.annotations.claims], ""),
+        ("Examples", [_expression(_example(each), each.cases) for each in task.annotations.examples], ""),
         ("Corrections to the source", _errata(task), ""),
         ("Sources", [VisibleText.assemble((visible(x.key), "cyan"), f"  {visible(x.where or '')}") for x in spec.sources], ""),
     )  # fmt: skip
@@ -67,8 +68,8 @@ def print_page(task: Task, out: Console) -> None:
             out.print(VisibleText.assemble("\n", (title, "head"), (f"  {note}" if note else "", "quiet")))
             out.print(Padding(Group(*content), (0, 0, 0, 2)))
     out.print()
-    out.print(f"{near(Path(task.document.origin.name))}  {task.content_hash[:12]}", style="quiet")
-    others = [name for name in variant_names(task.document.data) if name != task.name]
+    out.print(f"{near(Path(task.source.document.origin.name))}  {task.content_hash[:12]}", style="quiet")
+    others = [name for name in variant_names(task.source.document.data) if name != task.name]
     if others:
         out.print(f"the same spec defines {', '.join(others)}", style="quiet")
 
@@ -183,7 +184,7 @@ def _components(components: Sequence[Component]) -> list[RenderableType]:
 def _observation(task: Task) -> list[RenderableType]:
     if task.observation.is_state:
         return [VisibleText("the state", style="quiet")]
-    return [_lines(_named(task.surface.sections.get("observation", {})))]
+    return [_lines(_named(task.source.surface.sections.get("observation", {})))]
 
 
 def _modifiers(task: Task) -> list[RenderableType]:
@@ -194,7 +195,7 @@ def _modifiers(task: Task) -> list[RenderableType]:
 
 def _equations(task: Task) -> Iterator[RenderableType]:
     """Yield sections in the order of a paper's appendix, with their lines."""
-    sections = task.surface.sections
+    sections = task.source.surface.sections
     blocks: dict[str, list[Line]] = {"constants": _constants(task)}
     for key in ("definitions", "noise", "initial", "dynamics"):
         blocks[key] = _named(sections.get(key) or {})
@@ -246,23 +247,23 @@ def _horizon(task: Task) -> VisibleText:
 
 
 def _expert(task: Task) -> list[Line]:
-    match task.expert:
+    match task.annotations.expert:
         case None:
             return [("", VisibleText("not given", style="quiet"))]
         case "optimal":
             return [("", "optimal, by planning on the exact model")]
         case Soft(beta=beta):
             return [("", f"Boltzmann-rational with β = {beta:g}, by planning on the exact model")]
-    found = task.surface.sections["expert"]
+    found = task.source.surface.sections["expert"]
     return _named(found if isinstance(found, Mapping) else {task.action[0].name: found})
 
 
 def _symmetries(task: Task) -> list[RenderableType]:
     """Return a line for each: its name and what it is; and one for each of its maps."""
     lines: list[RenderableType] = []
-    for each in task.symmetries:
+    for each in task.annotations.symmetries:
         lines.append(VisibleText.assemble((visible(each.name), "cyan"), f"  {_words(each.doc or '')}"))
-        for key, exprs in task.surface.sections["symmetries"][each.name].items():
+        for key, exprs in task.source.surface.sections["symmetries"][each.name].items():
             lines += _grid(
                 [(f"  {key}", _colored(f"{name} -> {written(e)}")) for name, e in exprs.items()], "quiet", ""
             )

@@ -17,8 +17,9 @@ from taskspec.lang.types import BOOLEAN_LABELS, Kind
 from taskspec.policies.adapters import ObservationPolicy, policy_of
 from taskspec.policies.files import ScriptedPolicy, ScriptEnd, is_function, is_script
 from taskspec.policies.policy import EpisodeBatch, SharedDraws, TaskPolicy, is_name, observation_of, unknown
+from taskspec.task.parts import Component
 from taskspec.task.spaces import pack, unpack
-from taskspec.task.task import Component, Task, recall
+from taskspec.task.task import Task, recall
 
 if TYPE_CHECKING:
     from taskspec.envs import Environment
@@ -74,7 +75,7 @@ def _by_observation(policy: ObservationPolicy, env: Environment, draws: SharedDr
 
 def _by_state(policy: TaskPolicy, env: Environment, draws: SharedDraws) -> Act:
     task = env.task
-    memory = task.memory if policy.task.remembers else None
+    memory = task.annotations.memory if policy.task.annotations.remembers else None
     remembered: list[Flat] = []
     last: list[Flat] = []
 

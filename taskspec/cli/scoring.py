@@ -193,12 +193,11 @@ def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> Non
 
 def _return(value: Return | None) -> tuple[str, str]:
     """Return a return, and how sure it is."""
-    from taskspec.scores.returns import NUMBERS
 
     if value is None:
         return "unknown", ""
     if not value.episodes:
-        sure = NUMBERS[value.status].shown.format(episodes=f"{value.tested:,}") or value.status
+        sure: str = value.status
         if value.bound > 1e-10 * abs(value.value):
             sure = f"± {value.bound:.2g}, {sure}"
         return number(value.value, 10), sure

@@ -28,6 +28,7 @@ from taskspec.model.model import misused
 from taskspec.policies.adapters import policy_of
 from taskspec.policies.policy import EpisodeBatch, SeededDraws, TaskPolicy
 from taskspec.registry import load
+from taskspec.task.parts import by_name
 from taskspec.task.task import Task, TaskLike
 
 Seen: TypeAlias = Any
@@ -246,7 +247,7 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
             _refuse_endless(task, acting)
         tell(f"episodes {first + 1:,} to {first + lanes:,}, step {t + 1:,}")
         seen = b.seen.view(copy=True)
-        state = {c.name: s for c, s in zip(task.state, b.state, strict=True)}
+        state = by_name(task.state, b.state)
         actions = _asked(acting, EpisodeBatch(t, state, seen, SeededDraws(seeds, t), running), policy)
         _step(engine, actions, task, acting)
         after = _after(b.seen.view(copy=True), b.final.view(), b.ended)
@@ -379,7 +380,7 @@ def demonstrations(
 def role(task: Task, who: Literal["expert", "learner"]) -> Task:
     """Return the task in the variant in which somebody acts; the task itself where its spec tells no roles apart."""
     key = task.roles.get(who)
-    if key is None or key == task.variant:
+    if key is None or key == task.source.variant:
         return task
     return load(task, key, **{p.name: p.value for p in task.parameters if p.value != p.default})
 
@@ -392,7 +393,8 @@ def described(task: Task, kind: str, acting: TaskPolicy, seed: int) -> dict[str,
     else:
         told = {"value": value.value, "bound": value.bound, "status": value.status}
     return {
-        "kind": kind, "id": task.id, "instance": task.instance_id, "variant": task.variant, "parameters": dict(task.values),
+        "kind": kind, "id": task.id, "instance": task.instance_id,
+        "variant": task.source.variant, "parameters": dict(task.values),
         "modifiers": [str(m) for m in task.modifiers], "horizon": task.horizon, "discount": task.discount,
         "content_hash": task.content_hash, "policy": acting.name, "seed": seed, "return": told,
         "versions": {"taskspec": __version__, "numpy": np.__version__},

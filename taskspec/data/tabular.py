@@ -217,7 +217,7 @@ def tabular(task: TaskLike) -> Tabular:
 
 def _lasts(task: Task) -> bool:
     """Return whether no state is terminal: episodes end after some number of steps, or never."""
-    return not draws([task.terminal]) and set(reads([task.terminal])) <= {(Role.TIME, "t")}
+    return not draws([task.process.terminal]) and set(reads([task.process.terminal])) <= {(Role.TIME, "t")}
 
 
 def _steps_until_over(model: Model) -> int | None:

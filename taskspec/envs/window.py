@@ -23,8 +23,9 @@ from taskspec.base.files import Unfinished, refused
 from taskspec.base.limits import tell
 from taskspec.envs.options import invalid
 from taskspec.lang.types import Kind
+from taskspec.task.parts import Component
 from taskspec.task.spaces import unpack
-from taskspec.task.task import Component, Task
+from taskspec.task.task import Task
 
 # Figures lie above environments in the layers, so they are resolved by name when needed.
 

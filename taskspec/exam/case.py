@@ -16,6 +16,7 @@ from taskspec.data import Demonstrations, demonstrations
 from taskspec.data.episodes import mapped
 from taskspec.data.preferences import WORDS, Teacher, return_ends
 from taskspec.envs.metered import Metered
+from taskspec.exam.curves import EpisodeReturns, TrainingReturns
 from taskspec.source import Document
 from taskspec.task.merge import Merged
 from taskspec.task.task import Task
@@ -39,10 +40,10 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
         sign: what rewards are multiplied by that are not granted.
     """
     names = _EXPERT if "reward" in learns_from else (*_EXPERT, *_REWARD)
-    document = _document(task.document, names)
+    document = _document(task.source.document, names)
     builder = task.new_builder()
-    reward = task.reward
-    absorbing_reward = task.absorbing_reward
+    reward = task.process.reward
+    absorbing_reward = task.process.absorbing_reward
     if "reward" not in learns_from and sign == 0:
         reward = builder.scalar(0.0)
         absorbing_reward = builder.scalar(0.0)
@@ -52,26 +53,22 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
     as_written = None
     if task.written_as is not None:
         as_written = withheld(task.written_as, learns_from, sign)
-    data = _sections(task.merged.data, names)
+    merged = task.source.merged
+    surface = task.source.surface
     changed = f"{task.content_hash} without {', '.join(names)}, {sign:g}"
-    return replace(
-        task,
-        reward=reward,
-        absorbing_reward=absorbing_reward,
-        expert=None,
-        memory=None,
-        claims=(),
-        examples=(),
-        merged=Merged(document, task.merged.name, task.merged.variant, data, {}),
+    source = replace(
+        task.source,
+        merged=Merged(document, merged.name, merged.variant, _sections(merged.data, names), {}),
         surface=replace(
-            task.surface,
-            sections={name: part for name, part in task.surface.sections.items() if name not in names},
-            meanings={key: part for key, part in task.surface.meanings.items() if key[0] not in names},
+            surface,
+            sections={name: part for name, part in surface.sections.items() if name not in names},
+            meanings={key: part for key, part in surface.meanings.items() if key[0] not in names},
         ),
-        document=document,
-        written_as=as_written,
         content_hash=hashlib.sha256(changed.encode()).hexdigest(),
     )
+    found = task.with_process(reward=reward, absorbing_reward=absorbing_reward)
+    found = found.with_annotations(expert=None, memory=None, claims=(), examples=())
+    return replace(found, source=source, written_as=as_written)
 
 
 def _document(document: Document, names: Collection[str]) -> Document:
@@ -252,6 +249,8 @@ class Case:
         self._made = 0
         self.curve: list[tuple[int, list[Any]]] = []
         """Policies, one for each seed, that the learner showed on its way, with the steps that it had taken."""
+        self.training = TrainingReturns(terms.steps)
+        """Returns, by the true reward, of the episodes in which the learner learned."""
 
     @property
     def seed(self) -> int:
@@ -281,6 +280,14 @@ class Case:
         """The case of each seed alone; each has the whole budget."""
         return tuple(Case(self._judge, (seed,), self.terms, self._negated) for seed in self.seeds)
 
+    def training_of(self, i: int) -> list[list[float]]:
+        """Return the curve of training episodes of one seed of the block; empty where seeds share their environments."""
+        if "each" in vars(self):
+            return self.each[i].training.points
+        if len(self.seeds) > 1:
+            return []
+        return self.training.points
+
     def spent_by(self, i: int) -> Spent:
         """Return what one seed of the block has used: what all of them did together, and what it did alone."""
         alone = self.each[i].spent if "each" in vars(self) else Spent()
@@ -288,13 +295,13 @@ class Case:
 
     def env(self) -> Metered:
         """Return an environment. Its steps are counted; where the reward is not granted, it pays 0."""
-        return Metered(self._judge, self._meter, self._next_seed())
+        return Metered(self._judge, _Meter(self), self._next_seed())
 
     def make_vec(self, lanes: int, **options: Any) -> MeteredVector:
         """Environments that are stepped together, as `taskspec.make_vec` makes them; a step of all counts once for each."""
         from taskspec.envs.metered import MeteredVector
 
-        return MeteredVector(self._judge, lanes, self._meter, self._next_seed(), **options)
+        return MeteredVector(self._judge, lanes, _Meter(self), self._next_seed(), **options)
 
     def count(self, steps: int = 0, comparisons: int = 0) -> None:
         """Count steps, and comparisons, that were made elsewhere than in `env`, `make_vec` and `prefer`: of each seed.
@@ -316,10 +323,6 @@ class Case:
         return (self.seed + 1 << 32) + (self._made << 20)
 
     @cached_property
-    def _meter(self) -> _Meter:
-        return _Meter(self)
-
-    @cached_property
     def demonstrations(self) -> Demonstrations:
         """Whole episodes of the expert, in the variant in which it acts. Rewards are 0 where they are not granted.
 
@@ -327,7 +330,7 @@ class Case:
             NotGranted: when the learner is not entitled to them.
         """
         self._need("demonstrations")
-        policy = "optimal" if self._judge.expert is None else "expert"
+        policy = "optimal" if self._judge.annotations.expert is None else "expert"
         seed = (self.seed + 1 << 32) + (1 << 31)
         found = demonstrations(self._judge, policy, transitions=self.terms.transitions, seed=seed)
         self.spent.demonstrations = len(found)
@@ -386,10 +389,19 @@ class Case:
 
 
 class _Meter:
-    """Counts the steps of a case, and withholds its rewards."""
+    """Counts the steps of an environment of a case, withholds its rewards, and keeps the returns of its episodes."""
 
     def __init__(self, case: Case) -> None:
         self.case = case
+        self.episodes = EpisodeReturns(case.task.discount)
+
+    def begin(self, lanes: int) -> None:
+        self.episodes.begin(lanes)
+
+    def follow(self, rewards: Array, is_over: Array, takes_part: Array) -> None:
+        returns = self.episodes.step(rewards, is_over, takes_part)
+        if len(returns):
+            self.case.training.add(self.case.spent.steps, returns)
 
     def spend(self, steps: int) -> None:
         self.case.count(steps)

@@ -3,29 +3,23 @@
 A learner that bootstraps comes to the fixed point of the operator that its code applies. On a finite task the fixed points of the
 right operator and of wrong ones are computed exactly; the nearest one names the mistake, without a right version to compare with.
 
-Symbols: P[a, s, s'] is the probability that the episode goes on in s', P_end[a, s, s'] that it ends there, R[a, s] the expected
-reward, V(s) = max over a of Q(s, a) unless an operator says otherwise; for the critic of an actor, V(s) is the mean of Q(s, a)
-under its policy.
+The operators, and the symbols of this file, are in `taskspec.exam.operators`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Node
-from taskspec.lang.types import REAL
-from taskspec.model.extract import extract
+from taskspec.exam.operators import GOOD, OPERATORS, BellmanOperator, Dynamics, behaviour, dynamics_of
 from taskspec.model.model import Model, misused, refuse
-from taskspec.modifiers.core import paying
 from taskspec.policies.adapters import ProbabilisticPolicy
-from taskspec.policies.policy import greedy, states_of
+from taskspec.policies.policy import states_of
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
@@ -44,299 +38,14 @@ SLOWEST = 500
 """Applications in which the change of the values has to be halved."""
 PRECISION = 1e-6
 """Change of the values, as a share of the largest reward, at which they are taken for the fixed point."""
-EXPLORATION = 0.1
-"""The share of random actions that is assumed where an operator depends on how the learner behaves."""
 EXPLORATIONS = (0.05, 0.1, 0.2, 0.3)
 """The shares that are tried for learners that value their own behaviour."""
-DENSE = 200_000
-"""Entries of a matrix that is not sparse, at most."""
-LARGEST = 20_000
-"""State-action pairs of a task, at most."""
 
 Reduce = Callable[[Array], Array]
 """From Q, (A, S), to V, (S,)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Dynamics:
-    """Dynamics of a finite task that does not depend on the time, with the learner's discount.
-
-    Attributes:
-        model: the exact model.
-        gamma: the learner's discount.
-        P, P_end: (A * S, S), dense where that is small, else sparse.
-        R, clipped, signs: float64 (A, S), expected rewards; after each was clipped to [-1, 1], or replaced by its sign.
-        shares: what `last_share` has found.
-    """
-
-    model: Model
-    gamma: float
-    P: Any
-    P_end: Any
-    R: Array
-    clipped: Array
-    signs: Array
-    shares: dict[bytes, Array] = field(default_factory=dict)
-
-    def following(self, V: Array) -> Array:
-        """Return the expected value (A, S) of the next state, 0 where the episode ends."""
-        expected: Array = (self.P @ V).reshape(self.R.shape)
-        return expected
-
-    def ending(self, V: Array) -> Array:
-        """Return the same of the states in which the episode ends, 0 where it goes on."""
-        if self.P_end is None:
-            return np.zeros_like(self.R)
-        expected: Array = (self.P_end @ V).reshape(self.R.shape)
-        return expected
-
-    def visits(self, policy: Array) -> Array:
-        """Return float64 (H, S): how often a policy (A, S) acts in each state at each time; without a horizon, one row."""
-        rows = []
-        now = self.model.start.copy()
-        steps = SWEEPS if self.model.horizon is None else self.model.horizon
-        for _ in range(steps):
-            rows.append(now)
-            now = self.P.T @ (policy * now).reshape(-1)
-            if now.sum() < 1e-9:
-                break
-        counts = np.array(rows)
-        return counts.sum(axis=0, keepdims=True) if self.model.horizon is None else counts
-
-    def last_share(self, policy: Array) -> Array:
-        """Return float64 (S,): of the visits to a state, the share in the last step before the limit."""
-        key = policy.tobytes()
-        if key not in self.shares:
-            self.shares[key] = self._last_share(policy)
-        return self.shares[key]
-
-    def _last_share(self, policy: Array) -> Array:
-        horizon = self.model.horizon
-        counts = self.visits(policy)
-        if horizon is None or len(counts) < horizon:
-            return np.zeros(self.model.n_states)
-        total = counts.sum(axis=0)
-        share: Array = np.divide(counts[-1], total, out=np.zeros_like(total), where=total > 0)
-        return share
-
-
-# -- operators --------------------------------------------------------------------------------------------------------
-
-Backup = Callable[[Dynamics, Array, Array], Array]
-"""From dynamics, Q (A, S) and V (S,) to the next Q (A, S)."""
-
-
-@dataclass(frozen=True)
-class BellmanOperator:
-    """A Bellman operator, and the mistake that makes a learner apply it.
-
-    Attributes:
-        backup: from Q and V to the next Q.
-        mistake: a sentence that follows "your values are those of a learner".
-        code: what such code usually looks like.
-        fix: what to do.
-        reduce: the reduction of Q to V, where it is part of the mistake.
-        on_policy: whether V is the expectation of Q under what the learner does.
-    """
-
-    name: str
-    backup: Backup
-    mistake: str
-    code: str
-    fix: str
-    reduce: Callable[[Dynamics, Array], Array] | None = None
-    on_policy: bool = False
-
-
-def _right(s: Dynamics, Q: Array, V: Array) -> Array:
-    return s.R + s.gamma * s.following(V)
-
-
-def _ends_ignored(s: Dynamics, Q: Array, V: Array) -> Array:
-    known = np.where(
-        s.model.acting, V, 0.0
-    )  # a state in which no episode acts keeps the value that it was created with
-    return s.R + s.gamma * (s.following(V) + s.ending(known))
-
-
-def _next_episode(s: Dynamics, Q: Array, V: Array) -> Array:
-    first = float(s.model.start @ V)
-    last = s.last_share(_behaviour(Q))
-    ones = np.ones_like(V)
-    goes_on = (1 - last) * s.following(V)
-    starts_again = s.ending(ones) + last * s.following(ones)
-    found: Array = s.R + s.gamma * (goes_on + first * starts_again)
-    return found
-
-
-def _limit_is_end(s: Dynamics, Q: Array, V: Array) -> Array:
-    return s.R + s.gamma * (1 - s.last_share(_behaviour(Q))) * s.following(V)
-
-
-def _same_state(s: Dynamics, Q: Array, V: Array) -> Array:
-    goes_on = s.following(np.ones_like(V))
-    found: Array = s.R + s.gamma * goes_on * V
-    return found
-
-
-def _reward_discounted(s: Dynamics, Q: Array, V: Array) -> Array:
-    return s.gamma * (s.R + s.following(V))
-
-
-def _discounted_twice(s: Dynamics, Q: Array, V: Array) -> Array:
-    return s.R + s.gamma**2 * s.following(V)
-
-
-def _undiscounted(s: Dynamics, Q: Array, V: Array) -> Array:
-    return s.R + s.following(V)
-
-
-def _immediate(s: Dynamics, Q: Array, V: Array) -> Array:
-    return s.R
-
-
-def _clipped(s: Dynamics, Q: Array, V: Array) -> Array:
-    return s.clipped + s.gamma * s.following(V)
-
-
-def _signs(s: Dynamics, Q: Array, V: Array) -> Array:
-    return s.signs + s.gamma * s.following(V)
-
-
-def _negated(s: Dynamics, Q: Array, V: Array) -> Array:
-    return -s.R + s.gamma * s.following(V)
-
-
-def _action_before(s: Dynamics, Q: Array, V: Array) -> Array:
-    n = s.model.n_states
-    following = np.stack([s.P[a * n : (a + 1) * n] @ Q[a] for a in range(s.model.n_actions)])
-    return s.R + s.gamma * following
-
-
-def _behaviour(Q: Array, exploration: float = EXPLORATION) -> Array:
-    """Return probabilities (A, S): greedy for Q, with a share of random actions."""
-    return (1 - exploration) * greedy(Q.T).T + exploration / len(Q)
-
-
-def _mean(s: Dynamics, Q: Array) -> Array:
-    found: Array = Q.mean(axis=0)
-    return found
-
-
-def _least(s: Dynamics, Q: Array) -> Array:
-    found: Array = Q.min(axis=0)
-    return found
-
-
-def _all_states(s: Dynamics, Q: Array) -> Array:
-    return np.full(Q.shape[1], Q[:, s.model.acting].max())
-
-
-OPERATORS = {
-    operator.name: operator
-    for operator in (
-        BellmanOperator("right", _right, "without a mistake in its targets", "r + gamma * (1 - terminated) * V(s')", ""),
-        BellmanOperator(
-            "on policy", _right, "that learns the values of what it does, exploration included (SARSA)",
-            "target = r + gamma * Q(s', a')", "Nothing, if that is meant; else take the maximum over actions.",
-            on_policy=True,
-        ),
-        BellmanOperator(
-            "ends ignored", _ends_ignored, "that bootstraps past the end of an episode",
-            "target = r + gamma * V(s')", "Multiply V(s') by (1 - terminated).",
-        ),
-        BellmanOperator(
-            "next episode", _next_episode, "for which an episode continues with the first state of the next one",
-            "next_obs taken after the environment was reset",
-            "Take the last observation of the episode (final_obs), and mask its value where it is terminal.",
-        ),
-        BellmanOperator(
-            "limit is an end", _limit_is_end, "for which the time limit ends the world",
-            "done = terminated or truncated", "Mask V(s') by terminated alone; truncated episodes keep their value.",
-        ),
-        BellmanOperator(
-            "same state", _same_state, "that takes the state it left for the one it reached",
-            "next_obs = obs, or a buffer that shares memory", "Store the observation that step() returned, as a copy.",
-        ),
-        BellmanOperator(
-            "mean of actions", _right, "that averages over the next actions instead of choosing the best",
-            "q(s').mean(axis=-1)", "Take the maximum over actions.", _mean,
-        ),
-        BellmanOperator(
-            "least action", _right, "that expects the worst of the next actions",
-            "q(s').min(axis=-1), or a minimum over the wrong axis", "Take the maximum over actions.", _least,
-        ),
-        BellmanOperator(
-            "all states", _right, "that takes the best value of any state for the next one",
-            "q.max() without an axis", "Take the maximum over the axis of actions.", _all_states,
-        ),
-        BellmanOperator(
-            "action before", _action_before, "that looks up the next state with the action that was just taken",
-            "q[s', a]", "Update the action before the look-up, or take the maximum.",
-        ),
-        BellmanOperator(
-            "reward discounted", _reward_discounted, "that discounts the reward, too",
-            "gamma * (r + V(s'))", "Move the parenthesis: r + gamma * V(s').",
-        ),
-        BellmanOperator(
-            "discounted twice", _discounted_twice, "that discounts twice a step",
-            "gamma in the buffer and in the target", "Apply gamma once.",
-        ),
-        BellmanOperator(
-            "undiscounted", _undiscounted, "that does not discount", "target = r + V(s')",
-            "Multiply V(s') by gamma.",
-        ),
-        BellmanOperator(
-            "immediate reward", _immediate, "that sees no further than the next reward",
-            "target = r, or gamma = 0", "Add gamma * V(s'), and check that its mask is not inverted; or train longer.",
-        ),
-        BellmanOperator(
-            "rewards clipped", _clipped, "whose rewards are clipped to [-1, 1]",
-            "a wrapper or option for Atari was left on", "Remove it.",
-        ),
-        BellmanOperator(
-            "signs of rewards", _signs, "that sees the signs of rewards alone",
-            "np.sign(r), as wrappers for Atari do", "Remove it.",
-        ),
-        BellmanOperator(
-            "reward negated", _negated, "that takes rewards for costs", "target = -r + ...", "Remove the minus sign.",
-        ),
-    )
-}  # fmt: skip
-"""Operators by name: the right one first, then those of mistakes."""
-GOOD = ("right", "on policy")
-"""Operators that are no mistake."""
-
-
 # -- fixed points -----------------------------------------------------------------------------------------------------
-
-
-@lru_cache(maxsize=32)
-def _dynamics(task: Task, gamma: float) -> Dynamics:
-    model = extract(task)
-    if model.is_timed:
-        refuse(f"{task.id} depends on the time, which values of states leave out", "add the time to the state")
-    if model.n_states * model.n_actions > LARGEST:
-        refuse(f"{task.id} has more than {LARGEST:,} pairs of states and actions")
-    clipped = extract(_paid(task, lambda b, r: b.apply("min2", b.apply("max2", r, b.scalar(-1)), b.scalar(1))))
-    signs = extract(_paid(task, lambda b, r: b.apply("sign", r)))
-    shape = (model.n_actions, model.n_states)
-    R = model.step(0).R.reshape(shape)
-    clipped_rewards = clipped.step(0).R.reshape(shape)
-    sign_rewards = signs.step(0).R.reshape(shape)
-    P = model.step(0).P
-    P_end = model.step(0).P_end
-    if P.shape[0] * P.shape[1] <= DENSE:
-        P = P.toarray()
-        if P_end is not None:
-            P_end = P_end.toarray()
-    return Dynamics(model, gamma, P, P_end, R, clipped_rewards, sign_rewards)
-
-
-def _paid(task: Task, change: Callable[[Builder, Node], Node]) -> Task:
-    """Return the task with another reward."""
-    b = task.new_builder()
-    return paying(b, task, b.cast(change(b, task.reward), REAL.kind))
 
 
 def fixed_point(dynamics: Dynamics, operator: BellmanOperator, reduce: Reduce) -> Array | None:
@@ -412,7 +121,7 @@ def fingerprint(
     if values is not None and policy is None:
         misused("values are those of a policy", "give its probabilities of actions as `policy`")
     task = load(task)
-    dynamics = _dynamics(task, task.discount if discount is None else float(discount))
+    dynamics = dynamics_of(task, task.discount if discount is None else float(discount))
     model = dynamics.model
     rows = _Observed(task, model)
     reduce: Reduce = _best
@@ -425,7 +134,7 @@ def fingerprint(
     learned = rows.read(q, model.n_actions).T if values is None else rows.read(values, None)
     if not np.isfinite(learned[..., weights > 0]).all():
         misused("the learned values are not finite numbers")
-    points = _fixed_points(dynamics, reduce) if policy is not None else _greedy_points(task, dynamics.gamma)
+    points = _fixed_points(dynamics, reduce) if policy is not None else greedy_points(task, dynamics.gamma)
     if not points:
         refuse(f"values of {task.id} have no bound at discount {dynamics.gamma:g}", "give the learner's `discount`")
     (right_q,) = points["right"]
@@ -440,9 +149,33 @@ def fingerprint(
     return distances
 
 
+def first_value(task: TaskLike, *, q: Any = None, values: Any = None, **_: Any) -> float | None:
+    """Return the learned value of the first states, in the mean over starts; None where it is not a finite number.
+
+    Args:
+        q, values: as `fingerprint` takes them; the value of Q is that of the best action.
+
+    Raises:
+        SpecError: as for `fingerprint`.
+    """
+    task = load(task)
+    model = dynamics_of(task, task.discount).model
+    rows = _Observed(task, model)
+    if values is None:
+        V = rows.read(q, model.n_actions).max(axis=1)
+    else:
+        V = rows.read(values, None)
+    is_start = model.start > 0
+    found = float(model.start[is_start] @ V[is_start])
+    if np.isfinite(found):
+        return found
+    return None
+
+
 @lru_cache(maxsize=32)
-def _greedy_points(task: Task, gamma: float) -> dict[str, list[Array]]:
-    return _fixed_points(_dynamics(task, gamma), _best)
+def greedy_points(task: Task, gamma: float) -> dict[str, list[Array]]:
+    """Return the fixed points of each operator for learners that act greedily, Q (A, S): one, or one for each exploration."""
+    return _fixed_points(dynamics_of(task, gamma), _best)
 
 
 def _fixed_points(dynamics: Dynamics, reduce: Reduce) -> dict[str, list[Array]]:
@@ -471,7 +204,7 @@ class _OfBehaviour:
     exploration: float
 
     def __call__(self, Q: Array) -> Array:
-        expected: Array = (_behaviour(Q, self.exploration) * Q).sum(axis=0)
+        expected: Array = (behaviour(Q, self.exploration) * Q).sum(axis=0)
         return expected
 
 

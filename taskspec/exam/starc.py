@@ -20,6 +20,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.data import Tabular, tabular
 from taskspec.data.episodes import mapped
+from taskspec.exam.reward_changes import with_changed_reward
 from taskspec.model.model import misused, refuse
 from taskspec.policies.policy import greedy
 from taskspec.registry import load
@@ -84,18 +85,29 @@ def reward_fields(task: Task, reward: Any) -> dict[str, Any]:
 
 @lru_cache(maxsize=16)
 def _mdp(task: Task) -> RewardMdp:
-    return RewardMdp(tabular(task))
+    return RewardMdp(task)
 
 
 class RewardMdp:
     """The exact model, and rewards on it, as float64 (S, A); 0 where an episode has ended."""
 
-    def __init__(self, model: Tabular) -> None:
+    def __init__(self, task: Task) -> None:
+        model = tabular(task)
+        self.task = task
         self.model = model
         if model.horizon is None and model.discount == 1:
-            refuse(f"returns of {model.task.id} have no horizon and no discount", "give the task one of them")
-        self.true = np.where(model.absorbed[:, None], 0.0, model.R)
+            refuse(f"returns of {task.id} have no horizon and no discount", "give the task one of them")
+        self.true = self._running(model)
         self.uniform = np.full_like(self.true, 1 / model.n_actions)
+
+    def _running(self, model: Tabular) -> Array:
+        return np.where(model.absorbed[:, None], 0.0, model.R)
+
+    def changed(self, name: str) -> Array:
+        """Return the expected rewards, after each was changed as `REWARD_CHANGES` says."""
+        found = abstraction(self.task)
+        task = self.task if found is None else found.stand_in
+        return self._running(tabular(with_changed_reward(task, name)))
 
     @cached_property
     def reached(self) -> list[Array]:
@@ -296,7 +308,11 @@ def _state_mean(mdp: RewardMdp) -> Array:
 
 
 def _clipped(mdp: RewardMdp) -> Array:
-    return np.clip(mdp.true, -1, 1)
+    return mdp.changed("clipped")
+
+
+def _signs(mdp: RewardMdp) -> Array:
+    return mdp.changed("signs")
 
 
 def _true(mdp: RewardMdp) -> Array:
@@ -334,6 +350,9 @@ REWARDS = {
         KnownReward(
             "clipped", _clipped, "the true one, clipped to [-1, 1]", "np.clip(reward, -1, 1), or a tanh at the end",
             "Remove it.",
+        ),
+        KnownReward(
+            "signs", _signs, "the sign of the true one", "np.sign(reward), as wrappers for Atari do", "Remove it.",
         ),
     )
 }  # fmt: skip

@@ -83,5 +83,7 @@ def examine_all(
         folders[name] = folder / name
         with bar(name) if bar else nullcontext() as progress:
             how = replace(running or Running(), progress=progress)
-            exams[name] = examine(learner, suite=tasks[0].suite, tasks=tasks, out=folders[name], running=how, **terms)
+            exams[name] = examine(
+                learner, suite=tasks[0].source.suite, tasks=tasks, out=folders[name], running=how, **terms
+            )
     return LearnersExamined(expanded.instances, tasks, exams, folders)

@@ -208,7 +208,7 @@ class _Entry:
         source = self._source()
         try:
             self.task = registry.load(source, self.entry.variant)
-            known = bound_parameters(self.task.document, self.task.variant).parameters
+            known = bound_parameters(self.task.source.document, self.task.source.variant).parameters
         except SpecError as error:
             self._report(error, ("task",))
             return
@@ -304,7 +304,7 @@ class _Entry:
 
     def _unknown(self, path: Place, name: str) -> None:
         try:
-            bound_parameters(self.task.document, self.task.variant, {name: 0})
+            bound_parameters(self.task.source.document, self.task.source.variant, {name: 0})
         except SpecError as error:
             place = self.document.key_span(("tasks", self.index, *path))
             self.collector.extend(replace(d, span=place) for d in error.diagnostics if d.code == "E702")
@@ -347,7 +347,7 @@ class _Entry:
         problem = None
         bound = None
         try:
-            bound = bound_parameters(self.task.document, self.task.variant, values)
+            bound = bound_parameters(self.task.source.document, self.task.source.variant, values)
         except SpecError as error:
             problem = "; ".join(d.message for d in error.diagnostics)
             place = self._span("parameters")
@@ -361,7 +361,7 @@ class _Entry:
         shown = {n: all_values[n] for n in varied} | {k: v for option in over for k, v in option.varied.items()}
         name = str(ids.InstanceId(self.task.id, dict(sorted(all_values.items())), laid))
         hash_ = "" if bound is None else bound.content_hash
-        return Instance(name, source, self.task.variant, all_values, laid, shown, hash_, problem, self.index)
+        return Instance(name, source, self.task.source.variant, all_values, laid, shown, hash_, problem, self.index)
 
     def _settled(self, known: Sequence[Parameter], given: Mapping[str, Any]) -> Sequence[Parameter]:
         """Return the parameters with the defaults that they have beside the values that are no expressions."""
@@ -370,7 +370,7 @@ class _Entry:
             return known
         try:
             plain = {name: value for name, value in given.items() if name not in texts}
-            return bound_parameters(self.task.document, self.task.variant, plain).parameters
+            return bound_parameters(self.task.source.document, self.task.source.variant, plain).parameters
         except SpecError:  # with the others they may be right
             return known
 

@@ -307,7 +307,9 @@ def wanted_of(experiment: Experiment) -> Questions:
 
 def _job(instance: Instance, wanted: Questions) -> Job:
     task = registry.load(instance.source, instance.variant)
-    about = Sent(packed(task.document), task.suite, task.variant, instance.parameters, instance.modifiers)
+    about = Sent(
+        packed(task.source.document), task.source.suite, task.source.variant, instance.parameters, instance.modifiers
+    )
     return Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, (about, wanted))
 
 

@@ -40,10 +40,10 @@ HINT = f"{FIGURE_KINDS[DEFAULT].needs}; `figure: {{kind: ...}}` in a spec asks f
 def undrawn(task: TaskLike) -> tuple[Diagnostic, ...]:
     """Return W523 if the figure that a spec asks for cannot be drawn, else nothing."""
     task = load(task)
-    if task.figure is None or _drawn(task.unmodified, Overlay()) is not None:
+    if task.annotations.figure is None or _drawn(task.unmodified, Overlay()) is not None:
         return ()
-    place = merge(task.document, task.variant).key_span(("figure",))
-    kind = FIGURE_KINDS[task.figure.kind]
+    place = merge(task.source.document, task.source.variant).key_span(("figure",))
+    kind = FIGURE_KINDS[task.annotations.figure.kind]
     return (Diagnostic("W523", place, f"no figure of kind `{kind.name}` can be drawn of this task", kind.needs),)
 
 
@@ -57,8 +57,8 @@ def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
     task = load(task).unmodified
     over = over or Overlay()
     drawn = _drawn(task, over)
-    if drawn is None and task.figure is not None and over.here is None:
-        drawn = not_drawn(task, FIGURE_KINDS[task.figure.kind].needs)
+    if drawn is None and task.annotations.figure is not None and over.here is None:
+        drawn = not_drawn(task, FIGURE_KINDS[task.annotations.figure.kind].needs)
     if drawn is None:
         return None
     lines = list(_legend(task, drawn, over))
@@ -87,8 +87,8 @@ def _legend(task: Task, drawn: Scene, over: Overlay) -> Iterator[str]:
 
 def _drawn(task: Task, over: Overlay) -> Scene | None:
     """Return the figure, or None if it cannot be drawn."""
-    kind = DEFAULT if task.figure is None else task.figure.kind
-    kinds = [kind, "matrix"] if task.figure is not None and kind == "graph" else [kind]
+    kind = DEFAULT if task.annotations.figure is None else task.annotations.figure.kind
+    kinds = [kind, "matrix"] if task.annotations.figure is not None and kind == "graph" else [kind]
     for name in kinds:
         module, _, function = FIGURE_KINDS[name].draw.partition(":")
         try:

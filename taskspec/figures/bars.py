@@ -113,8 +113,8 @@ def _sums(row: Array, colors: list[Color], step: float, y: float) -> Iterator[La
 def _vector(task: Task) -> Node | None:
     b = Builder()
     nodes: list[Node] = [b.read(*c.read, c.type, c.least, c.most) for c in task.state]
-    if task.figure is not None and task.figure.values is not None:
-        nodes = [task.figure.values]
+    if task.annotations.figure is not None and task.annotations.figure.values is not None:
+        nodes = [task.annotations.figure.values]
     return next((node for node in nodes if len(node.type.shape) == 1 and node.type.size), None)
 
 
@@ -126,7 +126,7 @@ def _colors(task: Task, node: Node, state: State) -> list[Color]:
     count = node.type.size
     colors: list[Color] = ["accent"] * count
     reads = reads_of(task, state)
-    for name, part in ({} if task.figure is None else task.figure.highlight).items():
+    for name, part in ({} if task.annotations.figure is None else task.annotations.figure.highlight).items():
         if name not in HIGHLIGHTS:
             continue
         if part.type.kind is Kind.BOOL and part.type.shape in ((), (count,)):

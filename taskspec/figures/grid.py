@@ -33,7 +33,7 @@ DRAWN_TOGETHER = {
 
 def grid(task: Task, overlay: Overlay) -> Scene | None:
     """Draw the grid on which a task's figure section places its states."""
-    if task.figure is None or not task.figure.at:
+    if task.annotations.figure is None or not task.annotations.figure.at:
         return None
     grid = _Grid(task, overlay)
     world = all_states(task)
@@ -52,9 +52,9 @@ class _Grid:
     """Places of the agent, objects and marks, in the state that is shown and in others."""
 
     def __init__(self, task: Task, overlay: Overlay) -> None:
-        assert task.figure is not None
+        assert task.annotations.figure is not None
         self.task = task
-        self.figure = task.figure
+        self.figure = task.annotations.figure
         self.overlay = overlay
         self.state = overlay.here or first_state(task)
         self.reads = reads_of(task, self.state)
@@ -203,7 +203,7 @@ class _Grid:
 
     def _stay(self) -> bool:
         """Return whether no step changes what is marked."""
-        after = {c.read: node for c, node in zip(self.task.state, self.task.next, strict=True)}
+        after = {c.read: node for c, node in zip(self.task.state, self.task.process.next, strict=True)}
         for key in reads(self.figure.highlight.values()):
             if not isinstance(after.get(key), Read) or reads([after[key]]) != {key}:
                 return False

@@ -35,7 +35,8 @@ from taskspec.printers import tree as m
 from taskspec.printers.names import Notation, of_task
 from taskspec.printers.text import plain
 from taskspec.registry import load
-from taskspec.task.task import Component, Task
+from taskspec.task.parts import Component
+from taskspec.task.task import Task
 
 MAX_STATES = 1500
 MAX_TRANSITIONS = 20_000
@@ -72,7 +73,9 @@ class Machine:
 
 def explore(task: Task) -> Machine | None:
     """Return the states that episodes visit; None if they are many, or if dynamics or rewards depend on the time."""
-    if not task.is_finite or any(isinstance(x, Read) and x.role is Role.TIME for x in walk((*task.next, task.reward))):
+    if not task.is_finite or any(
+        isinstance(x, Read) and x.role is Role.TIME for x in walk((*task.process.next, task.process.reward))
+    ):
         return None
     try:
         steps = Steps(task)
@@ -104,7 +107,7 @@ def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
     found: dict[str, dict[int, float]] = {}
     for who, key in task.roles.items():
-        other = task if key == task.variant else load(task, key, **given)
+        other = task if key == task.source.variant else load(task, key, **given)
         if (other.state, other.spec.dynamics) != (task.state, task.spec.dynamics):
             return {"": own}
         found[who] = own if other is task else _start_distribution(Steps(other))
@@ -209,7 +212,7 @@ class Captions:
         task = self.machine.task
         found = {}
         codes = np.array(self.machine.states)
-        for name, node in ({} if task.figure is None else task.figure.highlight).items():
+        for name, node in ({} if task.annotations.figure is None else task.annotations.figure.highlight).items():
             if not node.type.shape and name in HIGHLIGHTS:
                 holds = at_states(task, node, dict(self.space.decode(codes)), len(codes))
                 found[name] = tuple(codes[holds.astype(bool)].tolist())

@@ -88,7 +88,7 @@ def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
         left = ""
     else:
         left = f" with all {task.horizon:,} steps to go"
-    whose = "an optimal policy's" if task.expert is None else "the expert's"
+    whose = "an optimal policy's" if task.annotations.expert is None else "the expert's"
     lacks = ""
     if wanted & {"expert", "occupancy"} and known.acting is None:
         lacks = ", for which there is no exact plan"
@@ -96,8 +96,8 @@ def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
         yield "values", ("", f"best return{left}")
     if "policy" in wanted:
         yield "policy", ("", f"best actions{left}")
-    if "expert" in wanted and ("policy" not in wanted or task.expert is not None):
-        memory = "" if task.memory is None else ", whatever it remembers"
+    if "expert" in wanted and ("policy" not in wanted or task.annotations.expert is not None):
+        memory = "" if task.annotations.memory is None else ", whatever it remembers"
         if "policy" in wanted and not lacks:
             beside = ", as the best ones are"
         else:
@@ -161,10 +161,10 @@ class _Known:
 
         They are those of the task with the memory of an expert that has one. None where the expert has no plan on a model.
         """
-        if self.task.expert is None:
+        if self.task.annotations.expert is None:
             return self.model, plans.optimal_plan(self.model)
         try:
-            if self.task.memory is None:
+            if self.task.annotations.memory is None:
                 whole = self.model
             else:
                 whole = extract(self.task.remembering())

@@ -22,6 +22,7 @@ from taskspec.lang.ir import Role as Reading
 from taskspec.model.space import Space
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
+from taskspec.task.parts import are_finite
 from taskspec.task.task import Task
 
 WIDTH = 5.0
@@ -44,7 +45,9 @@ MOST_LINKS = 30
 def turn(task: Task, node: Node) -> float:
     """Return the largest step of a number that is drawn as a line: half the range of a component that a remainder keeps in it."""
     if isinstance(node, Read) and node.role is Reading.STATE:
-        later = next((after for c, after in zip(task.state, task.next, strict=True) if c.name == node.name), None)
+        later = next(
+            (after for c, after in zip(task.state, task.process.next, strict=True) if c.name == node.name), None
+        )
         if later is not None and any(isinstance(x, Apply) and x.op == "mod" for x in walk([later])):
             low, high = interval.bounds(later, {})
             if math.isfinite(high - low):
@@ -66,7 +69,7 @@ def runs(points: Sequence[Sequence[float]], turns: Sequence[float]) -> Iterator[
 
 def curve(task: Task, overlay: Overlay) -> Scene | None:
     """Draw the curve of the figure section over its first coordinate, and an episode of the expert."""
-    figure = task.figure
+    figure = task.annotations.figure
     if figure is None or figure.curve is None or len(figure.at) != 2:
         return None
     place, level = figure.at
@@ -115,9 +118,13 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
 
     What is highlighted is shaded, everything but the two components being as in the first state.
     """
-    at = () if task.figure is None else task.figure.at
+    at = () if task.annotations.figure is None else task.annotations.figure.at
     known = {c.name: c for c in task.state}
-    if len(at) != 2 or draws(task.next) or not all(isinstance(node, Read) and not node.type.shape for node in at):
+    if (
+        len(at) != 2
+        or draws(task.process.next)
+        or not all(isinstance(node, Read) and not node.type.shape for node in at)
+    ):
         return None
     pair = [known[node.name] for node in at if isinstance(node, Read)]
     ends = [(float(min(c.low)), float(max(c.high))) for c in pair]
@@ -174,7 +181,9 @@ class _Plane:
         points, reads = self.grid(WIDE, HIGH, 0.5)
         width = WIDTH / WIDE
         height = HEIGHT / HIGH
-        for name, node in ({} if self.task.figure is None else self.task.figure.highlight).items():
+        for name, node in (
+            {} if self.task.annotations.figure is None else self.task.annotations.figure.highlight
+        ).items():
             if name not in ROLES or node.type.shape:
                 continue
             holds = at_states(self.task, node, reads, len(points)).astype(bool)
@@ -194,7 +203,7 @@ class _Plane:
         """Yield arrows for one step from points of the plane, the longest as long as there is room."""
         points, reads = self.grid(ACROSS, DOWN)
         reads |= _neutral(self.task) | {(Reading.TIME, "t"): np.zeros(1, dtype=np.int64)}
-        after = dict(zip((c.name for c in self.task.state), batch.evaluate(self.task.next, reads), strict=True))
+        after = dict(zip((c.name for c in self.task.state), batch.evaluate(self.task.process.next, reads), strict=True))
         targets = np.stack([np.broadcast_to(after[name], len(points)) for name in self.pair], axis=-1).astype(float)
         led = np.isfinite(targets).all(1)
         starts = list(starmap(self.plot.at, points[led].tolist()))
@@ -208,7 +217,7 @@ class _Plane:
 
 
 def _neutral(task: Task) -> Reads:
-    if all(c.is_finite for c in task.action):
+    if are_finite(task.action):
         space = Space(task.action, Reading.ACTION)
         return dict(space.decode(np.array([space.size // 2])))
     found: Reads = {}
@@ -220,7 +229,7 @@ def _neutral(task: Task) -> Reads:
 
 def arm(task: Task, overlay: Overlay) -> Scene | None:
     """Draw links in a chain, each at the angle (from hanging down) that `values` has for it, in a first state."""
-    node: Node | None = None if task.figure is None else task.figure.values
+    node: Node | None = None if task.annotations.figure is None else task.annotations.figure.values
     if node is None or len(node.type.shape) != 1 or not 1 <= node.type.size <= MOST_LINKS:
         return None
     state = overlay.here or first_state(task)

@@ -60,7 +60,7 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
 def episode_series(task: Task, overlay: Overlay) -> Scene | None:
     """Draw all numbers of a task over the episode so far; None if it has a figure, or other components."""
     shown = len(task.state) <= MOST and all(not c.type.shape and c.domain is None for c in task.state)
-    if shown and task.figure is None:
+    if shown and task.annotations.figure is None:
         return _so_far(task, overlay.seen)
     return None
 
@@ -141,7 +141,7 @@ def _time(first: int, last: int, panels: int) -> Iterator[Item]:
 
 
 def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
-    node = None if task.figure is None else task.figure.values
+    node = None if task.annotations.figure is None else task.annotations.figure.values
     found = []
     if node is None:
         names = of_task(task)

@@ -21,7 +21,8 @@ from taskspec.lang.variates import sampler
 from taskspec.model.space import Space
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
-from taskspec.task.task import Component, Task
+from taskspec.task.parts import Component, by_read
+from taskspec.task.task import Task
 
 State = Mapping[str, Any]
 Reads = dict[tuple[Role, str], Array]
@@ -64,7 +65,7 @@ def all_states(task: Task) -> tuple[Reads, int] | None:
 
 def first_state(task: Task, seed: int = 0) -> dict[str, Any]:
     found: dict[str, Any] = {}
-    for c, flat in zip(task.state, _reset(task, task.initial, seed), strict=True):
+    for c, flat in zip(task.state, _reset(task, task.process.initial, seed), strict=True):
         if c.type.shape:
             found[c.name] = np.array([float(x) for x in flat]).reshape(c.type.shape)
         else:
@@ -82,13 +83,13 @@ def expert_path(task: Task, steps: int = STEPS, seed: int = 0) -> list[dict[str,
     """Return states of an episode of the expert, where its actions are expressions and nothing is drawn in a step."""
     task = task.remembering()
     states = [first_state(task, seed)]
-    nodes = (*task.next, task.terminal)
-    if not isinstance(task.expert, tuple) or draws_of((*nodes, *task.expert)):
+    nodes = (*task.process.next, task.process.terminal)
+    if not isinstance(task.annotations.expert, tuple) or draws_of((*nodes, *task.annotations.expert)):
         return states
     for t in range(steps if task.horizon is None else min(steps, task.horizon)):
         reads = {**reads_of(task, states[-1]), (Role.TIME, "t"): np.array([t], dtype=np.int64)}
-        actions = batch.evaluate(task.expert, reads)
-        chosen = {(Role.ACTION, c.name): a for c, a in zip(task.action, actions, strict=True)}
+        actions = batch.evaluate(task.annotations.expert, reads)
+        chosen = by_read(Role.ACTION, task.action, actions)
         *found, ends = batch.evaluate(nodes, reads | chosen)
         states.append({c.name: v[..., 0] for c, v in zip(task.state, found, strict=True)})
         if bool(np.all(ends)):
@@ -116,7 +117,7 @@ def is_noisy(task: Task) -> bool:
 
 def observed(task: Task) -> Iterator[Item]:
     """Yield a first observation as boxes and bars, from (0, 0) to the right."""
-    flats = _reset(task, (*task.initial, *task.first_observation), 0)[len(task.initial) :]
+    flats = _reset(task, (*task.process.initial, *task.first_observation), 0)[len(task.process.initial) :]
     names = of_task(task)
     x = 0.0
     for component, flat in zip(task.observation.components, flats, strict=True):
@@ -180,7 +181,7 @@ def state_table(task: Task, state: State) -> Scene:
 def not_drawn(task: Task, needs: str) -> Scene:
     """Return the frame in place of a figure that does not fit: the size of the task and what a figure of its kind needs."""
     size = f"{_count(task.state, 'state', task.is_finite)} and {_count(task.action, 'action')}"
-    kind = "" if task.figure is None else task.figure.kind
+    kind = "" if task.annotations.figure is None else task.annotations.figure.kind
     reason = f"No {kind} is drawn: {needs.replace('`', '')}"
     words = [Label((0.0, 0.0), m.Words(size), 0.3, "start")]
     for i, line in enumerate(textwrap.wrap(reason, FRAME_LETTERS), start=1):

@@ -15,9 +15,9 @@ from typing import NoReturn
 import numpy as np
 
 from taskspec.base.diagnostics import Collector, suggest
-from taskspec.lang import alternatives, dists, sets
+from taskspec.lang import alternatives, dists, sets, types
 from taskspec.lang import syntax as s
-from taskspec.lang.ir import Const, Node, Role, reads
+from taskspec.lang.ir import Const, Node, Role, have_one_shape, reads
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.parse import advice
 from taskspec.lang.scope import BaseChecker, ClampedIndex, FunctionDef, Lazy, Poisoned, Scope, Value, named, varies
@@ -136,6 +136,10 @@ def _applied(
     """Return a definition with these values for its arguments."""
     leave = function.enter(expr)
     try:
+        for name, value in zip(function.arguments, given, strict=True):
+            axes = len(types.shape(value.node.type, value.domain))
+            known = checker.argument_axes.get((function.name, name), 0)
+            checker.argument_axes[function.name, name] = max(axes, known)
         inner = function.scope.child(dict(zip(function.arguments, given, strict=True)))
         inner.draws = NO_DRAWS
         return checker.value(function.body, inner, want)
@@ -170,7 +174,7 @@ def _fold(checker: BaseChecker, expr: s.Call, scope: Scope) -> Value:
         found.append(checker.number_of(value))
     if expr.function == "fold":
         return value
-    if len({n.type.shape for n in found}) > 1:
+    if not have_one_shape(found):
         checker.fail("E307", expr, "the intermediate values have different shapes")
     return Value(checker.stack(found, expr))
 

@@ -113,8 +113,6 @@ class Dist:
     build: Callable[[Builder, Mapping[str, Node], Shape], Node]
     doc: str
     latex: str
-    certain: Callable[[Mapping[str, Node | None]], bool] = lambda given: False
-    """Whether its arguments leave it one outcome."""
     brackets: Brackets = ENCLOSED
     shaped: bool = True  # takes `shape=`
     samples: tuple[Mapping[str, float | tuple[float, ...]], ...] = ()
@@ -300,30 +298,6 @@ def _elements(b: Builder, node: Node, shape: Shape) -> list[Node]:
     return [b.structure("element", [flat], (i,)) for i in range(size)]
 
 
-def _is_all(name: str, *values: float) -> Callable[[Mapping[str, Node | None]], bool]:
-    """Return whether an argument is a constant with one of some values everywhere."""
-
-    def test(given: Mapping[str, Node | None]) -> bool:
-        node = given.get(name)
-        return isinstance(node, Const) and set(node.flat) in [{value} for value in values]
-
-    return test
-
-
-def _has_no_width(given: Mapping[str, Node | None]) -> bool:
-    return given.get("low") is not None and given.get("low") is given.get("high")
-
-
-def _has_one_share(given: Mapping[str, Node | None]) -> bool:
-    alpha = given.get("alpha")
-    return alpha is not None and alpha.type.size == 1
-
-
-def _has_one_weight(given: Mapping[str, Node | None]) -> bool:
-    p = given.get("p")
-    return isinstance(p, Const) and len(p.type.shape) == 1 and sum(v > 0 for v in p.flat) == 1
-
-
 _P = Argument("p", low=0, high=1)
 _TRIALS = "for `s` trials, where `s` is at most 10, write `count([Bernoulli(p) and i < s for i in range(10)])`"
 DISTS: dict[str, Dist] = {
@@ -331,24 +305,24 @@ DISTS: dict[str, Dist] = {
     for d in (
         Dist("Uniform", (Argument("low"), Argument("high")), _uniform,
              "Uniform real between `low` and `high`; `Uniform({a, b, ...})` is uniform over a finite set.",
-             r"\operatorname{Unif}({low}, {high})", _has_no_width, samples=({"low": -1, "high": 3}, {"low": 2.5, "high": 2.5})),
+             r"\operatorname{Unif}({low}, {high})", samples=({"low": -1, "high": 3}, {"low": 2.5, "high": 2.5})),
         Dist("UniformInt", (Argument("low"), Argument("high")), _uniform_int,
              "Uniform integer from `low` to `high`, both included.",
-             r"\operatorname{Unif}\{{low}, \ldots, {high}\}", _has_no_width,
+             r"\operatorname{Unif}\{{low}, \ldots, {high}\}",
              samples=({"low": -2, "high": 5}, {"low": 3, "high": 3})),
         Dist("Normal", (Argument("mean", 0), Argument("std", 1, low=0)), _normal, "Normal (Gaussian) real.",
-             r"\mathcal{N}({mean}, {std}^2)", _is_all("std", 0), samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0}),
+             r"\mathcal{N}({mean}, {std}^2)", samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0}),
              brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM))),
         Dist("TruncatedNormal", (Argument("mean"), Argument("std", low=0, open=True), Argument("low"), Argument("high")),
              _truncated_normal, "Normal real between `low` and `high`; `mean` and `std` are those before truncation.",
-             r"\mathcal{N}_{[{low}, {high}]}({mean}, {std}^2)", _has_no_width,
+             r"\mathcal{N}_{[{low}, {high}]}({mean}, {std}^2)",
              samples=({"mean": 1, "std": 2, "low": 0, "high": 2}, {"mean": 0, "std": 1, "low": 3, "high": 5}),
              brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM, Level.SCOPE, Level.SCOPE))),
         Dist("Bernoulli", (_P,), _bernoulli, "A condition that holds with probability `p`.",
-             r"\operatorname{Bernoulli}({p})", _is_all("p", 0, 1), samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
+             r"\operatorname{Bernoulli}({p})", samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
         Dist("Binomial", (Argument("n", static=True, low=0, otherwise=_TRIALS), _P), _binomial,
              "Number of successes in `n` trials that each succeed with probability `p`.",
-             r"\operatorname{Binomial}({n}, {p})", _is_all("p", 0, 1),
+             r"\operatorname{Binomial}({n}, {p})",
              samples=({"n": 6, "p": 0.3}, {"n": 1, "p": 0.5}, {"n": 4, "p": 0}, {"n": 40, "p": 0.9})),
         Dist("Exponential", (Argument("rate", 1, low=0, open=True),), _exponential, "Exponential real with mean 1/`rate`.",
              r"\operatorname{Exp}({rate})", samples=({"rate": 2},)),
@@ -357,21 +331,21 @@ DISTS: dict[str, Dist] = {
              samples=({"a": 2.5, "rate": 2}, {"a": 0.25, "rate": 1})),
         Dist("Geometric", (Argument("p", low=0, high=1, open=True),), _geometric,
              "Number of trials up to the first success, where each succeeds with probability `p`: 1 or more.",
-             r"\operatorname{Geometric}({p})", _is_all("p", 1), samples=({"p": 0.5}, {"p": 0.2}, {"p": 1})),
+             r"\operatorname{Geometric}({p})", samples=({"p": 0.5}, {"p": 0.2}, {"p": 1})),
         Dist("Poisson", (Argument("rate", low=0),), _poisson, "Number of events, with mean `rate`.",
-             r"\operatorname{Poisson}({rate})", _is_all("rate", 0), samples=({"rate": 4}, {"rate": 0}, {"rate": 0.25})),
+             r"\operatorname{Poisson}({rate})", samples=({"rate": 4}, {"rate": 0}, {"rate": 0.25})),
         Dist("Dirichlet", (Argument("alpha", vector=True, low=0, open=True),), _dirichlet,
              "A vector of probabilities with concentrations `alpha`.", r"\operatorname{Dirichlet}({alpha})",
-             _has_one_share, shaped=False, samples=({"alpha": (1.0, 0.5, 3.0)},)),
+             shaped=False, samples=({"alpha": (1.0, 0.5, 3.0)},)),
         Dist("Beta", (Argument("a", low=0, open=True), Argument("b", low=0, open=True)), _beta,
              "A real between 0 and 1 with mean `a / (a + b)`.", r"\operatorname{Beta}({a}, {b})",
              samples=({"a": 2, "b": 5}, {"a": 0.5, "b": 0.25})),
         Dist("Permutation", (Argument("n", static=True, low=0),), _permutation,
              "A uniform permutation of 0, ..., n - 1; `shape=` gives a vector of permutations.",
-             r"\operatorname{Perm}({n})", _is_all("n", 1), samples=({"n": 5}, {"n": 1})),
+             r"\operatorname{Perm}({n})", samples=({"n": 5}, {"n": 1})),
         Dist("Subset", (Argument("n", static=True, low=0), Argument("k", static=True, low=0)), _subset,
              "`n` conditions of which `k` hold, all choices equally likely; `shape=` gives a vector of choices.",
-             r"\operatorname{Subset}({n}, {k})", lambda given: _is_all("k", 0)(given) or given["n"] is given["k"],
+             r"\operatorname{Subset}({n}, {k})",
              samples=({"n": 5, "k": 2}, {"n": 3, "k": 3})),
     )
 }  # fmt: skip
@@ -379,7 +353,7 @@ DISTS: dict[str, Dist] = {
 CATEGORICAL = Dist(
     "Categorical", (Argument("p"),), lambda b, a, shape: b.draw("categorical", (a["p"],), Type(Kind.INT, shape)),
     "`Categorical({value: p, ...})` draws a value; `Categorical(p)` with a vector of probabilities draws an index.",
-    r"\operatorname{Categorical}({p})", _has_one_weight, samples=({"p": (0.25, 0.0, 0.75)}, {"p": (0.5, 0.5)}, {"p": (1.0,)}),
+    r"\operatorname{Categorical}({p})", samples=({"p": (0.25, 0.0, 0.75)}, {"p": (0.5, 0.5)}, {"p": (1.0,)}),
 )  # fmt: skip
 
 

@@ -42,12 +42,12 @@ LARGEST_NUMBER = 1e100
 def outside_domain(task: Task) -> tuple[str, float] | None:
     """Return the first section with a number outside of the domain of exact models, and the number (E411)."""
     sections = {
-        "reward": (task.reward,),
-        "initial": task.initial,
-        "dynamics": task.next,
-        "expert": task.expert if isinstance(task.expert, tuple) else (),
+        "reward": (task.process.reward,),
+        "initial": task.process.initial,
+        "dynamics": task.process.next,
+        "expert": task.annotations.expert_nodes,
     }
-    for value in _sizes([task.reward]):
+    for value in _sizes([task.process.reward]):
         if not SMALLEST_NUMBER <= value <= LARGEST_NUMBER:
             return "reward", value
     for section, nodes in sections.items():

@@ -16,7 +16,7 @@ from taskspec.lang.types import Kind
 from taskspec.lang.variates import VARIATES, words_of
 from taskspec.model.model import refuse
 from taskspec.model.space import Reads, Space
-from taskspec.task.task import Component
+from taskspec.task.parts import Component
 
 TIME = (Role.TIME, "t")
 SAMPLES = 4096

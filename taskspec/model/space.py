@@ -13,7 +13,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.lang.ir import Role
 from taskspec.lang.types import BOOLEAN_LABELS, Kind
-from taskspec.task.task import Component
+from taskspec.task.parts import Component
 
 # -- sets of codes as sorted arrays, each code once: by sorting, which is far faster than NumPy's hash tables -------------
 

@@ -223,9 +223,8 @@ def merge_outcomes(keys: Sequence[Array], weight: Array) -> tuple[list[Array], A
     for key in keys:
         fresh[1:] |= key[1:] != key[:-1]
     start = np.flatnonzero(fresh)
-    if len(start) == len(weight):
-        total = weight
-    else:
+    total = weight
+    if len(start) != len(weight):
         total = np.add.reduceat(weight, start)
     return [key[start] for key in keys], total
 
@@ -253,9 +252,8 @@ class Outcomes:
     def spread(self, lanes: int) -> tuple[Array, ...]:
         """Return points, codes, weights, rewards, ends and which are outside, (M,) each."""
         point = np.arange(lanes) if self.origin is None else self.origin
-        if self.outside is None:
-            outside = np.zeros(1, np.bool_)
-        else:
+        outside = np.zeros(1, np.bool_)
+        if self.outside is not None:
             outside = self.outside
         fields = (point, self.code, self.weight, self.reward, self.terminal, outside)
         return tuple(np.broadcast_to(x, (len(point),)) for x in fields)
@@ -285,14 +283,14 @@ class Steps:
         self.task = task
         self.states = Space(task.state, Role.STATE)
         self.actions = Space(task.action, Role.ACTION)
-        decisive = draws((*task.next, task.terminal))
+        decisive = draws((*task.process.next, task.process.terminal))
         b = task.new_builder()
         if as_paid:
-            self.reward = task.reward
+            self.reward = task.process.reward
         else:
-            self.reward = expected(task.reward, b, decisive)
-        self.roots = lumped((*task.raw_next, self.reward, task.terminal), b)
-        self.first = lumped(task.raw_initial, b)
+            self.reward = expected(task.process.reward, b, decisive)
+        self.roots = lumped((*task.process.raw_next, self.reward, task.process.terminal), b)
+        self.first = lumped(task.process.raw_initial, b)
 
     @cached_property
     def draws(self) -> tuple[Draw, ...]:
@@ -309,7 +307,7 @@ class Steps:
     @property
     def ends(self) -> bool:
         """Whether some step may terminate."""
-        return not (isinstance(self.task.terminal, Const) and not self.task.terminal.value)
+        return not (isinstance(self.task.process.terminal, Const) and not self.task.process.terminal.value)
 
     @cached_property
     def branching(self) -> float:

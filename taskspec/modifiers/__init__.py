@@ -18,8 +18,8 @@ from taskspec.modifiers.entry import ModifierArgument as ModifierArgument
 from taskspec.modifiers.entry import ModifierEntry as ModifierEntry
 from taskspec.source import Packed, packed, unpacked
 from taskspec.task.build import build, reduce_task
-from taskspec.task.parts import Ending
-from taskspec.task.task import Modifier, Task
+from taskspec.task.parts import Ending, Modifier
+from taskspec.task.task import Task
 
 __all__ = ["MODIFIERS", "Modifier", "modify"]
 
@@ -206,15 +206,12 @@ def _modified(task: Task, given: Modifier) -> Task:
     if changed is task:  # it was as the modifier makes it
         return task
     if not entry.claims:
-        changed = replace(changed, claims=(), examples=())
+        changed = changed.with_annotations(claims=(), examples=())
         if KEPT.index(entry.kept(task, values)) > KEPT.index("best policies"):
             changed = forgetting(changed)
-    return replace(
-        changed,
-        modifiers=(*task.modifiers, given),
-        written_as=task.unmodified,
-        content_hash=hashlib.sha256(f"{task.content_hash}+{given}".encode()).hexdigest(),
-    )
+    content_hash = hashlib.sha256(f"{task.content_hash}+{given}".encode()).hexdigest()
+    source = replace(changed.source, content_hash=content_hash)
+    return replace(changed, source=source, modifiers=(*task.modifiers, given), written_as=task.unmodified)
 
 
 def _inapplicable(task: Task, given: Modifier, reason: str, hint: str | None) -> SpecError:
@@ -225,7 +222,14 @@ def _reduce(task: Task) -> tuple[Any, ...]:
     """Return a pickled task, with its modifiers, which are applied again when it is built."""
     if not task.modifiers:
         return reduce_task(task)
-    return _unpickled, (packed(task.document), task.variant, task.values, task.suite, task.modifiers, task.remembers)
+    return _unpickled, (
+        packed(task.source.document),
+        task.source.variant,
+        task.values,
+        task.source.suite,
+        task.modifiers,
+        task.annotations.remembers,
+    )
 
 
 def _unpickled(

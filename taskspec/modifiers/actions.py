@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -33,8 +32,9 @@ from taskspec.modifiers.core import (
     with_state,
 )
 from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, as_well
+from taskspec.task.parts import Component, by_name
 from taskspec.task.reach import Observed, reach, saturated
-from taskspec.task.task import Component, Task
+from taskspec.task.task import Task
 
 
 def _sticky(b: Builder, task: Task, given: Arguments) -> Task:
@@ -96,12 +96,12 @@ def _permuted(b: Builder, task: Task, given: Arguments) -> Task:
         return apart(b, task.action, codes.reshape(-1).tolist(), at)
 
     meant = through(table, [present(b, c, Role.ACTION) for c in task.action])
-    expert = task.expert
+    expert = task.annotations.expert
     if isinstance(expert, tuple):
         expert = tuple(through(np.argsort(table, axis=1), list(expert)))
-    by_name: Mapping[str, Node] = {c.name: n for c, n in zip(task.action, meant, strict=True)}
     plain = tuple(replace(c, domain=None) for c in task.action)  # a label would say what an action no longer does
-    return meaning(b, replace(task, action=plain, expert=expert), by_name)
+    changed = replace(task, action=plain).with_annotations(expert=expert)
+    return meaning(b, changed, by_name(task.action, meant))
 
 
 def permutations(seed: int, rows: int, count: int) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
@@ -167,9 +167,11 @@ def _absorbing(b: Builder, task: Task, given: Arguments) -> Task:
         return tuple(b.apply("where", over, read, node) for read, node in zip(reads, nodes, strict=True))
 
     flag = Component(name, BOOL, (0,), (1,), doc="whether the episode has ended")
-    changed = replace(task, next=held(task.next), raw_next=held(task.raw_next), terminal=b.scalar(False))
-    changed = paying(b, changed, b.apply("where", over, task.absorbing_reward, task.reward))
-    ended = with_state(changed, [AddedState(flag, b.scalar(False), b.apply("or", over, task.terminal))])
+    changed = task.with_process(
+        next=held(task.process.next), raw_next=held(task.process.raw_next), terminal=b.scalar(False)
+    )
+    changed = paying(b, changed, b.apply("where", over, task.process.absorbing_reward, task.process.reward))
+    ended = with_state(changed, [AddedState(flag, b.scalar(False), b.apply("or", over, task.process.terminal))])
     return replace(ended, observation=task.observation)  # an absorbed state is observed as what it is
 
 
@@ -189,8 +191,8 @@ def _horizon(b: Builder, task: Task, given: Arguments) -> Task:
 
 def _longer(b: Builder, task: Task, steps: int) -> Task:
     """Ints without ends may get further than before, and what is observed of them too."""
-    following = tuple(saturated(b, task.state, task.initial, task.next, steps))
-    reached = reach(task.state, task.initial, following, steps)
+    following = tuple(saturated(b, task.state, task.process.initial, task.process.next, steps))
+    reached = reach(task.state, task.process.initial, following, steps)
     seen = Observed(b, task.state, reached)
     endless = {c.name for c in task.state if not all(map(math.isfinite, (*c.low, *c.high)))}
     components = []
@@ -200,9 +202,8 @@ def _longer(b: Builder, task: Task, steps: int) -> Task:
             low = tuple(min(v, edge[0]) for v, edge in zip(c.low, edges, strict=True))
             c = replace(c, low=low, high=tuple(max(v, edge[1]) for v, edge in zip(c.high, edges, strict=True)))
         components.append(c)
-    return replace(
-        task, horizon=steps, next=following, observation=replace(task.observation, components=tuple(components))
-    )
+    observation = replace(task.observation, components=tuple(components))
+    return replace(task, horizon=steps, observation=observation).with_process(next=following)
 
 
 def _says_horizon(task: Task, given: Arguments) -> str:

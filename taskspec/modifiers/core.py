@@ -10,11 +10,12 @@ from typing import Any
 from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
-from taskspec.lang.ir import Draw, Node, Read, Role, draws, reads, rewrite
+from taskspec.lang.ir import Draw, Node, Role, draws, reads
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.entry import Inapplicable
 from taskspec.task.bijection import parts
-from taskspec.task.task import Component, Observation, SpaceKind, Task
+from taskspec.task.parts import Component, Observation, SpaceKind, by_read
+from taskspec.task.task import Task
 
 MOST = 100_000
 """Combinations of values that are numbered in one table, at the most."""
@@ -34,9 +35,9 @@ class AddedState:
 
 def names_in(task: Task) -> set[str]:
     """Return every name that something in a task has."""
-    memory = () if task.memory is None else task.memory.components
+    memory = () if task.annotations.memory is None else task.annotations.memory.components
     found = {c.name for c in (*task.state, *task.action, *task.observation.components, *memory)}
-    return found | {p.name for p in task.parameters} | set(task.fixed)
+    return found | {p.name for p in task.parameters} | set(task.source.constants)
 
 
 def fresh(wanted: Sequence[str], taken: Iterable[str]) -> list[str]:
@@ -55,15 +56,14 @@ def with_state(task: Task, added: Sequence[AddedState]) -> Task:
     """Return the task with more components of the state; it does not observe them."""
     initial = tuple(a.initial for a in added)
     following = tuple(a.following for a in added)
-    return replace(
-        task,
-        state=(*task.state, *(a.component for a in added)),
-        initial=(*task.initial, *initial),
-        raw_initial=(*task.raw_initial, *initial),
-        next=(*task.next, *following),
-        raw_next=(*task.raw_next, *following),
-        observation=replace(task.observation, is_state=False),
+    changed = task.with_process(
+        initial=(*task.process.initial, *initial),
+        raw_initial=(*task.process.raw_initial, *initial),
+        next=(*task.process.next, *following),
+        raw_next=(*task.process.raw_next, *following),
     )
+    state = (*task.state, *(a.component for a in added))
+    return replace(changed, state=state, observation=replace(task.observation, is_state=False))
 
 
 def present(b: Builder, c: Component, role: Role = Role.STATE) -> Node:
@@ -89,16 +89,12 @@ def noisy(b: Builder, node: Node, std: float) -> Node:
 
 def acting(b: Builder, task: Task, executed: Mapping[str, Node]) -> Task:
     """Return the task in which other actions are executed than those that are chosen, by name."""
-
-    def leaf(node: Node) -> Node | None:
-        if isinstance(node, Read) and node.role is Role.ACTION:
-            return executed[node.name]
-        return None
-
     count = len(task.state)
-    roots = (*task.next, *task.raw_next, task.reward, task.terminal)
-    found = rewrite(roots, leaf, b.remake)
-    return replace(task, next=found[:count], raw_next=found[count : 2 * count], reward=found[-2], terminal=found[-1])
+    roots = (*task.process.next, *task.process.raw_next, task.process.reward, task.process.terminal)
+    found = b.substitute(roots, {(Role.ACTION, name): node for name, node in executed.items()}, late=False)
+    return task.with_process(
+        next=found[:count], raw_next=found[count : 2 * count], reward=found[-2], terminal=found[-1]
+    )
 
 
 def meaning(b: Builder, task: Task, meant: Mapping[str, Node]) -> Task:
@@ -108,39 +104,39 @@ def meaning(b: Builder, task: Task, meant: Mapping[str, Node]) -> Task:
 
 def drawing(task: Task, drawn: Mapping[int, Draw]) -> Task:
     """Return the task with more draws in its steps."""
-    return replace(task, step_draws=(*task.step_draws, *drawn.values()))
+    return task.with_process(step_draws=(*task.process.step_draws, *drawn.values()))
 
 
 def last(b: Builder, task: Task) -> Node:
     """Return whether a step is the last of an episode."""
     if task.horizon is None:
-        return task.terminal
+        return task.process.terminal
     time = b.read(Role.TIME, "t", INT, 0, task.horizon - 1)
-    return b.apply("or", task.terminal, b.apply("eq", time, b.scalar(task.horizon - 1)))
+    return b.apply("or", task.process.terminal, b.apply("eq", time, b.scalar(task.horizon - 1)))
 
 
 def after_step(b: Builder, task: Task, node: Node) -> Node:
     """Return a function of the state as one of the state that a step leads to."""
-    following = {c.name: n for c, n in zip(task.state, task.next, strict=True)}
-
-    def leaf(part: Node) -> Node | None:
-        if isinstance(part, Read) and part.role is Role.STATE:
-            return following[part.name]
-        return None
-
-    return rewrite([node], leaf, b.remake_late)[0]
+    return b.substitute([node], by_read(Role.STATE, task.state, task.process.next))[0]
 
 
 def reads_time(task: Task) -> bool:
     """Return whether anything depends on the time."""
-    expert = task.expert if isinstance(task.expert, tuple) else ()
-    roots = (*task.next, task.reward, task.terminal, task.absorbing_reward, *task.observation.nodes, *expert)
+    expert = task.annotations.expert_nodes
+    roots = (
+        *task.process.next,
+        task.process.reward,
+        task.process.terminal,
+        task.process.absorbing_reward,
+        *task.observation.nodes,
+        *expert,
+    )
     return (Role.TIME, "t") in reads(roots)
 
 
 def paying(b: Builder, task: Task, reward: Node) -> Task:
     """Return the task with another reward."""
-    return replace(task, reward=b.cast(reward, Kind.REAL))
+    return task.with_process(reward=b.cast(reward, Kind.REAL))
 
 
 # -- observations -------------------------------------------------------------------------------------------------
@@ -165,13 +161,13 @@ def observing(
     now = list(zip(components, nodes, strict=True))
     before = zip(task.observation.components, task.observation.nodes, strict=True)
     lost = {(Role.NEXT, c.name) for c, node in before if (c, node) not in now and c.name not in meant}
-    changed = replace(
-        task,
-        observation=Observation(tuple(components), tuple(nodes), space),
-        reset_draws=(*task.reset_draws, *drawn.values()),
-        step_draws=(*task.step_draws, *drawn.values()),
+    changed = task.with_process(
+        reset_draws=(*task.process.reset_draws, *drawn.values()), step_draws=(*task.process.step_draws, *drawn.values())
     )
-    if task.memory is not None and lost & reads((*task.memory.initial, *task.memory.next)):
+    changed = replace(changed, observation=Observation(tuple(components), tuple(nodes), space))
+    if task.annotations.memory is not None and lost & reads(
+        (*task.annotations.memory.initial, *task.annotations.memory.next)
+    ):
         return forgetting(changed)
     return remembering(b, changed, {(Role.NEXT, name): node for name, node in meant.items()})
 
@@ -198,26 +194,18 @@ def remembering(b: Builder, task: Task, meant: Mapping[tuple[Role, str], Node]) 
 
     It is unknown where it depends on a state that is not observed.
     """
-    memory = task.memory
+    memory = task.annotations.memory
     if memory is None or not meant:
         return task
 
-    def leaf(node: Node) -> Node | None:
-        if isinstance(node, Read):
-            return meant.get((node.role, node.name))
-        return None
-
-    def read(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-        return rewrite(nodes, leaf, b.remake_late)
-
     changed = replace(
         memory,
-        initial=read(memory.initial),
-        next=read(memory.next),
-        raw_initial=read(memory.raw_initial),
-        raw_next=read(memory.raw_next),
+        initial=b.substitute(memory.initial, meant),
+        next=b.substitute(memory.next, meant),
+        raw_initial=b.substitute(memory.raw_initial, meant),
+        raw_next=b.substitute(memory.raw_next, meant),
     )
-    found = replace(task, memory=changed)
+    found = task.with_annotations(memory=changed)
     if remembers_what_is_told(found):
         return found
     return forgetting(task)
@@ -225,7 +213,7 @@ def remembering(b: Builder, task: Task, meant: Mapping[tuple[Role, str], Node]) 
 
 def remembers_what_is_told(task: Task) -> bool:
     """Return whether an expert's memory, if there is one, reads what is seen, and later itself, action and time."""
-    memory = task.memory
+    memory = task.annotations.memory
     if memory is None:
         return True
     seen = {(Role.NEXT, c.name) for c in task.observation.components}
@@ -235,7 +223,10 @@ def remembers_what_is_told(task: Task) -> bool:
 
 def forgetting(task: Task) -> Task:
     """Return the task without a written expert, and without its memory."""
-    return replace(task, memory=None, expert=None if isinstance(task.expert, tuple) else task.expert)
+    changed = task.with_annotations(memory=None)
+    if isinstance(task.annotations.expert, tuple):
+        return changed.with_annotations(expert=None)
+    return changed
 
 
 # -- joint indices ------------------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from fractions import Fraction
 from functools import reduce
 from itertools import pairwise, product
@@ -32,7 +31,8 @@ from taskspec.modifiers.core import (
     with_state,
 )
 from taskspec.modifiers.entry import STD, Arguments, ModifierArgument, ModifierEntry, always, as_well
-from taskspec.task.task import Component, Task
+from taskspec.task.parts import Component
+from taskspec.task.task import Task
 
 SCOPE = "absorbing"
 """The section whose expressions see states, and no actions."""
@@ -49,7 +49,7 @@ def potential(b: Builder, task: Task, written: str) -> Node:
     expr = parse(s.SourceText(written, lambda start, end: Span(origin, 1, start + 1, 1, end + 1)))
     names = ["t", *(c.name for c in task.action)]
     hidden = {name: Unavailable("E302", f"'{name}' cannot be used in a potential") for name in names}
-    scope = task.surface.scopes[SCOPE].child(dict(hidden))
+    scope = task.source.surface.scopes[SCOPE].child(dict(hidden))
     scope.draws = "a potential is a function of the state"
     try:
         node = Checker(b, collector).numeric(expr, scope)
@@ -96,13 +96,13 @@ class FewRewards:
 def few_rewards(b: Builder, task: Task) -> FewRewards | None:
     """Return the rewards where they are known to be few, else None."""
     known: dict[int, Values] = {}
-    for node in walk([task.reward]):
+    for node in walk([task.process.reward]):
         found = _values(b, node, [known[id(c)] for c in children(node)])
         if found is not None and len(found) <= MOST_VALUES:
             known[id(node)] = found
         else:
             known[id(node)] = None
-    constants = known[id(task.reward)]
+    constants = known[id(task.process.reward)]
     if constants is None:
         return None
     values = sorted({0.0, *(float(plain(v.value)) + 0.0 for v in constants)})
@@ -111,7 +111,7 @@ def few_rewards(b: Builder, task: Task) -> FewRewards | None:
     number: Node = b.scalar(0)
     for low, high in pairwise(values):
         half = float((Fraction(low) + Fraction(high)) / 2)  # half way, where rounding makes no difference
-        above = b.apply("lt", b.scalar(half if half < high else low), task.reward)
+        above = b.apply("lt", b.scalar(half if half < high else low), task.process.reward)
         number = b.apply("add", number, b.cast(above, Kind.INT))
     return FewRewards(tuple(values), b.within(number, 0, len(values) - 1))
 
@@ -153,7 +153,7 @@ def _delayed(b: Builder, task: Task, given: Arguments) -> Task:
         c = Component(name, Type(Kind.REAL, (steps,)), (-math.inf,) * steps, (math.inf,) * steps, doc=_QUEUE)
         queue = b.read(Role.STATE, name, c.type)
         amounts = queue
-        entry = task.reward
+        entry = task.process.reward
         nothing = b.const([0.0] * steps, c.type)
     else:
         most = len(few.values) - 1
@@ -164,7 +164,7 @@ def _delayed(b: Builder, task: Task, given: Arguments) -> Task:
         entry = few.number
         nothing = b.const([few.values.index(0.0)] * steps, c.type)
     added = AddedState(c, nothing, _moved_up(b, queue, entry))
-    everything = b.apply("add", b.apply("sum", amounts), task.reward)
+    everything = b.apply("add", b.apply("sum", amounts), task.process.reward)
     paid = b.apply("where", last(b, task), everything, b.structure("element", [amounts], (0,)))
     return with_state(paying(b, task, paid), [added])
 
@@ -190,7 +190,7 @@ def _at_end(b: Builder, task: Task, given: Arguments) -> Task:
     counted = None if few is None else _in_units(b, task, few, name)
     if counted is None:
         c = Component(name, REAL, (-math.inf,), (math.inf,), doc="the sum of the rewards so far")
-        total = b.apply("add", b.read(Role.STATE, name, REAL), task.reward)
+        total = b.apply("add", b.read(Role.STATE, name, REAL), task.process.reward)
         added = AddedState(c, b.scalar(0.0), total)
         paid = total
     else:
@@ -252,13 +252,15 @@ def _times(steps: int) -> str:
 
 def _changed(b: Builder, task: Task, op: str, given: float) -> Task:
     """Return an operation on the reward and on what absorbing states pay."""
-    reward, absorbing = (b.apply(op, b.scalar(float(given)), n) for n in (task.reward, task.absorbing_reward))
-    return paying(b, replace(task, absorbing_reward=absorbing), reward)
+    reward, absorbing = (
+        b.apply(op, b.scalar(float(given)), n) for n in (task.process.reward, task.process.absorbing_reward)
+    )
+    return paying(b, task.with_process(absorbing_reward=absorbing), reward)
 
 
 def _noise(b: Builder, task: Task, given: Arguments) -> Task:
     with b.written(apart=True) as drawn:
-        reward = noisy(b, task.reward, given["std"])
+        reward = noisy(b, task.process.reward, given["std"])
     return drawing(paying(b, task, reward), drawn)
 
 
@@ -266,7 +268,7 @@ def _shaped(b: Builder, task: Task, given: Arguments) -> Task:
     here = potential(b, task, given["of"])
     there = b.apply("where", last(b, task), b.scalar(0.0), after_step(b, task, here))
     gained = b.apply("sub", b.apply("mul", b.scalar(float(task.discount)), there), here)
-    return paying(b, task, b.apply("add", task.reward, gained))
+    return paying(b, task, b.apply("add", task.process.reward, gained))
 
 
 def _some_state(task: Task) -> str:
@@ -283,7 +285,7 @@ def _some_state(task: Task) -> str:
 
 def lasts(task: Task) -> bool:
     """Return whether all episodes are equally long."""
-    return isinstance(task.terminal, Const) and not task.terminal.value and task.horizon is not None
+    return isinstance(task.process.terminal, Const) and not task.process.terminal.value and task.horizon is not None
 
 
 TABLE = (

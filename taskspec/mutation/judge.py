@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
-import signal
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -31,9 +30,10 @@ from taskspec.soundness.soundness import cases, check_ranges
 from taskspec.source import Document, read_file
 from taskspec.task.build import build
 from taskspec.task.merge import merge, variant_names
-from taskspec.task.task import Component, Task
+from taskspec.task.parts import Component
+from taskspec.task.task import Task
 
-Class = Literal["error", "example", "claim", "warning", "equivalent", "range", "order", "silent", "slow"]
+Class = Literal["error", "example", "claim", "warning", "equivalent", "range", "order", "silent"]
 CLASSES: Mapping[Class, str] = {
     "error": "the changed spec is refused, or unsound",
     "example": "an example does not hold any more",
@@ -43,17 +43,9 @@ CLASSES: Mapping[Class, str] = {
     "range": "the same tasks; other parameter values are allowed",
     "order": "the same task; its labels are numbered otherwise",
     "silent": "nothing notices",
-    "slow": "not decided in time",
 }
-SECONDS = 60
-"""After which a change is `slow`, where the system has timers."""
 PART = 8
 """Mutants that a process is handed at once."""
-
-
-def has_timers() -> bool:
-    """Return whether changes that take too long can be given up: Windows has no signal for that."""
-    return hasattr(signal, "SIGALRM")
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,14 +78,6 @@ class Original:
 
 def judge(original: Original, mutant: Mutant) -> Judgement:
     """Return what notices a mutant: the first of the stages that does, and of all that a check says what weighs most."""
-    try:
-        with _within(SECONDS):
-            return _judged(original, mutant)
-    except TimeoutError:
-        return Judgement("slow")
-
-
-def _judged(original: Original, mutant: Mutant) -> Judgement:
     try:
         document = mutant.document()
         pairs = list(_changed(original, document))
@@ -140,31 +124,14 @@ def _are_same_everywhere(one: Task, other: Task) -> bool:
         return False
     for values in cases(one):
         try:
-            pair = [build(task.document, task.variant, values, task.suite) for task in (one, other)]
+            pair = [
+                build(task.source.document, task.source.variant, values, task.source.suite) for task in (one, other)
+            ]
         except SpecError:
             return False
         if not same_task(*pair):
             return False
     return True
-
-
-@contextmanager
-def _within(seconds: int) -> Iterator[None]:
-    """Raise TimeoutError when the inside takes longer, where the system has timers."""
-    if not has_timers():
-        yield
-        return
-
-    def stop(*_: Any) -> None:
-        raise TimeoutError
-
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(seconds)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def judgements(
@@ -218,7 +185,7 @@ def _are_same(one: Task, other: Task, ranges: bool) -> bool:
 
 def _shell(task: Task, ranges: bool) -> tuple[Any, ...]:
     """Return what a task is around its expressions, with or without the ranges of its state."""
-    expert = None if isinstance(task.expert, tuple) else (task.expert,)
+    expert = None if isinstance(task.annotations.expert, tuple) else (task.annotations.expert,)
     about = (task.horizon, task.discount, task.modifiers, task.observation.space, task.observation.is_state, expert)
     parameters = [(p.name, p.kind, p.default, p.low, p.high, p.values) for p in task.parameters]
     state = [_declared(c, ranges) for c in task.state]
@@ -234,10 +201,10 @@ def _declared(c: Component, ranges: bool) -> tuple[Any, ...]:
 
 def _forms(task: Task, forms: NormalForms) -> list[int]:
     """Return the forms of all that a task computes."""
-    found = forms.all([*task.initial, *task.first_observation])
-    found += forms.all([*task.next, task.reward, task.terminal, *task.next_observation])
-    expert = task.expert if isinstance(task.expert, tuple) else ()
-    return found + forms.all([*task.observation.nodes, task.absorbing_reward, *expert])
+    found = forms.all([*task.process.initial, *task.first_observation])
+    found += forms.all([*task.process.next, task.process.reward, task.process.terminal, *task.next_observation])
+    expert = task.annotations.expert_nodes
+    return found + forms.all([*task.observation.nodes, task.process.absorbing_reward, *expert])
 
 
 def _have_same_stand_ins(one: Task, other: Task) -> bool:
@@ -259,21 +226,21 @@ def _have_same_episodes(one: Task, other: Task, forms: NormalForms) -> bool:
     probabilities as rationals), the observations and the expert's actions are compared, all to the last bit.
     """
     for task in (one, other):
-        steps = (*task.next, task.reward, task.terminal)
+        steps = (*task.process.next, task.process.reward, task.process.terminal)
         seen = {d.site for d in draws(task.observation.nodes)}
-        for draw in draws((*task.initial, *steps)):
+        for draw in draws((*task.process.initial, *steps)):
             outcomes = VARIATES[draw.base].outcomes
             if outcomes is None or outcomes.tail:
                 return False
         if seen & {d.site for d in draws(steps)}:
             return False
-    if forms.all([one.absorbing_reward]) != forms.all([other.absorbing_reward]):
+    if forms.all([one.process.absorbing_reward]) != forms.all([other.process.absorbing_reward]):
         return False
     states = [Read(Role.STATE, c.name, c.type, c.least, c.most) for c in one.state]
     try:
         model = extract(one, True, MOST_ENTRIES)
         wrong = difference(
-            model, states, extract(other, True, MOST_ENTRIES), isinstance(one.expert, tuple), as_paid=True
+            model, states, extract(other, True, MOST_ENTRIES), isinstance(one.annotations.expert, tuple), as_paid=True
         )
         return wrong is None and _have_same_observations(model, other, forms)
     except (SpecError, Uncompared):

@@ -13,8 +13,17 @@ from taskspec.printers import tree as m
 from taskspec.printers.expressions import ExpressionWriter, condition, mathematics
 from taskspec.printers.idioms import interval
 from taskspec.printers.names import Notation, expression, of_task, symbol
-from taskspec.printers.pieces import prime
-from taskspec.printers.rewrites import is_draw, rank, shows_probabilities, substitute, take_apart
+from taskspec.printers.pieces import indexed, prime
+from taskspec.printers.rewrites import (
+    broadcast,
+    has_conditions,
+    is_draw,
+    pointwise,
+    rank,
+    shows_probabilities,
+    substitute,
+    take_apart,
+)
 from taskspec.task.names import signature
 from taskspec.task.schema.models import Spec
 from taskspec.task.schema.typed import ComponentEntry, ParameterEntry
@@ -44,7 +53,7 @@ class Writing:
         return self.task.spec
 
     def parsed(self, name: str) -> Any:
-        return self.task.surface.sections.get(name)
+        return self.task.source.surface.sections.get(name)
 
     def put(self, expr: s.Expr) -> s.Expr:
         found: s.Expr = substitute(expr, self.values) if self.values else expr
@@ -62,21 +71,36 @@ class Writing:
     def symbol(self, name: str, primed: bool = False) -> m.Math:
         return prime(self.notation.symbol(name), primed)
 
-    def equation(self, left: m.Math, expr: s.Expr, of: str | None = None) -> m.Math:
-        """Return `left = expr`, or `left ~ expr` for a distribution; draws inside the expression get names."""
+    def equation(
+        self, left: m.Math, expr: s.Expr, of: str | None = None, arguments: Mapping[str, int] | None = None
+    ) -> m.Math:
+        """Return `left = expr`, or `left ~ expr` for a distribution; draws inside the expression get names.
+
+        Where conditions decide about elements, or one value is that of all, the left side has an index. `arguments` are
+        those of a function, with their axes.
+        """
         if is_draw(expr):
             sign = "=" if shows_probabilities(expr) else "∼"
             return m.Row((left, m.Sym(sign), self.math(expr, of)))
         apart = take_apart(expr, self.drawn)
         writer = ExpressionWriter(self.notation)
-        axes = dict(self.notation.axes)
+        axes = {**self.notation.axes, **(arguments or {})}
         for name, draw in apart.draws:
             if isinstance(name, s.Subscript) and isinstance(name.value, s.Name):
                 axes[name.value.id] = rank(writer, draw) + len(name.indices)
             elif isinstance(name, s.Name):
                 axes[name.id] = rank(writer, draw)
         notation = replace(self.notation, axes=axes)
-        parts: list[m.Math] = [left, m.Sym("="), self.math(apart.expr, of, notation)]
+        whole = ExpressionWriter(notation, of)
+        value = self.put(apart.expr)
+        elements = pointwise(whole, value) if has_conditions(whole, value) else None
+        if elements is None:
+            index = broadcast(whole, value)
+            right = whole.number(value).tree
+        else:
+            inner, index, element = elements
+            right = inner.number(element).tree
+        parts = [left if index is None else indexed(left, index), m.Sym("="), right]
         for name, draw in apart.draws:
             parts += [m.Sym(","), m.Gap("wide"), mathematics(name, notation), m.Sym("∼"), self.math(draw)]
         return m.Row(tuple(parts))
@@ -120,7 +144,7 @@ class Writing:
 
     def _is_vector(self, expr: s.Expr) -> bool:
         if isinstance(expr, s.Name):
-            return expr.id in self.task.fixed and bool(self.task.fixed[expr.id].type.shape)
+            return expr.id in self.task.source.constants and bool(self.task.source.constants[expr.id].type.shape)
         return isinstance(expr, s.Unary | s.Binary) and any(map(self._is_vector, m.children(expr)))
 
     def _scalar(self, name: str, entry: ComponentEntry | ParameterEntry, ends: Mapping[str, Any]) -> m.Math:

@@ -11,7 +11,7 @@ from taskspec.exact import Report, Results, Verdict, pomdp_bounds, verdicts, wro
 from taskspec.pages.prose import CellTable, Formula, Inlines, Text
 from taskspec.printers import tree as m
 from taskspec.registry import load
-from taskspec.scores.returns import CLAIMS, NUMBERS
+from taskspec.scores.returns import CLAIMS
 from taskspec.solve.enclosure import Enclosure
 from taskspec.task.task import Task, TaskLike
 
@@ -20,19 +20,15 @@ Value = int | float | Fraction
 
 @dataclass(frozen=True, slots=True)
 class ScoreFact:
-    """A return; `half` is half the width of its 95 % confidence interval when it was estimated from `episodes`.
-
-    `tested` counts the episodes on which the abstraction was tested that it comes from.
-    """
+    """A return; `half` is half the width of its 95 % confidence interval when it was estimated from `episodes`."""
 
     value: Value
     half: float = 0.0
     episodes: int = 0
-    tested: int = 0
 
     @property
     def exact(self) -> bool:
-        return self.episodes == self.tested == 0
+        return self.episodes == 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +72,7 @@ def _facts(found: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> Fa
     for name, value in returns.items():
         if value is None:
             continue
-        fact = ScoreFact(value.value, value.half if value.episodes else 0.0, value.episodes, value.tested)
+        fact = ScoreFact(value.value, value.half if value.episodes else 0.0, value.episodes)
         if name == "optimal" and seen is not None:  # a task that hides its state
             shown["optimal return, knowing the state"] = fact
             shown |= _bounds("best return with memory", seen.remembering)
@@ -101,7 +97,7 @@ def _by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterator[VerdictFact]
     """Yield one verdict for each claim, which holds if it holds in all its cases."""
     waiting = iter(decisions)
     order = list(CLAIMS)
-    for claim in task.claims:
+    for claim in task.annotations.claims:
         found = [next(waiting) for _ in claim.cases or ({},)]
         worst = max(found, key=lambda verdict: order.index(verdict.status))
         shown = CLAIMS[worst.status].shown.format(episodes=max(verdict.episodes for verdict in found))
@@ -150,9 +146,7 @@ def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:
 def _score(score: ScoreFact) -> Inlines:
     """Return a return, and how sure it is."""
     if not score.episodes:
-        if not score.tested:
-            return (Formula(number(score.value)),)
-        return (Formula(number(score.value)), Text(f" ({NUMBERS['tested'].shown.format(episodes=score.tested)})"))
+        return (Formula(number(score.value)),)
     if score.half == 0:
         return (Formula(_estimate(score.value)), Text(f" (in all of {score.episodes:,} episodes)"))
     value: m.Math = _estimate(score.value)

@@ -14,11 +14,11 @@ from taskspec.printers import idioms
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import ExpressionWriter
 from taskspec.printers.names import expression
-from taskspec.printers.rewrites import is_draw
+from taskspec.printers.rewrites import draws, is_draw
 from taskspec.printers.text import text
 from taskspec.task.names import signature
+from taskspec.task.parts import Component, Soft
 from taskspec.task.schema.typed import ComponentEntry
-from taskspec.task.task import Component, Soft
 
 _SPACES = {
     "dict": "as a dictionary of its components", "one_hot": "as one-hot vectors",
@@ -137,7 +137,7 @@ def _labels(w: Writing, c: Component) -> Inlines:
         if value is None or isinstance(mark, m.Num):
             tree = mark
         else:
-            tree = m.Row((mark, m.Sym("="), _value(w, value)))
+            tree = m.Row((mark, m.Sym("↦"), _value(w, value)))
         word = isinstance(mark, m.Words | m.Num)
         items.append((Formula(tree),) if word else (Formula(tree), Text(f" {label.replace('_', ' ')}")))
     plain = all(len(x) == 1 for x in items) and not c.domain.values
@@ -207,13 +207,16 @@ def definitions(w: Writing) -> Iterator[Inlines]:
     for name, value in w.spec.constants.items():
         if isinstance(value, Mapping) and "grid" in value:
             continue
-        yield (Formula(w.equation(w.symbol(name), expression(value))),)
+        written = expression(value)
+        once: Inlines = (Text(", drawn once per instance"),) if draws(written) else ()
+        yield (Formula(w.equation(w.symbol(name), written)), *once)
     for written, expr in (w.parsed("definitions") or {}).items():
         name, arguments = signature(written)
         left = w.symbol(name)
         if arguments is not None:
             left = m.Row((left, m.brackets(m.joined(w.notation.symbol(a) for a in arguments))))
-        yield (Formula(w.equation(left, expr)),)
+        axes = {a: w.task.source.surface.argument_axes.get((name, a), 0) for a in arguments or ()}
+        yield (Formula(w.equation(left, expr, arguments=axes)),)
     for name, expr in (w.parsed("noise") or {}).items():
         yield (Formula(w.equation(w.symbol(name), expr)), Text(f", drawn {_when_drawn(w, name)}"))
 
@@ -283,7 +286,7 @@ def roles(w: Writing) -> Iterator[Inlines]:
 
 
 def expert(w: Writing) -> Iterator[Inlines]:
-    for c in () if w.task.memory is None else w.task.memory.components:
+    for c in () if w.task.annotations.memory is None else w.task.annotations.memory.components:
         memory = w.parsed("memory")
         symbol = w.symbol(c.name)
         doc = (Text(", "), *inlines(c.doc)) if c.doc else ()
@@ -293,7 +296,7 @@ def expert(w: Writing) -> Iterator[Inlines]:
             Formula(w.equation(w.symbol(c.name, primed=True), memory[f"{c.name}'"], c.name)),
         )  # fmt: skip
     found = w.parsed("expert")
-    match w.task.expert:
+    match w.task.annotations.expert:
         case None:
             return
         case "optimal":
@@ -302,7 +305,7 @@ def expert(w: Writing) -> Iterator[Inlines]:
             if isinstance(found, s.Call):
                 value = w.math(found.args[0])
             else:
-                value = m.Num(f"{w.task.expert.beta:g}")
+                value = m.Num(f"{w.task.annotations.expert.beta:g}")
             yield (Text("Boltzmann-rational, "), formula(m.Ident("β"), m.Sym("="), value))
         case _:
             if isinstance(found, Mapping):

@@ -85,12 +85,13 @@ def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[s
     if task.modifiers:
         changed.append(f"modifiers={list(map(str, task.modifiers))!r}")
     make = f"gymnasium.make({', '.join((json.dumps('taskspec:' + task.id, ensure_ascii=False), *changed))})"
+    origin = task.source.document.origin
     return Page(
         id=task.id, name=task.name, anchor=anchor(task.name), title=task.title,
         capability=task.spec.capability or "", summary=inlines(task.spec.summary),
         description=blocks(task.spec.description), make=visible(make, keep=""), sections=shown,
         sources=tuple(Cite(x.key, x.where) for x in task.spec.sources),
-        source_text=task.document.origin.text, source_name=task.document.origin.name.replace("\\", "/").rsplit("/")[-1],
+        source_text=origin.text, source_name=origin.name.replace("\\", "/").rsplit("/")[-1],
         task=task, facts=facts, settings=settings,
     )  # fmt: skip
 
@@ -116,23 +117,43 @@ def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> 
 def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tuple[Section, ...]:
     """Return the sections, every line with its form at each setting if they are few, and the scores side by side."""
     shown = sections.all_sections(Writing(task, {}), facts)
-    for each in settings if len(settings) < scores.MOST_COLUMNS else ():
-        found = {s.key: s for s in sections.all_sections(Writing(each.task, each.task.values), each.facts)}
-        shown = [_beside(s, found.get(s.key)) for s in shown]
     if not settings:
         return tuple(shown)
+    if len(settings) < scores.MOST_COLUMNS:
+        own_values = _concrete(task, facts)
+        for each in settings:
+            found = _concrete(each.task, each.facts)
+            varied = [name for name, value in task.values.items() if each.task.values[name] != value]
+            only_here = Text(f" (for {', '.join(f'{name} = {task.values[name]}' for name in varied)})")
+            shown = [_beside(s, own_values.get(s.key), found.get(s.key), only_here) for s in shown]
     own = ", ".join(f"{p.name} = {p.value}" for p in task.parameters)
     table = scores.table([(own, task, facts), *((s.title, s.task, s.facts) for s in settings)])
     return tuple(replace(s, lines=(), table=table) if s.key == "scores" else s for s in shown)
 
 
-def _beside(section: Section, concrete: Section | None) -> Section:
-    if concrete is None or len(concrete.lines) != len(section.lines) or section.key in ("parameters", "scores"):
-        return section  # a setting is headed by its parameters, and scores stand side by side
+def _concrete(task: Task, facts: Facts) -> dict[str, Section]:
+    """Return sections by key, with the values of the parameters in place of their names."""
+    return {section.key: section for section in sections.all_sections(Writing(task, task.values), facts)}
+
+
+def _beside(section: Section, own: Section | None, concrete: Section | None, only_here: Text) -> Section:
+    """Return a section with what its lines are at a setting, where that differs from what they are at the task's own values.
+
+    A claim that does not hold there is marked as one about the task's own values.
+    """
+    if section.key in ("parameters", "scores"):  # a setting is headed by its parameters, and scores stand side by side
+        return section
+    if own is None or concrete is None or not len(own.lines) == len(concrete.lines) == len(section.lines):
+        return section
     lines = []
-    for line, other in zip(section.lines, concrete.lines, strict=True):
-        found = other.content if other.content != line.content else ()
-        lines.append(replace(line, values=(*line.values, found)))
+    for line, usual, other in zip(section.lines, own.lines, concrete.lines, strict=True):
+        found = other.content if other.content != usual.content else ()
+        content = line.content
+        if sections.NOT_HERE in found:
+            found = ()
+            if only_here not in content:  # before the mark
+                content = (*content[:-2], only_here, *content[-2:])
+        lines.append(replace(line, content=content, values=(*line.values, found)))
     return replace(section, lines=tuple(lines))
 
 
@@ -194,7 +215,7 @@ def _shorter(line: SectionLine) -> SectionLine:
 
 def families(pages: Iterable[Page]) -> list[Family]:
     found = []
-    for _, group in groupby(pages, key=lambda page: page.task.document.origin.name):
+    for _, group in groupby(pages, key=lambda page: page.task.source.document.origin.name):
         head, *others = group
         siblings = [_sibling(page, [head, *others[:i]]) for i, page in enumerate(others)]
         found.append(Family(head, tuple(siblings)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import groupby
 
@@ -34,9 +34,12 @@ from taskspec.printers.names import expression
 from taskspec.printers.text import text
 from taskspec.rules.claim_rules import MODELS, RESULTS
 from taskspec.task.build import build_abstract
+from taskspec.task.parts import Claim, Example, Followed, are_finite
 from taskspec.task.spaces import SpaceLayout
-from taskspec.task.task import Claim, Example, Followed, Task
+from taskspec.task.task import Task
 
+NOT_HERE = Mark(False, "not for these values")
+"""The mark of a claim that is about other values of the parameters."""
 _ENDS = {"terminal": "terminates", "truncated": "is truncated"}
 
 
@@ -99,7 +102,7 @@ def examples(w: Writing, wrong: frozenset[int] = frozenset()) -> CellTable | Non
     """Return the examples of a task without columns that stay empty; None if there are none."""
     columns: dict[str, list[Inlines]] = {}
     for title, make in _COLUMNS:
-        columns[title] = [make(w, example) for example in w.task.examples]
+        columns[title] = [make(w, example) for example in w.task.annotations.examples]
     entries = w.spec.examples
     columns[""] = [inlines(entry.doc) for entry in entries]
     kept = [(title, cells) for title, cells in columns.items() if any(cells)]
@@ -194,17 +197,39 @@ _MAPS = {"observation": "what is seen: ", "action": "actions: "}
 def symmetries(w: Writing) -> Iterator[Inlines]:
     """Yield a line for each: its name, what it is, its maps, and how it is known to keep returns."""
     exprs: Mapping[str, Mapping[str, Mapping[str, s.Expr]]] = w.parsed("symmetries") or {}
-    for symmetry in w.task.symmetries:
+    for symmetry in w.task.annotations.symmetries:
         content: list[Inline] = [CodeSpan(symmetry.name), Text(": ")]
         content += [*inlines(symmetry.doc), Text("; ")] if symmetry.doc else []
         for key, maps in exprs[symmetry.name].items():
-            shown = [formula(w.symbol(name), m.Sym("↦"), w.math(expr)) for name, expr in maps.items()]
-            content += [Text(_MAPS[key]), *listing([(each,) for each in shown]), Text("; ")]
+            shown = [(each,) for each in _maps(w, key, maps)]
+            content += [Text(_MAPS[key]), *listing(shown), Text("; ")]
         found = verify_symmetry(w.task, symmetry)
         mark = Mark(False, "false")
         if found.problem is None:
             mark = Mark(True, "proved" if found.is_proved else f"tested at {found.points:,} points")
         yield (*content, Text("returns are kept "), mark)
+
+
+def _maps(w: Writing, key: str, maps: Mapping[str, s.Expr]) -> Iterator[Formula]:
+    """Yield what each component is mapped to; all of them together, where one is made of others."""
+    task = w.task
+    components = task.observation.components if key == "observation" else task.action
+    names = [c.name for c in components]
+    joined = set(maps)
+    for expr in maps.values():
+        joined |= {x.id for x in s.names(expr) if isinstance(x, s.Name)} & set(names)
+    if joined == set(maps) and all(_reads_itself(name, expr, names) for name, expr in maps.items()):
+        for name, expr in maps.items():
+            yield formula(w.symbol(name), m.Sym("↦"), w.math(expr))
+    else:
+        whole = w.whole(name for name in names if name in joined)
+        images = [w.math(expr) for expr in maps.values()]
+        yield formula(whole, m.Sym("↦"), images[0] if len(images) == 1 else m.brackets(m.joined(images)))
+
+
+def _reads_itself(name: str, expr: s.Expr, names: Iterable[str]) -> bool:
+    """Return whether an expression reads no other component than one."""
+    return {x.id for x in s.names(expr) if isinstance(x, s.Name)} & set(names) <= {name}
 
 
 def modifiers(task: Task) -> Iterator[Inlines]:
@@ -215,18 +240,18 @@ def modifiers(task: Task) -> Iterator[Inlines]:
         return
     line: list[Inline] = [Text(f"with {'them' if len(task.modifiers) > 1 else 'it'}, the state is ")]
     line += listing([(CodeSpan(c.name),) for c in task.state])
-    if all(c.is_finite for c in task.state):
+    if are_finite(task.state):
         count = math.prod(n for c in task.state for n in c.counts)
         line += [Text(" ("), Formula(m.Num(f"{count:,}" if count < 10**9 else f"{count:.2e}")), Text(" values)")]
     rest = "; the rest of this page, its scores apart, is the task as written"
-    if task.expert is None is not task.unmodified.expert:
+    if task.annotations.expert is None is not task.unmodified.annotations.expert:
         rest += ", whose expert is not one here"
     yield (*line, Text(", and the observation is "), *_observation(task.observation_layout), Text(rest))
 
 
 def as_written(task: Task) -> Task:
     """Return the task as its spec has it, with the claims and examples that are still about it."""
-    return replace(task.unmodified, claims=task.claims, examples=task.examples)
+    return task.unmodified.with_annotations(claims=task.annotations.claims, examples=task.annotations.examples)
 
 
 def _observation(layout: SpaceLayout) -> Inlines:
@@ -314,14 +339,14 @@ def _single(section: Section) -> Section:
 
 def _claims(w: Writing, facts: Facts) -> Iterator[SectionLine]:
     verdicts = list(facts.verdicts)
-    for i, claim in enumerate(w.task.claims):
+    for i, claim in enumerate(w.task.annotations.claims):
         found = verdicts[i] if i < len(verdicts) else None
         about_others = w if not claim.cases else replace(w, values={})  # it says itself which values it is about
         cases = (Text(" (for "), *lines.cases(w, claim.cases), Text(")")) if claim.cases else ()
         content: list[Inline] = [*claim_text(about_others, claim), *cases]
         if found is not None and found.words:
-            words = "not for these values" if found.holds is False and about_others.values else found.words
-            content += [Text(" "), Mark(found.holds, words)]
+            mark = NOT_HERE if found.holds is False and about_others.values else Mark(found.holds, found.words)
+            content += [Text(" "), mark]
         yield SectionLine(tuple(content))
 
 

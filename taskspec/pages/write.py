@@ -119,8 +119,8 @@ def gather_pages(
     drawn = {p.anchor: p.task for p in pages} | {setting_anchor(p, s): s.task for p in pages for s in p.settings}
     shown = [(name, scene(task)) for name, task in telling([*drawn.items()], lambda each: f"figure of {each[1].id}")]
     scenes = {name: found for name, found in shown if found is not None}
-    cited = beside(task.document.origin.name for task in tasks) if references is None else references
-    names = dict.fromkeys(task.suite for task in tasks if task.suite)
+    cited = beside(task.source.document.origin.name for task in tasks) if references is None else references
+    names = dict.fromkeys(task.source.suite for task in tasks if task.source.suite)
     return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", pages, scenes, cited, brief)
 
 

@@ -15,7 +15,8 @@ from taskspec.registry import load
 from taskspec.rollout.rollout import State, by_expert
 from taskspec.scores.returns import Given, Results
 from taskspec.task import spaces
-from taskspec.task.task import ExpertMemory, Task, TaskLike, recall
+from taskspec.task.parts import ExpertMemory
+from taskspec.task.task import Task, TaskLike, recall
 
 if TYPE_CHECKING:
     import gymnasium
@@ -41,18 +42,18 @@ class Expert:
         self.given: Given = None if policy is None else planned(str(policy))
         if policy is not None and self.given is None:
             misused(f"{policy!r} is not an expert", '"optimal", or "soft(1)" with a number')
-        if task.expert is None and self.given is None:
+        if task.annotations.expert is None and self.given is None:
             refuse(f"{task.name} gives no expert")
         self.task: Task = task
         self.results: Results = Results(task, expert=self.given)
         self.rng: np.random.Generator = np.random.default_rng(seed)
         self.observation: spaces.SpaceLayout = task.observation_layout
         self.action: spaces.SpaceLayout = task.action_layout
-        self.memory: ExpertMemory | None = task.memory if self.given is None else None
-        self.is_expressed: bool = isinstance(task.expert, tuple) and self.given is None
+        self.memory: ExpertMemory | None = task.annotations.memory if self.given is None else None
+        self.is_expressed: bool = isinstance(task.annotations.expert, tuple) and self.given is None
         needed = {c.name for c in task.state}
-        if isinstance(task.expert, tuple) and self.is_expressed:
-            needed &= {name for role, name in reads(task.expert) if role is Role.STATE}
+        if isinstance(task.annotations.expert, tuple) and self.is_expressed:
+            needed &= {name for role, name in reads(task.annotations.expert) if role is Role.STATE}
         self.shown_by: dict[str, int] = _shown_by(task, needed)
 
     @property
@@ -121,9 +122,8 @@ class Expert:
         found = []
         size = len(self.memory.components)
         for i, (observation, t) in enumerate(zip(batch, steps, strict=True)):
-            if t == 0:
-                before = []
-            else:
+            before = []
+            if t != 0:
                 before = [tuple(part[i].tolist()) for part in state[1:]]
             seen = spaces.unpack(self.observation, observation)
             found.append(recall(self.task, self.memory, seen, before[:size], before[size:], int(t)))

@@ -16,7 +16,8 @@ import numpy as np
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.lang.types import Kind
 from taskspec.policies.policy import Actions, EpisodeBatch, TaskPolicy
-from taskspec.task.task import Component, Task
+from taskspec.task.parts import Component
+from taskspec.task.task import Task
 
 # -- functions of Python files ----------------------------------------------------------------------------------------
 

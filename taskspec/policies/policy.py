@@ -25,8 +25,9 @@ from taskspec.scores.returns import Given, Results, Return
 from taskspec.solve import solve
 from taskspec.solve.backward import Plan, rule_of
 from taskspec.solve.plans import tables, uniform_plan
+from taskspec.task.parts import Soft
 from taskspec.task.spaces import SpaceLayout, pack_many
-from taskspec.task.task import Soft, Task
+from taskspec.task.task import Task
 
 Actions = Mapping[str, Array]
 """Actions by component, (*shape, N)."""
@@ -185,10 +186,10 @@ def named(task: Task, name: str) -> NamedPolicy:
         case ("random", None):
             return RandomPolicy(task)
         case ("expert", None):
-            if task.expert is None:
+            if task.annotations.expert is None:
                 hint = "an `expert:` section says how it acts; `optimal` is planned on the exact model"
                 misused(f"{task.id} gives no expert", hint)
-            if isinstance(task.expert, tuple):
+            if isinstance(task.annotations.expert, tuple):
                 return ExpressedExpert(task)
             return PlannedPolicy(task, "expert", None)
         case ("epsilon", float(epsilon)) if 0 <= epsilon <= 1:
@@ -320,9 +321,9 @@ class ExpressedExpert(NamedPolicy):
     name = "expert"
 
     def __init__(self, task: Task) -> None:
-        assert isinstance(task.expert, tuple)
+        assert isinstance(task.annotations.expert, tuple)
         self.task = task.remembering()
-        self.layout = WordLayout.of(task.expert)
+        self.layout = WordLayout.of(task.annotations.expert)
         self.words = self.layout.count
 
     def by_words(self, states: State, t: int, words: Array) -> Actions:
@@ -354,7 +355,7 @@ class EpsilonPolicy(NamedPolicy):
     def __init__(self, task: Task, name: str, epsilon: float) -> None:
         self.name = name
         self.epsilon = epsilon
-        self.given = "optimal" if task.expert is None else None
+        self.given = "optimal" if task.annotations.expert is None else None
         self.base = named(task, self.given or "expert")
         self.task = self.base.task
         self.random = RandomPolicy(task)
@@ -377,7 +378,7 @@ class EpsilonPolicy(NamedPolicy):
             return None
         model = self.results.model  # of the task with the expert's memory, where it has one
         assert model is not None
-        return Return(solve.policy_return(model, self.plan(model)), tested=self.results.tested("expert"))
+        return Return(solve.policy_return(model, self.plan(model)))
 
 
 # -- on the exact model -----------------------------------------------------------------------------------------------

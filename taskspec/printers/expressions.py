@@ -16,7 +16,8 @@ from taskspec.printers import idioms
 from taskspec.printers import idioms as piecewise
 from taskspec.printers import tree as m
 from taskspec.printers.names import Notation, Writer, label
-from taskspec.printers.pieces import Piece, applied, fill, multiply, operands, prime
+from taskspec.printers.pieces import Piece, applied, fill, indexed, indicator, multiply, operands, prime
+from taskspec.printers.rewrites import is_vector, pointwise
 from taskspec.printers.tex import read
 from taskspec.printers.text import text
 
@@ -32,6 +33,15 @@ def condition(expr: s.Expr, notation: Notation) -> m.Math:
 
 @dataclass(frozen=True)
 class ExpressionWriter(Writer):
+    def number(self, expr: s.Expr) -> Piece:
+        """Return an expression used as a value; conditions on elements have their index below."""
+        if self.is_condition(expr) and is_vector(self, expr):
+            elements = pointwise(self, expr)
+            if elements is not None:
+                of, index, inner = elements
+                return Piece(m.Script(m.brackets(indicator(of.truth(inner).tree)), index))
+        return Writer.number(self, expr)
+
     def piece(self, expr: s.Expr) -> Piece:  # noqa: C901, PLR0912
         match expr:
             case s.Number(text=digits):
@@ -111,9 +121,12 @@ class ExpressionWriter(Writer):
             left = left.left
         factors.append(left)
         factors.reverse()
+        factors = _squared(factors)
         pieces = [self.number(f) for f in factors]
         trees = operands("*", pieces)
-        return applied("*", multiply(trees), _leads(pieces[0], trees[0]))
+        if len(factors) == 1:
+            return pieces[0]
+        return applied("*", multiply(trees, [is_vector(self, f) for f in factors]), _leads(pieces[0], trees[0]))
 
     def _compare(self, expr: s.Compare) -> Piece:
         congruence = idioms.divisible(self, expr)
@@ -161,14 +174,11 @@ class ExpressionWriter(Writer):
             return self.piece(expr.value)
         (tree,) = operands("subscript", [self.number(expr.value)])
         below = m.joined(self._index(i) for i in expr.indices)
-        if not isinstance(tree, m.Script):
-            return Piece(m.Script(tree, below))
-        slices = isinstance(expr.value, s.Subscript) and any(isinstance(i, s.Slice) for i in expr.value.indices)
-        if tree.sup is not None or (tree.sub is not None and slices):
-            return Piece(m.Script(m.brackets(tree), below))
-        if tree.sub is not None:
-            below = m.Row((tree.sub, m.Sym(","), below))
-        return Piece(replace(tree, sub=below))
+        if isinstance(tree, m.Script):
+            slices = isinstance(expr.value, s.Subscript) and any(isinstance(i, s.Slice) for i in expr.value.indices)
+            if tree.sup is not None or (tree.sub is not None and slices):
+                tree = m.brackets(tree)
+        return Piece(indexed(tree, below))
 
     def _index(self, index: s.Expr | s.Slice) -> m.Math:
         if not isinstance(index, s.Slice):
@@ -196,6 +206,23 @@ class ExpressionWriter(Writer):
 
 
 _OPPOSITE = {"==": "!=", "!=": "==", "in": "not in", "not in": "in", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
+
+
+def _squared(factors: list[s.Expr]) -> list[s.Expr]:
+    """Return factors with a name that follows itself as its square."""
+    found: list[s.Expr] = []
+    for factor in factors:
+        if (
+            isinstance(factor, s.Name)
+            and found
+            and isinstance(found[-1], s.Name)
+            and found[-1].written == factor.written
+        ):
+            two = s.Number(2, "2", factor.place)
+            found[-1] = s.Binary("**", factor, two, factor.place)
+        else:
+            found.append(factor)
+    return found
 
 
 def _leads(piece: Piece, operand: m.Math) -> bool:

@@ -152,21 +152,39 @@ def _quantifier(sign: str, conjunction: str) -> Idiom:
                 return w.truth(arg.items[0])
             return w.piece(s.Logical(conjunction, arg.items, call.place))
         if isinstance(arg, s.Comprehension):
-            truth = under(w, arg).truth(arg.element).tree
+            truth = under(w, arg).truth(_of_elements(w, arg, call).element).tree
             return applied("quantifier", m.such_that(m.Row((m.Sym(sign), _over(w, arg))), truth))
         found = pointwise(w, arg)
         if found is None:
             return None
         of, index, inner = found
-        if conjunction == "and" and isinstance(arg, s.Compare) and [op for op, _ in arg.rest] == ["=="]:
-            return w.piece(arg)  # two vectors are equal
+        if conjunction == "and" and _are_equal(w, arg):
+            return w.piece(arg)
         return applied("quantifier", m.Row((m.Sym(sign), *m.such_that(index, of.truth(inner).tree).items)))
 
     return write
 
 
+def _are_equal(w: Writer, expr: s.Expr) -> bool:
+    """Return whether an expression says that two vectors are equal."""
+    match expr:
+        case s.Compare(first=first, rest=(("==", second),)):
+            return rank(w, first) == rank(w, second)
+        case _:
+            return False
+
+
+def _of_elements(w: Writer, arg: s.Comprehension, call: s.Call) -> s.Comprehension:
+    """Return a list of lists as the list of what a function makes of each of them."""
+    if not rank(under(w, arg), arg.element):
+        return arg
+    return replace(arg, element=replace(call, args=(arg.element,)))
+
+
 def _count(w: Writer, call: s.Call) -> Piece | None:
     (arg,) = call.args
+    if isinstance(arg, s.Comprehension) and rank(w, arg) > 1:
+        return _total("∑")(w, replace(call, args=(_of_elements(w, arg, call),)))
     if isinstance(arg, s.Comprehension):
         if not all(_is_set(clause.domain) for clause in arg.clauses):
             return _over_domains(w, arg, "∑")
@@ -184,6 +202,8 @@ def _count(w: Writer, call: s.Call) -> Piece | None:
 def _total(sign: str) -> Idiom:
     def write(w: Writer, call: s.Call) -> Piece | None:
         (arg,) = call.args
+        if isinstance(arg, s.Comprehension):
+            arg = _of_elements(w, arg, call)
         match arg:
             case s.Comprehension(is_set=False, element=inner, clauses=(s.Clause((own,), s.Call("range", (n,)), ()),)):
                 low = m.Row((w.notation.symbol(own), m.Sym("="), m.Num("0")))
@@ -297,6 +317,9 @@ def less_one(w: Writer, n: s.Expr) -> m.Math:
             return m.Num(str(value - 1))
         case s.Binary(op="+", left=left, right=s.Number(value=1)):
             return w.number(left).tree
+        case s.Binary(op="-", right=s.Number(value=int(value)) as right):
+            more = replace(right, value=value + 1, text=str(value + 1))
+            return w.number(replace(n, right=more)).tree
         case _:
             one = s.Number(1, "1", n.place)
             return w.number(s.Binary("-", n, one, n.place)).tree
@@ -378,7 +401,7 @@ def distribution(w: Writer, call: s.Call) -> Piece:
     given = dict(zip((a.name for a in dist.arguments), call.args, strict=False)) | dict(call.keywords)
     shape = given.pop("shape", None)
     if any(rank(w, given[name]) for name in dist.squared if name in given):
-        return _of_elements(w, call, given)
+        return _distributions(w, call, given)
     pieces = []
     for a in dist.arguments:
         pieces.append(w.number(given[a.name]) if a.name in given else Piece(m.Num(str(a.default))))
@@ -394,7 +417,7 @@ def distribution(w: Writer, call: s.Call) -> Piece:
     return applied("**", m.Script(tree, sup=m.joined((w.number(i).at(level) for i in items), "×")))
 
 
-def _of_elements(w: Writer, call: s.Call, given: Mapping[str, s.Expr]) -> Piece:
+def _distributions(w: Writer, call: s.Call, given: Mapping[str, s.Expr]) -> Piece:
     """Return a family of distributions with their index below: a matrix of deviations is squared element by element."""
     at = indices(w, call, max(rank(w, value) for value in given.values()))
     inner = w.with_axes({index.id: 0 for index in at})

@@ -135,7 +135,7 @@ def of_task(task: Task) -> Notation:
     spec = task.spec
     symbols = {name: symbol(name) for name in (*spec.constants, *spec.noise, "t", "T")}
     bodies = {}
-    for written, expr in (task.surface.sections.get("definitions") or {}).items():
+    for written, expr in (task.source.surface.sections.get("definitions") or {}).items():
         name, arguments = signature(written)
         symbols[name] = symbol(name)
         if arguments is not None and expr is not None:
@@ -152,11 +152,11 @@ def of_task(task: Task) -> Notation:
             lengths[name] = expression(first)
     symbols |= {name: symbol(name, entry.symbol) for name, entry in spec.parameters.entries.items()}
     axes = dict.fromkeys((p.name for p in task.parameters), 0) | {"t": 0, "T": 0}
-    axes |= {name: len(value.type.shape) for name, value in task.fixed.items()}
-    axes |= {name: len(found) for name, found in task.surface.shapes.items()}
+    axes |= {name: len(value.type.shape) for name, value in task.source.constants.items()}
+    axes |= {name: len(found) for name, found in task.source.surface.shapes.items()}
     labels = {}
     singles = set()
-    memory = () if task.memory is None else task.memory.components
+    memory = () if task.annotations.memory is None else task.annotations.memory.components
     for c in (*task.state, *task.action, *memory):
         sizes = shape(c.type, c.domain)
         axes[c.name] = 0 if sizes == (1,) else len(sizes)

@@ -83,19 +83,35 @@ def prime(tree: m.Math, primed: bool = True) -> m.Math:
     return m.Script(tree, primes=1)
 
 
+def indexed(tree: m.Math, below: m.Math) -> m.Math:
+    """Return a tree with an index below it, after those that it has."""
+    if not isinstance(tree, m.Script):
+        return m.Script(tree, below)
+    if tree.sub is not None:
+        below = m.Row((tree.sub, m.Sym(","), below))
+    return replace(tree, sub=below)
+
+
 def indicator(truth: m.Math) -> m.Math:
     return m.Row((m.Ident("1", "blackboard"), m.Fence("[", truth, "]")))
 
 
-def multiply(trees: Sequence[m.Math]) -> m.Math:
-    """Return a product: letters and numbers stand side by side, anything else takes a dot."""
-    out: list[m.Math] = []
-    for left, tree in zip([None, *trees], trees, strict=False):
-        if left is not None and not _may_touch(left, tree):
+def multiply(trees: Sequence[m.Math], vectors: Sequence[bool]) -> m.Math:
+    """Return a product: letters and numbers stand side by side, anything else takes a dot.
+
+    Vectors that are multiplied element by element take a dot in a circle, for a dot alone is their inner product.
+    """
+    out = [trees[0]]
+    after_vector = vectors[0]
+    for tree, is_vector in zip(trees[1:], vectors[1:], strict=True):
+        if after_vector and is_vector:
+            out.append(m.Sym("⊙"))
+        elif not _may_touch(out[-1], tree):
             out.append(m.Sym("⋅"))
-        elif left is not None and _is_name(tree):
+        elif _is_name(tree):
             out.append(m.Gap())
         out.append(tree)
+        after_vector = after_vector or is_vector
     return m.Row(tuple(out))
 
 

@@ -100,6 +100,11 @@ def is_draw(expr: s.Expr) -> bool:
     return isinstance(expr, s.Weights) or (isinstance(expr, s.Call) and is_distribution(expr.function))
 
 
+def draws(expr: s.Expr) -> bool:
+    """Return whether anything is drawn in an expression."""
+    return is_draw(expr) or any(map(draws, m.children(expr)))
+
+
 def shows_probabilities(expr: s.Expr) -> bool:
     """Return whether an expression is printed as cases with probabilities, which need no name."""
     if isinstance(expr, s.Call) and expr.function == "Categorical":
@@ -208,7 +213,30 @@ def _picked_axes(w: Writer, index: s.Expr | s.Slice) -> int:
 
 
 def _is_known(w: Writer, expr: s.Expr) -> bool:
-    return all(n.id in w.notation.axes for n in s.names(expr) if isinstance(n, s.Name))
+    known = {*w.notation.axes, *s.targets(expr)}
+    return all(n.id in known for n in s.names(expr) if isinstance(n, s.Name))
+
+
+def is_vector(w: Writer, expr: s.Expr) -> bool:
+    """Return whether an expression is known to have elements."""
+    return _is_known(w, expr) and rank(w, expr) > 0
+
+
+def has_conditions(w: Writer, expr: s.Expr) -> bool:
+    """Return whether conditions on elements decide about a vector, so that it is written with an index."""
+    if not is_vector(w, expr):
+        return False
+    match expr:
+        case s.Compare() | s.Logical() | s.Unary(op="not"):
+            return True
+        case s.Call(function="where", args=(test, *_)) if is_vector(w, test):
+            return True
+        case s.Call(function=name, args=args) if name in FUNCTIONS and not FUNCTIONS[name].whole:
+            return any(has_conditions(w, x) for x in args)
+        case s.Unary() | s.Binary() | s.IfElse() | s.Piecewise():
+            return any(has_conditions(w, x) for x in m.children(expr))
+        case _:
+            return False
 
 
 def under(w: Writer, expr: s.Comprehension) -> Writer:
@@ -242,6 +270,14 @@ def pointwise(w: Writer, expr: s.Expr) -> tuple[Writer, m.Math, s.Expr] | None:
         at = (s.Name(own, False, expr.place),)
     inner = w.with_axes({index.id: 0 for index in at})
     return inner, m.joined(w.notation.symbol(index.id) for index in at), element(inner, expr, at)
+
+
+def broadcast(w: Writer, expr: s.Expr) -> m.Math | None:
+    """Return the index of the component that is meant, if an expression is the one value of all its elements."""
+    axes = w.notation.axes.get(w.of or "", 0)
+    if not axes or w.of in w.notation.labels or not _is_known(w, expr) or rank(w, expr):
+        return None
+    return m.joined(w.notation.symbol(index.id) for index in indices(w, expr, axes))
 
 
 def indices(w: Writer, expr: s.Expr, count: int = 1) -> tuple[s.Name, ...]:

@@ -18,7 +18,7 @@ GREEK: dict[str, str] = {
 }  # fmt: skip
 
 SYMBOLS: dict[str, str] = {
-    "cdot": "⋅", "times": "×", "div": "÷", "pm": "±", "mp": "∓", "circ": "∘", "ast": "∗",
+    "cdot": "⋅", "odot": "⊙", "times": "×", "div": "÷", "pm": "±", "mp": "∓", "circ": "∘", "ast": "∗",
     "leq": "≤", "geq": "≥", "neq": "≠", "equiv": "≡", "approx": "≈", "sim": "∼", "propto": "∝", "ll": "≪",
     "gg": "≫", "in": "∈", "notin": "∉", "subset": "⊂", "subseteq": "⊆", "cup": "∪", "cap": "∩",
     "setminus": "∖", "land": "∧", "lor": "∨", "lnot": "¬", "forall": "∀", "exists": "∃", "to": "→",

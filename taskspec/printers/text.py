@@ -12,7 +12,7 @@ from taskspec.printers.pieces import NAME, TEXT
 _TIGHT = frozenset("()[]{}|‖′!")
 _AFTER = frozenset(",;:")
 _DIVIDES = (m.Sym("mod"), m.Sym("/"))
-_MULTIPLIES = (*_DIVIDES, m.Sym("⋅"), m.Sym("×"))
+_MULTIPLIES = (*_DIVIDES, m.Sym("⋅"), m.Sym("⊙"), m.Sym("×"))
 _SUB = str.maketrans("0123456789+-=()aehijklmnoprstuvx", "₀₁₂₃₄₅₆₇₈₉₊₋₌₍₎ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓ")
 _SUP = str.maketrans("0123456789+-−=()n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁻⁼⁽⁾ⁿ")
 

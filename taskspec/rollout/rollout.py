@@ -23,7 +23,8 @@ from taskspec.lang.types import Kind
 from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.model import refuse
 from taskspec.model.points import BYTES, Budget, Cost, columns, sampled
-from taskspec.task.task import Component, Task
+from taskspec.task.parts import Component
+from taskspec.task.task import Task
 
 Key = tuple[Role, str]
 State = dict[str, Array]
@@ -55,13 +56,13 @@ class Rollout:
 
     def start(self, episode: int = 0) -> State:
         words = draws.lanes_block(self.seeds, draws.RESET, episode, self.task.reset_words.count)
-        values = self._values(self.task.initial, {}, self.task.reset_words, words)
+        values = self._values(self.task.process.initial, {}, self.task.reset_words, words)
         return dict(zip((c.name for c in self.task.state), values, strict=True))
 
     def step(self, state: State, action: Mapping[str, Array], t: int, steps: int | None = None) -> Moved:
         """Return one step at time t; `steps` counts those since the seed was set (t in the first episode)."""
         words = draws.lanes_block(self.seeds, draws.STEP, t if steps is None else steps, self.task.step_words.count)
-        roots = (*self.task.next, self.task.reward, self.task.terminal)
+        roots = (*self.task.process.next, self.task.process.reward, self.task.process.terminal)
         *following, reward, terminal = self._values(roots, reads_of(state, action, t), self.task.step_words, words)
         return Moved(dict(zip(state, following, strict=True)), reward, terminal)
 
@@ -121,8 +122,8 @@ _DTYPES = {Kind.BOOL: np.bool_, Kind.INT: np.int64}
 
 def by_expert(task: Task) -> Choose:
     """Return the actions of an expert given by expressions."""
-    assert isinstance(task.expert, tuple)
-    layout = WordLayout.of(task.expert)
+    assert isinstance(task.annotations.expert, tuple)
+    layout = WordLayout.of(task.annotations.expert)
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
         lanes = next(iter(state.values())).shape[-1]
@@ -133,8 +134,8 @@ def by_expert(task: Task) -> Choose:
 
 def expert_actions(task: Task, state: State, t: int, layout: WordLayout, words: Array) -> Mapping[str, Array]:
     """Return actions by component, (*shape, N), of an expert given by expressions, from random words uint32 (count, N)."""
-    assert isinstance(task.expert, tuple)
-    values = evaluate(task.expert, reads_of(state, {}, t), batch_sampler(layout, words))
+    assert isinstance(task.annotations.expert, tuple)
+    values = evaluate(task.annotations.expert, reads_of(state, {}, t), batch_sampler(layout, words))
     pairs = zip(task.action, values, strict=True)
     return {c.name: _spread(v, words.shape[-1]) for c, v in pairs}
 
@@ -155,7 +156,7 @@ def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
     far = _affordable(task)
     rounds = max(1, far // max(STEPS, task.horizon or far))
     everyone = [(sampled_actions(task), STEPS, LANES), (_held(task), far // rounds, LANES * rounds)]
-    if isinstance(task.expert, tuple) and task.memory is None:
+    if isinstance(task.annotations.expert, tuple) and task.annotations.memory is None:
         everyone.append((by_expert(task), STEPS, LANES))
     size = sum(c.type.size for c in (*task.state, *task.action))
     numbers = size * sum(steps * lanes for _, steps, lanes in everyone)
@@ -171,7 +172,7 @@ def _affordable(task: Task) -> int:
 
     They are taken one after the other as far as an episode goes, and side by side beyond, which is quicker.
     """
-    cost = Cost((*task.next, task.reward, task.terminal), simulated=True)
+    cost = Cost((*task.process.next, task.process.reward, task.process.terminal), simulated=True)
     return max(STEPS, min(MANY_STEPS, int(HELD / cost.seconds(LANES))))
 
 
@@ -217,7 +218,7 @@ def entered(task: Task, reads: Mapping[Key, Array], ends: bool, rng: np.random.G
 
     A step that ends the episode counts with `ends` alone: a state that only such steps lead to is one that no episode acts in.
     """
-    roots = (*task.raw_next, task.terminal)
+    roots = (*task.process.raw_next, task.process.terminal)
     lanes = max(v.shape[-1] for v in reads.values())
     layout = WordLayout.of(roots)
     words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
@@ -282,13 +283,13 @@ CUT = 1e-12
 
 def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0) -> Array:
     """Return the returns float64 (N,) of episodes, discounted. Episode i has the environment's seed `seed + i`."""
-    never_ends = isinstance(task.terminal, Const) and not task.terminal.value
+    never_ends = isinstance(task.process.terminal, Const) and not task.process.terminal.value
     if never_ends and task.discount == 1 and (task.horizon is None or task.horizon > LONGEST):
         _refuse_endless(task, LONGEST)
     parts = []
-    expert = task.expert if isinstance(task.expert, tuple) else ()
-    start = Cost(task.initial, simulated=True)
-    step = Cost((*task.next, task.reward, task.terminal, *expert), simulated=True)
+    expert = task.annotations.expert_nodes
+    start = Cost(task.process.initial, simulated=True)
+    step = Cost((*task.process.next, task.process.reward, task.process.terminal, *expert), simulated=True)
     lanes = step.batch(min(episodes, WORDS // max(1, Rollout(task, 1).words)))
     budget = Budget(f"{episodes:,} episodes")
     for first in range(0, episodes, lanes):
@@ -341,8 +342,8 @@ def return_range(task: Task) -> tuple[float, float]:
         weight = 1.0
     elif gap > 0:
         weight = -math.expm1(weight * math.log1p(-gap)) / gap  # 1 - gamma**steps would cancel for gamma near 1
-    ends = [float(end) for end in bounds(task.reward, {})]
-    if not (isinstance(task.terminal, Const) and not task.terminal.value):
+    ends = [float(end) for end in bounds(task.process.reward, {})]
+    if not (isinstance(task.process.terminal, Const) and not task.process.terminal.value):
         ends.append(0.0)
     low = weight * min(ends) if min(ends) else 0.0
     high = weight * max(ends) if max(ends) else 0.0

@@ -1,8 +1,8 @@
-"""Statistics of samples: confidence intervals of means, bootstrap intervals over seeds, and tests of differences.
+"""Statistics of samples: confidence intervals of means, rates and other numbers over seeds, and tests of differences.
 
 The normal approximation fails for rare outcomes: a return of a million with probability 1e-6 leaves no trace in a thousand
 episodes. So a claim is contradicted by `mean_interval`, which holds for every distribution with bounds. Verdicts rest on the
-exact interval of a success rate over seeds. Rules over scores use percentile bootstrap intervals. Two samples of
+exact interval of a success rate over seeds, rules on exact and studentised intervals of numbers over seeds. Two samples of
 seeds are compared by permutation tests.
 """
 
@@ -13,7 +13,8 @@ import math
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from statistics import NormalDist
+from typing import Any, Literal
 
 import numpy as np
 
@@ -75,36 +76,27 @@ def seeds_interval(sample: Sequence[float]) -> tuple[float, float]:
     of width 0, which says nothing of scores that did not occur: `rate_interval` does.
     """
     values = np.asarray(sample, float)
-    count = len(values)
-    if count < 2:
+    if len(values) < 2:
         return -math.inf, math.inf
-    is_low = values <= values.min() + ALIKE
-    is_high = values >= values.max() - ALIKE
-    if not (is_low & is_high).any() and (is_low | is_high).all():
-        bottom = float(values[is_low].mean())
-        top = float(values[is_high].mean())
-        low, high = (bottom + share * (top - bottom) for share in rate_interval(int(is_high.sum()), count))
-    else:
-        tail = (1 - CONFIDENCE) / 2
-        error = float(values.std(ddof=1)) / math.sqrt(count)
-        reach = -error * float(need("scipy.special", "exact").stdtrit(count - 1, tail))
-        low = float(values.mean()) - reach
-        high = float(values.mean()) + reach
-    return round(low, DIGITS), round(high, DIGITS)
+    tail = (1 - CONFIDENCE) / 2
+    low, high = _mean_quantiles(values, np.array([tail, 1 - tail]))
+    return round(float(low), DIGITS), round(float(high), DIGITS)
 
 
-# -- bootstrap --------------------------------------------------------------------------------------------------------
+# -- statistics over seeds, for rules ---------------------------------------------------------------------------------
 
-Statistic = Callable[[Array], Array]
-"""A function from samples (..., n) to a number for each (...)."""
-RESAMPLES = 10_000
+DRAWS = 10_000
 SEED = 20201203
-"""The seed of the resampling: the same results always have the same intervals."""
+"""The seed of the draws: the same results always have the same intervals."""
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """A number, and the same number for each bootstrap sample: (RESAMPLES,), or (1,) where no sample is behind it."""
+    """A number, and draws from its confidence distribution: (DRAWS,), or (1,) where no sample is behind it.
+
+    The confidence distribution of a number (Xie and Singh 2013) is the one whose quantiles are the ends of its intervals: of
+    a mean, Student's distribution around the mean of the sample. Functions of several numbers are computed draw by draw.
+    """
 
     value: float
     draws: Array
@@ -115,12 +107,12 @@ class Estimate:
 
     @classmethod
     def between(cls, low: float, high: float) -> Estimate:
-        """Return the estimate of a number between two bounds: half of the bootstrap samples at either bound."""
-        return cls((low + high) / 2, np.repeat(np.array([low, high], float), RESAMPLES // 2))
+        """Return the estimate of a number between two bounds: half of the draws at either bound."""
+        return cls((low + high) / 2, np.repeat(np.array([low, high], float), DRAWS // 2))
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % percentile interval; (-inf, inf) where there are fewer than two seeds."""
+        """The 95 % interval; (-inf, inf) where there are too few seeds for one."""
         if np.isnan(self.draws).any():
             return -np.inf, np.inf
         tail = 50 * (1 - CONFIDENCE)
@@ -128,37 +120,109 @@ class Estimate:
         return round(float(low), DIGITS), round(float(high), DIGITS)
 
     def map(self, change: Callable[..., Any], *others: Estimate) -> Estimate:
-        """Return a function of this and other estimates, applied to each bootstrap sample."""
+        """Return a function of this and other estimates, applied to each draw."""
         with np.errstate(all="ignore"):
             draws = np.asarray(change(self.draws, *(o.draws for o in others)), float)
             value = float(change(np.float64(self.value), *(np.float64(o.value) for o in others)))
         return Estimate(value, np.where(np.isfinite(draws), draws, np.nan))
 
 
+Statistic = Literal["mean", "sd", "median", "highest", "lowest"]
+
+
 def estimate(sample: Sequence[float] | Array, statistic: Statistic, key: str) -> Estimate:
     """Return a statistic of a sample (n,) over seeds.
 
+    Means have the interval of `seeds_interval`, standard deviations that of Bonett (2006), which does not need normal scores,
+    medians that of the order statistics. The highest and the lowest are those of the seeds that were run.
+
     Args:
-        key: the name of the sample: statistics of the same sample share their bootstrap samples.
+        key: the name of the sample: statistics of the same sample share their draws.
     """
-    values = np.asarray(sample, float)
-    if len(values) < 2:
-        return Estimate(float(statistic(values)), np.array([np.nan]))
+    values = np.sort(np.asarray(sample, float))
     rng = np.random.default_rng([SEED, zlib.crc32(key.encode())])
-    picked = rng.integers(len(values), size=(RESAMPLES, len(values)))
-    return Estimate(float(statistic(values)), statistic(values[picked]))
+    levels = (rng.permutation(DRAWS) + 0.5) / DRAWS
+    if len(values) < 2:
+        return Estimate(float(values.mean()) if statistic != "sd" else 0.0, np.array([np.nan]))
+    match statistic:
+        case "mean":
+            return Estimate(float(values.mean()), _mean_quantiles(values, levels))
+        case "sd":
+            return Estimate(float(values.std(ddof=1)), _sd_quantiles(values, levels))
+        case "median":
+            return Estimate(float(np.median(values)), _median_quantiles(values, levels))
+        case "highest":
+            return Estimate.exactly(float(values[-1]))
+        case "lowest":
+            return Estimate.exactly(float(values[0]))
 
 
-def mean(samples: Array) -> Array:
-    """Return the means (...) of samples (..., n)."""
-    found: Array = np.mean(samples, axis=-1)
-    return found
+def _two_values(values: Array) -> tuple[float, float, int] | None:
+    """Return the lower value, the higher one, and the number of the higher ones; None where there are not just two."""
+    is_low = values <= values.min() + ALIKE
+    is_high = values >= values.max() - ALIKE
+    if (is_low & is_high).any() or not (is_low | is_high).all():
+        return None
+    return float(values[is_low].mean()), float(values[is_high].mean()), int(is_high.sum())
 
 
-def deviation(samples: Array) -> Array:
-    """Return the sample standard deviations (...) of samples (..., n); 0 for one value."""
-    found: Array = np.std(samples, axis=-1, ddof=1 if samples.shape[-1] > 1 else 0)
-    return found
+def _rate_quantiles(successes: int, count: int, levels: Array) -> Array:
+    """Return the quantiles of a rate: ends of Clopper-Pearson intervals, lower ones below 1/2, upper ones above."""
+    special = need("scipy.special", "exact")
+    low = np.zeros_like(levels)
+    high = np.ones_like(levels)
+    if successes > 0:
+        low = special.betaincinv(successes, count - successes + 1, levels)
+    if successes < count:
+        high = special.betaincinv(successes + 1, count - successes, levels)
+    return np.where(levels < 0.5, low, high)
+
+
+def _mean_quantiles(values: Array, levels: Array) -> Array:
+    count = len(values)
+    found = _two_values(values)
+    if found is not None:
+        bottom, top, successes = found
+        return bottom + (top - bottom) * _rate_quantiles(successes, count, levels)
+    error = float(values.std(ddof=1)) / math.sqrt(count)
+    quantiles: Array = values.mean() + error * need("scipy.special", "exact").stdtrit(count - 1, levels)
+    return quantiles
+
+
+def _sd_quantiles(values: Array, levels: Array) -> Array:
+    """Return the quantiles of a standard deviation; NaN for fewer than five values that are not equal."""
+    count = len(values)
+    variance = float(values.var(ddof=1))
+    if variance <= ALIKE**2 * 1e-6:
+        return np.full_like(levels, math.sqrt(variance))
+    if count < 5:
+        return np.full_like(levels, np.nan)
+    found = _two_values(values)
+    if found is not None:
+        bottom, top, successes = found
+        rate = _rate_quantiles(successes, count, levels)
+        two: Array = (top - bottom) * np.sqrt(rate * (1 - rate) * count / (count - 1))
+        return two
+    trimmed = int(count / (2 * math.sqrt(count - 4)))
+    middle = float(values[trimmed : count - trimmed].mean())
+    kurtosis = count * float(((values - middle) ** 4).sum()) / ((count - 1) * variance) ** 2
+    deviations = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
+    correction = count / (count - deviations)
+    error = correction * math.sqrt(max(0.0, kurtosis - (count - 3) / count) / (count - 1))
+    logs = math.log(correction * variance) + error * need("scipy.special", "exact").ndtri(levels)
+    quantiles: Array = np.exp(logs / 2)
+    return quantiles
+
+
+def _median_quantiles(values: Array, levels: Array) -> Array:
+    """Return the quantiles of a median: ends of intervals between order statistics; NaN for fewer than six values."""
+    count = len(values)
+    below = np.cumsum([math.comb(count, k) / 2**count for k in range(count + 1)])
+    if below[0] > (1 - CONFIDENCE) / 2:
+        return np.full_like(levels, np.nan)
+    tails = np.minimum(levels, 1 - levels)
+    rank = np.clip(np.searchsorted(below, tails, side="right") - 1, 0, (count - 1) // 2)
+    return np.where(levels < 0.5, values[rank], values[count - 1 - rank])
 
 
 # -- significance -----------------------------------------------------------------------------------------------------
@@ -194,7 +258,7 @@ class Difference:
         return abs(self.effect) >= MATTERS and self.p_value <= ALARM
 
 
-def differences(scores: Array, is_first: Array, only_below: bool = False) -> list[Difference]:
+def differences(scores: Array, is_first: Array, only_below: bool | Sequence[bool] = False) -> list[Difference]:
     """Return the differences of the mean scores of two samples in several comparisons, by exact permutation tests.
 
     The rows of the two samples are permuted, each with its scores in all comparisons. First all comparisons are tested together,
@@ -205,7 +269,8 @@ def differences(scores: Array, is_first: Array, only_below: bool = False) -> lis
     Args:
         scores: (rows, comparisons), NaN where a row has none.
         is_first: bool (rows,), the rows of the first sample.
-        only_below: whether only means of the first sample that are below those of the second one count.
+        only_below: of all comparisons or of each, whether only a mean of the first sample that is below that of the second one
+            counts.
     """
     is_known = ~np.isnan(scores)
     filled = np.where(is_known, scores, 0.0)
@@ -218,7 +283,7 @@ def differences(scores: Array, is_first: Array, only_below: bool = False) -> lis
         means = filled.sum(axis=0) / is_known.sum(axis=0)
         spread = np.sqrt((np.where(is_known, scores - means, 0.0) ** 2).sum(axis=0) / is_known.sum(axis=0))
         sizes = np.where((spread > 1e-9) & np.isfinite(effects), effects / spread, 0.0)
-    sizes = np.maximum(-sizes, 0.0) if only_below else np.abs(sizes)
+    sizes = np.where(only_below, np.maximum(-sizes, 0.0), np.abs(sizes))
     together = _share_as_large((sizes**2).sum(axis=1))
     p_value = together
     found: dict[int, Difference] = {}

@@ -157,8 +157,8 @@ class Terms:
 class ClaimEvaluator(Evaluator[Enclosure, Reason]):
     """Evaluate claims on the results of one task; the last reason is the one that decides.
 
-    `simulated` counts the episodes that were needed, and `rests_on` those on which the abstraction that a result comes
-    from was tested. `ambiguous` says whether some number would be another one by the other reading of floats.
+    `simulated` counts the episodes that were needed. `ambiguous` says whether some number would be another one by the other
+    reading of floats.
     """
 
     operators = frozenset(("+", "-", "*", "/", "//", "%", "**"))
@@ -170,7 +170,6 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         self.terms = terms
         self.reader = Reader(terms.as_written)
         self.simulated = 0
-        self.rests_on = 0
         self._numbers: dict[int, tuple[s.Expr, Enclosure]] = {}  # by id of the expression, which is kept alive
 
     @property
@@ -260,7 +259,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
                 return self._folded(expr)
 
     def _is_bound(self, name: str) -> bool:
-        scope = self.results.task.surface.scopes.get("claims")
+        scope = self.results.task.source.surface.scopes.get("claims")
         return scope is not None and scope.lookup(name) is not None
 
     def _folded(self, expr: s.Expr) -> Enclosure:
@@ -268,7 +267,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         task = self.results.task
         collector = Collector()
         try:
-            value = Checker(Builder(), collector).check(expr, task.surface.scopes["claims"])
+            value = Checker(Builder(), collector).check(expr, task.source.surface.scopes["claims"])
         except Refused as refused:
             raise InvalidClaim(refused.message, expr) from None
         if value is None:
@@ -304,7 +303,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
 
     def _return(self, name: str, expr: s.Expr) -> Enclosure:
         which = name.removesuffix("_return")
-        if which == "expert" and self.results.task.expert is None:
+        if which == "expert" and self.results.task.annotations.expert is None:
             raise InvalidClaim("the spec gives no expert", expr)
         if which in SEARCHES:  # of policies that see observations only
             try:
@@ -313,7 +312,6 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
                 raise Undecidable(f"'{name}' cannot be worked out: {error.diagnostics[0].message}", expr) from None
         found = self.results.enclosure(which, self.terms.as_written)
         if found is not None:
-            self.rests_on = max(self.rests_on, self.results.tested(which))
             return found
         sample = self.results.sample(which, self.terms.episodes)
         if sample is None:
@@ -329,9 +327,6 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         results = results or self.results
         if results.model is None:
             raise Undecidable(f"this claim needs an exact model, which does not exist: {results.why_not}", expr)
-        if results.abstraction_check is not None and results.abstraction_check.problem is not None:
-            raise Undecidable("the abstraction that this would be told from is not faithful", expr)
-        self.rests_on = max(self.rests_on, results.tested())
         return results.model
 
     def _arguments(self, expr: s.Call, names: tuple[str, ...], required: tuple[str, ...]) -> dict[str, s.Expr]:
@@ -342,10 +337,9 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         found = dict(zip(names, expr.args, strict=False))
         for name, value in expr.keywords:
             if name not in names:
+                hint = None
                 if self._is_bound(name):
                     hint = f"`==` compares: `{name} == {value.place.written}`"
-                else:
-                    hint = None
                 raise InvalidClaim(f"{expr.function} has no argument '{name}'; it has {', '.join(names)}", value, hint)
             found[name] = value
         for name in required:
@@ -369,7 +363,6 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         results = self.results
         if isinstance(decides, s.Name) and decides.id == "expert":
             results = results.remembering
-            self.rests_on = max(self.rests_on, results.tested("expert"))
         model = self._model(expr, results)
         rule = rule_named(decides, results, self.number)
         return model, rule, results.solvers.of(rule, self.terms.as_written)

@@ -23,7 +23,8 @@ from taskspec.scores.returns import CLAIMS, OfClaim, Results
 from taskspec.source import Path
 from taskspec.task.build import build
 from taskspec.task.merge import merge
-from taskspec.task.task import Claim, Task, TaskLike
+from taskspec.task.parts import Claim
+from taskspec.task.task import Task, TaskLike
 
 CONFIDENCE = 0.999
 CODES = {"claims": "E603", "examples": "E613"}
@@ -60,14 +61,14 @@ def verdicts(task: TaskLike, results: Results | None = None) -> Iterator[Verdict
     known: dict[str, Results | SpecError] = {}
     if results is not None:
         known[_key(task.given)] = results
-    for number, claim in enumerate(task.claims):
-        tell(f"claim {number + 1} of {len(task.claims)}")
+    for number, claim in enumerate(task.annotations.claims):
+        tell(f"claim {number + 1} of {len(task.annotations.claims)}")
         for case in claim.cases or ({},):
             values = task.given | dict(case)
             key = _key(values)
             if key not in known:
                 try:
-                    other = build(task.document, task.variant, values, task.suite)
+                    other = build(task.source.document, task.source.variant, values, task.source.suite)
                     known[key] = Results(modify(other, *task.modifiers))
                 except SpecError as error:
                     known[key] = error
@@ -98,10 +99,9 @@ def decide(claim: Claim, results: Results, case: Mapping[str, Any] | None = None
     if holds:
         return Verdict(claim, case, "tested" if episodes else "proved", reason.text, episodes)
     if holds is None:
+        hint = None
         if _compares(claim.expr) and not episodes:
             hint = "give the claim a `tolerance`"
-        else:
-            hint = None
         message = f"this claim is neither proved nor contradicted: {reason.text}"
         return _failed(claim, case, "undecided", message, place, episodes, hint)
     if not episodes:
@@ -128,10 +128,6 @@ def _evaluated(claim: Claim, results: Results) -> tuple[bool | None, Reason, int
             elif not holds:
                 holds = None
         return holds, reason, episodes
-    if holds and evaluator.rests_on:
-        episodes = evaluator.rests_on
-        why = f"of an abstraction that agreed with the task in {episodes:,} episodes"
-        reason = Reason(f"{reason.text}; {why}", reason.place)
     if holds is not None and evaluator.ambiguous:
         other, _ = _decided(ClaimEvaluator(results, claim.options, replace(terms, as_written=True)), claim)
         if other is not holds:
@@ -175,7 +171,7 @@ def wrong_setting(task: Task, section: str, number: int, case: Mapping[str, Any]
         error: raised when the task was built with these values.
     """
     found = error.diagnostics[0]
-    merged = merge(task.document, task.variant)
+    merged = merge(task.source.document, task.source.variant)
     path: Path = (section, number)
     span = merged.key_span(path)
     if case:

@@ -33,7 +33,7 @@ def node_of(expr: s.Expr, task: Task) -> Node:
     collector = Collector()
     checker = Checker(Builder(), collector)
     try:
-        value = checker.check(expr, task.surface.scopes["claims"])
+        value = checker.check(expr, task.source.surface.scopes["claims"])
     except Refused as refused:
         raise InvalidClaim(refused.message, expr) from None
     if value is None:
@@ -141,7 +141,7 @@ def influences(action: s.Expr, state: s.Expr, results: Results) -> tuple[bool | 
         raise InvalidClaim(f"an action component is needed here: {', '.join(actions)}", action)
     if not (isinstance(state, s.Name) and state.id in states):
         raise InvalidClaim(f"a state component is needed here: {', '.join(states)}", state)
-    following = task.next[states.index(state.id)]
+    following = task.process.next[states.index(state.id)]
     if (Role.ACTION, action.id) not in reads([following]):
         return False, f"the next {state.id} does not depend on {action.id}"
     if results.model is None or results.model.task is not task:

@@ -18,7 +18,7 @@ from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.lang import syntax as s
 from taskspec.lang.check import Checker
 from taskspec.lang.interval import NormalForms
-from taskspec.lang.ir import Const, Node, Read, Role, draws, reads, rewrite
+from taskspec.lang.ir import Const, Node, Role, draws, reads
 from taskspec.lang.scope import Poisoned, Scope
 from taskspec.lang.types import BOOL, INF, REAL, Refused
 from taskspec.lang.variates.entry import ProbabilityArithmetic
@@ -31,7 +31,8 @@ from taskspec.solve.rational import ExactProbabilities
 from taskspec.task.annotations import SCOPE
 from taskspec.task.build import build
 from taskspec.task.context import assign
-from taskspec.task.task import Component, Example, Followed, Task, TaskLike
+from taskspec.task.parts import Component, Example, Followed
+from taskspec.task.task import Task, TaskLike
 
 MOST_OUTCOMES = 100_000
 MOST_NUMBERS = 2_000_000
@@ -174,19 +175,21 @@ def wrong_examples(task: TaskLike) -> Iterator[tuple[int, Diagnostic]]:
     """Yield every problem with the examples of a task, with the number of its example."""
     task = load(task)
     known: dict[str, Task | SpecError] = {repr({}): task}
-    for i, example in enumerate(task.examples):
+    for i, example in enumerate(task.annotations.examples):
         for case in example.cases or ({},):
             key = repr(case)
             if key not in known:
                 try:
-                    known[key] = build(task.document, task.variant, task.given | dict(case), task.suite)
+                    known[key] = build(
+                        task.source.document, task.source.variant, task.given | dict(case), task.source.suite
+                    )
                 except SpecError as error:
                     known[key] = error
             found = known[key]
             if isinstance(found, SpecError):
                 problems: tuple[Diagnostic, ...] = (wrong_setting(task, "examples", i, case, found),)
             else:
-                problems = _Trial(found, found.examples[i]).problems()
+                problems = _Trial(found, found.annotations.examples[i]).problems()
             for problem in problems:
                 if case:
                     note = f"for {', '.join(f'{k} = {words(v)}' for k, v in case.items())}"
@@ -205,7 +208,7 @@ class _Trial:
         self.collector = Collector()
         self.builder = self.task.new_builder()
         self.checker = Checker(self.builder, self.collector)
-        self.scope = self.task.surface.scopes[SCOPE]
+        self.scope = self.task.source.surface.scopes[SCOPE]
         self.fixed = Scope({}, parent=self.scope)
         self.fixed.draws = "what an example begins with is fixed"
 
@@ -247,10 +250,9 @@ class _Trial:
         if not isinstance(node, Const):
             return None
         if not all(low <= v <= high for v, low, high in zip(node.flat, c.low, c.high, strict=True)):
+            value = "what it is here"
             if c.type.is_scalar:
                 value = words(node.flat[0])
-            else:
-                value = "what it is here"
             self.collector.add("E613", expr.place, f"{c.name} cannot be {value}; it must be {domain(c)}")
             return None
         return node
@@ -264,14 +266,13 @@ class _Trial:
             self.collector.add("E613", self.example.place, message)
             return None
 
-        def leaf(found: Node) -> Node | None:
-            if isinstance(found, Read):
-                return self.given[found.role, found.name]
-            return None
-
-        if any(self.given[key] is None for key in reads([node])):
-            return None
-        return rewrite([node], leaf, self.builder.remake)[0]
+        values: dict[tuple[Role, str], Node] = {}
+        for key in reads([node]):
+            value = self.given[key]
+            if value is None:
+                return None
+            values[key] = value
+        return self.builder.substitute([node], values, late=False)[0]
 
     def _consequence(self, follows: Followed) -> Consequence | None:  # noqa: C901
         """Return a consequence in the task and in the example; None if one of them is wrong, which is reported."""
@@ -281,9 +282,9 @@ class _Trial:
         nodes: Sequence[Node]
         match follows.section:
             case "initial":
-                entry = (task.state, task.initial, f"the first {name}")
+                entry = (task.state, task.process.initial, f"the first {name}")
             case "next":
-                entry = (task.state, task.next, f"the next {name}")
+                entry = (task.state, task.process.next, f"the next {name}")
             case "observation":
                 nodes = task.observation.nodes
                 if self.example.starts:
@@ -292,15 +293,15 @@ class _Trial:
                     nodes = task.next_observation
                 entry = (task.observation.components, nodes, f"'{name}' in the observation")
             case "expert":
-                if not isinstance(task.expert, tuple):
+                if not isinstance(task.annotations.expert, tuple):
                     message = "only an expert given by expressions can be checked"
                     self.collector.add("E612", follows.expr.place, message)
                     return None
-                entry = (task.action, task.expert, f"the expert's {name}")
+                entry = (task.action, task.annotations.expert, f"the expert's {name}")
             case "reward":
-                entry = ([REWARD], [task.reward], "the reward")
+                entry = ([REWARD], [task.process.reward], "the reward")
             case "terminal":
-                entry = ([TERMINAL], [task.terminal], "`terminal`")
+                entry = ([TERMINAL], [task.process.terminal], "`terminal`")
             case _:
                 cut = task.horizon is not None and self.example.t + 1 >= task.horizon
                 entry = ([TRUNCATED], [self.builder.scalar(cut)], "`truncated`")

@@ -8,7 +8,6 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import partial
 from typing import Any, NoReturn
 
 import numpy as np
@@ -16,7 +15,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, suggest
 from taskspec.lang import syntax as s
-from taskspec.rollout.statistics import Estimate, Statistic, deviation, estimate, mean
+from taskspec.rollout.statistics import Estimate, Statistic, estimate
 from taskspec.rules.evaluator import Evaluator, Truth, Undecidable, Word, combine, evidence_for
 from taskspec.solve.enclosure import Enclosure, compare
 
@@ -30,17 +29,21 @@ class OverSeeds:
     statistic: Statistic
 
 
+def _entry(name: str, entry: str, statistic: Statistic, doc: str) -> OverSeeds:
+    return OverSeeds(Word(name, f"{name}(task)", doc), entry, statistic)
+
+
 NUMBERS: dict[str, OverSeeds] = {
-    name: OverSeeds(Word(name, f"{name}(task)", doc), entry, statistic)
-    for name, entry, statistic, doc in (
-        ("score", "deterministic", mean, "Mean score of the best actions of the policy; 0 is random, 1 the expert."),
-        ("sampled", "stochastic", mean, "Mean score of the policy that samples its actions."),
-        ("sd", "deterministic", deviation, "Standard deviation of the scores between seeds."),
-        ("median", "deterministic", partial(np.median, axis=-1), "Score that half of the seeds reach."),
-        ("highest", "deterministic", partial(np.max, axis=-1), "Score of the best seed."),
-        ("lowest", "deterministic", partial(np.min, axis=-1), "Score of the worst seed."),
-        ("starc", "starc", mean, "Mean distance of the learned reward to the true one, up to shaping and scale."),
-        ("regret", "reward_regret", mean, "Mean score that is lost by optimising the learned reward exactly."),
+    each.word.name: each
+    for each in (
+        _entry("score", "deterministic", "mean", "Mean score of the best actions of the policy; 0 is random, 1 the expert."),
+        _entry("sampled", "stochastic", "mean", "Mean score of the policy that samples its actions."),
+        _entry("sd", "deterministic", "sd", "Standard deviation of the scores between seeds."),
+        _entry("median", "deterministic", "median", "Score that half of the seeds reach."),
+        _entry("highest", "deterministic", "highest", "Score of the best of the seeds that were run."),
+        _entry("lowest", "deterministic", "lowest", "Score of the worst of the seeds that were run."),
+        _entry("starc", "starc", "mean", "Mean distance of the learned reward to the true one, up to shaping and scale."),
+        _entry("regret", "reward_regret", "mean", "Mean score that is lost by optimising the learned reward exactly."),
     )
 }  # fmt: skip
 """Each takes a task, where there are several learners a learner before it, and one of `SIDES` behind it."""
@@ -355,16 +358,14 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         """Return a number about `(learner, task, side)`: a learner if there are several, and optionally a side."""
         name = expr.function
         args = expr.args
+        kinds = ["task"]
         if self.names.learners and name in NUMBERS:
             kinds = ["learner", "task"]
-        else:
-            kinds = ["task"]
         has_sides = name in NUMBERS
         if expr.keywords or not len(kinds) <= len(args) <= len(kinds) + has_sides:
+            hint = None
             if has_sides:
                 hint = f"behind them may stand {', '.join(SIDES)}"
-            else:
-                hint = None
             self._fail("E304", expr, f"{name} takes other arguments: {name}({', '.join(kinds)})", hint)
         *learners, task = [self._member(arg, kind) for kind, arg in zip(kinds, args, strict=False)]
         sides = [self._name(arg, tuple(SIDES), "side of a task") for arg in args[len(kinds) :]]

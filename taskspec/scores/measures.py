@@ -333,6 +333,19 @@ class _Lookahead:
         return most
 
 
+def value_norm(model: Model) -> float:
+    """Return the largest standard deviation of the optimal value of the next state, over states and actions of all times."""
+    plan = _Lookahead(model)
+    largest = 0.0
+    for t, acting in model.levels():
+        V = plan.best[t + 1].value
+        P = model.step(t).P
+        spread = P @ V**2 - (P @ V) ** 2
+        variance = spread.reshape(model.n_actions, model.n_states)[:, acting]
+        largest = max(largest, float(variance.max()))
+    return math.sqrt(largest)
+
+
 def least_lookahead(model: Model) -> int:
     """Return the least k for which every policy that is greedy for Qk is optimal."""
     ahead = _Lookahead(model)
@@ -343,7 +356,7 @@ def effective_horizon(model: Model) -> float:
     """Return an upper bound of the effective horizon of a deterministic task: the least k + log_A m over k."""
     if model.n_actions == 1:
         refuse("there is only one action")
-    is_drawn = Steps(model.task).reward is not model.task.reward
+    is_drawn = Steps(model.task).reward is not model.task.process.reward
     if is_drawn or np.count_nonzero(model.start) > 1 or any(step.rounding.terms > 1 for step in model.steps):
         refuse("the bound holds for deterministic tasks with one first state")
     ahead = _Lookahead(model)

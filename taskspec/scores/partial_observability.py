@@ -110,7 +110,9 @@ def hidden_bits(model: Model) -> float:
 
 def _informative(task: Task) -> list[Node]:
     """Return the observed nodes without noise that is independent of the state and of all other components."""
-    moving = {d.site for d in draws((*task.next, *task.initial, task.reward, task.terminal))}
+    moving = {
+        d.site for d in draws((*task.process.next, *task.process.initial, task.process.reward, task.process.terminal))
+    }
     if moving & {d.site for d in draws(task.observation.nodes)}:
         refuse("what is seen shares a draw with the dynamics")
     nodes = [node for node in task.observation.nodes if not draws([node]) or reads([node])]

@@ -24,7 +24,8 @@ from taskspec.solve.backward import Greedy, Plan, Rule, Uniform, rule_of
 from taskspec.solve.enclosure import Enclosure, NoNumber, rounded
 from taskspec.solve.plans import tables
 from taskspec.solve.solve import Solvers, why_endless
-from taskspec.task.task import Soft, Task, TaskLike
+from taskspec.task.parts import Soft
+from taskspec.task.task import Task, TaskLike
 
 Given: TypeAlias = Literal["optimal"] | Soft | None
 
@@ -32,7 +33,7 @@ Given: TypeAlias = Literal["optimal"] | Soft | None
 # -- words for results ------------------------------------------------------------------------------------------------
 
 OfClaim = Literal["proved", "tested", "undecided", "false", "contradicted", "broken"]
-OfNumber = Literal["exact", "tested", "estimated"]
+OfNumber = Literal["exact", "estimated"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +50,7 @@ CLAIMS: dict[OfClaim, Status] = {
     "proved": Status(
         "proved", "It holds by exact results whose error is computed, or by the form of the equations.", "proved"),
     "tested": Status(
-        "tested", "Simulated episodes do not contradict it; or it is proved of an abstraction that was tested on episodes.",
-        "tested in {episodes} episodes"),
+        "tested", "Simulated episodes do not contradict it.", "tested in {episodes} episodes"),
     "undecided": Status(
         "undecided", "It is neither proved nor contradicted: the task has no exact model, or error bounds leave it open.",
         "not decided", "E602"),
@@ -63,9 +63,6 @@ CLAIMS: dict[OfClaim, Status] = {
 
 NUMBERS: dict[OfNumber, Status] = {
     "exact": Status("exact", "Computed from an exact model, with a computed error bound.", ""),
-    "tested": Status(
-        "tested", "Computed from the exact model of an abstraction that was tested on episodes, and not proved.",
-        "tested in {episodes} episodes"),
     "estimated": Status("estimated", "The mean of simulated episodes, with a 95 % confidence interval.",
                         "from {episodes} episodes"),
 }  # fmt: skip
@@ -82,27 +79,23 @@ class Return:
         error: the standard error of an estimate; 0 for a value computed from a model.
         episodes: of an estimate; 0 for a value computed from a model.
         bound: the largest possible rounding error of a value computed from a model.
-        tested: the episodes on which the abstraction was tested; 0 without an abstraction, or if it is proved.
     """
 
     value: float
     error: float = 0.0
     episodes: int = 0
     bound: float = field(default=0.0, repr=False)
-    tested: int = field(default=0, repr=False)
 
     @property
     def status(self) -> OfNumber:
         if self.episodes:
             return "estimated"
-        if self.tested:
-            return "tested"
         return "exact"
 
     @property
     def exact(self) -> bool:
-        """Whether it was computed from the task's own model, or from a proved abstraction."""
-        return self.status == "exact"
+        """Whether it was computed from an exact model."""
+        return not self.episodes
 
     def interval(self, confidence: float = CONFIDENCE) -> tuple[float, float]:
         """Return a confidence interval (normal approximation); a proved one if the return is exact."""
@@ -129,7 +122,7 @@ class Return:
 class Results:
     """All results about a task's returns, computed when they are read.
 
-    `model` is that of the task or of its abstraction; without one it is None, and `why_not` gives the reason.
+    `model` is that of the task or of its proved abstraction; without one it is None, and `why_not` gives the reason.
 
     Args:
         episodes, seed: of simulated returns.
@@ -162,22 +155,17 @@ class Results:
             return None
         return verify(self.abstraction)
 
-    def tested(self, which: str = "") -> int:
-        """Return the episodes on which the abstraction was tested; 0 without an abstraction, or if it is proved."""
-        check = self.abstraction_check
-        if check is None:
-            return 0
-        if which == "expert":
-            return max(check.episodes, check.expert_episodes)
-        return check.episodes
-
     @cached_property
     def _extracted(self) -> Model | SpecError:
-        if self.abstraction is None:
-            task = self.task
-        else:
+        task = self.task
+        if self.abstraction is not None:
             task = self.abstraction.stand_in
+        check = self.abstraction_check
         try:
+            if check is not None and check.problem is not None:
+                refuse("the abstraction is not faithful")
+            if check is not None and check.why_not is not None:
+                refuse(f"the abstraction is not proved: {check.why_not}")
             return extract(task, limit=self.limit)
         except SpecError as error:
             if any(d.code == "E705" for d in error.diagnostics):
@@ -215,7 +203,7 @@ class Results:
     @cached_property
     def remembering(self) -> Results:
         """The results of the task whose state includes the expert's memory; these results for experts without memory."""
-        if self.task.memory is None or self.given is not None:
+        if self.task.annotations.memory is None or self.given is not None:
             return self
         return Results(self.task.remembering(), self.episodes, self.seed, self.limit)
 
@@ -229,6 +217,9 @@ class Results:
     def expert_rule(self) -> Rule | None:
         if self.model is None:
             return None
+        check = self.abstraction_check
+        if check is not None and not check.has_expert and self.given is None:
+            return None  # the expert of the task looks at more than the abstraction has
         return rule_of(self.model, self.given)
 
     # -- returns ----------------------------------------------------------------------------------
@@ -255,7 +246,7 @@ class Results:
         found = self.enclosure(which)
         if found is None:
             return self.sample(which)
-        return Return(found.value, bound=found.error, tested=self.tested(which))
+        return Return(found.value, bound=found.error)
 
     def enclosure(self, which: str, as_written: bool = False) -> Enclosure | None:
         """Return bounds of the optimal, worst, random or expert return; None without a model, or if it may be infinite."""
@@ -279,8 +270,6 @@ class Results:
     def _enclosed(self, which: str, as_written: bool) -> Enclosure | None:
         if self.model is None:
             return None
-        if self.abstraction_check is not None and self.abstraction_check.problem is not None:
-            refuse("the abstraction is not faithful")
         if which == "worst":
             solver = self.solvers.of(None, as_written)
             found = solver.worst()
@@ -301,7 +290,7 @@ class Results:
         key = (which, episodes or self.episodes)
         if key not in self._samples:
             choose: Choose | None = None
-            if which == "expert" and isinstance(self.task.expert, tuple) and self.given is None:
+            if which == "expert" and isinstance(self.task.annotations.expert, tuple) and self.given is None:
                 choose = by_expert(self.task)
             elif which == "random" and is_bounded(self.task):
                 choose = at_random(self.task)

@@ -26,7 +26,7 @@ from taskspec.lang.ir import Node, draws, reads
 from taskspec.model.model import Model, refuse
 from taskspec.model.transitions import TIME, count
 from taskspec.solve.bounded import Bound, Bounded, Policy
-from taskspec.task.task import Soft
+from taskspec.task.parts import Soft
 
 Q = TypeVar("Q")
 V = TypeVar("V")
@@ -232,11 +232,11 @@ def rule_of(model: Model, given: Literal["optimal"] | Soft | None = None) -> Rul
 
     An expert that remembers is a function of the state in `Task.remembering` alone.
     """
-    match given or model.task.expert:
+    match given or model.task.annotations.expert:
         case "optimal":
             return Greedy()
         case Soft(beta=beta):
             return Boltzmann(beta)
-        case tuple() as nodes if model.task.memory is None and count(draws(nodes), {}) <= MOST_OUTCOMES:
+        case tuple() as nodes if model.task.annotations.memory is None and count(draws(nodes), {}) <= MOST_OUTCOMES:
             return Expressed(nodes)
     return None

@@ -125,7 +125,7 @@ class MaxEnt(PlannedRule):
         model = numbers.model
         if model.horizon is None:
             refuse("trajectories without a horizon have no maximum-entropy distribution", "give the task a horizon")
-        if Steps(model.task).reward is not model.task.reward:
+        if Steps(model.task).reward is not model.task.process.reward:
             refuse("maximum entropy depends on the whole distribution of a reward, and this one is continuous")
         known: dict[int, _LogOutcomes] = {}
 

@@ -27,8 +27,9 @@ from taskspec.model.space import Reads, Space, distinct, holds, union, without
 from taskspec.model.transitions import Branch, Steps, branches, count, is_finite
 from taskspec.rollout.rollout import entered, visited
 from taskspec.soundness.places import SectionScope, Written, distributions
+from taskspec.task.parts import Component
 from taskspec.task.reach import over, reached
-from taskspec.task.task import Component, Task
+from taskspec.task.task import Task
 
 MANY_TIMES = 1000
 """Times that are checked in a task without a horizon."""
@@ -108,7 +109,9 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
     """Yield the phases of a task, with the checks that bounds do not prove."""
     phase = PhaseBuilder(task, limit).phase
     yield phase(
-        "start", _values("E404", "initial", task.state, task.raw_initial) + _drawn(task, "initial", task.initial)
+        "start",
+        _values("E404", "initial", task.state, task.process.raw_initial)
+        + _drawn(task, "initial", task.process.initial),
     )
     seen = task.observation
     observation = []
@@ -116,19 +119,19 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
         observation = _values("E405", "observation", seen.components, seen.nodes)
         observation += _drawn(task, "observation", seen.nodes)
     yield phase("observation", observation)
-    yield phase("expert", [] if task.memory else _expert_checks(task))
-    steps = _values("E403", "dynamics", task.state, task.raw_next, "'")
-    steps.append(Check("E406", task.reward, (-INF,), (INF,), "reward", what="the reward"))
+    yield phase("expert", [] if task.annotations.memory else _expert_checks(task))
+    steps = _values("E403", "dynamics", task.state, task.process.raw_next, "'")
+    steps.append(Check("E406", task.process.reward, (-INF,), (INF,), "reward", what="the reward"))
     for section in ("noise", "dynamics", "reward", "terminal"):
-        steps += _drawn(task, section, (*task.next, task.reward, task.terminal))
+        steps += _drawn(task, section, (*task.process.next, task.process.reward, task.process.terminal))
     yield phase("step", steps)
-    if task.memory is not None:
+    if task.annotations.memory is not None:
         whole = task.remembering()
-        remembered = task.memory.components
+        remembered = task.annotations.memory.components
         phase = PhaseBuilder(whole, limit).phase
-        yield phase("start", _values("E404", "memory", remembered, whole.raw_initial[-len(remembered) :]))
+        yield phase("start", _values("E404", "memory", remembered, whole.process.raw_initial[-len(remembered) :]))
         yield phase("expert", _expert_checks(whole))
-        yield phase("step", _values("E403", "memory", remembered, whole.raw_next[-len(remembered) :], "'"))
+        yield phase("step", _values("E403", "memory", remembered, whole.process.raw_next[-len(remembered) :], "'"))
 
 
 # -- points ---------------------------------------------------------------------------------------
@@ -146,7 +149,7 @@ class PhaseBuilder:
 
     @cached_property
     def reached(self) -> dict[str, Interval]:
-        return reached(self.task.state, self.task.initial, self.task.next, self.task.horizon)
+        return reached(self.task.state, self.task.process.initial, self.task.process.next, self.task.horizon)
 
     @cached_property
     def acting(self) -> Reads:
@@ -228,14 +231,16 @@ def _values(
 
 
 def _expert_checks(task: Task) -> list[Check]:
-    if not isinstance(task.expert, tuple):
+    if not isinstance(task.annotations.expert, tuple):
         return []
-    return _values("E409", "expert", task.action, task.expert) + _drawn(task, "expert", task.expert)
+    return _values("E409", "expert", task.action, task.annotations.expert) + _drawn(
+        task, "expert", task.annotations.expert
+    )
 
 
 def entries(task: Task, section: str) -> list[tuple[str | None, s.Expr]]:
     """Return the expressions of a section with their names."""
-    found = task.surface.sections.get(section)
+    found = task.source.surface.sections.get(section)
     pairs = list(found.items()) if isinstance(found, dict) else [(None, found)]
     return [(name, expr) for name, expr in pairs if expr is not None]
 
@@ -468,7 +473,7 @@ class Examination:
     @cached_property
     def _finished(self) -> Array:
         """States that only a step which ends the episode can enter: no action is taken there."""
-        if isinstance(self.task.terminal, Const) or not isinstance(self.phase.points, Grid):
+        if isinstance(self.task.process.terminal, Const) or not isinstance(self.phase.points, Grid):
             return np.zeros(0, np.int64)
         steps = Steps(self.task)
         every = np.arange(steps.states.size)

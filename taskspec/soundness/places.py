@@ -37,10 +37,10 @@ class SectionScope:
 
     def value(self, expr: s.Expr, want: Domain | None = None) -> Value | None:
         """Return the meaning of a part, or None if it has none of its own."""
-        known = self.task.surface.meaning(self.name, expr)
+        known = self.task.source.surface.meaning(self.name, expr)
         if known is not None:
             return known
-        scope = self.task.surface.scopes.get(self.name)
+        scope = self.task.source.surface.scopes.get(self.name)
         if scope is None:
             return None
         try:

@@ -27,7 +27,8 @@ from taskspec.registry import load
 from taskspec.soundness.phases import Check, Examination, Violation, entries, phases
 from taskspec.soundness.places import SectionScope, narrow
 from taskspec.task.build import build
-from taskspec.task.task import Component, Parameter, Task, TaskLike
+from taskspec.task.parts import Component, Parameter
+from taskspec.task.task import Task, TaskLike
 
 _HINTS = {
     "E403": "widen the bounds, stop at them with `clip`, or end the episode earlier",
@@ -216,7 +217,9 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
         wrong: list[Diagnostic] = []
         try:
             with also(f"expressions={left}"):
-                other = modify(build(task.document, task.variant, values, task.suite), *task.modifiers)
+                other = modify(
+                    build(task.source.document, task.source.variant, values, task.source.suite), *task.modifiers
+                )
         except TooManyExpressions:
             break  # it costs too much to try
         except SpecError as error:
@@ -224,7 +227,7 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
                 if diagnostic.code not in FORBIDDEN:
                     wrong.append(replace(diagnostic, notes=(*diagnostic.notes, parameters(values))))
         else:
-            left -= other.surface.expressions
+            left -= other.source.surface.expressions
             tried.append(values)
             wrong += examine(other, limit).diagnostics
         for diagnostic in wrong:

@@ -18,10 +18,9 @@ from taskspec.source import Path
 from taskspec.task import parts as parameters
 from taskspec.task.context import Context
 from taskspec.task.names import Names
-from taskspec.task.parts import FIGURE_KINDS, Component, ExpertMemory, Observation, Symmetry
+from taskspec.task.parts import FIGURE_KINDS, Component, Example, ExpertMemory, Figure, Followed, Observation, Symmetry
 from taskspec.task.reach import kept, too_wide, what_is_seen, widest
 from taskspec.task.sections import by_component
-from taskspec.task.task import Example, Figure, Followed
 
 
 def figure(context: Context, scope: Scope) -> Figure | None:

@@ -24,8 +24,8 @@ from taskspec.task.annotations import figure, read_examples, remembered, symmetr
 from taskspec.task.context import Context
 from taskspec.task.merge import Merged, abstracted, merge, stripped, variant_names
 from taskspec.task.names import Names, check_names, signature
-from taskspec.task.parts import Varying
-from taskspec.task.task import Parameter, Task
+from taskspec.task.parts import Parameter, Varying
+from taskspec.task.task import Annotations, Process, Task, TaskSource
 
 SEMANTIC = (
     "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount", "initial",
@@ -148,7 +148,13 @@ def bound_parameters(
 
 def reduce_task(task: Task) -> tuple[Any, ...]:
     """Return a pickled task: its spec's text and its parameter values, from which it is built again."""
-    return _unpickled, (packed(task.document), task.variant, task.values, task.suite, task.remembers)
+    return _unpickled, (
+        packed(task.source.document),
+        task.source.variant,
+        task.values,
+        task.source.suite,
+        task.annotations.remembers,
+    )
 
 
 def _unpickled(pack: Packed, variant: str | None, values: dict[str, Any], suite: str, remembers: bool) -> Task:
@@ -243,17 +249,17 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
         memory=() if memory is None else memory.lines,
     )  # fmt: skip
     collector.raise_if_errors()
-    return Task(
-        name=context.merged.name, suite=suite, version=context.data.get("version", 0), variant=context.merged.variant,
-        parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,
-        horizon=context.horizon, discount=discount, initial=tuple(initial), next=tuple(following), reward=reward,
-        raw_initial=raw_initial, raw_next=raw_next, terminal=terminal, absorbing_reward=absorbing, expert=expert,
-        claims=claims, examples=examples, figure=drawn,
+    constants = declarations.fixed_constants(context)
+    parameters = tuple(context.parameters)
+    source = TaskSource(context.merged, suite, parameters, context.surface(), content_hash(context), constants)
+    process = Process(
+        tuple(initial), tuple(following), raw_initial, raw_next, reward, terminal, absorbing,
         reset_draws=tuple((initial_draws | observation_draws).values()),
-        step_draws=tuple((dynamics_draws | observation_draws).values()), merged=context.merged, document=context.merged.document,
-        content_hash=content_hash(context), surface=context.surface(), fixed=declarations.fixed_constants(context), memory=memory,
-        symmetries=mirrors, required=tuple(context.required),
+        step_draws=tuple((dynamics_draws | observation_draws).values()),
+        required=tuple(context.required),
     )  # fmt: skip
+    annotations = Annotations(expert, memory, claims=claims, examples=examples, figure=drawn, symmetries=mirrors)
+    return Task(source, context.state, context.action, observation, context.horizon, discount, process, annotations)
 
 
 def check_unused(context: Context, names: Names) -> None:
@@ -288,11 +294,11 @@ def build_abstract(task: Task) -> Task | None:
     Raises:
         SpecError: with every mistake found in it.
     """
-    merged = abstracted(merge(task.document, task.variant))
+    merged = abstracted(merge(task.source.document, task.source.variant))
     if merged is None:
         return None
     try:
-        return build_merged(merged, task.values, task.suite)
+        return build_merged(merged, task.values, task.source.suite)
     except SpecError as error:
         note = "this is about the abstraction, which takes from the task what it does not give itself"
         raise SpecError(replace(d, notes=(*d.notes, note)) for d in error.diagnostics) from None
@@ -310,7 +316,7 @@ def build_varying(task: Task, names: Sequence[str]) -> Task:
         _check(task, name)
     given = {**task.values, **{name: Varying(task.values[name]) for name in names}}
     try:
-        built = build_merged(stripped(merge(task.document, task.variant)), given, task.suite)
+        built = build_merged(stripped(merge(task.source.document, task.source.variant)), given, task.source.suite)
     except SpecError as error:
         raise SpecError(_refused(d, names) for d in error.diagnostics) from None
     read = {name for role, name in reads((*built.reset_roots, *built.step_roots)) if role is Role.PARAMETER}
@@ -318,7 +324,8 @@ def build_varying(task: Task, names: Sequence[str]) -> Task:
         if name not in read:
             raise _error(f"parameter {name} has no effect on what a step gives, and cannot differ between lanes")
     shown = replace(built.observation, space=task.observation.space)
-    return replace(built, observation=shown, content_hash=f"{built.content_hash} with open {', '.join(sorted(names))}")
+    source = replace(built.source, content_hash=f"{built.content_hash} with open {', '.join(sorted(names))}")
+    return replace(built, observation=shown, source=source)
 
 
 def _check(task: Task, name: str) -> None:

@@ -19,7 +19,7 @@ from taskspec.lang.scope import Binding, Lazy, Poisoned, Scope, Value, numbered
 from taskspec.lang.types import Domain, Kind, Refused, Shape, shape
 from taskspec.source import Path
 from taskspec.task.merge import Merged
-from taskspec.task.task import Component, Parameter, Surface
+from taskspec.task.parts import Component, Parameter, Surface
 
 # ---------- forms
 # YAML values -> surface syntax: texts, numbers, vectors, `if:`/`then:` lists, `by:`/`rows:` tables, probabilities.
@@ -307,8 +307,9 @@ class Context:
         sections = {id(scope): name for name, scope in self.named_scopes.items()}
         meanings = {(sections[at], part): found for (part, at), found in checker.found.items() if at in sections}
         return Surface(
-            self.exprs, self.named_scopes, tuple(checker.moved.values()), meanings, self.shapes, checker.checked
-        )
+            self.exprs, self.named_scopes, tuple(checker.moved.values()), meanings, self.shapes, checker.argument_axes,
+            checker.checked,
+        )  # fmt: skip
 
     def expr(self, path: Path) -> s.Expr:
         """Return the expression at a path.

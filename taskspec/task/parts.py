@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from fractions import Fraction
 from itertools import product
 from math import prod
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from taskspec.lang.scope import ClampedIndex, Scope, Value
 from taskspec.lang.types import INT_WIDEST, Domain, Kind, Shape, Type
 
 __all__ = ["Component", "Parameter"]
+
+T = TypeVar("T")
 
 # ---------- parameters
 # Values of parameters: as callers give them, and as grids for claims; options of environments.
@@ -152,6 +154,21 @@ class Component:
     @property
     def read(self) -> tuple[Role, str]:
         return (Role.STATE, self.name)
+
+
+def by_name(components: Iterable[Component], values: Iterable[T]) -> dict[str, T]:
+    """Return one value for each component, by its name."""
+    return {c.name: value for c, value in zip(components, values, strict=True)}
+
+
+def by_read(role: Role, components: Iterable[Component], values: Iterable[T]) -> dict[tuple[Role, str], T]:
+    """Return one value for each component, by what reads it in a role."""
+    return {(role, c.name): value for c, value in zip(components, values, strict=True)}
+
+
+def are_finite(components: Iterable[Component]) -> bool:
+    """Return whether all components together take finitely many values."""
+    return all(c.is_finite for c in components)
 
 
 @dataclass(frozen=True)
@@ -338,6 +355,7 @@ class Surface:
     moved: tuple[ClampedIndex, ...] = ()  # indices that may lie outside their vectors
     meanings: Mapping[tuple[str, int], tuple[s.Expr, Value]] = field(default_factory=dict, repr=False)
     shapes: Mapping[str, Shape] = field(default_factory=dict, repr=False)  # of definitions and of noise
+    argument_axes: Mapping[tuple[str, str], int] = field(default_factory=dict, repr=False)  # by definition and argument
     expressions: int = 0  # that sections came to, each as often as it is written out: what the build cost
 
     def meaning(self, section: str, part: s.Expr) -> Value | None:

@@ -17,7 +17,7 @@ from taskspec.lang.ir import Apply, Draw, Node, Read, Role, children, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.scope import Value
 from taskspec.lang.types import INF, INT_MAX, INT_WIDEST, Args, Interval, Kind, Range
-from taskspec.task.task import Component, Observation
+from taskspec.task.parts import Component, Observation
 
 MAX_STEPS = 256
 

@@ -8,8 +8,9 @@ from typing import Any
 
 from taskspec.base.display import decimal, setting
 from taskspec.lang.types import Domain, Kind
+from taskspec.task.parts import Component, Parameter, Soft, are_finite
 from taskspec.task.spaces import SpaceLayout
-from taskspec.task.task import Component, Parameter, Soft, Task
+from taskspec.task.task import Task
 
 _SETS = {Kind.BOOL: "𝔹", Kind.INT: "ℤ", Kind.REAL: "ℝ"}
 _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -19,17 +20,17 @@ def record(task: Task) -> dict[str, Any]:
     """Return a task as plain data."""
     spec = task.spec
     expert: str | None = "expression"
-    if task.expert is None or isinstance(task.expert, str):
-        expert = task.expert
-    elif isinstance(task.expert, Soft):
-        expert = f"soft({task.expert.beta:g})"
+    if task.annotations.expert is None or isinstance(task.annotations.expert, str):
+        expert = task.annotations.expert
+    elif isinstance(task.annotations.expert, Soft):
+        expert = f"soft({task.annotations.expert.beta:g})"
     return {
         "id": task.id,
         "name": task.name,
-        "suite": task.suite,
-        "version": task.version,
-        "variant": task.variant,
-        "path": task.document.origin.name,
+        "suite": task.source.suite,
+        "version": task.source.version,
+        "variant": task.source.variant,
+        "path": task.source.document.origin.name,
         "title": spec.title,
         "summary": spec.summary,
         "capability": spec.capability,
@@ -77,7 +78,7 @@ def _bound(values: Sequence[float]) -> Any:
 
 def count(components: Sequence[Component]) -> int | None:
     """Return the number of values of components together; None where it is not finite."""
-    if not all(c.is_finite for c in components):
+    if not are_finite(components):
         return None
     return math.prod(n for c in components for n in c.counts)
 

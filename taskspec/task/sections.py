@@ -17,8 +17,8 @@ from taskspec.task import declarations
 from taskspec.task import parts as parameters
 from taskspec.task.context import Context, poison
 from taskspec.task.names import Names
+from taskspec.task.parts import FINITE_SPACES, Claim, Component, Observation, Soft
 from taskspec.task.reach import Observed, kept, reach, saturated, too_wide, widest
-from taskspec.task.task import FINITE_SPACES, Claim, Component, Observation, Soft
 
 Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
 

@@ -15,27 +15,27 @@ from taskspec.base.ids import InstanceId
 from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.evaluate import evaluate
-from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, rewrite
+from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import WordLayout
 from taskspec.source import Document
 from taskspec.task.merge import Merged
-from taskspec.task.parts import COUNTABLE as COUNTABLE
-from taskspec.task.parts import FINITE_SPACES as FINITE_SPACES
-from taskspec.task.parts import Claim as Claim
-from taskspec.task.parts import Component as Component
-from taskspec.task.parts import Ending
-from taskspec.task.parts import Example as Example
-from taskspec.task.parts import ExpertMemory as ExpertMemory
-from taskspec.task.parts import Figure as Figure
-from taskspec.task.parts import Followed as Followed
-from taskspec.task.parts import Modifier as Modifier
-from taskspec.task.parts import Observation as Observation
-from taskspec.task.parts import Parameter as Parameter
-from taskspec.task.parts import Soft as Soft
-from taskspec.task.parts import SpaceKind as SpaceKind
-from taskspec.task.parts import Surface as Surface
-from taskspec.task.parts import Symmetry as Symmetry
+from taskspec.task.parts import (
+    Claim,
+    Component,
+    Ending,
+    Example,
+    ExpertMemory,
+    Figure,
+    Modifier,
+    Observation,
+    Parameter,
+    Soft,
+    Surface,
+    Symmetry,
+    are_finite,
+    by_read,
+)
 from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, space
 
 if TYPE_CHECKING:
@@ -44,60 +44,145 @@ if TYPE_CHECKING:
     from taskspec.task.schema.models import Spec
 
 
+TIME = (Role.TIME, "t")
+"""The read of the steps taken."""
+
+
 @dataclass(frozen=True, eq=False)
-class Task:
-    """One task with its parameters bound.
+class TaskSource:
+    """The sections of a spec as written, with the parameter values that are bound."""
 
-    `initial` and `next` follow the order of `state`; `next`, `reward` and `terminal`
-    read STATE, ACTION and TIME; observation nodes read STATE (the state that is observed) and TIME; `initial` reads
-    nothing: each component's node contains those it depends on. `reset_draws` and `step_draws` are the draws that the sections
-    of a reset and of a step write, whether or not they are left in these nodes.
+    merged: Merged
+    suite: str
+    parameters: tuple[Parameter, ...]
+    surface: Surface
+    content_hash: str
+    constants: Mapping[str, Const] = field(default_factory=dict, repr=False)
+    """The values of the constants, those that are drawn as they are for this instance."""
 
-    A state is always in its space: an int that `raw_initial` or `raw_next` would give outside its range is moved to the
-    nearest end in `initial` and `next` (`spec.widths`), which soundness reports (E403, E404).
+    @property
+    def document(self) -> Document:
+        """The document that was read."""
+        return self.merged.document
 
-    An expert that is given by nodes reads STATE and TIME; where it has a `memory`, it reads that as STATE as well.
+    @property
+    def variant(self) -> str | None:
+        """The key of the variant, or None for the spec itself."""
+        return self.merged.variant
+
+    @property
+    def version(self) -> int:
+        """The number after the name in the id."""
+        return int(self.merged.data.get("version", 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Process:
+    """The decision process as core nodes, those of `initial` and `next` in the order of the state.
+
+    `next`, `reward` and `terminal` read STATE, ACTION and TIME, `absorbing_reward` reads STATE and TIME; `initial` reads nothing:
+    each component's node contains those it depends on. `reset_draws` and `step_draws` are the draws that the sections of a reset
+    and of a step write, whether or not they are left in these nodes.
+
+    A state is always in its space: an int that `raw_initial` or `raw_next` would give outside its range is moved to the nearest
+    end in `initial` and `next`, which soundness reports (E403, E404).
     """
 
-    name: str
-    suite: str
-    version: int
-    variant: str | None
-    parameters: tuple[Parameter, ...]
-    state: tuple[Component, ...]
-    action: tuple[Component, ...]
-    observation: Observation
-    horizon: int | None
-    discount: float
     initial: tuple[Node, ...]
     next: tuple[Node, ...]
     raw_initial: tuple[Node, ...]
     raw_next: tuple[Node, ...]
     reward: Node
     terminal: Node
-    expert: tuple[Node, ...] | Literal["optimal"] | Soft | None
-    claims: tuple[Claim, ...]
-    examples: tuple[Example, ...]
     absorbing_reward: Node
     reset_draws: tuple[Draw, ...]
     step_draws: tuple[Draw, ...]
-    merged: Merged
-    surface: Surface
-    document: Document
-    content_hash: str
-    fixed: Mapping[str, Const] = field(default_factory=dict, repr=False)
-    """The values of the constants, those that are drawn as they are for this instance."""
-    figure: Figure | None = None
-    memory: ExpertMemory | None = None
-    remembers: bool = False
-    """Whether the expert's memory is part of the state (`remembering`)."""
-    symmetries: tuple[Symmetry, ...] = ()
-    """Those that the spec declares, of the task as written."""
     required: tuple[tuple[Node, str], ...] = field(default=(), repr=False)
     """Conditions on parameters that are left open, each with what to say where it does not hold."""
+
+    @property
+    def nodes(self) -> Iterator[Node]:
+        """All expressions, and the draws that the sections write."""
+        yield from (*self.initial, *self.next, *self.raw_initial, *self.raw_next)
+        yield from (self.reward, self.terminal, self.absorbing_reward)
+        yield from (node for node, _ in self.required)
+        yield from (*self.reset_draws, *self.step_draws)
+
+
+@dataclass(frozen=True, eq=False)
+class Annotations:
+    """Statements of a spec about its process: the expert, claims, examples, symmetries as written, and the figure.
+
+    An expert that is given by nodes reads STATE and TIME; where it has a `memory`, it reads that as STATE as well.
+    """
+
+    expert: tuple[Node, ...] | Literal["optimal"] | Soft | None = None
+    memory: ExpertMemory | None = None
+    remembers: bool = False
+    """Whether the expert's memory is part of the state (`Task.remembering`)."""
+    claims: tuple[Claim, ...] = ()
+    examples: tuple[Example, ...] = ()
+    figure: Figure | None = None
+    symmetries: tuple[Symmetry, ...] = ()
+
+    @property
+    def expert_nodes(self) -> tuple[Node, ...]:
+        """The actions of an expert that is given by nodes; empty for another one."""
+        if isinstance(self.expert, tuple):
+            return self.expert
+        return ()
+
+    @property
+    def nodes(self) -> Iterator[Node]:
+        """All expressions that became nodes."""
+        yield from self.expert_nodes
+        for part in (self.memory, self.figure, *self.symmetries):
+            if part is not None:
+                yield from part.nodes
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One task with its parameters bound: what was written, spaces, the process, and what is stated about it.
+
+    All but the source is as the modifiers changed it; `written_as` is the task without them.
+    """
+
+    source: TaskSource
+    state: tuple[Component, ...]
+    action: tuple[Component, ...]
+    observation: Observation
+    """Its nodes read STATE, the state that is observed, and TIME."""
+    horizon: int | None
+    discount: float
+    process: Process
+    annotations: Annotations
     modifiers: tuple[Modifier, ...] = ()
-    """What was changed since, in order (`taskspec.modify`); all else is as changed, except the spec and its surface."""
+    """What was changed since, in order (`taskspec.modify`)."""
     written_as: Task | None = field(default=None, repr=False)
+
+    def with_process(self, **changes: Any) -> Task:
+        """Return the task with some fields of its process changed."""
+        return replace(self, process=replace(self.process, **changes))
+
+    def with_annotations(self, **changes: Any) -> Task:
+        """Return the task with some of its annotations changed."""
+        return replace(self, annotations=replace(self.annotations, **changes))
+
+    @property
+    def name(self) -> str:
+        """The name of the task, or of its variant."""
+        return self.source.merged.name
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters with their values, in the order of the spec."""
+        return self.source.parameters
+
+    @property
+    def content_hash(self) -> str:
+        """A hash of what decides the behaviour: the sections that do, parameter values, and modifiers."""
+        return self.source.content_hash
 
     @property
     def unmodified(self) -> Task:
@@ -106,14 +191,14 @@ class Task:
 
     @property
     def ending(self) -> Ending:
-        """What becomes of terminal states."""
+        """The fate of terminal states: the episode ends, or they absorb."""
         if self._has("absorbing"):
             return "absorb"
         return "terminate"
 
     @property
     def observe_time(self) -> bool:
-        """Whether the number of steps taken was added to the observation."""
+        """True if the number of steps taken was added to the observation."""
         return self._has("time_observed")
 
     def _has(self, modifier: str) -> bool:
@@ -122,8 +207,8 @@ class Task:
     @property
     def id(self) -> str:
         """`suite/Name-vN`, the id under which a shipped task is registered with Gymnasium."""
-        prefix = f"{self.suite}/" if self.suite else ""
-        return f"{prefix}{self.name}-v{self.version}"
+        prefix = f"{self.source.suite}/" if self.source.suite else ""
+        return f"{prefix}{self.name}-v{self.source.version}"
 
     @property
     def instance_id(self) -> str:
@@ -138,12 +223,12 @@ class Task:
         """The spec, with its variant's changes, as a pydantic model; made on first use, since environments need none."""
         from taskspec.task.schema.check import validated
 
-        return validated(self.merged)
+        return validated(self.source.merged)
 
     @property
     def info(self) -> tuple[str, ...]:
-        """What infos of steps hold: "old_state", "new_state", both or neither."""
-        return tuple(self.merged.data.get("info") or ())
+        """The keys of infos of steps: "old_state", "new_state", both or neither."""
+        return tuple(self.source.merged.data.get("info") or ())
 
     @property
     def title(self) -> str:
@@ -152,18 +237,18 @@ class Task:
 
     @property
     def summary(self) -> str:
-        """What the task is, in a sentence; empty where the spec does not say."""
+        """One sentence about the task; empty where the spec has none."""
         return self.spec.summary or ""
 
     @property
     def capability(self) -> str | None:
-        """What the task tests in a learner, such as "exploration"."""
+        """The capability of a learner that the task tests, such as "exploration"."""
         return self.spec.capability
 
     @property
     def variants(self) -> tuple[str, ...]:
         """The keys of the spec's variants: `load(task, key)` is one of them."""
-        return tuple(map(str, self.document.data.get("variants") or ()))
+        return tuple(map(str, self.source.document.data.get("variants") or ()))
 
     @property
     def roles(self) -> dict[str, str]:
@@ -190,7 +275,7 @@ class Task:
     @cached_property
     def action_layout(self) -> SpaceLayout:
         """Actions as Gymnasium values."""
-        is_number = all(entry.get("shape") is not None for entry in self.merged.data["action"].values())
+        is_number = all(entry.get("shape") is not None for entry in self.source.merged.data["action"].values())
         return action_layout(self.action, is_number)
 
     @cached_property
@@ -202,7 +287,7 @@ class Task:
     def constants(self) -> dict[str, Any]:
         """The constants by name, as this instance has them: numbers, and arrays of int64, float64 or bool."""
         found: dict[str, Any] = {}
-        for name, node in self.fixed.items():
+        for name, node in self.source.constants.items():
             if node.type.is_scalar:
                 found[name] = plain(node.value)
             else:
@@ -223,8 +308,8 @@ class Task:
 
     @property
     def is_finite(self) -> bool:
-        """Whether states and actions are finite in number by their declared domains."""
-        return all(c.is_finite for c in (*self.state, *self.action))
+        """True if states and actions are finite in number by their declared domains."""
+        return are_finite((*self.state, *self.action))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Task) and self._identity == other._identity
@@ -234,7 +319,7 @@ class Task:
 
     @cached_property
     def _identity(self) -> tuple[str, str, str, bool]:
-        return (self.id, self.content_hash, self.observation.space, self.remembers)
+        return (self.id, self.content_hash, self.observation.space, self.annotations.remembers)
 
     def __repr__(self) -> str:
         arguments = "".join(f", {p.name}={p.value!r}" for p in self.parameters)
@@ -259,65 +344,49 @@ class Task:
         """Return the same task with the expert's memory in its state, so that the expert is a function of it; itself
         without a memory.
         """
-        memory = self.memory
+        memory = self.annotations.memory
         if memory is None:
             return self
         first = self.first_observation
         later = self.next_observation
-        return replace(
-            self,
-            state=(*self.state, *memory.components),
-            initial=(*self.initial, *self._seeing(memory.initial, first)),
-            next=(*self.next, *self._seeing(memory.next, later)),
-            raw_initial=(*self.raw_initial, *self._seeing(memory.raw_initial, first)),
-            raw_next=(*self.raw_next, *self._seeing(memory.raw_next, later)),
-            memory=None,
-            remembers=True,
+        process = self.process
+        changed = self.with_process(
+            initial=(*process.initial, *self._seeing(memory.initial, first)),
+            next=(*process.next, *self._seeing(memory.next, later)),
+            raw_initial=(*process.raw_initial, *self._seeing(memory.raw_initial, first)),
+            raw_next=(*process.raw_next, *self._seeing(memory.raw_next, later)),
         )
+        state = (*self.state, *memory.components)
+        return replace(changed, state=state).with_annotations(memory=None, remembers=True)
 
     def _seeing(self, nodes: Iterable[Node], observed: Iterable[Node]) -> tuple[Node, ...]:
         """Return nodes of a memory with an observation in the place of what it reads of it."""
-        seen = dict(zip((c.name for c in self.observation.components), observed, strict=True))
-
-        def leaf(node: Node) -> Node | None:
-            if isinstance(node, Read) and node.role is Role.NEXT:
-                return seen[node.name]
-            return None
-
-        return rewrite(nodes, leaf, self.new_builder().remake_late)
+        return self.new_builder().substitute(nodes, by_read(Role.NEXT, self.observation.components, observed))
 
     @cached_property
     def reset_words(self) -> WordLayout:
-        """Which of the random words of a reset each of its draws takes."""
-        return WordLayout.dealt(self.reset_draws)
+        """The random words of a reset that each of its draws takes."""
+        return WordLayout.dealt(self.process.reset_draws)
 
     @cached_property
     def step_words(self) -> WordLayout:
-        """Which of the random words of a step each of its draws takes."""
-        return WordLayout.dealt(self.step_draws)
+        """The random words of a step that each of its draws takes."""
+        return WordLayout.dealt(self.process.step_draws)
 
     @property
     def step_roots(self) -> tuple[Node, ...]:
         """All that a step works out: next states, reward, end, observation."""
-        return (*self.next, self.reward, self.terminal, *self.next_observation)
+        return (*self.process.next, self.process.reward, self.process.terminal, *self.next_observation)
 
     @property
     def reset_roots(self) -> tuple[Node, ...]:
         """All that a reset works out: first states, observation."""
-        return (*self.initial, *self.first_observation)
+        return (*self.process.initial, *self.first_observation)
 
     @property
     def nodes(self) -> Iterator[Node]:
         """All expressions that the task is made of, and the draws that its sections write."""
-        yield from (*self.initial, *self.next, *self.raw_initial, *self.raw_next)
-        yield from (self.reward, self.terminal, self.absorbing_reward, *self.observation.nodes)
-        yield from self.expert if isinstance(self.expert, tuple) else ()
-        yield from () if self.memory is None else self.memory.nodes
-        yield from () if self.figure is None else self.figure.nodes
-        for symmetry in self.symmetries:
-            yield from symmetry.nodes
-        yield from (node for node, _ in self.required)
-        yield from (*self.reset_draws, *self.step_draws)
+        yield from (*self.process.nodes, *self.observation.nodes, *self.annotations.nodes)
 
     def new_builder(self, more: Iterable[Node] = ()) -> Builder:
         """Return a builder for nodes made from those of this task: what equals one of them, or of `more`, is that one."""
@@ -336,30 +405,17 @@ class Task:
     @cached_property
     def _observations(self) -> tuple[tuple[Node, ...], tuple[Node, ...]]:
         b = Builder.of(self.nodes)
-        following = {c.name: node for c, node in zip(self.state, self.next, strict=True)}
-
-        starting = {c.name: node for c, node in zip(self.state, self.initial, strict=True)}
-
-        def later(node: Node) -> Node | None:
-            match node:
-                case Read(role=Role.STATE, name=name):
-                    return following[name]
-                case Read(role=Role.TIME, type=type):  # one less than at the end of the step: as in dynamics
-                    return b.apply("add", b.read(Role.TIME, "t", type, node.low, node.high - 1), b.scalar(1))
-                case _:
-                    return None
-
-        def first(node: Node) -> Node | None:
-            match node:
-                case Read(role=Role.STATE, name=name):
-                    return starting[name]
-                case Read(role=Role.TIME):
-                    return b.scalar(0)
-                case _:
-                    return None
-
+        later = by_read(Role.STATE, self.state, self.process.next)
+        first = by_read(Role.STATE, self.state, self.process.initial)
+        first[TIME] = b.scalar(0)
+        for node in walk(self.observation.nodes):
+            if (
+                isinstance(node, Read) and node.role is Role.TIME
+            ):  # one less than at the end of the step: as in dynamics
+                before = b.read(Role.TIME, node.name, node.type, node.low, node.high - 1)
+                later[TIME] = b.apply("add", before, b.scalar(1))
         seen = self.observation.nodes
-        return rewrite(seen, later, b.remake_late), rewrite(seen, first, b.remake_late)
+        return b.substitute(seen, later), b.substitute(seen, first)
 
 
 def recall(
@@ -377,16 +433,14 @@ def recall(
         before, action: the memory and the action before that; not looked at when `t` is 0.
         t: steps taken.
     """
-    reads: dict[tuple[Role, str], Any] = {
-        (Role.NEXT, c.name): flat for c, flat in zip(task.observation.components, seen, strict=True)
-    }
+    reads: dict[tuple[Role, str], Any] = by_read(Role.NEXT, task.observation.components, seen)
     if t == 0:
         return evaluate(memory.initial, reads)
-    reads |= {c.read: flat for c, flat in zip(memory.components, before, strict=True)}
-    reads |= {(Role.ACTION, c.name): flat for c, flat in zip(task.action, action, strict=True)}
-    reads[Role.TIME, "t"] = (t - 1,)
+    reads |= by_read(Role.STATE, memory.components, before)
+    reads |= by_read(Role.ACTION, task.action, action)
+    reads[TIME] = (t - 1,)
     return evaluate(memory.next, reads)
 
 
 TaskLike: TypeAlias = Task | str | PathLike[str]
-"""What stands for a task wherever one is wanted: the task itself, its id, or the path of its spec."""
+"""A task, its id, or the path of its spec: functions that need a task take any of them."""

@@ -17,15 +17,16 @@ from hypothesis import strategies as st
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.registry import entries, task_ids
+from taskspec.source.scan import scan
+from taskspec.task.parts import FINITE_SPACES
 from taskspec.task.spaces import pack, unpack
-from taskspec.task.task import FINITE_SPACES, Task
+from taskspec.task.task import Task
 from tests.shared.interpreter import Interpreter
 from tests.shared.sparse import sparse
+from tests.shared.specs import paper_ids, varied_files
 
-SPECS = Path(__file__).parents[1] / "specs"
-LOCAL = [(str(e.path), e.variant) for e in entries(SPECS)]
-EVERY: list[tuple[str, str | None]] = [*((task_id, None) for task_id in task_ids()), *LOCAL]
+LOCAL = [(str(path), v) for path in varied_files() for _, v in scan(path.read_text()).tasks]
+EVERY: list[tuple[str, str | None]] = [*((task_id, None) for task_id in paper_ids()), *LOCAL]
 SMALL = {
     "B": 12,
     "L": 8,
@@ -151,7 +152,7 @@ def test_copies_go_on_alike(case: tuple[str, str | None]) -> None:
             assert all(same(c.reset()[0], first) for c in copies)
 
 
-@pytest.mark.parametrize("task_id", [i for i in task_ids() if "eals" not in i])  # whose spaces have no bounds
+@pytest.mark.parametrize("task_id", [i for i in paper_ids() if "eals" not in i])  # whose spaces have no bounds
 def test_gymnasium_accepts_the_environment(task_id: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")

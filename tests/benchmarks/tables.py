@@ -14,6 +14,7 @@ from taskspec.registry import load
 from taskspec.task.task import Task
 from tests.benchmarks import peers
 from tests.benchmarks.race import Contestant, label, ours
+from tests.shared.specs import spec_file
 
 # -- seals --------------------------------------------------------------------------------------------------------
 
@@ -140,7 +141,7 @@ CHOSEN = (
 
 def games() -> list[list[Contestant]]:
     """Games on the compiled backends that are installed, beside what others make of the same; a group for each game."""
-    return [_game(game, load(GAMES / f"{game.spec}.yaml", **game.parameters)) for game in CHOSEN]
+    return [_game(game, load(spec_file(game.spec), **game.parameters)) for game in CHOSEN]
 
 
 def _game(game: Game, task: Task) -> list[Contestant]:

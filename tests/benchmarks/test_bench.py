@@ -27,9 +27,9 @@ from tests.benchmarks import vector as bench_vector
 from tests.benchmarks.__main__ import app
 from tests.benchmarks.race import Contestant, Rate, spread
 from tests.conftest import needs_vectors
+from tests.shared.specs import spec_file
 
 ROOT = Path(__file__).parents[2]
-SPECS = ROOT / "tests" / "specs"
 QUICK = ("--rounds", "2", "--seconds", "0.001")
 
 
@@ -69,7 +69,7 @@ def test_alone_it_shows_help() -> None:
 def test_json_says_all_that_was_measured_and_on_what() -> None:
     args = (
         "vector",
-        SPECS / "umbrella.yaml",
+        spec_file("umbrella"),
         "RiskyPath",
         "-b",
         "scalar",

@@ -19,9 +19,9 @@ from tests.benchmarks import chart, peers, tables
 from tests.benchmarks.race import clock_for, jax_device, ours, race, spread
 from tests.benchmarks.starts import memory, start_times
 from tests.shared.sparse import sparse
+from tests.shared.specs import spec_file
 
 ROOT = Path(__file__).parents[2]
-SPECS = ROOT / "tests" / "specs"
 SLOW_TO_MEASURE = [("NoisyObs", "numpy"), *((name, b) for name in ("RiskyPath", "NoisyObs") for b in ("numba", "jax"))]
 """Memory is that of whole processes, and these take ten seconds and more to start and to compile."""
 NEEDS = {"scalar": (), "numpy": (), "numba": ("numba",), "jax": ("jax",), "jax-scan": ("jax",)}
@@ -79,7 +79,7 @@ def test_spread_is_half_the_distance_of_the_quartiles_over_the_median() -> None:
 
 @pytest.mark.parametrize("program", NEEDS)
 @pytest.mark.parametrize(
-    "task", sparse(["Parabola", "Branching", SPECS / "lights_out.yaml", SPECS / "lqr.yaml"], 2), ids=str
+    "task", sparse(["Parabola", "Branching", spec_file("lights_out"), spec_file("lqr")], 2), ids=str
 )
 def test_every_program_steps_lanes(program: str, task: Any) -> None:
     needed(program)

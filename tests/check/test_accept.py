@@ -12,8 +12,9 @@ from taskspec import exact, source
 from taskspec.base.diagnostics import SpecError
 from taskspec.cli.app import app
 from taskspec.task.build import build
+from tests.shared.specs import spec_file
 
-TIGER = (Path(__file__).parents[1] / "specs" / "tiger.yaml").read_text(encoding="utf-8")
+TIGER = spec_file("tiger").read_text(encoding="utf-8")
 PATH = """\
 taskspec: 1
 name: Path

@@ -32,7 +32,7 @@ def task_of(task_id: str) -> Task:
 
 
 DECLARED = [
-    (i, s.name) for i in task_ids() if i.startswith("derail/") for s in taskspec.load(i).symmetries
+    (i, s.name) for i in task_ids() if i.startswith("derail/") for s in taskspec.load(i).annotations.symmetries
 ]  # fmt: skip
 STRUCTURED = ("LargestSum", "NoisyObs", "Parabola", "ProcGoal", "Sort")
 
@@ -108,7 +108,9 @@ def test_every_return_is_kept(task_id: str, name: str) -> None:
 
 def test_all_shipped_symmetries_are_proved() -> None:
     assert all(
-        verify_symmetry(task, each).is_proved for task in {task_of(i) for i, _ in DECLARED} for each in task.symmetries
+        verify_symmetry(task, each).is_proved
+        for task in {task_of(i) for i, _ in DECLARED}
+        for each in task.annotations.symmetries
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -47,7 +46,7 @@ def spec(symmetries: str, text: str = BOX) -> Task:
 
 def found(symmetry: str, text: str = BOX) -> SymmetryCheck:
     task = spec(f"{{s: {symmetry}}}", text)
-    return verify_symmetry(task, task.symmetries[0])
+    return verify_symmetry(task, task.annotations.symmetries[0])
 
 
 def clip(x: int, low: int, high: int) -> int:
@@ -234,8 +233,8 @@ variants:
       three: {{doc: both, observation: {{w: -w}}}}
 """
     document = source.read_text(text)
-    assert [s.name for s in build(document).symmetries] == ["one", "two"]
-    changed = build(document, "other").symmetries
+    assert [s.name for s in build(document).annotations.symmetries] == ["one", "two"]
+    changed = build(document, "other").annotations.symmetries
     assert [(s.name, s.doc, bool(s.observation), bool(s.action)) for s in changed] == [
         ("one", None, False, True), ("three", "both", True, False),
     ]  # fmt: skip
@@ -260,24 +259,6 @@ def test_mistakes_in_a_symmetry_have_a_code_and_a_place(symmetries: str, code: s
         spec(symmetries)
     assert [(d.code, message in d.message) for d in error.value.diagnostics] == [(code, True)], error.value
     assert error.value.diagnostics[0].span is not None
-
-
-LINE = (Path(__file__).parents[1] / "errors" / "W525-idle-symmetry.yaml").read_text().partition("symmetries")[0]
-
-
-@pytest.mark.parametrize(
-    ("symmetry", "warned"),
-    [
-        ("{observation: {x: -x}, action: {a: left if a == right else right}}", True),
-        ("{observation: {x: -x}}", False),
-        ("{action: {a: left if a == right else right}}", False),
-        ("{observation: {x: x - 1}}", False),
-        ("{observation: {x: 2 * x}}", True),
-    ],
-)  # fmt: skip
-def test_a_twin_that_the_printed_expert_solves_is_warned_of(symmetry: str, warned: bool) -> None:
-    """The whole mirror gives the same task again, and half of it does not."""
-    assert ("W525" in {d.code for d in check(spec(f"{{s: {symmetry}}}", LINE)).diagnostics}) == warned
 
 
 def test_commands_tell_of_symmetries(tmp_path: Any) -> None:

@@ -14,6 +14,7 @@ from taskspec.base.diagnostics import CLASSES, CODES
 from taskspec.registry import shipped, task_ids
 from tests.shared.commands import Done, spec
 from tests.shared.sparse import sparse
+from tests.shared.specs import paper_ids, varied_files
 
 ROOT = Path(__file__).parents[2]
 DERAIL, SPECS, ERRORS = ROOT / "tasks" / "derail", ROOT / "tests" / "specs", ROOT / "tests" / "errors"
@@ -198,7 +199,7 @@ def test_claims_speak_of_the_default_parameters() -> None:
 
 # -- show ---------------------------------------------------------------------------------------------------------
 
-EVERY = [*task_ids(), *(str(path) for path in sorted(SPECS.glob("*.yaml")))]
+EVERY = [*paper_ids(), *map(str, varied_files())]
 
 
 @pytest.mark.parametrize("task", EVERY)

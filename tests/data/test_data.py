@@ -21,16 +21,16 @@ from taskspec.source import read_text
 from taskspec.task.build import build
 from tests.policies.test_memory import DRAWN, tiger
 from tests.shared.commands import Done
+from tests.shared.specs import spec_file
 
-SPECS = Path(__file__).parents[1] / "specs"
 TASKS = [
     "RiskyPath",
     "NoisyObs",
     "Sort",
     "Parabola",
     "EarlyTermNeg",
-    SPECS / "key_door.yaml",
-    SPECS / "permuted_actions.yaml",
+    spec_file("key_door"),
+    spec_file("permuted_actions"),
 ]
 
 
@@ -293,12 +293,7 @@ def test_mistakes_are_told_and_nothing_is_written(
 
 def test_a_spec_without_an_expert_says_what_else_there_is(tmp_path: Path) -> None:
     path = tmp_path / "x.yaml"
-    path.write_text(
-        (SPECS.parent.parent / "tasks/derail/risky_path.yaml")
-        .read_text()
-        .replace("expert:\n  a: safe\n", "")
-        .split("claims:")[0]
-    )
+    path.write_text(spec_file("risky_path").read_text().replace("expert:\n  a: safe\n", "").split("claims:")[0])
     done = Done("demos", path, "-o", tmp_path / "x.npz")
     assert done.status == 1 and "gives no expert" in done.err and "`optimal`" in done.err
     assert Done("demos", path, "-o", tmp_path / "x.npz", "--policy", "epsilon(0.1)").status == 0

@@ -11,9 +11,9 @@ import taskspec
 from taskspec.data import Tabular, demonstrations, tabular
 from taskspec.exact import scores
 from tests.shared.commands import Done
+from tests.shared.specs import spec_file
 
 pytest.importorskip("scipy")
-SPECS = Path(__file__).parents[1] / "specs"
 TASKS = [
     "RiskyPath",
     "Branching",
@@ -24,7 +24,7 @@ TASKS = [
     "ProcGoal?D=3",
     "seals/CliffWorld",
     "seals/RandomTransition",
-    SPECS / "frozen_lake.yaml",
+    spec_file("frozen_lake"),
 ]
 
 
@@ -86,7 +86,7 @@ def test_observations_are_those_of_the_environment() -> None:
 def test_what_cannot_be_tabulated_says_why(tmp_path: Path) -> None:
     with pytest.raises(taskspec.SpecError, match="infinitely many values"):
         tabular("Parabola")
-    text = (SPECS.parent.parent / "tasks" / "derail" / "risky_path.yaml").read_text()
+    text = spec_file("risky_path").read_text()
     endless = tmp_path / "endless.yaml"
     endless.write_text(text.split("claims:")[0].replace("horizon: 5", "horizon: none\ndiscount: 0.5"))
     with pytest.raises(taskspec.SpecError, match="no horizon"):

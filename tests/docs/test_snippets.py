@@ -33,7 +33,7 @@ from typing import Any
 import pytest
 from gymnasium.envs.registration import registry as gym_registry
 
-from docs.tools import pages
+from docs.tools import pages, pictures
 from taskspec import registry
 from taskspec.check.file_checks import check_file
 from taskspec.cli.check import check_other, examine
@@ -128,8 +128,8 @@ def test_the_readme_has_the_findings_of_the_printed_appendix(update_golden: bool
         assert now[0] == wanted
 
 
-def test_the_readme_prints_what_its_spec_prints(tmp_path: Path) -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+def test_the_first_page_prints_what_its_spec_prints(tmp_path: Path) -> None:
+    text = (DOCS / "index.md").read_text(encoding="utf-8")
     quoted = text.partition("<!-- printed -->\n")[2].partition("<!-- /printed -->")[0].splitlines()
     spec = next(block for block in blocks(text) if block.language == "yaml")
     (tmp_path / "risky_path.yaml").write_text(spec.body, encoding="utf-8")
@@ -141,6 +141,20 @@ def test_the_readme_prints_what_its_spec_prints(tmp_path: Path) -> None:
     assert quoted
     for line in quoted:
         assert line.removeprefix("> ") in page.splitlines()
+
+
+def test_pictures_show_what_commands_print(update_golden: bool) -> None:
+    """The pictures of the README: of the spec of the first page, and of the report of an exam."""
+    if update_golden:
+        pictures.main()
+    for name in ("first-light", "first-dark"):
+        drawn = (pictures.PICTURES / f"{name}.svg").read_text(encoding="utf-8")
+        assert pictures.example().digest in drawn, "python -m docs.tools.pictures"
+    assert (pictures.PICTURES / "card.svg").read_text(encoding="utf-8") == pictures.card()
+
+
+def test_the_readme_is_read_in_a_minute() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 900
 
 
 # -- snippets -----------------------------------------------------------------------------------------------------

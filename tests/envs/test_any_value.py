@@ -18,7 +18,7 @@ from taskspec.envs.vector import VectorEnvironment
 
 ID = "derail/RiskyPath-v0"
 TASK = taskspec.load(ID)
-PATH = Path(TASK.document.origin.name)
+PATH = Path(TASK.source.document.origin.name)
 
 
 def functional(source: Any) -> Any:

@@ -16,11 +16,11 @@ import pytest
 from gymnasium.envs.toy_text.frozen_lake import MAPS, generate_random_map
 
 import taskspec
+from tests.shared.specs import spec_file
 
 stats = pytest.importorskip("scipy.stats")
 
 ALPHA = 1e-6
-SPECS = Path(__file__).parents[1] / "specs"
 LAKES = {
     **MAPS,
     "random 5": generate_random_map(size=5, p=0.7, seed=1),
@@ -33,7 +33,7 @@ lakes = pytest.mark.parametrize("lake", LAKES)
 
 
 def make(name: str, **parameters: Any) -> Any:
-    return taskspec.make(taskspec.load(str(SPECS / f"{name}.yaml"), **parameters))
+    return taskspec.make(taskspec.load(str(spec_file(name)), **parameters))
 
 
 def put(env: Any, **state: Any) -> Any:
@@ -44,7 +44,7 @@ def put(env: Any, **state: Any) -> Any:
 def frozen_lake(tmp_path: Path, desc: list[str], slippery: bool) -> tuple[Any, Any]:
     """Gymnasium's lake and ours with the same map, written into a copy of the spec."""
     grid = f"grid: {json.dumps(MAPS['4x4'])}"
-    source = (SPECS / "frozen_lake.yaml").read_text()
+    source = (spec_file("frozen_lake")).read_text()
     assert grid in source
     path = tmp_path / "frozen_lake.yaml"
     source = source.replace(grid, f"grid: {json.dumps(desc)}")

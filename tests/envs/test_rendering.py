@@ -21,10 +21,11 @@ from taskspec.envs import Environment, NotRunningError
 from taskspec.envs.window import Window
 from taskspec.figures import render_frame
 from tests.shared.sparse import sparse
+from tests.shared.specs import paper_ids
 
 matplotlib = pytest.importorskip("matplotlib")
 pyplot = pytest.importorskip("matplotlib.pyplot")
-IDS = taskspec.task_ids()
+IDS = paper_ids()
 MODES = Environment.metadata["render_modes"]
 
 

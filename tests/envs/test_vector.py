@@ -20,16 +20,16 @@ from taskspec.source.scan import scan
 from taskspec.task.task import Task
 from tests.shared.conformance import Agreement, check_environment
 from tests.shared.sparse import sparse
+from tests.shared.specs import spec_file, varied_files
 
-SPECS = Path(__file__).parents[1] / "specs"
 MODES = ("NextStep", "SameStep", "Disabled")
 LANES = (1, 2, 7, 64)
 
 
 def every_task() -> list[tuple[str, str | None]]:
-    """All tasks of DERAIL by id, and those under tests/specs by path and variant."""
+    """All tasks of DERAIL by id, and varied ones by path and variant."""
     shipped = [(task_id, None) for task_id in taskspec.task_ids() if task_id.startswith("derail/")]
-    return shipped + [(str(p), v) for p in sorted(SPECS.glob("*.yaml")) for _, v in scan(p.read_text()).tasks]
+    return shipped + [(str(p), v) for p in varied_files() for _, v in scan(p.read_text()).tasks]
 
 
 def name_of(task: tuple[str, str | None]) -> str:
@@ -71,7 +71,7 @@ def test_compiled_backends_walk_the_scalar_trajectories(task: tuple[str, str | N
 
 
 QUICK = [
-    str(SPECS / "key_door.yaml"),
+    str(spec_file("key_door")),
     "derail/RiskyPath-v0",
     "derail/NoisyObs-v0",
     "derail/Sort-v0",

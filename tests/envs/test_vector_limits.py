@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,6 +11,7 @@ from taskspec.envs.vector import VectorEnvironment
 from taskspec.source import read
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.specs import spec_file
 
 SPEC = """
 taskspec: 1
@@ -94,7 +93,7 @@ def count(start: int) -> VectorEnvironment:
 def test_a_count_without_end_is_refused_by_jax_only_near_the_end_of_its_ints() -> None:
     pytest.importorskip("jax")
     assert count(5).state(0)["s"] == 35
-    VectorEnvironment(load(Path(__file__).parents[1] / "specs" / "queue.yaml"), 1, backend="jax").reset(seed=0)
+    VectorEnvironment(load(spec_file("queue")), 1, backend="jax").reset(seed=0)
     with pytest.raises(SpecError, match="E715"):
         count(2147483600)
 

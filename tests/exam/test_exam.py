@@ -56,14 +56,22 @@ def test_the_reward_is_withheld_from_those_who_are_not_entitled_to_it() -> None:
 WAYS: dict[str, Callable[[Case], Any]] = {
     "the model": lambda case: taskspec.data.tabular(case.task).R.tolist(),
     "the model of the task as written": lambda case: taskspec.data.tabular(case.task.unmodified).R.tolist(),
-    "the task with another parameter": lambda case: taskspec.load(case.task, p=0.5).reward,
+    "the task with another parameter": lambda case: taskspec.load(case.task, p=0.5).process.reward,
     "an environment of the task": lambda case: walk(taskspec.make(case.task), 1),
     "the environment inside": lambda case: walk(case.env().unwrapped, 1),
     "environments inside": lambda case: walk(case.make_vec(2).unwrapped, np.ones(2, int)),
-    "the expression": lambda case: (case.task.reward, case.task.absorbing_reward, case.task.unmodified.reward),
-    "the spec": lambda case: (case.task.spec.model_dump_json(), case.task.written, case.task.document.data),
-    "the expert": lambda case: (case.task.expert, case.task.memory, case.task.unmodified.expert),
-    "claims and examples": lambda case: (case.task.claims, case.task.examples),
+    "the expression": lambda case: (
+        case.task.process.reward,
+        case.task.process.absorbing_reward,
+        case.task.unmodified.process.reward,
+    ),
+    "the spec": lambda case: (case.task.spec.model_dump_json(), case.task.written, case.task.source.document.data),
+    "the expert": lambda case: (
+        case.task.annotations.expert,
+        case.task.annotations.memory,
+        case.task.unmodified.annotations.expert,
+    ),
+    "claims and examples": lambda case: (case.task.annotations.claims, case.task.annotations.examples),
     "the stand-in": lambda case: taskspec.exact.scores(case.task).optimal,
 }
 HIDING = """
@@ -112,7 +120,11 @@ def test_nothing_that_is_not_granted_is_found_in_what_a_case_gives(tmp_path: Pat
 
 def test_demonstrations_say_nothing_of_rewards() -> None:
     shown = case("derail/RiskyPath", 9, "demonstrations").demonstrations
-    assert shown.task is not None and not taskspec.data.tabular(shown.task).R.any() and shown.task.expert is None
+    assert (
+        shown.task is not None
+        and not taskspec.data.tabular(shown.task).R.any()
+        and shown.task.annotations.expert is None
+    )
     assert "return" not in shown.metadata
 
 
@@ -478,7 +490,7 @@ def test_what_has_become_worse_is_flagged_against_an_earlier_exam(tmp_path: Path
     status, same = held(tmp_path / "again", "q_learning", *options, "--against", str(tmp_path / "before"))
     assert status == 0 and flagged(same) == set()
     status, worse = held(tmp_path / "after", "q_wrong_sign", *options, "--against", str(tmp_path / "before"))
-    assert status == 1 and {kind for kind, _ in flagged(worse)} == {"regression"}
+    assert status == 1 and {kind for kind, _ in flagged(worse)} == {"regression", "changed"}
     assert {task for _, task in flagged(worse)} == {"EarlyTermPos", "InitShiftLearner"}
     other = Done("exam", f"{LEARNERS}:q_learning", "--steps", "4k", "--against", str(tmp_path / "before"))
     assert other.status == 1 and "had 3,000 steps, this one has 4,000" in other.err

@@ -11,7 +11,8 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.exam.fingerprints import OPERATORS, fingerprint, named, pooled
+from taskspec.exam.fingerprints import fingerprint, named, pooled
+from taskspec.exam.operators import OPERATORS
 
 SPECS = Path(__file__).parents[1] / "specs" / "values"
 TASKS = (str(SPECS / "end_in_place.yaml"), str(SPECS / "coin_walk.yaml"), "derail/RiskyPath")

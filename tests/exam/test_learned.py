@@ -177,7 +177,7 @@ def test_a_critic_is_read_with_the_probabilities_of_its_actor() -> None:
 
 def explained(reward: Callable[[RewardMdp], Array], task: str = TASKS[1]) -> list[dict[str, Any]]:
     def learner(case: Case) -> Learned:
-        return Learned(lambda observation: 0, reward=reward(RewardMdp(taskspec.data.tabular(taskspec.load(task)))))
+        return Learned(lambda observation: 0, reward=reward(RewardMdp(taskspec.load(task))))
 
     found = examine(learner, tasks=[task], seeds=1, twins=0, learns_from=["reward"])
     return [flag for flag in found["flags"] if flag["kind"] == "reward"]
@@ -211,6 +211,6 @@ def test_the_reward_of_the_step_before_is_that_of_episodes() -> None:
         for _ in range(9):
             obs, reward, *_ = env.step(int(rng.integers(2)))
             paid[int(obs)].append(float(reward))
-    mdp = RewardMdp(taskspec.data.tabular(taskspec.load(TASKS[1])))
+    mdp = RewardMdp(taskspec.load(TASKS[1]))
     found = REWARDS["step before"].of(mdp)[:, 0]
     assert found[:4] == pytest.approx([np.mean(each) for each in paid], abs=0.1)

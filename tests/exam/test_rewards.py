@@ -195,7 +195,7 @@ def _advantages(known: Any, reward: Array) -> Array:
 
 def test_it_is_a_distance() -> None:
     task, rng = maze("horizon: 4"), np.random.default_rng(6)
-    chain = RewardMdp(taskspec.data.tabular(task))
+    chain = RewardMdp(task)
     for a, b, c in rng.normal(size=(10, 3, 5, 3)):
         assert chain.distance(a, b) == pytest.approx(chain.distance(b, a))
         assert chain.distance(a, a) == 0

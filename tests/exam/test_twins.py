@@ -77,7 +77,7 @@ def test_seeds_of_twins_are_those_under_which_the_expert_acts_differently(name: 
     names = {}
     for seed in range(1, 17):
         twin = taskspec.modify(task, f"permuted_actions={seed},per_state=true")
-        names[seed] = demonstrations(twin, "optimal" if twin.expert is None else "expert", episodes=8).acts
+        names[seed] = demonstrations(twin, "optimal" if twin.annotations.expert is None else "expert", episodes=8).acts
     varied = [seed for seed, acts in names.items() if len(set(acts.tolist())) > 1]
     chosen = [varied[0]]
     for _ in range(2):

@@ -249,7 +249,7 @@ def test_an_experiment_has_a_name(tmp_path: Path) -> None:
 def test_an_experiment_is_no_spec_and_a_spec_no_experiment(tmp_path: Path) -> None:
     shutil.copy(shipped()["derail/noise"], tmp_path / "e.yaml")
     assert "taskspec sweep" in Done("solve", str(tmp_path / "e.yaml")).err
-    spec = taskspec.load("Branching").document.origin.name
+    spec = taskspec.load("Branching").source.document.origin.name
     assert Done("sweep", spec, "-o", str(tmp_path)).status != 0
     assert taskspec.register(tmp_path) == []
 

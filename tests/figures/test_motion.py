@@ -21,8 +21,8 @@ from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.docs.test_contact_sheet import outside, overlapping
+from tests.shared.specs import spec_file
 
-SPECS = Path(__file__).parents[1] / "specs"
 SPRING = """\
 taskspec: 1
 name: Spring
@@ -46,7 +46,7 @@ def task(text: str, figure: str) -> Task:
 
 
 def classic(name: str, figure: str) -> Task:
-    return task((SPECS / f"{name}.yaml").read_text(encoding="utf-8"), figure)
+    return task((spec_file(name)).read_text(encoding="utf-8"), figure)
 
 
 def drawn(one: Task, here: dict[str, object] | None = None) -> Scene:

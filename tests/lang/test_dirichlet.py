@@ -116,7 +116,7 @@ def test_all_backends_draw_alike(backend: str) -> None:
 
 def test_the_mean_is_exact() -> None:
     task = build(read_text(SPEC.replace("sum(e' * (3, 5))", "d'[0] + 4 * d'[1]"), "shares.yaml"))
-    found = expected(task.reward, task.new_builder(), ())
+    found = expected(task.process.reward, task.new_builder(), ())
     assert float(found.value) == pytest.approx(5 / 3, rel=1e-15)  # type: ignore[union-attr]
 
 

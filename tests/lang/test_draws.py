@@ -121,7 +121,9 @@ def average(value: Callable[..., Any]) -> Fraction:
 @pytest.mark.parametrize(("text", "value"), CASES, ids=[text for text, _ in CASES])
 def test_what_is_written_once_is_drawn_once(text: str, value: Callable[..., Any]) -> None:
     task = task_of(f"dynamics:\n  s': {'D' if PRIME in text else 's'}\nreward: {json.dumps(text)}\n")
-    assert len(draws([*task.next, task.reward])) == value.__code__.co_argcount + len(OTHERS.findall(text))
+    assert len(draws([*task.process.next, task.process.reward])) == value.__code__.co_argcount + len(
+        OTHERS.findall(text)
+    )
     assert solve.random_return(extract(task)) == pytest.approx(float(average(value)), rel=1e-12)
 
 
@@ -141,7 +143,10 @@ reward:
 
 def test_tables_and_cases_draw_what_they_write() -> None:
     task = task_of(TABLES)
-    written = [draws([node]) for node in (task.next[0], task.terminal, *task.observation.nodes, task.reward)]
+    written = [
+        draws([node])
+        for node in (task.process.next[0], task.process.terminal, *task.observation.nodes, task.process.reward)
+    ]
     assert [len(found) for found in written] == [3, 1, 0, 1, 1, 4]
     # The first case holds with 1/2 and pays the square of another draw, 14/4 on average; the second with 1/4 of the rest.
     expected = Fraction(1, 2) * Fraction(14, 4) + Fraction(1, 2) * (Fraction(7, 4) + Fraction(3, 4) * Fraction(3, 2))

@@ -94,8 +94,8 @@ def test_each_is_refused_where_it_stands(
 def test_truth_values_are_spelled_as_in_yaml_or_in_python(written: str) -> None:
     task = build(read_text(text(reward=f'"2 if s == 0 and {written} else (0 if {written} else 1)"')))
     same = build(read_text(text(reward='"2 if s == 0 and True else (0 if True else 1)"')))
-    assert str(task.reward) == str(same.reward)
-    assert printed(task.surface.sections["reward"]) == printed(same.surface.sections["reward"])
+    assert str(task.process.reward) == str(same.process.reward)
+    assert printed(task.source.surface.sections["reward"]) == printed(same.source.surface.sections["reward"])
     choice = f'{{a: {{type: choice, values: ["{written}", other]}}}}'
     with pytest.raises(SpecError, match=f"`{written}` is a word of the language"):
         build(read_text(text(action=choice)))
@@ -140,5 +140,5 @@ def test_an_index_for_each_axis_may_be_a_vector_of_any_kind() -> None:
         "(s % 2, -1)",
     ]
     made = [build(read_text(text(reward=f'"sum(put([[1, 2], [3, 4]], {each}, 5)[1])"'))) for each in indices]
-    rewards = [[evaluate([task.reward], {(Role.STATE, "s"): (k,)})[0][0] for k in (1, 2)] for task in made]
+    rewards = [[evaluate([task.process.reward], {(Role.STATE, "s"): (k,)})[0][0] for k in (1, 2)] for task in made]
     assert rewards == [[8, 9], [8, 7], [7, 9], [8, 7], [8, 7]]

@@ -92,7 +92,7 @@ def test_a_new_entry_runs_alike_on_all_backends(task: Task, backend: Any) -> Non
 def test_its_values_are_those_of_its_formula(task: Task) -> None:
     env = taskspec.make(task)
     env.reset(seed=3)
-    (logit,) = [d for d in task.step_draws if d.base == "logistic"]
+    (logit,) = [d for d in task.process.step_draws if d.base == "logistic"]
     place = task.step_words.first[logit.site]
     for step in range(6):
         before = env.state["k"]

@@ -19,7 +19,6 @@ from taskspec.learners.table import Matching
 from tests.shared.cases import Granted
 
 pytest.importorskip("scipy")
-SPECS = Path(__file__).parents[1] / "specs"
 BANDIT = """
 taskspec: 1
 name: Bandit

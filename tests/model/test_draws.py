@@ -57,7 +57,7 @@ DRAWN = [
 
 def node_of(kind: str, zero: str, expression: str) -> Any:
     text = SPEC.replace("EXPRESSION_TYPE", kind).replace("ZERO", zero).replace("EXPRESSION", f'"{expression}"')
-    return build(source.read_text(text, "drawn.yaml")).next[1]
+    return build(source.read_text(text, "drawn.yaml")).process.next[1]
 
 
 @pytest.mark.parametrize(("kind", "zero", "expression"), DRAWN)

@@ -28,7 +28,7 @@ from tests.shared.tasks import Small, shipped, spec
 def outcomes(task: Task, reads: dict[Any, Any]) -> dict[tuple[Any, ...], float]:
     """Every outcome of a step with its probability: the reference interpreter, each draw tried in every way."""
     total: dict[tuple[Any, ...], float] = {}
-    roots = (*task.next, task.reward, task.terminal)
+    roots = (*task.process.next, task.process.reward, task.process.terminal)
 
     def explore(chosen: list[int]) -> None:
         weights: list[float] = []

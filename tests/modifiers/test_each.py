@@ -134,9 +134,11 @@ def test_the_order_of_modifiers_means_something() -> None:
 
 
 def test_what_is_said_of_the_task_as_written_goes() -> None:
-    assert walk().claims and not walk("sticky=0.1").claims and walk("absorbing").claims
-    assert walk("sticky=0.1").expert is None and walk("reward_scale=2").expert is not None
-    assert walk("reward_scale=-2").expert is None
+    assert (
+        walk().annotations.claims and not walk("sticky=0.1").annotations.claims and walk("absorbing").annotations.claims
+    )
+    assert walk("sticky=0.1").annotations.expert is None and walk("reward_scale=2").annotations.expert is not None
+    assert walk("reward_scale=-2").annotations.expert is None
 
 
 MIXED = """

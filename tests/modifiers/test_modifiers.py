@@ -265,7 +265,7 @@ def test_exact_models_agree_with_simulation(task_id: str, name: str) -> None:
 @pytest.mark.parametrize(("task_id", "name"), FINITE)
 def test_an_expert_that_stays_earns_what_it_did(task_id: str, name: str) -> None:
     task, before = found(task_id, name), small(task_id)
-    if isinstance(before.expert, tuple) and isinstance(task.expert, tuple):
+    if isinstance(before.annotations.expert, tuple) and isinstance(task.annotations.expert, tuple):
         one, other = results(before), results(task)
         assert one.expert is not None and other.expert is not None
         if MODIFIERS[name].keeps in ("every policy's return", "all returns"):

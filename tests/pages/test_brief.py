@@ -16,6 +16,7 @@ from taskspec.pages.write import gather_pages, write
 from taskspec.source import read_text
 from taskspec.task.build import build
 from tests.shared.commands import Done
+from tests.shared.specs import spec_file
 
 PAPER = [
     "RiskyPath", "EarlyTermPos", "EarlyTermNeg", "Parabola", "LargestSum", "InitShiftExpert", "InitShiftLearner",
@@ -62,7 +63,7 @@ def test_no_sign_stands_alone_after_a_table_or_a_formula_on_a_line_of_its_own(tm
 
 
 def test_no_sign_ends_a_map(tmp_path: Path) -> None:
-    write([Path(__file__).parents[1] / "specs" / "frozen_lake.yaml"], ["latex"], tmp_path, brief=True)
+    write([spec_file("frozen_lake")], ["latex"], tmp_path, brief=True)
     (text,) = (path.read_text(encoding="utf-8") for path in tmp_path.glob("*.tex") if "ttfamily" in path.read_text())
     assert re.search(r"\\par\{\\ttfamily .*\}\\par$", text, re.MULTILINE)
 

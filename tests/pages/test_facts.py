@@ -11,9 +11,10 @@ from taskspec.exact import check
 from taskspec.pages.facts import gather
 from taskspec.pages.write import write
 from tests.shared.sparse import sparse
+from tests.shared.specs import paper_ids, varied_files
 
 ROOT = Path(__file__).parents[2]
-SPECS = [*registry.task_ids(), *map(str, sorted((ROOT / "tests/specs").glob("*.yaml")))]
+SPECS = [*paper_ids(), *map(str, varied_files())]
 
 
 @pytest.mark.parametrize("name", sparse(SPECS, 8), ids=lambda name: Path(name).stem)

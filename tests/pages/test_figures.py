@@ -22,10 +22,11 @@ from taskspec.printers.text import plain
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.specs import spec_file, varied_files
 
 ROOT = Path(__file__).parents[2]
 IDS = [i for i in registry.task_ids() if i.startswith("derail/")]
-SPECS = sorted((ROOT / "tests" / "specs").glob("*.yaml"))
+SPECS = varied_files()
 
 
 def task(name: str, **parameters: object) -> Task:
@@ -75,12 +76,12 @@ def test_wide_families_are_elided_too() -> None:
 
 
 def test_a_knot_is_not_drawn() -> None:
-    assert scene(registry.load(str(ROOT / "tests" / "specs" / "queue.yaml"))) is None
+    assert scene(registry.load(str(spec_file("queue")))) is None
 
 
 def test_what_else_could_be_drawn_is_said(tmp_path: Path) -> None:
     with pytest.raises(SpecError, match="cross") as caught:
-        figure(registry.load(str(ROOT / "tests" / "specs" / "tiger.yaml")), tmp_path / "tiger.svg")
+        figure(registry.load(str(spec_file("tiger"))), tmp_path / "tiger.svg")
     assert "bars" in str(caught.value)
 
 
@@ -160,7 +161,7 @@ def arrows(found: Scene) -> set[tuple[int, int, int, int]]:
 
 def test_arrows_on_a_grid_show_what_is_chosen_and_not_what_chance_makes_of_it() -> None:
     """The optimal policy of FrozenLake as Gymnasium's own tutorial has it, for as long a horizon."""
-    lake = registry.load(ROOT / "tests" / "specs" / "frozen_lake.yaml")
+    lake = registry.load(spec_file("frozen_lake"))
     found = scene(lake, overlay(lake, ["policy"]))
     assert found is not None
     assert {(0, 0, -1, 0), (1, 0, 0, -1), (0, 1, -1, 0), (1, 2, 0, 1), (1, 3, 1, 0), (2, 3, 0, 1)} <= arrows(found)

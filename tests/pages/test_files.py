@@ -19,6 +19,7 @@ from taskspec.pages.write import gather_pages, write
 from taskspec.printers import tex
 from taskspec.printers.markup import mathml
 from taskspec.task.task import Task
+from tests.shared.specs import varied_files
 
 ROOT = Path(__file__).parents[2]
 GOLDEN = ROOT / "tests" / "golden" / "appendix"
@@ -180,7 +181,7 @@ def test_unknown_format(tmp_path: Path) -> None:
 
 def test_every_spec_of_the_tests_has_a_page(tmp_path: Path) -> None:
     """Other tasks than the suite's: maps, constants, noise, one-hot observations, time."""
-    every = [registry.load(str(p)) for p in sorted((ROOT / "tests" / "specs").glob("*.yaml"))]
+    every = [registry.load(str(p)) for p in varied_files()]
     write(every, ["latex", "html", "markdown"], tmp_path)
     for path in tmp_path.glob("*.html"):
         for block in re.findall(r"<math.*?</math>", path.read_text(encoding="utf-8"), re.DOTALL):

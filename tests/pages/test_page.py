@@ -24,7 +24,7 @@ from taskspec.printers import plain
 from taskspec.printers.names import nowhere
 from taskspec.source import read_text
 from taskspec.task.build import build
-from taskspec.task.task import Claim
+from taskspec.task.parts import Claim
 from tests.shared.commands import Done
 
 ROOT = Path(__file__).parents[2]
@@ -121,6 +121,14 @@ def test_values_stand_beside_the_symbols() -> None:
     assert [words(v) for v in horizon.lines[0].values] == ["5", "2"]
 
 
+def test_only_lines_whose_value_changes_have_values_beside_them() -> None:
+    found = page(registry.load("derail/NoisyObs-v0"), columns=[{"L": 5}])
+    changed = {(s.key, words(v)) for s in found.sections for line in s.lines for v in line.values if v}
+    keys = {key for key, _ in changed}
+    assert ("observations", "z ∼ (N(0, 1))⁵") in changed
+    assert not keys & {"state", "dynamics", "rewards", "initial", "expert"}  # these depend on M alone
+
+
 def test_a_setting_that_is_the_tasks_own_is_not_shown_twice(tmp_path: Path) -> None:
     done = Done("docs", "derail/Branching", "-p", "L=5,10", "-f", "latex", "-f", "markdown", "-o", tmp_path)
     assert done.status == 0, done.err
@@ -157,8 +165,8 @@ def test_a_claim_about_the_defaults_is_not_called_false_elsewhere() -> None:
     task = registry.load("derail/NoisyObs-v0")
     stated = page(task, gather(task), [{"M": 3}]).section("claims")
     assert stated is not None
-    assert words(stated.lines[0].content) == "optimal return = 12 proved"
-    assert words(stated.lines[0].values[0]) == "optimal return = 12 not for these values"
+    assert words(stated.lines[0].content) == "optimal return = 12 (for M = 5) proved"
+    assert stated.lines[0].values == ((),)
 
 
 def test_a_name_that_no_task_has_a_parameter_for_is_refused(tmp_path: Path) -> None:

@@ -126,7 +126,7 @@ def test_it_acts_on_what_it_was_shown(observation: str) -> None:
 
 
 def _written(task: Task) -> str:
-    Path("tiger.yaml").write_text(task.document.origin.text)
+    Path("tiger.yaml").write_text(task.source.document.origin.text)
     return "tiger.yaml"
 
 
@@ -312,7 +312,7 @@ def test_an_expert_that_names_an_observation_is_told_what_it_reads() -> None:
 def test_a_label_of_a_parameter_may_be_called_as_an_observation() -> None:
     memory = "lead: {type: int, low: -9, high: 9, initial: 0, next: 0}"
     text = spec("sound: heard", memory, "parameters: {ear: {type: choice, values: [sound, deaf], default: deaf}}")
-    assert build(read_text(text.replace("if: lead >= 2", "if: ear == sound"))).expert is not None
+    assert build(read_text(text.replace("if: lead >= 2", "if: ear == sound"))).annotations.expert is not None
 
 
 # -- modifiers ----------------------------------------------------------------------------------------------------
@@ -362,4 +362,4 @@ def test_an_expert_remembers_what_its_actions_and_observations_mean(modifiers: l
 )
 def test_an_expert_is_left_out_that_would_not_see_what_it_remembers(modifier: str) -> None:
     twin = taskspec.modify(build(read_text(TURNS)), modifier)
-    assert twin.memory is None and twin.expert is None
+    assert twin.annotations.memory is None and twin.annotations.expert is None

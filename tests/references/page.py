@@ -11,7 +11,7 @@ import numpy as np
 
 from taskspec.exam import Exam
 from taskspec.exam.score_rows import decimal, interval, named
-from taskspec.rollout.statistics import estimate, mean
+from taskspec.rollout.statistics import seeds_interval
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE, PICTURE = DOCS / "learners.md", DOCS / "references.svg"
@@ -81,7 +81,7 @@ def _told(values: Sequence[float]) -> str:
 
 
 def _interval(values: Sequence[float]) -> tuple[float, float]:
-    return estimate(values, mean, "reference").interval
+    return seeds_interval(values)
 
 
 def written(found: Sequence[Compared]) -> None:

@@ -17,6 +17,7 @@ from taskspec.scores.returns import Results
 from taskspec.solve import solve
 from taskspec.source import read_text
 from taskspec.task.build import build
+from tests.shared.specs import spec_file
 from tests.shared.tasks import model_of, shipped, spec
 
 ROOT = Path(__file__).parents[2]
@@ -69,8 +70,8 @@ def test_episodes_that_seldom_end_are_given_up_early(tmp_path: Path) -> None:
 
 def test_a_poisson_draw_is_charged_for_every_count_that_is_searched() -> None:
     """Its rate is known only at run time, so that each of its words is compared with a sum for each count."""
-    path = ROOT / "tests" / "specs" / "epidemic.yaml"
-    found = [Cost(load(path, N=n).next, simulated=True).seconds(64, 1) for n in (10, 1000)]
+    path = spec_file("epidemic")
+    found = [Cost(load(path, N=n).process.next, simulated=True).seconds(64, 1) for n in (10, 1000)]
     assert found[1] > 5 * found[0]
     assert 5 * _affordable(load(path)) < _affordable(spec("queue"))
 

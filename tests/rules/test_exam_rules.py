@@ -1,4 +1,4 @@
-"""Rules over scores: what they mean on bootstrap intervals, which diagnoses results get, and what is said where one is wrong."""
+"""Rules over scores: what they mean on intervals, which diagnoses results get, and what is said where one is wrong."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from taskspec.base.diagnostics import Collector, Origin, Span, SpecError
 from taskspec.exam import findings
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse
-from taskspec.rollout.statistics import estimate, mean
+from taskspec.rollout.statistics import estimate
 from taskspec.rules.evaluator import Truth
 from taskspec.rules.rule_books import read_exam
 from taskspec.rules.score_rules import (
@@ -58,23 +58,33 @@ def judged(rule: str, results: dict[str, Any], names: RuleNames | None = None) -
 # -- intervals --------------------------------------------------------------------------------------------------------
 
 
-def test_intervals_are_those_of_scipy() -> None:
+def test_the_interval_of_a_mean_is_students_and_of_two_values_that_of_their_share() -> None:
     sample = np.random.default_rng(3).normal(0.7, 0.3, 15)
-    low, high = estimate(sample, mean, "a sample").interval
-    theirs = scipy.stats.bootstrap(
-        (sample,), np.mean, n_resamples=100_000, method="percentile", rng=np.random.default_rng(5)
-    )
-    assert (low, high) == pytest.approx(tuple(theirs.confidence_interval), abs=0.01)
+    theirs = scipy.stats.ttest_1samp(sample, 0).confidence_interval(0.95)
+    assert estimate(sample, "mean", "a sample").interval == pytest.approx(tuple(theirs), abs=1e-3)
+    share = scipy.stats.binomtest(12, 15).proportion_ci(0.95)
+    two_values = [0.1] * 3 + [0.9] * 12
+    wanted = (0.1 + 0.8 * share.low, 0.1 + 0.8 * share.high)
+    assert estimate(two_values, "mean", "two values").interval == pytest.approx(wanted, abs=1e-3)
 
 
-def test_intervals_of_differences_are_those_of_two_samples_that_do_not_go_together() -> None:
-    results = exam({"Sort": (a := [0.1, 0.9, 0.4, 0.6, 0.2]), "Parabola": (b := [0.5, 0.9, 0.3, 0.4, 0.8])})
-    (seen,) = judged("score(Sort) > score(Parabola)", results).evidence
-    theirs = scipy.stats.bootstrap(
-        (np.array(a), np.array(b)), lambda x, y, axis: x.mean(axis) - y.mean(axis), n_resamples=100_000, vectorized=True,
-        method="percentile", rng=np.random.default_rng(5),
-    )  # fmt: skip
-    assert (seen.low, seen.high) == pytest.approx(tuple(theirs.confidence_interval), abs=0.02)
+@pytest.mark.parametrize(("statistic", "true"), [("sd", 1.0), ("median", np.log(2))])
+def test_intervals_of_skewed_scores_contain_the_truth_about_as_often_as_they_say(statistic: Any, true: float) -> None:
+    rng = np.random.default_rng(0)
+    inside = 0
+    for i in range(400):
+        low, high = estimate(rng.exponential(size=15), statistic, str(i)).interval
+        inside += low <= true <= high
+    assert inside / 400 > 0.85
+
+
+def test_the_interval_of_a_difference_is_nearly_welchs() -> None:
+    rng = np.random.default_rng(3)
+    a = rng.uniform(0.1, 0.9, 15).tolist()
+    b = rng.uniform(0.3, 0.9, 15).tolist()
+    (seen,) = judged("score(Sort) > score(Parabola)", exam({"Sort": a, "Parabola": b})).evidence
+    welch = scipy.stats.ttest_ind(a, b, equal_var=False).confidence_interval(0.95)
+    assert (seen.low, seen.high) == pytest.approx(tuple(welch), abs=0.02)
     assert seen.value == pytest.approx(np.mean(a) - np.mean(b))
 
 

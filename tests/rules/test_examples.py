@@ -184,7 +184,10 @@ def test_what_cannot_be_enumerated_is_refused_before_it_costs() -> None:
 
 
 def is_deterministic(task: Task) -> bool:
-    return not draws((*task.next, task.reward, task.terminal)) and sum(c.type.size for c in task.state) <= 100
+    return (
+        not draws((*task.process.next, task.process.reward, task.process.terminal))
+        and sum(c.type.size for c in task.state) <= 100
+    )
 
 
 @pytest.mark.parametrize("task", [t for t in tasks(*EVERY) if is_deterministic(t)], ids=lambda t: t.id)
@@ -237,9 +240,9 @@ def by_name(task: Task, action: Any) -> dict[str, Any]:
 
 def with_examples(task: Task, examples: list[dict[str, Any]]) -> Task:
     """The same task with other examples, in its spec or in its variant."""
-    data = json.loads(json.dumps(task.document.data))
-    (data if task.variant is None else data["variants"][task.variant])["examples"] = examples
-    return build(source.read_text(json.dumps(data), "mutant.yaml"), task.variant, None, task.suite)
+    data = json.loads(json.dumps(task.source.document.data))
+    (data if task.source.variant is None else data["variants"][task.source.variant])["examples"] = examples
+    return build(source.read_text(json.dumps(data), "mutant.yaml"), task.source.variant, None, task.source.suite)
 
 
 def test_check_runs_examples_without_being_asked() -> None:

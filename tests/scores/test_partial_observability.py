@@ -24,9 +24,7 @@ from taskspec.solve.enclosure import Enclosure
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
-
-SPECS = Path(__file__).parents[1] / "specs"
-
+from tests.shared.specs import spec_file
 
 Look = Callable[[dict[str, Any], int], object]
 
@@ -140,7 +138,7 @@ def test_values_are_those_of_brute_force(seed: int) -> None:
 
 
 def test_tiger_is_as_in_a_tree_of_histories() -> None:
-    text = (SPECS / "tiger.yaml").read_text().replace("horizon: 20", "horizon: 5")
+    text = (spec_file("tiger")).read_text().replace("horizon: 20", "horizon: 5")
     task = build(read_text(text))
     told, tables = pomdp_bounds(Results(task)), Tables(task, lambda state, t: state["heard"])
     assert told is not None
@@ -206,11 +204,9 @@ def test_claims_are_about_them() -> None:
 
 def test_what_is_all_seen_has_no_such_bounds() -> None:
     assert pomdp_bounds(Results(load("derail/RiskyPath"))) is None
-    assert pomdp_bounds(Results(load(SPECS / "catch.yaml"))) is None  # the board shows all
+    assert pomdp_bounds(Results(load(spec_file("catch")))) is None  # the board shows all
     noisy = (
-        (SPECS / "tiger.yaml")
-        .read_text()
-        .replace("{o: heard, space: one_hot}", "{o: (tiger == left) == Bernoulli(3/4)}")
+        (spec_file("tiger")).read_text().replace("{o: heard, space: one_hot}", "{o: (tiger == left) == Bernoulli(3/4)}")
     )
     told = pomdp_bounds(Results(build(read_text(noisy))))
     assert (
@@ -223,7 +219,7 @@ def test_solve_and_pages_say_what_the_optimum_knows(tmp_path: Path) -> None:
         command = [sys.executable, "-m", "taskspec", *arguments]
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
 
-    path = str(SPECS / "memory_len.yaml")
+    path = str(spec_file("memory_len"))
     text = run("solve", path)
     assert [line.split()[:3] for line in text.splitlines()[1:4]] == [
         ["optimal", "1", "exact"], ["remembering", "1", "exact"], ["memoryless", "0", "exact"],

@@ -16,7 +16,8 @@ from taskspec.lang.operators import OPERATORS, STRUCTURES
 from taskspec.lang.types import BOOL, INT_MAX, REAL, Kind, Type
 from taskspec.lang.variates import VARIATES
 from taskspec.modifiers.core import remembers_what_is_told
-from taskspec.task.task import Component, Symmetry, Task
+from taskspec.task.parts import Component, Symmetry
+from taskspec.task.task import Task
 
 NodeRule = tuple[str, Callable[[Node], bool]]
 TaskRule = tuple[str, Callable[[Task], bool]]
@@ -41,23 +42,23 @@ OF_TASKS: tuple[TaskRule, ...] = (
     ("no two components have one name", lambda t: _distinct(c.name for c in (*t.state, *t.action, *kept(t)))),
     ("no two observed components have one name", lambda t: _distinct(c.name for c in t.observation.components)),
     ("bounds have one number for each element, low first", lambda t: all(map(_bounded, components(t)))),
-    ("each state component has a first value of its type", lambda t: _typed(t.initial, t.state)),
-    ("each state component has a next value of its type", lambda t: _typed(t.next, t.state)),
+    ("each state component has a first value of its type", lambda t: _typed(t.process.initial, t.state)),
+    ("each state component has a next value of its type", lambda t: _typed(t.process.next, t.state)),
     ("each observed component has a value of its type", lambda t: _typed(t.observation.nodes, t.observation.components)),
     ("each action component has an expert's value of its type", lambda t: _typed(experts(t), t.action if experts(t) else ())),
-    ("the rewards are single reals", lambda t: t.reward.type == t.absorbing_reward.type == REAL),
-    ("the end is a single condition", lambda t: t.terminal.type == BOOL),
-    ("first values read nothing", lambda t: not _roles(t.initial)),
-    ("a step reads state, action and time", lambda t: _roles((*t.next, t.reward, t.terminal)) <= _STEP),
+    ("the rewards are single reals", lambda t: t.process.reward.type == t.process.absorbing_reward.type == REAL),
+    ("the end is a single condition", lambda t: t.process.terminal.type == BOOL),
+    ("first values read nothing", lambda t: not _roles(t.process.initial)),
+    ("a step reads state, action and time", lambda t: _roles((*t.process.next, t.process.reward, t.process.terminal)) <= _STEP),
     ("an observation reads state and time", lambda t: _roles(t.observation.nodes) <= _PRESENT),
     ("an expert reads state and time", lambda t: _roles(experts(t)) <= _PRESENT),
     ("a figure reads what a step reads", lambda t: _roles(drawn(t)) <= _STEP),
-    ("the absorbing reward reads state and time", lambda t: _roles([t.absorbing_reward]) <= _PRESENT),
-    ("the absorbing reward draws nothing", lambda t: not draws([t.absorbing_reward])),
+    ("the absorbing reward reads state and time", lambda t: _roles([t.process.absorbing_reward]) <= _PRESENT),
+    ("the absorbing reward draws nothing", lambda t: not draws([t.process.absorbing_reward])),
     ("each component of a memory has values of its type", lambda t: all(_typed(nodes, kept(t)) for nodes in memories(t))),
     ("a memory reads what is seen, and later itself, action and time", lambda t: remembers_what_is_told(t)),
     ("a memory draws nothing", lambda t: not draws(n for nodes in memories(t) for n in nodes)),
-    ("a symmetry maps what is seen, or the action, and draws nothing", lambda t: all(map(_mapped, t.symmetries))),
+    ("a symmetry maps what is seen, or the action, and draws nothing", lambda t: all(map(_mapped, t.annotations.symmetries))),
     ("what is read is a component", lambda t: _names(t) <= {*(c.name for c in (*t.state, *t.action, *kept(t))), "t"}),
     ("a site of a draw is one node", lambda t: _distinct(n.site for n in walk(roots(t)) if isinstance(n, Draw))),
     ("equal operations are one node", lambda t: _distinct(_key(n) for n in walk(roots(t)) if isinstance(n, Apply))),
@@ -71,28 +72,28 @@ OF_TASKS: tuple[TaskRule, ...] = (
 
 def roots(task: Task) -> tuple[Node, ...]:
     """Return every expression that a task is made of."""
-    step = (*task.next, task.reward, task.terminal, task.absorbing_reward)
-    return (*task.initial, *step, *task.observation.nodes, *experts(task), *drawn(task))
+    step = (*task.process.next, task.process.reward, task.process.terminal, task.process.absorbing_reward)
+    return (*task.process.initial, *step, *task.observation.nodes, *experts(task), *drawn(task))
 
 
 def experts(task: Task) -> tuple[Node, ...]:
     """Return the expert's action where the spec writes it out, else nothing."""
-    return task.expert if isinstance(task.expert, tuple) else ()
+    return task.annotations.expert_nodes
 
 
 def kept(task: Task) -> tuple[Component, ...]:
     """Return the components of what the expert remembers."""
-    return () if task.memory is None else task.memory.components
+    return () if task.annotations.memory is None else task.annotations.memory.components
 
 
 def memories(task: Task) -> tuple[tuple[Node, ...], ...]:
     """Return first and next values of what the expert remembers."""
-    return () if task.memory is None else (task.memory.initial, task.memory.next)
+    return () if task.annotations.memory is None else (task.annotations.memory.initial, task.annotations.memory.next)
 
 
 def drawn(task: Task) -> tuple[Node, ...]:
     """Return what the figure shows."""
-    return () if task.figure is None else task.figure.nodes
+    return () if task.annotations.figure is None else task.annotations.figure.nodes
 
 
 def components(task: Task) -> tuple[Component, ...]:
@@ -102,7 +103,7 @@ def components(task: Task) -> tuple[Component, ...]:
 
 def broken(task: Task) -> Iterator[str]:
     """Yield the rules that a task breaks, each with the node or the task that breaks it; nothing for a task as it should be."""
-    maps = (n for each in task.symmetries for n in each.nodes)
+    maps = (n for each in task.annotations.symmetries for n in each.nodes)
     for node in walk((*roots(task), *(n for nodes in memories(task) for n in nodes), *maps)):
         yield from (f"{rule}: {node!r}" for rule, holds in OF_NODES if not holds(node))
     yield from (f"{rule}: {task!r}" for rule, holds in OF_TASKS if not holds(task))
@@ -176,7 +177,7 @@ def _counts(task: Task) -> Iterator[tuple[Node, float, float]]:
 
 
 def _kept(task: Task) -> Iterator[tuple[Node, float, float]]:
-    for nodes in (task.initial, task.next):
+    for nodes in (task.process.initial, task.process.next):
         pairs = zip(task.state, nodes, strict=True)
         yield from ((n, c.least, c.most) for c, n in pairs if c.type.kind is Kind.INT)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from taskspec import source
 from taskspec.base.diagnostics import SpecError
+from taskspec.registry import task_ids
 from taskspec.source import scan
 from taskspec.task.build import build
 from taskspec.task.merge import variant_names
@@ -15,6 +16,34 @@ from taskspec.task.task import Task
 ROOT = Path(__file__).parents[2]
 SHIPPED = "tasks/*/*.yaml"
 EVERY = (SHIPPED, "tests/specs/*.yaml")
+PAPER = ("derail", "seals")
+"""The suites that follow the paper and its code; the others are the library."""
+VARIED = (
+    "acrobot", "bernoulli_bandit", "blackjack", "boat_race", "car_rental", "cart_pole", "cartpole_swingup", "catch",
+    "contextual_bandit", "deep_sea", "dirichlet_mdp", "discounting_chain", "drifting_bandit", "epidemic", "frozen_lake",
+    "hallway", "inventory", "key_door", "life", "lights_out", "lqr", "maintenance", "memory_len", "minesweeper",
+    "mountain_car", "mountain_car_continuous", "multi_choice", "n_queens", "pendulum", "permuted_actions", "preferences",
+    "queue", "simon", "sokoban", "taxi", "three_in_a_column", "tic_tac_toe", "tiger", "two_goals", "umbrella",
+)  # fmt: skip
+"""Specs that use the language in many ways: what is tested on each of them is slow."""
+
+
+@cache
+def spec_file(name: str) -> Path:
+    """The file of a spec of the library or of the tests, by its name without a suffix."""
+    found = [*ROOT.glob(f"tasks/*/{name}.yaml"), *ROOT.glob(f"tests/specs/{name}.yaml")]
+    assert len(found) == 1, found
+    return found[0]
+
+
+def varied_files() -> list[Path]:
+    """The files of the specs that use the language in many ways."""
+    return [spec_file(name) for name in VARIED]
+
+
+def paper_ids() -> list[str]:
+    """The ids of the suites that follow the paper and its code."""
+    return [name for name in task_ids() if name.partition("/")[0] in PAPER]
 
 
 def specs(*patterns: str) -> list[Path]:

@@ -14,6 +14,7 @@ from taskspec.exact import extract
 from taskspec.model.model import Model
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.specs import spec_file
 
 ROOT = Path(__file__).parents[2]
 Array = np.ndarray[Any, Any]
@@ -29,7 +30,7 @@ def model_of(task: Task) -> Model:
 
 
 def spec(name: str) -> Task:
-    return build(source.read(ROOT / "tests" / "specs" / f"{name}.yaml"))
+    return build(source.read(spec_file(name)))
 
 
 RANDOM = """

@@ -90,6 +90,6 @@ def test_points_that_are_taken_at_once_fit_into_the_memory_that_is_allowed(
     set_limits: Callable[..., None], megabytes: int
 ) -> None:
     set_limits(megabytes=megabytes)
-    cost = Cost(build(source.read_text(HANOI)).next)
+    cost = Cost(build(source.read_text(HANOI)).process.next)
     assert cost.batch(7) == 7
     assert 1e6 * megabytes / 2 < cost.batch(1e18) * cost.numbers * BYTES <= 1e6 * megabytes

@@ -72,8 +72,8 @@ def test_a_spec_takes_from_another_file_what_it_does_not_change(run: Path) -> No
     optimal = [scores(t).optimal for t in found.values()]
     assert [r.value for r in optimal if r] == [2, 2, 2]
     assert [e.id for e in entries(run.parent)] == [t.id for t in found.values()]
-    assert [c.text for c in found["short"].claims] == ["states == L + 1", "optimal_return == 2"]
-    assert [c.text for c in found["late"].claims] == ["states == L"]
+    assert [c.text for c in found["short"].annotations.claims] == ["states == L + 1", "optimal_return == 2"]
+    assert [c.text for c in found["late"].annotations.claims] == ["states == L"]
     for task in found.values():
         report = check(task)
         assert not report.errors

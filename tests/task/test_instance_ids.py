@@ -100,7 +100,7 @@ def test_a_value_is_given_once() -> None:
 
 
 def test_a_path_takes_values_and_a_file_its_own_name(tmp_path: Path) -> None:
-    spec = taskspec.load("NoisyObs").document.origin.name
+    spec = taskspec.load("NoisyObs").source.document.origin.name
     for name in ("a.yaml", "b+c.yaml", "d?e.yaml"):
         shutil.copy(spec, tmp_path / name)
     assert taskspec.load(f"{tmp_path}/a.yaml?L=50").values["L"] == 50

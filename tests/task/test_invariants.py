@@ -14,7 +14,8 @@ from taskspec.lang.ir import Apply, Const, Draw, Read, Role
 from taskspec.lang.types import BOOL, INT, REAL, Kind, Type
 from taskspec.source import read_text
 from taskspec.task.build import build, build_abstract
-from taskspec.task.task import Figure, Symmetry, Task
+from taskspec.task.parts import Figure, Symmetry
+from taskspec.task.task import Task
 from tests.shared.invariants import OF_NODES, OF_TASKS, broken, checked
 
 ROOT = Path(__file__).parents[2]
@@ -55,12 +56,21 @@ def test_every_task_keeps_them(path: Path) -> None:
 
 
 def damaged(task: Task, **changes: object) -> Task:
-    return dataclasses.replace(task, **changes)  # type: ignore[arg-type]
+    """Return a task with fields changed, wherever they are: in the task, its process or its annotations."""
+    for name, value in changes.items():
+        change = {name: value}
+        if hasattr(task.process, name):
+            task = task.with_process(**change)
+        elif hasattr(task.annotations, name):
+            task = task.with_annotations(**change)
+        else:
+            task = dataclasses.replace(task, **change)  # type: ignore[arg-type]
+    return task
 
 
 def remembering(task: Task, **changes: object) -> Task:
-    assert task.memory is not None
-    return damaged(task, memory=dataclasses.replace(task.memory, **changes))  # type: ignore[arg-type]
+    assert task.annotations.memory is not None
+    return damaged(task, memory=dataclasses.replace(task.annotations.memory, **changes))  # type: ignore[arg-type]
 
 
 def read(role: Role, name: str, type: Type = INT) -> Read:
@@ -72,12 +82,12 @@ COIN = Draw("bernoulli", (Const(0.5, REAL),), BOOL, 99)
 DAMAGE: dict[str, Callable[[Task], Task]] = {
     "a constant has one scalar for each element": lambda t: damaged(t, reward=Const((1.0, 2.0), Type(Kind.REAL, (3,)))),
     "the scalars of a constant are of its kind": lambda t: damaged(t, reward=Const(1, REAL)),
-    "an operator is in one of the two tables": lambda t: damaged(t, reward=Apply("cosh", (t.reward,), REAL)),
-    "the type of an operation follows its rule": lambda t: damaged(t, reward=Apply("floor", (t.reward,), REAL)),
+    "an operator is in one of the two tables": lambda t: damaged(t, reward=Apply("cosh", (t.process.reward,), REAL)),
+    "the type of an operation follows its rule": lambda t: damaged(t, reward=Apply("floor", (t.process.reward,), REAL)),
     "an operation without arguments does not exist": lambda t: damaged(t, reward=Apply("vector", (), REAL)),
-    "static values are ints": lambda t: damaged(t, reward=Apply("element", (t.next[1],), REAL, (0.0,))),  # type: ignore[arg-type]
+    "static values are ints": lambda t: damaged(t, reward=Apply("element", (t.process.next[1],), REAL, (0.0,))),  # type: ignore[arg-type]
     "a draw is of a base variate, and of its kind": lambda t: damaged(t, reward=dataclasses.replace(COIN, type=REAL)),
-    "variables of comprehensions and functions are expanded": lambda t: damaged(t, next=(VARIABLE, t.next[1])),
+    "variables of comprehensions and functions are expanded": lambda t: damaged(t, next=(VARIABLE, t.process.next[1])),
     "there is a state and an action": lambda t: damaged(t, action=()),
     "no two components have one name": lambda t: damaged(t, action=(t.state[0],)),
     "no two observed components have one name": lambda t: damaged(
@@ -86,15 +96,15 @@ DAMAGE: dict[str, Callable[[Task], Task]] = {
     "bounds have one number for each element, low first": lambda t: damaged(
         t, state=(dataclasses.replace(t.state[0], low=(6,)), t.state[1])
     ),
-    "each state component has a first value of its type": lambda t: damaged(t, initial=t.initial[:1]),
-    "each state component has a next value of its type": lambda t: damaged(t, next=t.next[::-1]),
+    "each state component has a first value of its type": lambda t: damaged(t, initial=t.process.initial[:1]),
+    "each state component has a next value of its type": lambda t: damaged(t, next=t.process.next[::-1]),
     "each observed component has a value of its type": lambda t: damaged(
         t, observation=dataclasses.replace(t.observation, nodes=t.observation.nodes[:1])
     ),
-    "each action component has an expert's value of its type": lambda t: damaged(t, expert=(t.reward,)),
-    "the rewards are single reals": lambda t: damaged(t, reward=t.next[0]),
-    "the end is a single condition": lambda t: damaged(t, terminal=t.next[0]),
-    "first values read nothing": lambda t: damaged(t, initial=t.next),
+    "each action component has an expert's value of its type": lambda t: damaged(t, expert=(t.process.reward,)),
+    "the rewards are single reals": lambda t: damaged(t, reward=t.process.next[0]),
+    "the end is a single condition": lambda t: damaged(t, terminal=t.process.next[0]),
+    "first values read nothing": lambda t: damaged(t, initial=t.process.next),
     "a step reads state, action and time": lambda t: damaged(t, terminal=read(Role.NEXT, "s", BOOL)),
     "an observation reads state and time": lambda t: damaged(
         t, observation=dataclasses.replace(t.observation, nodes=(ACTION, t.observation.nodes[1]))
@@ -103,11 +113,13 @@ DAMAGE: dict[str, Callable[[Task], Task]] = {
     "a figure reads what a step reads": lambda t: damaged(t, figure=Figure("bars", values=read(Role.NEXT, "s"))),
     "the absorbing reward reads state and time": lambda t: damaged(t, absorbing_reward=read(Role.ACTION, "a", REAL)),
     "the absorbing reward draws nothing": lambda t: damaged(t, absorbing_reward=Draw("normal", (), REAL, 98)),
-    "each component of a memory has values of its type": lambda t: remembering(t, initial=(t.reward,)),
-    "a memory reads what is seen, and later itself, action and time": lambda t: remembering(t, initial=(t.next[0],)),
+    "each component of a memory has values of its type": lambda t: remembering(t, initial=(t.process.reward,)),
+    "a memory reads what is seen, and later itself, action and time": lambda t: remembering(
+        t, initial=(t.process.next[0],)
+    ),
     "a memory draws nothing": lambda t: remembering(t, next=(COIN,)),
     "a symmetry maps what is seen, or the action, and draws nothing": lambda t: damaged(
-        t, symmetries=(Symmetry("s", action=(t.next[0],)),)
+        t, symmetries=(Symmetry("s", action=(t.process.next[0],)),)
     ),
     "what is read is a component": lambda t: damaged(t, terminal=read(Role.STATE, "nobody", BOOL)),
     "a site of a draw is one node": lambda t: damaged(t, terminal=COIN, expert=(dataclasses.replace(COIN),)),
@@ -115,12 +127,14 @@ DAMAGE: dict[str, Callable[[Task], Task]] = {
         t, terminal=Apply("not", (ACTION,), BOOL), expert=(Apply("not", (ACTION,), BOOL),)
     ),
     "an index is certain to lie in its vector": lambda t: damaged(
-        t, reward=Apply("index", (t.next[1], read(Role.STATE, "s")), REAL)
+        t, reward=Apply("index", (t.process.next[1], read(Role.STATE, "s")), REAL)
     ),
     "a draw of an index has one value to draw from at least": lambda t: damaged(
-        t, initial=(Draw("index", (Const(0, INT),), INT, 97), t.initial[1])
+        t, initial=(Draw("index", (Const(0, INT),), INT, 97), t.process.initial[1])
     ),
-    "a state int is certain to keep to its range": lambda t: damaged(t, next=(read(Role.STATE, "s"), t.next[1])),
+    "a state int is certain to keep to its range": lambda t: damaged(
+        t, next=(read(Role.STATE, "s"), t.process.next[1])
+    ),
     "a horizon has a step at least": lambda t: damaged(t, horizon=0),
     "the discount is between 0 and 1": lambda t: damaged(t, discount=1.5),
 }

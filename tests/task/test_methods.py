@@ -22,12 +22,12 @@ def test_spaces_and_texts_are_those_of_the_environment_and_the_file(task_id: str
     task = taskspec.load(task_id)
     env = taskspec.make(task)
     assert (task.observation_space, task.action_space) == (env.observation_space, env.action_space)
-    written = yaml.safe_load(task.document.origin.text)
-    if task.variant is None:
+    written = yaml.safe_load(task.source.document.origin.text)
+    if task.source.variant is None:
         assert (task.summary, task.capability) == (written["summary"], written["capability"])
     assert list(task.variants) == list(written.get("variants", {}))
     for variant in task.variants:
-        assert taskspec.load(task, variant).variant == variant
+        assert taskspec.load(task, variant).source.variant == variant
 
 
 def test_roles_are_the_variants_of_expert_and_learner() -> None:
@@ -95,7 +95,7 @@ def test_a_task_is_built_once_for_the_same_values() -> None:
     assert build(document, None, {"L": 4}) is not task
     with also("expressions=5"), pytest.raises(taskspec.SpecError, match="E314"):
         build(document, None, {"L": 5})
-    parsed = [build(document, None, {"L": value}).surface.sections["reward"] for value in (5, 4)]
+    parsed = [build(document, None, {"L": value}).source.surface.sections["reward"] for value in (5, 4)]
     assert parsed[0] is parsed[1]
 
 

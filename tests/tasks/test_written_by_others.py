@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -13,22 +12,13 @@ import pytest
 
 import taskspec
 from taskspec import draws
-from taskspec.exact import scores, verdicts
+from taskspec.exact import scores
 from taskspec.lang.variates import WordLayout
-from taskspec.registry import entries
-
-SPECS = Path(__file__).parents[1] / "specs"
+from tests.shared.specs import spec_file
 
 
 def make(name: str, **parameters: Any) -> Any:
-    return taskspec.make(taskspec.load(str(SPECS / f"{name}.yaml"), **parameters))
-
-
-@pytest.mark.parametrize("entry", list(entries(SPECS)), ids=lambda e: e.name)
-def test_claims_hold(entry: Any) -> None:
-    task = taskspec.load(entry.path, entry.variant)
-    found = list(verdicts(task))
-    assert all(v.holds for v in found), [v.detail for v in found if not v.holds]
+    return taskspec.make(taskspec.load(str(spec_file(name)), **parameters))
 
 
 # -- Gymnasium --------------------------------------------------------------------------------------------------------
@@ -89,7 +79,7 @@ def test_blackjack_is_played_as_gymnasiums() -> None:
     theirs: Any = gym.make("Blackjack-v1").unwrapped
     ours = make("blackjack")
     task = ours.task
-    layout = WordLayout.of((*task.next, task.reward, task.terminal, *task.next_observation))
+    layout = WordLayout.of((*task.process.next, task.process.reward, task.process.terminal, *task.next_observation))
     card, dealt = (next(d for d in layout.draws if d.type.size == n) for n in (1, 12))
     rng = np.random.default_rng(0)
     ours.reset(seed=11)
@@ -232,8 +222,8 @@ def test_choices_of_several_components_and_labels_that_are_no_names() -> None:
 
 
 def test_variants_of_variants() -> None:
-    offset = taskspec.load(str(SPECS / "two_goals.yaml"), "TwoGoalsOffset")
-    assert (offset.expert, offset.claims, offset.values) == (None, (), {"L": 5})
+    offset = taskspec.load(str(spec_file("two_goals")), "TwoGoalsOffset")
+    assert (offset.annotations.expert, offset.annotations.claims, offset.values) == (None, (), {"L": 5})
     env = taskspec.make(offset)
     starts = {int(env.reset(seed=s)[0]) for s in range(200)}
     assert starts == {k for k in range(-5, 6) if k != 0}
@@ -241,7 +231,7 @@ def test_variants_of_variants() -> None:
 
 def test_cars_are_moved_as_value_iteration_does() -> None:
     """Over all numbers of customers and cars brought back, with a Poisson tail that weighs nothing."""
-    task = taskspec.load(str(SPECS / "car_rental.yaml"))
+    task = taskspec.load(str(spec_file("car_rental")))
     most, moves = task.values["N"], task.values["M"]
     chances = {rate: [math.exp(-rate) * rate**k / math.factorial(k) for k in range(60)] for rate in (2, 3, 4)}
 

@@ -12,6 +12,7 @@ import pytest
 from taskspec.base.diagnostics import Diagnostic, Origin, Span, SpecError
 from tests.shared import processes
 from tests.shared.sparse import sparse
+from tests.shared.specs import spec_file
 from tests.verification.fuzz import __main__ as fuzz
 from tests.verification.fuzz import corpus, found, layers, worker
 from tests.verification.fuzz.mutate import mutant
@@ -23,6 +24,8 @@ SPEC = (ROOT / "tasks" / "derail" / "risky_path.yaml").read_bytes()
 CRASHING = """
 import ctypes, sys
 from tests.verification.fuzz import worker
+from tests.shared.specs import spec_file
+from tests.shared.specs import spec_file
 def put_through(content, chance):
     if chance.getstate() == worker.chance_of(3).getstate():
         ctypes.string_at(0)
@@ -60,7 +63,7 @@ def test_mutants_follow_from_their_numbers() -> None:
 
 
 def test_every_spec_of_the_repository_is_a_seed() -> None:
-    assert (ROOT / "tests" / "specs" / "acrobot.yaml").read_bytes() in corpus.seeds()
+    assert spec_file("acrobot").read_bytes() in corpus.seeds()
     assert SPEC in corpus.seeds()
 
 

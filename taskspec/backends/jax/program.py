@@ -25,9 +25,10 @@ from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, reads, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.types import INF, INT_MAX, Kind, Range
 from taskspec.lang.variates import VARIATES, WordLayout, words_of
+from taskspec.task.parts import Component
 from taskspec.task.reach import over, reach, widest
 from taskspec.task.spaces import Segment, SpaceLayout
-from taskspec.task.task import Component, Task
+from taskspec.task.task import Task
 
 DTYPES: dict[Kind, Any] = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL: jnp.float32}
 
@@ -212,7 +213,7 @@ def compile_required(task: Task) -> Callable[..., tuple[AnyArray, ...]]:
     order.
     """
     constants: dict[str, Any] = {}
-    body, values = _emit(task, [node for node, _ in task.required], task.reset_words, constants)
+    body, values = _emit(task, [node for node, _ in task.process.required], task.reset_words, constants)
     lines = [f"def required({', '.join(open_names(task).values())}):", *indent(body)]
     source = "\n".join([*lines, *indent([f"return {tuple_of(values)}"]), ""])
     namespace = {**_NAMESPACE, **arrays(constants, _array)}
@@ -221,8 +222,8 @@ def compile_required(task: Task) -> Callable[..., tuple[AnyArray, ...]]:
 
 
 def _check_ints(task: Task, roots: Sequence[Node]) -> None:
-    reached = reach(task.state, task.initial, task.next, task.horizon)
-    for c, start in zip(task.state, task.initial, strict=True):
+    reached = reach(task.state, task.process.initial, task.process.next, task.horizon)
+    for c, start in zip(task.state, task.process.initial, strict=True):
         low, high = reached[c.name]
         first, last = bounds(start, {})
         if low == -INF:

@@ -83,7 +83,7 @@ class ScalarProgram:
         """Return the component values that the last reset gave."""
         layout = self.task.reset_words
         words = draws.words(seed, draws.RESET, clock.episodes - 1, layout.count)
-        flats = evaluate(self.task.initial, {}, sampler(layout, words))
+        flats = evaluate(self.task.process.initial, {}, sampler(layout, words))
         return [flat if c.type.shape else flat[0] for c, flat in zip(self.task.state, flats, strict=True)]
 
     def pack(self, flats: Sequence[tuple[Any, ...]]) -> Any:
@@ -111,12 +111,12 @@ def compile_scalar(task: Task) -> ScalarProgram:
     action = task.action_layout
     b = task.new_builder()
     invariants = Invariants.of(b, task, observation.form == "box" and bool(observation.shape))
-    roots = invariants.replaced(b, (*task.next, task.reward, task.terminal))
+    roots = invariants.replaced(b, (*task.process.next, task.process.reward, task.process.terminal))
     seen = () if invariants.observation else invariants.replaced(b, task.next_observation)
     cold: frozenset[str] = frozenset()
     if not task.info or sees_state(task, observation):
         cold = cold_components(task, (*roots, *seen))
-    initial = list(task.initial)
+    initial = list(task.process.initial)
     for i, c in enumerate(task.state):
         if c.name in cold:
             initial[i] = b.scalar(0)

@@ -47,7 +47,9 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
     constants = dict[str, Any]()
     states = names_of("s", task.state)
     # `repr`, because ids and file names are somebody's text: nothing in them may end the literal.
-    head = [repr(f"{task.id}: one environment, straight-line. Generated; the spec is {task.document.origin.name}.")]
+    head = [
+        repr(f"{task.id}: one environment, straight-line. Generated; the spec is {task.source.document.origin.name}.")
+    ]
     restored = _restored(parts, states, constants)
     step = _step(parts, states, restored, constants)
     reset = _reset(parts, states, [*step, *restored], constants)
@@ -130,10 +132,9 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
     body += [f"{', '.join(targets)} = {', '.join(stored)}"]
     if parts.invariants.observation:  # what is handed out may be written into, so it is always a copy
         body += [f"kept = {observation}"]
+        observation = "kept.copy()"
         if phase.row_count > 1:
             observation = phase.row_names[1]
-        else:
-            observation = "kept.copy()"
     if phase.row_count > 2:
         body += [f"told = {phase.row_names[2]}"]
     else:
@@ -253,10 +254,9 @@ def _access(parts: Parts, states: Sequence[str], restored: Sequence[str]) -> lis
     everything = ", ".join(states) + "," * (len(states) == 1)
     clock = "t, past, episodes, alive"
     body = [f"nonlocal {', '.join([*states, *_kept(parts)])}, {clock}", f"{everything} = values"]
+    told = []
     if is_kept(parts.task):
         told = [f"told = {flat_state(parts.task, states)}"]
-    else:
-        told = []
     body += [*restored, *told, f"{clock} = clock"]
     put = ["", "def put(values, clock):", *indent(body)]
     return ["def get():", f"    return ({everything}), ({clock})", *put]

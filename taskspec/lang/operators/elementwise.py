@@ -123,7 +123,7 @@ def _extreme(
                       real=f"({{0}} if {{0}} {sign} {{1}} or {{1}} != {{1}} else {{1}})"),
         array=Array(f"xp.{whole}({{0}}, {{1}})", real=f"rt.{name}({{0}}, {{1}})", nonzero=f"xp.{nonzero}({{0}}, {{1}})"),
         kernel=Kernel(real=f"{name}({{0}}, {{1}})", whole=f"select({{0}} {sign} {{1}}, {{0}}, {{1}})"),
-        bounds=rules.extreme(pick), whole=True,
+        bounds=rules.extreme(pick),
     )  # fmt: skip
 
 
@@ -132,20 +132,20 @@ ARITHMETIC = (
         name="add", commutative=True, rule=arithmetic, reference=lambda a, b: a + b, samples=PAIRS + NANS,
         scalar=Scalar("({0} + {1})"), array=Array("({0} + {1})"),
         bounds=lambda a, n: (a[0].low + a[1].low, a[0].high + a[1].high), finite=rules.bounded,
-        linear=rules.every, rational=True, whole=True, wraps=True,
+        linear=rules.every, rational=True, wraps=True,
         infix=Infix("+", "add", 5, "{0} + {1}", "Sum.", Brackets(Level.SUM, (Level.SUM,), lead=True)),
     ),
     Operator(
         name="sub", rule=arithmetic, reference=lambda a, b: a - b, samples=PAIRS + NANS,
         scalar=Scalar("({0} - {1})"), array=Array("({0} - {1})"),
         bounds=lambda a, n: (a[0].low - a[1].high, a[0].high - a[1].low), finite=rules.bounded,
-        linear=rules.every, rational=True, whole=True, wraps=True,
+        linear=rules.every, rational=True, wraps=True,
         infix=Infix("-", "sub", 5, "{0} - {1}", "Difference.", Brackets(Level.SUM, (Level.SUM, Level.BIG), lead=True)),
     ),
     Operator(
         name="mul", commutative=True, rule=arithmetic, reference=lambda a, b: a * b, samples=PAIRS + NANS,
         scalar=Scalar("({0} * {1})"), array=Array("({0} * {1})"),
-        bounds=rules.product, finite=rules.bounded, linear=rules.one, rational=True, whole=True, wraps=True,
+        bounds=rules.product, finite=rules.bounded, linear=rules.one, rational=True, wraps=True,
         infix=Infix(
             "*", "mul", 6, r"{0} \cdot {1}", "Product.", Brackets(Level.PRODUCT, (Level.PRODUCT, Level.FACTOR), lead=True)
         ),
@@ -153,7 +153,7 @@ ARITHMETIC = (
     Operator(
         name="neg", rule=arithmetic, reference=lambda a: -a, samples=((3,), (-2.5,), (0,), (math.nan,)),
         scalar=Scalar("(-{0})"), array=Array("(-{0})"),
-        bounds=lambda a, n: (-a[0].high, -a[0].low), linear=rules.every, rational=True, whole=True, wraps=True,
+        bounds=lambda a, n: (-a[0].high, -a[0].low), linear=rules.every, rational=True, wraps=True,
     ),
     Operator(
         name="div", rule=real, reference=div, samples=PAIRS + ZEROS + NANS,
@@ -171,7 +171,7 @@ ARITHMETIC = (
         scalar=Scalar("({0} // {1} if {1} else 0)", real="floordiv({0}, {1})", divides="({0} // {1})",
                       names={"floordiv": floordiv}),
         array=Array("rt.floordiv({0}, {1})"), kernel=Kernel(real="floordiv_real({0}, {1})", whole="floordiv_int({0}, {1})"),
-        bounds=rules.floor_quotient, finite=rules.divided, whole=True, wraps=True,
+        bounds=rules.floor_quotient, finite=rules.divided, wraps=True,
         infix=Infix(
             "//", "floordiv", 6, r"\left\lfloor {0} / {1} \right\rfloor", "Division rounded down.",
             Brackets(Level.ATOM, (Level.PRODUCT, Level.FACTOR), lead=True),
@@ -182,7 +182,7 @@ ARITHMETIC = (
         samples=PAIRS + ZEROS + NANS[:1],
         scalar=Scalar("({0} % {1} if {1} else 0)", real="({0} % {1} if {1} else nan)", divides="({0} % {1})"),
         array=Array("rt.mod({0}, {1})"), kernel=Kernel(real="mod_real({0}, {1})", whole="mod_int({0}, {1})"),
-        bounds=rules.remainder, finite=rules.divided, whole=True,
+        bounds=rules.remainder, finite=rules.divided,
         infix=Infix(
             "%", "mod", 6, r"{0} \bmod {1}", "Remainder, with the sign of the divisor.",
             Brackets(Level.REMAINDER, (Level.FACTOR,)),
@@ -199,7 +199,7 @@ ARITHMETIC = (
         name="abs", rule=arithmetic, reference=abs, samples=((3,), (-3,), (-2.5,), (math.nan,)),
         scalar=Scalar("abs({0})"), array=Array("xp.abs({0})"),
         kernel=Kernel("abs({0})", whole="select({0} < 0, -{0}, {0})"),
-        bounds=rules.magnitude, whole=True, wraps=True,
+        bounds=rules.magnitude, wraps=True,
         function=Function(
             "abs", ("x",), r"\lvert {0} \rvert", "Absolute value.", ((-3,), (2.5,), (INTS,)), applies("abs")
         ),
@@ -209,7 +209,7 @@ ARITHMETIC = (
         samples=((3,), (-3,), (0,), (-2.5,), (0.0,), (math.nan,)),
         scalar=Scalar("sign({0})", names={"sign": sign}), array=Array("rt.sign({0})"),
         kernel=Kernel(real="(f64({0} > 0.0) - f64({0} < 0.0))", whole="(i32({0} > 0) - i32({0} < 0))"),
-        bounds=rules.to_int(sign), whole=True,
+        bounds=rules.to_int(sign),
         function=Function("sign", ("x",), r"\operatorname{sign}({0})", "-1, 0 or 1.", ((-3,), (0,), (2.5,)), applies("sign")),
     ),
     _extreme("min2", min2, "<=", "minimum", "fmin", min),
@@ -261,7 +261,7 @@ ROUNDING = (
         name="to_real", rule=real, promote=as_they_are, reference=float,
         samples=((True,), (False,), (3,), (-4,)),
         scalar=Scalar("float({0})"), array=Array("rt.as_real({0})"), kernel=Kernel("f64({0})"), bounds=rules.same,
-        linear=rules.every, whole=True,
+        linear=rules.every,
     ),
 )  # fmt: skip
 
@@ -393,7 +393,7 @@ LOGICAL = (
         reference=lambda condition, a, b: a if condition else b,
         samples=((True, 1, 2), (False, 1, 2), (True, 1.5, -2.0), (False, 1.5, -2.0)),
         scalar=Scalar("({1} if {0} else {2})"), array=Array("xp.where({0}, {1}, {2})"), kernel=Kernel("select({0}, {1}, {2})"),
-        bounds=lambda args, node: rules.union(args[1:], node), linear=rules.unless_first, whole=True,
+        bounds=lambda args, node: rules.union(args[1:], node), linear=rules.unless_first,
         function=Function(
             "where", ("condition", "x", "y"), r"\begin{cases}{1} & \text{if } {0}\\ {2} & \text{otherwise}\end{cases}",
             "x where the condition holds, else y; element by element.", ((True, 1, 2.5), ((True, False, True), INTS, 0)),

@@ -236,8 +236,6 @@ class Operator:
     """Whether operands may change places; not two reals among which one is `CHOSEN`, which may be 0.0 and -0.0."""
     rational: bool = False
     """Whether it is worked out in fractions where all arguments are exact constants."""
-    whole: bool = False
-    """Whether whole numbers give whole numbers."""
     wraps: bool = False
     """Whether it may give an int that no argument is, and so leave the ints of a backend."""
     rounds: bool = False

@@ -69,7 +69,6 @@ class Structure:
     indices: tuple[int, ...] = ()
     commutative: bool = False
     elements: ClassVar[Elements] = Elements.MOVED
-    whole: ClassVar[bool] = True
     wraps: ClassVar[bool] = False
     rounds: ClassVar[bool] = False
     from_count: ClassVar[None] = None
@@ -292,7 +291,7 @@ def _extreme_of(name: str, reference: Callable[[Vector], Number], doc: str) -> O
         name=name, elements=Elements.CHOSEN, rule=reduction(number, empty=False), reference=reference,
         samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar(f"{name}_({{0}})", whole=f"{name}({{0}})", names={f"{name}_": reference}),
-        array=Array(f"rt.{name}({{0}})"), bounds=rules.same, whole=True,
+        array=Array(f"rt.{name}({{0}})"), bounds=rules.same,
         function=Function(name, ("x", "*rest"), rf"\{name}({{*}})", doc, ((3, 2), (1.5, -2, 4), (INTS,), (MIXED,)),
                           _extreme(f"{name}2", name), axes=_of_several),
     )  # fmt: skip
@@ -302,10 +301,10 @@ REDUCTIONS = (
     _whole_vector("sum", r"\textstyle\sum {0}", "Sum of all elements.", ((INTS,), (MIXED,), ((True, False),)),
                   Scalar("sum_({0})", chain=(" + ", "0"), names={"sum_": sum_}), rule=reduction(number), reference=sum_,
                   from_count=lambda b, total, size: total, bounds=rules.total, finite=rules.bounded, linear=rules.every,
-                  whole=True, wraps=True, brackets=_BIG),
+                  wraps=True, brackets=_BIG),
     _whole_vector("prod", r"\textstyle\prod {0}", "Product of all elements.", ((INTS,), (MIXED,)),
                   Scalar("prod({0})", chain=(" * ", "1"), names={"prod": math.prod}), rule=reduction(number),
-                  reference=math.prod, bounds=rules.power, finite=rules.bounded, whole=True, wraps=True, brackets=_BIG),
+                  reference=math.prod, bounds=rules.power, finite=rules.bounded, wraps=True, brackets=_BIG),
     _whole_vector("any", r"\exists\,{0}", "Whether any element is true.", (((True, False),),),
                   Scalar("any({0})", chain=(" or ", "False")), rule=reduction(conditions(Kind.BOOL)), reference=any,
                   from_count=lambda b, total, size: b.apply("lt", b.scalar(0), total), promote=as_they_are, samples=MASKS,
@@ -332,13 +331,13 @@ SORTING = (
     _whole_vector("sort", r"\operatorname{sort}({0})", "Elements in ascending order.", ((INTS,), (MIXED,)),
                   Scalar("sort({0})", whole="sorted({0})", names={"sort": _quick_sort}), of_first, rule=vector(lambda k: k),
                   promote=as_they_are, reference=sort, samples=VECTORS + NAN_VECTORS, elements=Elements.CHOSEN,
-                  bounds=rules.same, whole=True),
+                  bounds=rules.same),
     _whole_vector("argsort", r"\operatorname{argsort}({0})", "Indices that sort the vector.",
                   ((INTS,), (MIXED,), ((1, 0, 1, 0),)), Scalar("argsort({0})", names={"argsort": _quick_argsort}), of_first,
                   rule=vector(lambda k: Kind.INT), promote=as_they_are, reference=argsort, samples=VECTORS + NAN_VECTORS,
                   elements=Elements.RANKED, bounds=rules.place),
     _whole_vector("cumsum", r"\operatorname{cumsum}({0})", "Running sums.", ((INTS,), (MIXED,)), axes=of_first,
-                  rule=vector(number), reference=cumsum, bounds=rules.running, finite=rules.bounded, whole=True, wraps=True),
+                  rule=vector(number), reference=cumsum, bounds=rules.running, finite=rules.bounded, wraps=True),
 )  # fmt: skip
 
 

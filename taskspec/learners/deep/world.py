@@ -71,7 +71,7 @@ class World:
     @classmethod
     def of(cls, task: Task, absorb: bool) -> World:
         """Return the world of a task; `absorb` as in `Experience`."""
-        ends = not (isinstance(task.terminal, Const) and not task.terminal.value)
+        ends = not (isinstance(task.process.terminal, Const) and not task.process.terminal.value)
         absorbs = absorb and ends and task.horizon is not None and task.ending == "terminate"
         program = compile_jax(modify(task, "absorbing") if absorbs else task)
         head = ActionHead(Vectors.of(program.action))
@@ -80,14 +80,14 @@ class World:
     @property
     def may_end(self) -> bool:
         """Whether there are terminal states."""
-        return not (isinstance(self.task.terminal, Const) and not self.task.terminal.value)
+        return not (isinstance(self.task.process.terminal, Const) and not self.task.process.terminal.value)
 
     @property
     def length(self) -> int:
         """The largest number of steps of an episode."""
         if self.horizon is not None:
             return self.horizon
-        if isinstance(self.task.terminal, Const) and self.task.terminal.value:
+        if isinstance(self.task.process.terminal, Const) and self.task.process.terminal.value:
             return 1
         raise CannotLearn(f"episodes of {self.task.id} have no horizon", "give the task one")
 

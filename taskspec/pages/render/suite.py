@@ -86,10 +86,13 @@ class Suite:
     @cached_property
     def folded(self) -> dict[str, tuple[Page, ...]]:
         """Pages of variants by the anchor of the page that they are based on, directly or not."""
-        known = {(page.task.document.origin.name, page.task.variant): page.anchor for page in self.pages}
+        known = {(page.task.source.document.origin.name, page.task.source.variant): page.anchor for page in self.pages}
         found: dict[str, list[Page]] = {}
         for page in self.pages:
-            line = [(document.origin.name, key) for document, key in lineage((page.task.document, page.task.variant))]
+            line = [
+                (document.origin.name, key)
+                for document, key in lineage((page.task.source.document, page.task.source.variant))
+            ]
             *_, first = (known[step] for step in line if step in known)
             found.setdefault(first, [])
             found[first] += [page] if page.anchor != first else []
@@ -110,8 +113,19 @@ _SIGNS = (
     (r"\bswap_", r"$\mathrm{swap}_{i, j}(x)$ is $x$ with its elements $i$ and $j$ exchanged."),
     (r"\[[^][]* ← ", r"$x[q \leftarrow f]$ is $x$ with $f$ in place of its element $q$."),
     ("#", r"$\#\{\cdot\}$ is the number of elements of the set."),
+    ("⊙", r"$x \odot y$ multiplies vectors element by element; $x \cdot y$ is their inner product."),
+    ("↦", r"A label stands for the number or vector behind its arrow $\mapsto$ where it is calculated with."),
+    (r"\|", r"$|x|$ is the absolute value of a number, and the length of a vector."),
+    (r"_\((?:[^()]*, )?[^(),]*: ", r"$x_{a:b}$ has the elements of $x$ from $a$ to $b - 1$."),
+    (r"\bargsort\(", r"$\mathrm{argsort}(x)$ has the places of the elements of $x$, the smallest element first."),
+    (r"\breverse\(", r"$\mathrm{reverse}(x)$ is $x$ with its last element first."),
+    (r"\bcumsum\(", r"$\mathrm{cumsum}(x)$ has the sums of the first elements of $x$."),
+    (r"\be(_|[₀-₉ₐ-ₜᵢ-ᵥ])", r"$e_i$ is the vector with $1$ at place $i$ and $0$ elsewhere."),
     (r"\bUnif\b", r"$\mathrm{Unif}$ is the uniform distribution: over the elements of a set, or over the real numbers from one "
-                  r"bound to the other; its power $n$ is that of $n$ independent draws."),
+                  r"bound to the other."),
+    (r"\bPerm\b", r"$\mathrm{Perm}(n)$ is the uniform distribution over the permutations of $0, \ldots, n - 1$."),
+    (r"∼ \([^∼]*\)(\^|[⁰-⁹ⁿ¹²³])", r"A power of a distribution is that of independent draws, as many as the power says; "
+                                  r"$n \times m$ stands for a matrix of them."),
     ("ℙ_", r"$\mathbb{P}_\pi(\cdot)$ is the probability that an episode of the policy $\pi$ ever reaches a state in which the "
             r"condition holds."),
 )  # fmt: skip
@@ -128,8 +142,7 @@ _DISCOUNTED = r", where a task with a discount $\gamma$ multiplies that of the s
 _MARKS = (
     ("proved", "What is marked as proved follows from the form of the equations, or from exact results whose rounding errors are "
                "bounded."),
-    ("tested", "What is marked as tested was not contradicted by simulated episodes, or follows from a finite abstraction that "
-               "agreed with them."),
+    ("tested", "What is marked as tested was not contradicted by simulated episodes."),
 )  # fmt: skip
 
 

@@ -16,7 +16,6 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -156,9 +155,16 @@ def _sound(task: Task) -> list[str]:
 
 def _leaves(task: Task) -> bool:
     """Whether an int of the state was moved in a short episode."""
-    if all(a is b for a, b in zip((*task.initial, *task.next), (*task.raw_initial, *task.raw_next), strict=True)):
+    if all(
+        a is b
+        for a, b in zip(
+            (*task.process.initial, *task.process.next),
+            (*task.process.raw_initial, *task.process.raw_next),
+            strict=True,
+        )
+    ):
         return False
-    raw, kept = Interpreter(replace(task, next=task.raw_next), 5), Interpreter(task, 5)
+    raw, kept = Interpreter(task.with_process(next=task.process.raw_next), 5), Interpreter(task, 5)
     raw.reset(), kept.reset()
     for a in (0, 1, 2, 1, 0):
         raw.state = list(kept.state)

@@ -22,8 +22,8 @@ from tests.verification.printed.marks import (
 
 TOKEN = re.compile(r"\\[A-Za-z]+|\\.|[0-9]+(?:\.[0-9]+)?|\s+|.")
 MARKS = {
-    "cdot": "⋅", "times": "×", "leq": "≤", "geq": "≥", "neq": "≠", "equiv": "≡", "land": "∧", "lor": "∨", "lnot": "¬",
-    "in": "∈", "notin": "∉", "bmod": "mod", "ldots": "…", "leftarrow": "←", "exists": "∃", "forall": "∀",
+    "cdot": "⋅", "odot": "⊙", "times": "×", "leq": "≤", "geq": "≥", "neq": "≠", "equiv": "≡", "land": "∧", "lor": "∨",
+    "lnot": "¬", "in": "∈", "notin": "∉", "bmod": "mod", "ldots": "…", "leftarrow": "←", "exists": "∃", "forall": "∀",
 }  # fmt: skip
 LETTERS = {"theta": "θ", "infty": "∞"}
 WORDS = {"min", "max", "log", "sin", "cos", "tan", "tanh", "arg"}

@@ -119,7 +119,7 @@ class Meaning:
             case "norm1" | "norm2":
                 return al.mixed("norm", *given, int(name[-1]))
             case "dot":
-                return al.multiply(*given)
+                return al.mixed("dot", *given)
             case "onehot":
                 return al.mixed(name, given[0])
             case "concat":
@@ -161,6 +161,8 @@ class Meaning:
                 return (al.conjunction if op == "and" else al.disjunction)(self.at(x, i) for x in parts)
             case s.IfElse(condition=c, then=a, otherwise=b):
                 return al.choice(*(self.at(x, i) for x in (c, a, b)))
+            case s.Call(function="where", args=args):
+                return al.choice(*(self.at(x, i) for x in args))
             case s.Call(function=name, args=args) if name in POINTWISE:
                 return self.applied(name, [self.at(x, i) for x in args])
             case s.Subscript(value=value, indices=(s.Slice(start=None, stop=None),)):  # all of it
@@ -171,15 +173,17 @@ class Meaning:
     def quantified(self, kind: str, arg: s.Expr) -> al.Value:
         if isinstance(arg, s.Vector):
             return (al.disjunction if kind == "some" else al.conjunction)(map(self.of, arg.items))
-        if kind == "every" and isinstance(arg, s.Compare) and [op for op, _ in arg.rest] == ["=="]:
-            return self.of(arg)  # two vectors are equal
+        match arg:
+            case s.Compare(first=a, rest=(("==", b),)) if kind == "every" and is_vector(a) and is_vector(b):
+                return self.of(arg)  # two vectors are equal
         return al.mixed(kind, self.element(arg))
 
     def total(self, sign: str, arg: s.Expr) -> al.Value:
         match arg:
             case s.Comprehension(element=body, clauses=(s.Clause((name,), s.Call("range", (n,)), ()),)):
                 inner = self.under(**{name: al.bound(self.depth)})
-                return al.mixed(sign, 0, al.subtract(self.of(n), 1), inner.of(body))
+                value = inner.total(sign, body) if isinstance(body, s.Comprehension) else inner.of(body)
+                return al.mixed(sign, 0, al.subtract(self.of(n), 1), value)
             case s.Name(id=name) if name in self.lengths:
                 return al.mixed(sign, 0, al.subtract(self.of(self.lengths[name]), 1), self.element(arg))
             case s.Subscript(value=s.Name(id=name) as whole, indices=(s.Slice(start=start, stop=stop, step=None),)) if (
@@ -213,6 +217,8 @@ def is_vector(expr: s.Expr) -> bool:
     match expr:
         case s.Name(id=name):
             return name in VECTORS
+        case s.Call(function="where", args=args):
+            return any(map(is_vector, args))
         case s.Call(function=name):
             return name in VALUED or (name in POINTWISE and not is_reduced(expr) and any(map(is_vector, expr.args)))
         case s.Subscript(indices=indices):

@@ -26,6 +26,7 @@ from tests.verification.printed.marks import (
     Word,
 )
 
+VECTORS = {"v", "w", "p", "s", "h"}
 FUNCTIONS = {
     "min", "max", "round", "sign", "log", "sin", "cos", "tan", "tanh", "atan2", "clip", "sort", "argsort", "cumsum", "reverse",
     "argmin", "argmax", "swap", "f", "g", "Bernoulli", "Exp", "Poisson", "𝒩", "Unif", "Perm",
@@ -47,11 +48,11 @@ def value(line: Line, names: Mapping[str, al.Value], depth: int = 0) -> al.Value
     return Reader(line, names, depth).whole()
 
 
-def split(line: Line, mark: str) -> list[Line]:
-    """Parts between marks."""
+def split(line: Line, mark: str, first: bool = False) -> list[Line]:
+    """Parts between marks; with `first`, before and after the first of them."""
     parts: list[Line] = [()]
     for seen in line:
-        if seen == Mark(mark):
+        if seen == Mark(mark) and not (first and len(parts) > 1):
             parts.append(())
         else:
             parts[-1] += (seen,)
@@ -165,12 +166,31 @@ class Reader:
     def product(self) -> al.Value:
         if isinstance(self.peek(), Big):
             return self.big()
-        found = self.factor()
-        while self.takes("⋅", "×") or self.starts_factor():
+        found, last, whole = 1, self.factor(), self.is_vector_before()
+        while (sign := self.takes("⋅", "×", "⊙")) or self.starts_factor():
             if isinstance(self.peek(), Big):
-                return al.multiply(found, self.big())
-            found = al.multiply(found, self.factor())
-        return found
+                return al.multiply(al.multiply(found, last), self.big())
+            right = self.factor()
+            both = whole and self.is_vector_before()
+            if both and sign == "⋅":
+                last, whole = al.mixed("dot", last, right), False
+                continue
+            if both != (sign == "⊙") and self.is_single_before():
+                raise Unclear(f"{sign} between a vector and a number, or two vectors side by side")
+            found, last, whole = al.multiply(found, last), right, whole or self.is_vector_before()
+        return al.multiply(found, last)
+
+    def is_single_before(self) -> bool:
+        """Whether the factor just read is a name alone."""
+        seen = self.line[self.at - 1]
+        return isinstance(seen.base if isinstance(seen, Script) else seen, Word)
+
+    def is_vector_before(self) -> bool:
+        """Whether the factor just read is the name of a whole vector."""
+        seen = self.line[self.at - 1]
+        if isinstance(seen, Script):
+            return isinstance(seen.base, Word) and seen.base.text in VECTORS and seen.sub is None
+        return isinstance(seen, Word) and seen.text in VECTORS
 
     def starts_factor(self) -> bool:
         """Whether what follows is multiplied, there being nothing in between."""

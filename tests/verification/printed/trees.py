@@ -30,7 +30,7 @@ LENGTHS = {"p": parse(nowhere("n + 1")), "s": parse(nowhere("2 * L"))}
 NOTATION = Notation(
     symbols={name: symbol(name) for name in (*SCALARS, *KEYS, "f", "g", "move", "h")},
     lengths=LENGTHS,
-    axes={"h": 1, "x": 0},
+    axes=dict.fromkeys((*SCALARS, *KEYS, "move"), 0) | dict.fromkeys(VECTORS, 1),
     labels={"move": {"up": m.Ident("U")}},
 )
 
@@ -109,6 +109,9 @@ def sums(draw: Callable[..., Any], depth: int) -> s.Expr:
         case 0:
             clause = s.Clause(("q",), call("range", draw(numbers(depth))), ())
             body = s.Binary(draw(st.sampled_from(ARITHMETIC)), name("q"), draw(numbers(depth)), PLACE)
+            if draw(st.booleans()):  # a list of lists
+                inner = s.Binary("*", body, name("r"), PLACE)
+                body = s.Comprehension(inner, (s.Clause(("r",), call("range", draw(numbers(0))), ()),), False, PLACE)
             return call(total, s.Comprehension(body, (clause,), False, PLACE))
         case 1:
             return call("count", draw(conditions_of_vectors(depth)))

@@ -26,7 +26,7 @@ NAME = re.compile(r"(arg max|arg min|argsort|argmin|argmax|atan2|cumsum|reverse|
                   r"|cos|tan|Bernoulli|N|Exp|Poisson|Unif|Perm)(?=[({_ₐ-ₜ₀-₎ᵢ-ᵥ])")  # fmt: skip
 WORD = re.compile(r"arg max|arg min|move|true|false|go left|\d+(\.\d+)?|[^\W\d_]|𝟙|#")
 ROW = re.compile(r" (if |otherwise|with probability )")
-SIGNS = "+−⋅×=≠<>≤≥≡≢∈∉∧∨¬∀∃:,…←/"
+SIGNS = "+−⋅⊙×=≠<>≤≥≡≢∈∉∧∨¬∀∃:,…←/"
 
 
 def read(text: str) -> Line:
