@@ -41,7 +41,7 @@ class FlagLine:
 
 @dataclass(frozen=True)
 class Card:
-    """What a report of an exam shows, in any format.
+    """The content of a report of an exam, in any format.
 
     `rows` are the tasks that need a look, worst first; all of them where there is none.
     """
