@@ -179,7 +179,7 @@ class MatrixCell:
 
 
 @dataclass(frozen=True)
-class Matrix:
+class LearnerMatrix:
     """Learners (rows) and tasks (columns): the exams of several learners side by side."""
 
     learners: tuple[str, ...]
@@ -188,7 +188,7 @@ class Matrix:
     cards: tuple[Card, ...]
 
 
-def matrix(exams: Mapping[str, Mapping[str, Any]]) -> Matrix:
+def matrix(exams: Mapping[str, Mapping[str, Any]]) -> LearnerMatrix:
     """Return the exams of several learners side by side.
 
     Args:
@@ -201,7 +201,7 @@ def matrix(exams: Mapping[str, Mapping[str, Any]]) -> Matrix:
         rows = [found[name].get(task) for task in tasks]
         cells.append(tuple(MatrixCell(row, _word(exam, row)) for row in rows))
     names = tuple(_without_family(list(exams)))
-    return Matrix(names, tuple(tasks.values()), tuple(cells), tuple(card(exam) for exam in exams.values()))
+    return LearnerMatrix(names, tuple(tasks.values()), tuple(cells), tuple(card(exam) for exam in exams.values()))
 
 
 def _word(exam: Mapping[str, Any], row: TaskRow | None) -> str:

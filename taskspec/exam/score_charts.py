@@ -9,7 +9,7 @@ from typing import Any
 
 from taskspec.base.files import safe_name
 from taskspec.exam import score_rows
-from taskspec.exam.card import Card, Matrix, card, matrix
+from taskspec.exam.card import Card, LearnerMatrix, card, matrix
 from taskspec.exam.score_rows import FIXED, FLOOR, FORMS, PUBLISHED, RELABELLED, TaskRow, decimal
 from taskspec.exam.verdicts import MASTERED
 from taskspec.figures import chart
@@ -239,7 +239,7 @@ def _stem(name: str) -> str:
     return safe_name(re.sub(r"[^\w.=-]+", "-", name).strip("-"))
 
 
-def table(found: Matrix) -> Scene:
+def table(found: LearnerMatrix) -> Scene:
     """Draw a matrix of learners and tasks: mean scores as published, the diagnosis in words, and the verdict as the colour."""
     width = 2.25
     height = 1.05
