@@ -1,6 +1,6 @@
 """Write the generated pages of the documentation: `python -m docs.tools.pages`, in the root of a checkout.
 
-Prose of `language.md`, `difficulty.md`, `learned.md`, `modifiers.md` and `probes.md` is beside this file; tables in it come
+Prose of `language.md`, `difficulty.md`, `learned.md`, `library.md`, `modifiers.md` and `probes.md` is beside this file; tables in it come
 from what the program runs on.
 Outputs of examples are those that the pages have already; `tests/docs/test_snippets.py` checks them.
 """
@@ -11,6 +11,7 @@ from pathlib import Path
 
 from docs.tools.commands import commands
 from docs.tools.language import language
+from docs.tools.library import library
 from docs.tools.markdown import code, table
 from docs.tools.names import names
 from docs.tools.probes import probes
@@ -87,6 +88,7 @@ PAGES = {
     "errors": errors,
     "language": language,
     "learned": learned,
+    "library": library,
     "modifiers": modifiers,
     "names": names,
     "probes": probes,
