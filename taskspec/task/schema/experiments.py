@@ -241,6 +241,7 @@ class ExamDocument(Strict):
     title: str | None = Field(None, description="Its heading.")
     doc: str | None = Field(None, description="What it is about.")
     tasks: list[str] = Field(default_factory=list, description=_TASKS)
+    steps: int | None = Field(None, ge=1, description="Environment steps of each training run; 500,000 unless given.")
     groups: dict[Name, list[str]] = Field(
         default_factory=dict, description="Names for several tasks, for `all(... for t in group)`."
     )
