@@ -22,7 +22,7 @@ from taskspec.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
 from taskspec.modifiers.entry import never
 from taskspec.scores.difficulty import MEASURES
 
-WITH_PAGES = ("derail", "seals")
+WITH_PAGES = ("derail", "probes", "seals")
 """Suites whose tasks have pages in the documentation."""
 LIBRARY = """# The library
 
