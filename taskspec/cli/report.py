@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from taskspec.exam import Exam
+    from taskspec.exam.comparison import LearnersComparison
     from taskspec.exam.findings import FindingsResult
     from taskspec.exam.score_rows import SeedCell
     from taskspec.experiments import LearnersExamined
@@ -59,6 +60,7 @@ def report(
     same folder ([cyan]results/paper/bc[/], [cyan]results/paper/ppo[/]) are one set. A folder includes all exams below it.
     """
     from taskspec.exam import read
+    from taskspec.exam.comparison import compare
     from taskspec.exam.report import write, write_several
 
     if findings is not None:
@@ -79,7 +81,7 @@ def report(
     if len(exams) == 1:
         print_exam(exams[0])
     else:
-        console(wide=True).print(_heat_map(learners))
+        print_several(learners, compare(learners))
     for path in written:
         say(f"wrote {near(path)}")
 
@@ -192,6 +194,26 @@ def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -
         written.append(path)
     for path in written:
         say(f"wrote {near(path)}")
+
+
+def print_several(exams: Mapping[str, Mapping[str, Any]], found: LearnersComparison) -> None:
+    """Print learners side by side: a heat map of mean scores, and numbers over all runs."""
+    from taskspec.exam.comparison import lines
+
+    out = console(wide=True)
+    out.print(_heat_map(exams))
+    out.print()
+    table = columns("", "IQM [95 %]", "above 0.5", "above 0.9", "steps to 0.9", right=range(1, 5), styles=("name",))
+    for row in lines(found):
+        table.add_row(*row)
+    out.print(table)
+    for pair in found["pairs"]:
+        chance = pair["probability"]
+        interval = f"{chance['value']:.2f} [{chance['low']:.2f}, {chance['high']:.2f}]"
+        out.print(VisibleText(f"P({pair['first']} > {pair['second']}) = {interval} for a run of each on the same task"))
+    for name, exam in exams.items():
+        for flag in exam["flags"]:
+            out.print(line((flag["kind"], "bad"), " ", (name, "name"), f" on {flag['task']}: {flag['message']}"))
 
 
 def _heat_map(exams: Mapping[str, Mapping[str, Any]]) -> Table:
