@@ -1,7 +1,7 @@
 """Write the generated pages of the documentation: `python -m docs.tools.pages`, in the root of a checkout.
 
-Prose of `language.md`, `difficulty.md`, `learned.md` and `modifiers.md` is beside this file; tables in it come from what the
-program runs on.
+Prose of `language.md`, `difficulty.md`, `learned.md`, `modifiers.md` and `probes.md` is beside this file; tables in it come
+from what the program runs on.
 Outputs of examples are those that the pages have already; `tests/docs/test_snippets.py` checks them.
 """
 
@@ -13,6 +13,7 @@ from docs.tools.commands import commands
 from docs.tools.language import language
 from docs.tools.markdown import code, table
 from docs.tools.names import names
+from docs.tools.probes import probes
 from taskspec.base.diagnostics import PAGE
 from taskspec.exam.operators import OPERATORS
 from taskspec.exam.starc import REWARDS
@@ -88,6 +89,7 @@ PAGES = {
     "learned": learned,
     "modifiers": modifiers,
     "names": names,
+    "probes": probes,
 }
 """The generated pages, by their name in the folder `docs`."""
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taskspec.base.diagnostics import spec_error
-from taskspec.cli.console import columns, console, line, say, write_json
+from taskspec.cli.console import columns, console, line, write_json
 from taskspec.cli.options import Jobs, Json, Targets, checked_choice
 from taskspec.cli.progress import counter
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     Judged = tuple[Path, Mutant, Judgement]
 
-ALWAYS = ("silent", "slow")
-"""Classes whose mutants are always listed: nothing has noticed them."""
+ALWAYS = "silent"
+"""The class whose mutants are always listed: nothing has noticed them."""
 Listed = Annotated[
     list[str] | None,
     typer.Option("--list", metavar="CLASS", help="Also list the changes of this class; may be repeated."),
@@ -44,19 +44,17 @@ def mutate(
     row, a bound left out) is put through the whole check. Changes that no error, warning, claim or example notices show
     which mistakes could stay undetected.
     """
-    from taskspec.mutation.judge import CLASSES, has_timers, judgements
+    from taskspec.mutation.judge import CLASSES, judgements
     from taskspec.mutation.mutants import mutants
     from taskspec.source import read_file
     from taskspec.targets import files_of
 
-    classes = [*ALWAYS, *(checked_choice("--list", name, tuple(CLASSES)) for name in listed or ())]
+    classes = [ALWAYS, *(checked_choice("--list", name, tuple(CLASSES)) for name in listed or ())]
     files = files_of(targets or [])
     for file in files:
         if file.parameters or file.modifiers:
             message = "`mutate` changes specs as they are written, without values of parameters and modifiers"
             raise spec_error("E713", message, f"taskspec mutate {file.path}")
-    if not has_timers():
-        say("note: this system has no timers: changes that take long are waited for, and none is called slow", err=True)
     total = sum(1 for file in files for _ in mutants(read_file(file.path)))
     judged: list[Judged] = []
     with counter("changing", total) as advance:
@@ -73,7 +71,7 @@ def mutate(
         ])  # fmt: skip
     else:
         _print(judged, classes)
-    if strict and any(judgement.kind in ALWAYS for _, _, judgement in judged):
+    if strict and any(judgement.kind == ALWAYS for _, _, judgement in judged):
         raise typer.Exit(1)
 
 

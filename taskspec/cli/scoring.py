@@ -196,7 +196,7 @@ def _return(value: Return | None) -> tuple[str, str]:
     if value is None:
         return "unknown", ""
     if not value.episodes:
-        sure = value.status
+        sure: str = value.status
         if value.bound > 1e-10 * abs(value.value):
             sure = f"± {value.bound:.2g}, {sure}"
         return number(value.value, 10), sure

@@ -14,29 +14,27 @@ from taskspec.base.ids import InstanceId
 from taskspec.data import demonstrations
 from taskspec.modifiers import keeps_observers, modify
 from taskspec.rules.rule_books import EXAM, file_of, read_exam
-from taskspec.task.schema.experiments import Evaluation, ExamDocument
+from taskspec.task.schema.experiments import ExamDocument
 from taskspec.task.task import Task, TaskLike
 
 Modifiers = tuple[str, ...]
 
 
-def tasks_of(suite: str, wanted: Sequence[TaskLike] | None) -> list[Task]:
+def tasks_of(suites: Sequence[str], wanted: Sequence[TaskLike] | None) -> list[Task]:
     """Return the tasks of an exam, in the variants in which a learner acts.
 
     Args:
-        wanted: those to ask, by their names in the suite, or as anything that `taskspec.load` takes; None for those that the
-            suite's `exam.yaml` names, or all where it names none.
+        wanted: those to ask, by their names in one of the suites, or as anything that `taskspec.load` takes; None for those that
+            each suite's `exam.yaml` names, or all where it names none.
 
     Raises:
         SpecError: E701 for what is none; E713 for an unknown suite.
     """
-    known = {e.name: e.id for e in registry.known().values() if e.suite == suite}
+    known: dict[str, str] = {}
+    for suite in reversed(suites):
+        known |= {e.name: e.id for e in registry.known().values() if e.suite == suite}
     if wanted is None:
-        if not known:
-            suites = {e.suite for e in registry.known().values()}
-            raise SpecError([Diagnostic("E713", None, f"there is no suite '{suite}'", suggest(suite, suites))])
-        path = file_of(suite, EXAM)
-        wanted = (read_exam(path).described.tasks if path is not None else ()) or tuple(known)
+        wanted = [name for suite in suites for name in _names_in(suite)]
     found = [registry.load(known.get(task, task) if isinstance(task, str) else task) for task in wanted]
     ids = [exam_id(task) for task in found]
     for i, name in enumerate(ids):
@@ -45,14 +43,24 @@ def tasks_of(suite: str, wanted: Sequence[TaskLike] | None) -> list[Task]:
     return found
 
 
-def evaluation_of(suite: str) -> Evaluation | None:
-    """Return on what else policies are scored, as the suite's `exam.yaml` says."""
+def _names_in(suite: str) -> list[str]:
+    """Return the ids of the tasks that the exam of a suite asks."""
+    known = {e.name: e.id for e in registry.known().values() if e.suite == suite}
+    if not known:
+        suites = {e.suite for e in registry.known().values()}
+        raise SpecError([Diagnostic("E713", None, f"there is no suite '{suite}'", suggest(suite, suites))])
+    asked = described_of(suite).tasks
+    return [known[name] for name in asked or known]
+
+
+def described_of(suite: str) -> ExamDocument:
+    """Return the suite's `exam.yaml`; an empty one where it has none."""
     path = file_of(suite, EXAM)
     if path is None:
-        return None
+        return ExamDocument(exam=1)
     described = read_exam(path).described
     assert isinstance(described, ExamDocument)
-    return described.evaluate
+    return described
 
 
 def exam_id(task: Task) -> str:

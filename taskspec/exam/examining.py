@@ -16,7 +16,7 @@ import numpy as np
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import machine
 from taskspec.base.limits import written
-from taskspec.exam.asked_tasks import Modifiers, evaluation_of, exam_id, tasks_of, twins_of
+from taskspec.exam.asked_tasks import Modifiers, described_of, exam_id, tasks_of, twins_of
 from taskspec.exam.budget import SEEDS, seeds_and_steps
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.examinee import Examinee, learner_of
@@ -29,7 +29,7 @@ from taskspec.exam.verdicts import verdicts
 from taskspec.jobs.running import JobProgress, run
 from taskspec.jobs.store import Job, Store
 from taskspec.modifiers import modify
-from taskspec.task.schema.experiments import Evaluation
+from taskspec.task.schema.experiments import ExamDocument
 from taskspec.task.task import Task, TaskLike
 
 WIDEST = 16
@@ -38,8 +38,10 @@ PROBED = 5
 """Seeds that are tried with a withheld reward negated."""
 EPISODES = 1000
 """For scores that cannot be computed."""
+SUITES = ("derail", "probes")
+"""The suites of an exam, unless one is named."""
 STEPS = 500_000
-"""Steps of each seed on each task, unless given."""
+"""Environment steps of each training run, unless a number is given or the suite's `exam.yaml` has one."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ first and at the second. Each look has an equal share of the risk, so that all t
 
 
 def examine(
-    learner: str | Callable[[Any], Any], *, suite: str = "derail", tasks: Sequence[TaskLike] | None = None,
+    learner: str | Callable[[Any], Any], *, suite: str | None = None, tasks: Sequence[TaskLike] | None = None,
     seeds: int | Iterable[int] | None = None, steps: int | None = None, transitions: int = 10_000, twins: int = 2,
     probes: bool = True, learns_from: Sequence[str] | None = None, against: Path | str | None = None,
     within: float | None = None, until_sure: bool = False, out: Path | str | None = None, running: Running | None = None,
@@ -84,10 +86,11 @@ def examine(
 
     Args:
         learner: `"file.py:train"` or `"module:train"`, which is run in other processes, or a function, which is run in this one.
-        suite: whose tasks are asked.
+        suite: whose tasks are asked; derail and probes unless given.
         tasks: those that are asked instead of all of the suite, by name or as anything that `taskspec.load` takes.
         seeds: how many, or which; 15 unless given.
-        steps: of the environment, for each seed on each task; 500,000 unless given.
+        steps: of the environment, for each seed on each task; unless given, those that the suite's `exam.yaml` names, or 500,000.
+            Where neither a suite nor tasks are named, those of `exam.yaml` are the most.
         transitions: that the expert demonstrates, at least; whole episodes.
         twins: of every task that has some.
         probes: whether it is tried if a reward that is withheld makes a difference.
@@ -106,30 +109,35 @@ def examine(
         raise SpecError(
             [Diagnostic("E713", None, "an exam until it is sure chooses its own seeds, and takes its time")]
         )
+    numbers = _numbers(seeds, until_sure)
+    for name, number in {"seeds": len(numbers), "steps": steps, "transitions": transitions}.items():
+        if number is not None and number < 1:
+            raise SpecError([Diagnostic("E713", None, f"an exam needs 1 or more {name}, not {number}")])
     who = learner_of(learner, learns_from)
-    asked = {exam_id(task): task for task in tasks_of(suite, tasks)}
+    suites = SUITES if suite is None else (suite,)
+    asked = {exam_id(task): task for task in tasks_of(suites, tasks)}
     baseline = None
     if against is not None:
         baseline = read(against)
-        steps = baseline["steps"] if steps is None and within is not None else steps
+        if within is not None and steps is None:
+            steps = baseline["steps"]
     folder = None if out is None else Path(out)
     kept = None if who.place is None else folder
+    described = {name: described_of(name) for name in suites}
     with tempfile.TemporaryDirectory() as scratch, Store((kept or Path(scratch)) / "exam.sqlite") as store:
-        trials = _Trials(who, store, running or Running(), transitions, twins, probes, evaluation_of(suite))
+        trials = _Trials(who, store, running or Running(), transitions, twins, probes, described, steps)
+        trials.is_most = suite is None and tasks is None
         if within is not None:
-            seeds, steps = _within(within, trials, list(asked.values()), seeds, steps)
-        numbers = _numbers(seeds, until_sure)
-        trials.steps = STEPS if steps is None else steps
-        for name, number in {"seeds": len(numbers), "steps": trials.steps, "transitions": transitions}.items():
-            if number < 1:
-                raise SpecError([Diagnostic("E713", None, f"an exam needs 1 or more {name}, not {number}")])
+            found_seeds = _within(within, trials, list(asked.values()), steps)
+            numbers = _numbers(found_seeds if seeds is None else seeds, until_sure)
         if baseline is not None:
             hashes = {name: task.content_hash for name, task in asked.items()}
-            check_comparable(baseline, str(against), hashes, {"steps": trials.steps, "transitions": transitions})
+            most = max(trials.granted(task) for task in asked.values())
+            check_comparable(baseline, str(against), hashes, {"steps": most, "transitions": transitions})
         measured = trials.measured(asked)
-        found = _looked_at(trials, asked, numbers, measured, suite, until_sure)
+        found = _looked_at(trials, asked, numbers, measured, " and ".join(suites), until_sure)
     found["flags"] = [*flags(found["tasks"], found["scores"], baseline), *learned_flags(found["scores"])]
-    found["diagnoses"] = diagnose(found, suite)
+    found["diagnoses"] = [each for name in suites for each in diagnose(found, name)]
     if folder is not None:
         write(found, folder)
     return found
@@ -143,18 +151,17 @@ def _numbers(seeds: int | Iterable[int] | None, until_sure: bool) -> tuple[int, 
     return tuple(range(seeds)) if isinstance(seeds, int) else tuple(seeds)
 
 
-def _within(
-    seconds: float, trials: _Trials, asked: list[Task], seeds: int | Iterable[int] | None, steps: int | None
-) -> tuple[int | Iterable[int], int]:
-    """Return seeds and steps for a time; what is given stays."""
+def _within(seconds: float, trials: _Trials, asked: list[Task], steps: int | None) -> int:
+    """Return the seeds that there is time for, and have the trials take the steps that there is time for."""
 
     def pilot(steps: int) -> None:
         trials.steps = steps
         trials.run(trials.plan(asked, (0,), 0, False))
 
     runs = 1.0 + trials.twins + trials.probes * PROBED / SEEDS
-    found, steps = seeds_and_steps(seconds, pilot, runs, steps or STEPS, steps is not None)
-    return (found if seeds is None else seeds), steps
+    most = steps or max(trials.granted(task) for task in asked)
+    seeds, trials.steps = seeds_and_steps(seconds, pilot, runs, most, steps is not None)
+    return seeds
 
 
 def _looked_at(
@@ -197,8 +204,20 @@ class _Trials:
     transitions: int
     twins: int
     probes: bool
-    evaluation: Evaluation | None
-    steps: int = STEPS
+    described: Mapping[str, ExamDocument]
+    steps: int | None
+    is_most: bool = False
+
+    def granted(self, task: Task) -> int:
+        """Return the steps of a training run on a task; if `is_most`, the number in its suite's `exam.yaml` is the most."""
+        own = self._suite(task).steps
+        granted = self.steps or own or STEPS
+        if self.is_most and own is not None:
+            return min(granted, own)
+        return granted
+
+    def _suite(self, task: Task) -> ExamDocument:
+        return self.described.get(task.source.suite, ExamDocument(exam=1))
 
     def plan(self, asked: Iterable[Task], seeds: tuple[int, ...], twins: int, probes: bool) -> list[Planned]:
         """Return a trial for every task, twin and block of seeds, and for the first seeds with withheld rewards negated."""
@@ -216,8 +235,9 @@ class _Trials:
 
     def _planned(self, task: Task, twin: Modifiers | None, block: tuple[int, ...], negated: bool = False) -> Planned:
         about = modify(task, *(twin or ()))
-        terms = ExamTerms(self.steps, self.who.learns_from, self.transitions)
-        horizon = None if self.evaluation is None else self.evaluation.longer_than(task.horizon)
+        terms = ExamTerms(self.granted(task), self.who.learns_from, self.transitions)
+        evaluate = self._suite(task).evaluate
+        horizon = None if evaluate is None else evaluate.longer_than(task.horizon)
         place = self.who.place or ""
         trial = Trial(about, negated, place, self.who.content, terms, block, EPISODES, written(), horizon)
         return Planned(task, twin, trial)

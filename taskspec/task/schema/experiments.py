@@ -36,7 +36,7 @@ def _values(value: Any) -> Iterator[Problem]:
             yield wrong_kind("a value, or a list of some", None)
         case list():
             for i, each in enumerate(value):
-                yield from (problem.below(i) for problem in values.setting(each))
+                yield from values.below(values.setting(each), i)
         case _:
             yield from values.setting(value)
 
@@ -241,6 +241,7 @@ class ExamDocument(Strict):
     title: str | None = Field(None, description="Its heading.")
     doc: str | None = Field(None, description="What it is about.")
     tasks: list[str] = Field(default_factory=list, description=_TASKS)
+    steps: int | None = Field(None, ge=1, description="Environment steps of each training run; 500,000 unless given.")
     groups: dict[Name, list[str]] = Field(
         default_factory=dict, description="Names for several tasks, for `all(... for t in group)`."
     )
