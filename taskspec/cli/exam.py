@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,10 +21,8 @@ if TYPE_CHECKING:
     from taskspec.experiments import ExperimentFile
     from taskspec.task.task import TaskLike
 
-_COUNT = re.compile(r"(\d+(?:\.\d+)?)([kM]?)")
 _TIME = re.compile(r"(\d+(?:\.\d+)?)([smh])")
 _SECONDS = {"s": 1, "m": 60, "h": 3600}
-_UNITS = {"": 1, "k": 1_000, "M": 1_000_000}
 
 
 def _option(*names: str, help: str, **more: Any) -> Any:
