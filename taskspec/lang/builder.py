@@ -247,15 +247,13 @@ class Builder:
 
     def held(self, node: Node) -> Node:
         """Return the node as a component holds it: fractions that make up its value are floats."""
-
-        def leaf(part: Node) -> Node | None:
+        replacements: dict[int, Node] = {}
+        for part in walk([node]):
             if isinstance(part, Const) and part.type.kind is Kind.REAL:
-                return self._of(tuple(map(plain, part.flat)), part.type)
-            if isinstance(part, Apply) and _moves(part):
-                return None
-            return part
-
-        return rewrite([node], leaf, self.remake)[0]
+                replacements[id(part)] = self._of(part.numbers, part.type)
+            elif not (isinstance(part, Apply) and _moves(part)):
+                replacements[id(part)] = part
+        return rewrite([node], replacements, self.remake)[0]
 
     def stretch(self, node: Node, shape: Shape) -> Node:
         """Return a scalar filled to a shape; anything else as it is."""
@@ -326,13 +324,12 @@ class Builder:
 
         The values are `late` where they are only known at run time, as those of a step are (`remake_late`).
         """
-
-        def leaf(node: Node) -> Node | None:
-            if isinstance(node, Read):
-                return values.get((node.role, node.name))
-            return None
-
-        return rewrite(roots, leaf, self.remake_late if late else self.remake)
+        roots = tuple(roots)
+        replacements: dict[int, Node] = {}
+        for node in walk(roots):
+            if isinstance(node, Read) and (node.role, node.name) in values:
+                replacements[id(node)] = values[node.role, node.name]
+        return rewrite(roots, replacements, self.remake_late if late else self.remake)
 
     def remake_late(self, node: Node, args: tuple[Node, ...]) -> Node:
         """Remake a node where values replace what is only known at run time: fractions beside these stay floats, as in a step."""
