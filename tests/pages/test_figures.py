@@ -75,8 +75,9 @@ def test_wide_families_are_elided_too() -> None:
     assert len(labels(found)) < 40
 
 
-def test_a_knot_is_not_drawn() -> None:
-    assert scene(registry.load(str(spec_file("queue")))) is None
+def test_numbers_of_a_knot_are_drawn_over_time() -> None:
+    found = scene(registry.load(str(spec_file("queue"))))
+    assert found is not None and found.alt == "An episode of random actions in Queue over time, 50 steps"
 
 
 def test_what_else_could_be_drawn_is_said(tmp_path: Path) -> None:
