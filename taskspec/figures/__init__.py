@@ -62,7 +62,35 @@ def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
         drawn = not_drawn(task, FIGURE_KINDS[task.annotations.figure.kind].needs)
     if drawn is None:
         return None
-    lines = list(_legend(task, drawn, over))
+    return _with_lines(drawn, list(_legend(task, drawn, over)))
+
+
+def layers(task: TaskLike) -> dict[str, Scene]:
+    """Return the figure with each overlay alone that it has a place for, by name; none without an exact model."""
+    task = load(task)
+    bare = _drawn(task, Overlay())
+    if bare is None or task.modifiers:
+        return {}
+    wanted = [PARTS]
+    if isinstance(task.annotations.expert, tuple):
+        wanted.append(("expert",))
+    found = {}
+    for names in wanted:
+        try:
+            over = overlay(task, names)
+        except SpecError:
+            return {}
+        for part in PARTS:
+            drawn = _drawn(task, over.only(part))
+            if part in over.legend and drawn is not None and not drawn.shows(bare):
+                scale, what = over.legend[part]
+                name = "expert" if names == ("expert",) else part
+                found[name] = _with_lines(drawn, [f"{drawn.drawn[part].format(scale)}: {what}"])
+    return found
+
+
+def _with_lines(drawn: Scene, lines: list[str]) -> Scene:
+    """Return a scene with its key and lines of text below it."""
     drawn = keyed(drawn)
     words = []
     for i, line in enumerate(lines):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -18,6 +19,8 @@ from taskspec.figures.machine import explore
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene
 from taskspec.figures.states import first_state
 from taskspec.figures.vector_formats import svg
+from taskspec.pages import gather, write
+from taskspec.pages.page import anchor
 from taskspec.printers.text import plain
 from taskspec.source import read_text
 from taskspec.task.build import build
@@ -268,3 +271,13 @@ figure: {kind: bars, values: x}
     found = scene(build(read_text(spec)))
     assert found is not None
     assert labels(found) == ["2", "0", "−1"]
+
+
+def test_pages_show_exact_results_in_the_figure_without_a_script(tmp_path: Path) -> None:
+    for name, words in (("RiskyPath", ["task", "best returns", "best actions", "visits", "expert"]), ("Parabola", [])):
+        one = task(name)
+        write([one], ["html"], tmp_path, facts={one.id: gather(one)})
+        (path,) = tmp_path.glob(f"{anchor(name)}.html")
+        text = path.read_text(encoding="utf-8")
+        assert re.findall(r'<label for="layer-\d">([^<]*)</label>', text) == words
+        assert text.count('class="figure"') == max(1, len(words)) and "<script" not in text
