@@ -22,11 +22,10 @@ INTRODUCTION = """\
 
 On the left of each table is what appendix A of the paper prints (Freire, Gleave, Toyer and Russell, 2020,
 [arXiv:2012.01365](https://arxiv.org/abs/2012.01365)), word for word (but "per cent" is spelled); on the right what
-`taskspec docs --brief` prints of the same task, read off the spec that runs. Below each table stands where the two differ, and
-why. The paper's own figures are [in the paper](https://arxiv.org/pdf/2012.01365).
+`taskspec docs --brief` prints of the same part of the task, read off the spec that runs. [Paper, appendix, code, and this
+suite](fidelity.md) lists where they differ, with the released code, and each task's page has its corrections.
 
-This page is made by `python docs/beside.py` from `docs/printed.yaml` and the specs; a test sees that it is what they give.
-[Paper, appendix, code, and this suite](fidelity.md) compares the released code as well.
+This page is made by `python docs/beside.py` from `docs/printed.yaml` and the specs; a test keeps it up to date.
 """
 
 
@@ -45,12 +44,9 @@ def _task(each: Page, writer: MarkdownWriter, printed: Mapping[str, list[str]]) 
     yield f"## {each.name}\n\n![Figure of {each.name}](suite/figures/{each.anchor}.svg)\n"
     yield "| | the paper's appendix | here |\n|---|---|---|"
     here = {s.title: [writer.cell(line.content) for line in s.lines] for s in briefly(page(each.task)).sections}
-    for title in dict.fromkeys((*(t for t in here if t in printed), *printed, *here)):
-        left, right = ("<br>".join(lines.get(title, ["–"])) for lines in (printed, here))
+    for title, lines in printed.items():
+        left, right = ("<br>".join(cells) for cells in (lines, here.get(title, ["–"])))
         yield f"| {title} | {left} | {right} |"
-    errata = each.section("errata")
-    if errata is not None:
-        yield "\n" + "\n".join(f"- {writer.prose(line.content)}" for line in errata.lines)
     yield f"\n[The whole page](suite/{each.anchor}.md)\n"
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from typing import Any, get_type_hints
 
@@ -16,32 +17,57 @@ from taskspec.cli.options import flowed
 
 HEAD = """# Commands
 
-Generated from the program: the output of `taskspec COMMAND --help`. The exit status is 0 on success, 1 if a problem was found or
-something failed, 2 for wrong usage, and 70 for an internal error, which is a bug in taskspec.
+Generated from the program; `taskspec COMMAND --help` prints the same. The exit status is 0 on success, 1 if a problem was found
+or something failed, 2 for wrong usage, and 70 for an internal error, which is a bug in taskspec.
+
+These options mean the same in all commands that have them:
 """
+SHARED = 4
+"""Options of that many commands, in the same words, are explained once."""
+Row = tuple[str, str]
 MARKED = re.compile(r"\[(green|cyan|bold)\](.*?)\[/(?:\1)?\]")
 
 
 def commands() -> str:
     """The page."""
     panels = list(dict.fromkeys(panel for _, _, panel in COMMANDS))
-    parts = [HEAD.rstrip("\n")]
+    counted = Counter(row for _, function, _ in COMMANDS for row in _rows(function))
+    shared = [row for row, count in counted.items() if count >= SHARED]
+    parts = [HEAD.rstrip("\n"), table(("option", "what it is"), shared)]
     for panel, group in groupby(sorted(COMMANDS, key=lambda row: panels.index(row[2])), key=lambda row: row[2]):
-        parts += [f"## {panel}", *(part for name, function, _ in group for part in _told(name, function))]
+        parts.append(f"## {panel}")
+        for name, function, _ in group:
+            parts += _told(name, function, shared)
     return "\n\n".join(parts) + "\n"
 
 
-def _told(name: str, function: Callable[..., Any]) -> Iterator[str]:
-    """A command's heading, what it does, and its arguments and options."""
-    hints = get_type_hints(function, include_extras=True)
-    found = inspect.signature(function).parameters.values()
-    parameters = [(p, hints[p.name].__metadata__[0], hints[p.name].__origin__) for p in found]
-    written = [_argument(p, info) for p, info, _ in parameters if isinstance(info, ArgumentInfo)]
+def _told(name: str, function: Callable[..., Any], shared: Sequence[Row]) -> Iterator[str]:
+    """A command's heading, what it does, its own arguments and options, and the names of those of other commands."""
+    rows = _rows(function)
+    own = [row for row in rows if row not in shared]
+    others = [called.split(", ")[0].split("` `")[0].rstrip("`") + "`" for called, _ in rows if (called, _) in shared]
+    written = [_argument(p, info) for p, info, _ in _parameters(function) if isinstance(info, ArgumentInfo)]
     yield f"### taskspec {name}"
     yield f"```text\ntaskspec {' '.join([name, *written, '[OPTIONS]'])}\n```"
     yield from (_plain(paragraph) for paragraph in flowed(function.__doc__ or "").split("\n\n"))
-    rows = [(_called(p, info, kind), _plain(info.help or "") + _default(p, info)) for p, info, kind in parameters]
-    yield table(("argument or option", "what it is"), rows)
+    if own:
+        yield table(("argument or option", "what it is"), own)
+    if others:
+        yield f"Also {', '.join(others)}."
+
+
+def _rows(function: Callable[..., Any]) -> list[Row]:
+    """How each argument and option is written, and what it is."""
+    return [
+        (_called(p, info, kind), _plain(info.help or "") + _default(p, info)) for p, info, kind in _parameters(function)
+    ]
+
+
+def _parameters(function: Callable[..., Any]) -> list[tuple[inspect.Parameter, Any, Any]]:
+    """The parameters of a command, with what its annotations say of each and its type."""
+    hints = get_type_hints(function, include_extras=True)
+    found = inspect.signature(function).parameters.values()
+    return [(p, hints[p.name].__metadata__[0], hints[p.name].__origin__) for p in found]
 
 
 def _argument(p: inspect.Parameter, info: ArgumentInfo) -> str:

@@ -1,12 +1,8 @@
-"""Markdown: tables, code and docstrings."""
+"""Markdown: tables and code."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
-
-_SECTION = re.compile(r"^(Args|Attributes|Raises|Returns|Yields):$")
-_ENTRY = re.compile(r"^    (\S[^:]*): (.*)$")
+from collections.abc import Iterable, Sequence
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -24,24 +20,3 @@ def code(text: str) -> str:
     if "`" in text:
         return f"`` {text} ``"
     return f"`{text}`"
-
-
-def docstring(text: str) -> str:
-    """Convert a docstring without indentation: paragraphs stay, and sections such as `Args:` become lists."""
-    return "\n".join(_lines(text)).strip()
-
-
-def _lines(text: str) -> Iterator[str]:
-    section = ""
-    for line in text.splitlines():
-        if found := _SECTION.match(line):
-            section = found[1]
-            yield from (f"**{section}**", "")
-        elif not line.startswith(" ") and line:
-            section = ""
-            yield line
-        elif section and section not in ("Returns", "Yields") and (entry := _ENTRY.match(line)):
-            names = ", ".join(f"`{name}`" for name in entry[1].split(", "))
-            yield f"- {names}: {entry[2]}"
-        else:
-            yield f"  {line.strip()}" if section in ("Args", "Attributes", "Raises") and line.strip() else line.strip()

@@ -11,21 +11,20 @@ from functools import lru_cache
 from pathlib import Path
 
 import taskspec
-from docs.tools.markdown import code, docstring, table
+from docs.tools.markdown import code, table
 
 PACKAGE = Path(taskspec.__file__).parent
 HEAD = """# Public names
 
 Generated from the source. These names, under these modules, are the public interface: what changes of them is in the
 changelog. A module without `__all__` is private, and so is a name that is not in it, whatever it is called.
-[The Python API](api.md) shows how they are used.
+[The Python API](api.md) shows how they are used; `help(taskspec.load)` prints arguments, results and errors.
 """
 
 
 def names() -> str:
     """The page."""
-    told: set[int] = set()
-    return "\n\n".join([HEAD.rstrip("\n"), *(_section(module, told) for module in public_modules())]) + "\n"
+    return "\n\n".join([HEAD.rstrip("\n"), *(_section(module) for module in public_modules())]) + "\n"
 
 
 def public_modules() -> list[str]:
@@ -45,47 +44,17 @@ def public_names(module: str) -> tuple[str, ...]:
     return ()
 
 
-def _section(module: str, told: set[int]) -> str:
-    """What a module offers; `told` are the definitions of which a module above has told all, by id."""
+def _section(module: str) -> str:
+    """What a module offers."""
     rows = (_row(module, name) for name in sorted(public_names(module), key=str.lower))
     about = _first_paragraph(ast.get_docstring(_tree(module)))
-    details = (_detail(module, name, told) for name in sorted(public_names(module), key=str.lower))
-    return "\n\n".join(
-        [f"## {module}", about, table(("name", "what it is"), rows).rstrip("\n"), *filter(None, details)]
-    )
+    return "\n\n".join([f"## {module}", about, table(("name", "what it is"), rows).rstrip("\n")])
 
 
 def _row(module: str, name: str) -> tuple[str, str]:
     node, text = definition(module, name)
     called = f"{name}({_arguments(node)})" if isinstance(node, ast.FunctionDef) else name
     return code(called), _first_paragraph(text)
-
-
-def _detail(module: str, name: str, told: set[int]) -> str:
-    """What the docstring of a class or a function says beyond its first paragraph, and the members of a class."""
-    node, text = definition(module, name)
-    if id(node) in told:
-        return ""
-    told.add(id(node))
-    more = docstring((text or "").partition("\n\n")[2])
-    members = list(_members(node)) if isinstance(node, ast.ClassDef) else []
-    parts = [more, table(("member", "what it is"), members).rstrip("\n") if members else ""]
-    written = "\n\n".join(filter(None, parts))
-    return f"### {module}.{name}\n\n{written}" if written else ""
-
-
-def _members(node: ast.ClassDef) -> Iterator[tuple[str, str]]:
-    """The public methods and properties that a class defines, in the order of the source."""
-    for each in node.body:
-        text = ast.get_docstring(each) if isinstance(each, ast.FunctionDef) else None
-        if isinstance(each, ast.FunctionDef) and text and not each.name.startswith("_"):
-            own = ", ".join(_arguments(each).split(", ")[1:])
-            called = each.name if _is_property(each) else f"{each.name}({own})"
-            yield code(called), _first_paragraph(text)
-
-
-def _is_property(function: ast.FunctionDef) -> bool:
-    return any("property" in ast.unparse(each) for each in function.decorator_list)
 
 
 def _arguments(function: ast.FunctionDef) -> str:

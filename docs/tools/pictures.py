@@ -2,7 +2,7 @@
 
 `first-light.svg` and `first-dark.svg` show the spec of `docs/index.md` beside what the commands print of it: figure,
 mathematics, exact scores. LaTeX and pdftocairo typeset the mathematics. `card.svg` is the report of an exam whose
-results are in the repository.
+results are in the repository, and `recall.png` the page of the task of the tutorial.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs/pictures"
 EXAMINED = "docs/results/paper/gail_im"
 """The results that the card shows."""
-SPEC = re.compile(r"<!-- file: risky_path.yaml -->\n```yaml\n(.*?)```", re.DOTALL)
+SPEC = r"<!-- (?:file|add): {name} -->\n```yaml\n(.*?)```"
+"""A block of a page that writes a file, or adds to it."""
 FORMULAS = re.compile(r"^(?:- \*\*Rewards\*\*:|  -) (\$.*(?:xrightarrow|R\(s).*\$)$", re.MULTILINE)
 KEY = re.compile(r"^(\s*(?:- )?)([\w']+)(:)")
 BLACK = re.compile(r"rgb\(0%, ?0%, ?0%\)")
@@ -72,14 +73,21 @@ DARK = Theme(
 )  # fmt: skip
 
 
+def spec_of(page: str, name: str) -> str:
+    """Return a spec that a page of the documentation shows."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    found = re.findall(SPEC.format(name=re.escape(name)), text, re.DOTALL)
+    assert found, f"{page} has no {name}"
+    return "".join(found)
+
+
 def example() -> Example:
     """Return the spec of the first page with its figure, mathematics and scores."""
-    found = SPEC.search((ROOT / "docs/index.md").read_text(encoding="utf-8"))
-    assert found is not None, "docs/index.md has no risky_path.yaml"
+    spec = spec_of("index.md", "risky_path.yaml")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "mine"
         folder.mkdir()
-        (folder / "risky_path.yaml").write_text(found[1], encoding="utf-8")
+        (folder / "risky_path.yaml").write_text(spec, encoding="utf-8")
         run(["figure", "risky_path.yaml", "-o", "figure.svg"], folder)
         run(["docs", "risky_path.yaml", "-f", "markdown", "--no-results", "-o", "page"], folder)
         page = "\n".join(path.read_text(encoding="utf-8") for path in (folder / "page").glob("*.md"))
@@ -89,7 +97,7 @@ def example() -> Example:
         figure = (folder / "figure.svg").read_text(encoding="utf-8")
     formulas = [line for line in FORMULAS.findall(page) if "for all" not in line]  # which change nothing
     scores = (*(line.strip() for line in solved), f"claims {proved[0]}")
-    return Example(found[1].rstrip("\n"), figure, tuple(formulas), scores)
+    return Example(spec.rstrip("\n"), figure, tuple(formulas), scores)
 
 
 def run(arguments: list[str], folder: Path) -> str:
@@ -173,6 +181,19 @@ def card() -> str:
         return drawn.read_text(encoding="utf-8")
 
 
+def tutorial() -> bytes:
+    """Return the printed page of the task of the tutorial."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "mine"
+        folder.mkdir()
+        (folder / "recall.yaml").write_text(spec_of("tutorial.md", "recall.yaml"), encoding="utf-8")
+        run(["docs", "recall.yaml", "-f", "pdf", "-o", "printed"], folder)
+        place = ["-x", "85", "-y", "80", "-W", "660", "-H", "1000"]  # without margins
+        command = ["pdftoppm", "-png", "-r", "100", *place, "-singlefile", "printed/document.pdf", "page"]
+        subprocess.run(command, cwd=folder, check=True)
+        return (folder / "page.png").read_bytes()
+
+
 def main() -> None:
     """Draw all pictures."""
     PICTURES.mkdir(exist_ok=True)
@@ -181,6 +202,7 @@ def main() -> None:
     for theme in (LIGHT, DARK):
         (PICTURES / f"first-{theme.name}.svg").write_text(first(shown, mathematics, theme), encoding="utf-8")
     (PICTURES / "card.svg").write_text(card(), encoding="utf-8")
+    (PICTURES / "recall.png").write_bytes(tutorial())
 
 
 if __name__ == "__main__":

@@ -13,10 +13,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from taskspec.abstraction.abstraction import Abstraction
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, draws, reads, rewrite, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, draws, reads, walk
 from taskspec.lang.operators import Elements, entry_of
 from taskspec.lang.types import Kind, Type
-from taskspec.task.parts import Component
+from taskspec.task.parts import Component, by_name
 from taskspec.task.task import Task
 
 _MARK = "mapped "
@@ -45,7 +45,7 @@ class _Factoring:
         task = self.task
         for c, node in zip(self.found.stand_in.state, self.found.nodes, strict=True):
             self._replace_component(c, node)
-        following = {c.name: node for c, node in zip(task.state, task.process.next, strict=True)}
+        following = by_name(task.state, task.process.next)
         for name in self.ranked:
             if dependence([following[name]], name) != [Dependence.REARRANGEMENT]:
                 raise Unfactored(f"the next {name} does more than rearrange its elements")
@@ -103,13 +103,8 @@ class _Factoring:
 
     def _over(self, node: Node, values: Mapping[str, Node]) -> Node:
         """Return an expression with state components replaced."""
-
-        def leaf(each: Node) -> Node | None:
-            if isinstance(each, Read) and each.role is Role.STATE:
-                return values.get(each.name)
-            return None
-
-        return rewrite([node], leaf, self.builder.remake)[0]
+        replaced = {(Role.STATE, name): value for name, value in values.items()}
+        return self.builder.substitute([node], replaced, late=False)[0]
 
     def _final(self, nodes: Sequence[Node]) -> tuple[Node, ...]:
         """Return expressions over the mapped state, under the names of the stand-in."""
@@ -128,7 +123,7 @@ class _Factoring:
     def _initial(self) -> list[Node]:
         """Return initial values of the mapped state: uniform ranks, and the mapped initial values of the others."""
         b = self.builder
-        first = {c.name: node for c, node in zip(self.task.state, self.task.process.initial, strict=True)}
+        first = by_name(self.task.state, self.task.process.initial)
         found = []
         sites: set[int] = set()
         for name in self.ranked:
@@ -188,9 +183,8 @@ class LinearForms:
         for node in walk(roots):
             if id(node) not in self._known:
                 args = tuple(self._known[id(c)] for c in children(node))
-                if args == children(node):
-                    remade = node
-                else:
+                remade = node
+                if args != children(node):
                     remade = self.builder.remake(node, args)
                 self._known[id(node)] = self._simplified(remade)
         return tuple(self._known[id(root)] for root in roots)

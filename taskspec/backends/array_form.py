@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.backends.source_text import literal
-from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, are_constant, children, plain, walk
 from taskspec.lang.operators import OPERATORS, Operator
 from taskspec.lang.types import Kind, Type
 
@@ -176,7 +176,7 @@ class ArrayForm:
             return self._cast(node, args[0])
         template = self._template(node, entry)
         ufunc = UFUNCS.get(template)
-        if ufunc is None or self.scratch is None or all(isinstance(a, Const) for a in node.args):
+        if ufunc is None or self.scratch is None or are_constant(node.args):
             return self._assign(template.format(*args))
         args = [self._operand(a) for a in node.args]
         out = self._buffer(node)

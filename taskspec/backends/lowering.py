@@ -17,6 +17,7 @@ from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.lang.variates import VARIATES, WordLayout, words_of
 from taskspec.lang.variates.choices import row_table
+from taskspec.task.parts import by_read
 from taskspec.task.task import Task
 
 # -- values out of the steps ----------------------------------------------------------------------------------------
@@ -100,14 +101,7 @@ class Invariants:
 
 def _at_reset(b: Builder, task: Task, nodes: Sequence[Node]) -> tuple[Node, ...]:
     """Return nodes as functions of the first state."""
-    first = {c.name: n for c, n in zip(task.state, task.process.initial, strict=True)}
-
-    def leaf(node: Node) -> Node | None:
-        if isinstance(node, Read) and node.role is Role.STATE:
-            return first[node.name]
-        return None
-
-    return rewrite(nodes, leaf, b.remake_late)
+    return b.substitute(nodes, by_read(Role.STATE, task.state, task.process.initial))
 
 
 WIDE = 32

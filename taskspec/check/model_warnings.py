@@ -18,7 +18,7 @@ from taskspec.model.space import plain, shown, words
 from taskspec.rollout.rollout import at_random, is_bounded
 from taskspec.scores.partial_observability import pomdp_bounds
 from taskspec.task.build import build
-from taskspec.task.parts import Component, Soft
+from taskspec.task.parts import Component, Soft, by_name
 from taskspec.task.task import Task
 
 LONGER = 1000
@@ -87,7 +87,7 @@ def unread(context: LintContext) -> Iterator[Doubt]:
     """Yield a component on which neither rewards nor ends depend, which is not shown, or is drawn all the same."""
     task = context.task
     is_state = task.observation.is_state
-    nexts = {c.name: node for c, node in zip(task.state, task.process.next, strict=True)}
+    nexts = by_name(task.state, task.process.next)
     used = _followed(nexts, (task.process.reward, task.process.terminal))
     if not is_state:
         used |= _followed(nexts, task.observation.nodes)

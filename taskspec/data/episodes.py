@@ -28,6 +28,7 @@ from taskspec.model.model import misused
 from taskspec.policies.adapters import policy_of
 from taskspec.policies.policy import EpisodeBatch, SeededDraws, TaskPolicy
 from taskspec.registry import load
+from taskspec.task.parts import by_name
 from taskspec.task.task import Task, TaskLike
 
 Seen: TypeAlias = Any
@@ -246,7 +247,7 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
             _refuse_endless(task, acting)
         tell(f"episodes {first + 1:,} to {first + lanes:,}, step {t + 1:,}")
         seen = b.seen.view(copy=True)
-        state = {c.name: s for c, s in zip(task.state, b.state, strict=True)}
+        state = by_name(task.state, b.state)
         actions = _asked(acting, EpisodeBatch(t, state, seen, SeededDraws(seeds, t), running), policy)
         _step(engine, actions, task, acting)
         after = _after(b.seen.view(copy=True), b.final.view(), b.ended)

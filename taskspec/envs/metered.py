@@ -17,13 +17,19 @@ from taskspec.task.task import Task
 
 
 class Meter(Protocol):
-    """Who counts steps, and decides what is paid for them."""
+    """Who counts steps, follows episodes, and decides what is paid for steps."""
+
+    def begin(self, lanes: int) -> None:
+        """Note that new episodes begin in all lanes."""
 
     def spend(self, steps: int) -> None:
         """Is told before steps are taken; what it raises ends in the hands of whoever wanted them."""
 
     def paid(self, before: Any, actions: Any, after: Any, rewards: Array) -> Array:
         """Return the rewards (N,) that are paid for N steps, from those of the task; observations and actions are batches."""
+
+    def follow(self, rewards: Array, is_over: Array, takes_part: Array) -> None:
+        """Note the rewards (N,) of the task, and which episodes ended; lanes that were reset instead take no part."""
 
 
 class Metered(gymnasium.Env[Any, Any]):
@@ -47,12 +53,15 @@ class Metered(gymnasium.Env[Any, Any]):
             seed = self._seed
             self._seed = None
         self._before, told = self._inside.reset(seed=seed, options=options)
+        self._meter.begin(1)
         return self._before, told
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         self._meter.spend(1)
         after, reward, terminated, truncated, told = self._inside.step(action)
-        rewards = self._meter.paid(_batch(self._before), [action], _batch(after), np.array([reward]))
+        earned = np.array([reward])
+        rewards = self._meter.paid(_batch(self._before), [action], _batch(after), earned)
+        self._meter.follow(earned, np.array([terminated or truncated]), np.array([True]))
         self._before = after
         return after, float(rewards[0]), terminated, truncated, told
 
@@ -75,6 +84,7 @@ class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._meter = meter
         self._before: Any = None
         self._seed: int | None = seed
+        self._is_reset_next = np.zeros(self.num_envs, np.bool_)
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -83,6 +93,9 @@ class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
             seed = self._seed
             self._seed = None
         self._before, told = self._inside.reset(seed=seed, options=options)
+        if "reset_mask" not in (options or {}):
+            self._meter.begin(self.num_envs)
+        self._is_reset_next = np.zeros(self.num_envs, np.bool_)
         return self._before, told
 
     def step(self, actions: Any) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
@@ -95,6 +108,10 @@ class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
             for lane in np.flatnonzero(terminated | truncated):
                 led_to[lane] = told["final_obs"][lane]
         paid = self._meter.paid(before, actions, led_to, rewards)
+        is_over = terminated | truncated
+        self._meter.follow(rewards, is_over, ~self._is_reset_next)
+        if self._inside.autoreset_mode == gymnasium.vector.AutoresetMode.NEXT_STEP:
+            self._is_reset_next = np.array(is_over)
         self._before = after
         return after, paid, terminated, truncated, told
 

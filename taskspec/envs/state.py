@@ -14,7 +14,7 @@ from taskspec.base.diagnostics import suggest
 from taskspec.envs import window
 from taskspec.envs.options import LaneError, NotRunningError, StateError, one_of
 from taskspec.lang.types import Domain, Kind
-from taskspec.task.parts import Component, RenderMode
+from taskspec.task.parts import Component, RenderMode, are_finite
 from taskspec.task.spaces import single, space
 from taskspec.task.task import Task
 
@@ -129,7 +129,7 @@ def state_rows(task: Task, state: Sequence[Array]) -> Array:
         state: an array (*shape, N) for every component.
     """
     (first, *others), lanes = task.state, state[0].shape[-1]
-    finite = all(c.is_finite for c in task.state)
+    finite = are_finite(task.state)
     rows = np.concatenate([np.asarray(part).reshape(-1, lanes) for part in state])
     shape = (len(rows),) if others else first.type.shape
     with np.errstate(over="ignore"):  # what float32 does not hold is infinite, as in observations

@@ -16,6 +16,7 @@ from taskspec.data import Demonstrations, demonstrations
 from taskspec.data.episodes import mapped
 from taskspec.data.preferences import WORDS, Teacher, return_ends
 from taskspec.envs.metered import Metered
+from taskspec.exam.curves import EpisodeReturns, TrainingReturns
 from taskspec.source import Document
 from taskspec.task.merge import Merged
 from taskspec.task.task import Task
@@ -248,6 +249,8 @@ class Case:
         self._made = 0
         self.curve: list[tuple[int, list[Any]]] = []
         """Policies, one for each seed, that the learner showed on its way, with the steps that it had taken."""
+        self.training = TrainingReturns(terms.steps)
+        """Returns, by the true reward, of the episodes in which the learner learned."""
 
     @property
     def seed(self) -> int:
@@ -277,6 +280,14 @@ class Case:
         """The case of each seed alone; each has the whole budget."""
         return tuple(Case(self._judge, (seed,), self.terms, self._negated) for seed in self.seeds)
 
+    def training_of(self, i: int) -> list[list[float]]:
+        """Return the curve of training episodes of one seed of the block; empty where seeds share their environments."""
+        if "each" in vars(self):
+            return self.each[i].training.points
+        if len(self.seeds) > 1:
+            return []
+        return self.training.points
+
     def spent_by(self, i: int) -> Spent:
         """Return what one seed of the block has used: what all of them did together, and what it did alone."""
         alone = self.each[i].spent if "each" in vars(self) else Spent()
@@ -284,13 +295,13 @@ class Case:
 
     def env(self) -> Metered:
         """Return an environment. Its steps are counted; where the reward is not granted, it pays 0."""
-        return Metered(self._judge, self._meter, self._next_seed())
+        return Metered(self._judge, _Meter(self), self._next_seed())
 
     def make_vec(self, lanes: int, **options: Any) -> MeteredVector:
         """Environments that are stepped together, as `taskspec.make_vec` makes them; a step of all counts once for each."""
         from taskspec.envs.metered import MeteredVector
 
-        return MeteredVector(self._judge, lanes, self._meter, self._next_seed(), **options)
+        return MeteredVector(self._judge, lanes, _Meter(self), self._next_seed(), **options)
 
     def count(self, steps: int = 0, comparisons: int = 0) -> None:
         """Count steps, and comparisons, that were made elsewhere than in `env`, `make_vec` and `prefer`: of each seed.
@@ -310,10 +321,6 @@ class Case:
         """Return a seed far from those of other environments, and from those that policies are scored on."""
         self._made += 1
         return (self.seed + 1 << 32) + (self._made << 20)
-
-    @cached_property
-    def _meter(self) -> _Meter:
-        return _Meter(self)
 
     @cached_property
     def demonstrations(self) -> Demonstrations:
@@ -382,10 +389,19 @@ class Case:
 
 
 class _Meter:
-    """Counts the steps of a case, and withholds its rewards."""
+    """Counts the steps of an environment of a case, withholds its rewards, and keeps the returns of its episodes."""
 
     def __init__(self, case: Case) -> None:
         self.case = case
+        self.episodes = EpisodeReturns(case.task.discount)
+
+    def begin(self, lanes: int) -> None:
+        self.episodes.begin(lanes)
+
+    def follow(self, rewards: Array, is_over: Array, takes_part: Array) -> None:
+        returns = self.episodes.step(rewards, is_over, takes_part)
+        if len(returns):
+            self.case.training.add(self.case.spent.steps, returns)
 
     def spend(self, steps: int) -> None:
         self.case.count(steps)

@@ -6,7 +6,7 @@ import math
 import shlex
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -24,14 +24,16 @@ from taskspec.data import demonstrations
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.examinee import Examinee, learner_of
 from taskspec.exam.findings import diagnose
+from taskspec.exam.flags import check_comparable, flags
 from taskspec.exam.learned import learned_flags
 from taskspec.exam.results import FORMAT, Exam, Examined, Score, read, write
 from taskspec.exam.trial import LearnerFailed, Row, Trial, baselines, key_of, run_trial, score
-from taskspec.exam.verdicts import check_comparable, flags, verdicts
+from taskspec.exam.verdicts import verdicts
 from taskspec.jobs.running import JobProgress, run
 from taskspec.jobs.store import Job, Store
 from taskspec.modifiers import keeps_observers, modify
 from taskspec.rules.rule_books import EXAM, file_of, read_exam
+from taskspec.task.schema.experiments import ExamDocument
 from taskspec.task.task import Task, TaskLike
 
 WIDEST = 16
@@ -40,6 +42,10 @@ PROBED = 5
 """Seeds that are tried with a withheld reward negated."""
 EPISODES = 1000
 """For scores that cannot be computed."""
+SUITES = ("derail", "probes")
+"""The suites of an exam, unless one is named."""
+STEPS = 500_000
+"""Environment steps of each training run, unless a number is given or the suite's `exam.yaml` has one."""
 
 Modifiers = tuple[str, ...]
 
@@ -72,8 +78,8 @@ class Running:
 
 
 def examine(
-    learner: str | Callable[[Any], Any], *, suite: str = "derail", tasks: Sequence[TaskLike] | None = None,
-    seeds: int | Iterable[int] = 15, steps: int = 500_000, transitions: int = 10_000, twins: int = 2,
+    learner: str | Callable[[Any], Any], *, suite: str | None = None, tasks: Sequence[TaskLike] | None = None,
+    seeds: int | Iterable[int] = 15, steps: int | None = None, transitions: int = 10_000, twins: int = 2,
     probes: bool = True, learns_from: Sequence[str] | None = None, against: Path | str | None = None,
     out: Path | str | None = None, running: Running | None = None,
 ) -> Exam:  # fmt: skip
@@ -81,10 +87,11 @@ def examine(
 
     Args:
         learner: `"file.py:train"` or `"module:train"`, which is run in other processes, or a function, which is run in this one.
-        suite: whose tasks are asked.
+        suite: whose tasks are asked; derail and probes unless given.
         tasks: those that are asked instead of all of the suite, by name or as anything that `taskspec.load` takes.
         seeds: how many, or which.
-        steps: of the environment, for each seed on each task.
+        steps: of the environment, for each seed on each task; unless given, those that the suite's `exam.yaml` names, or 500,000.
+            Where neither a suite nor tasks are named, those of `exam.yaml` are the most.
         transitions: that the expert demonstrates, at least; whole episodes.
         twins: of every task that has some.
         probes: whether it is tried if a reward that is withheld makes a difference.
@@ -99,17 +106,24 @@ def examine(
     """
     numbers = tuple(range(seeds)) if isinstance(seeds, int) else tuple(seeds)
     for name, number in {"seeds": len(numbers), "steps": steps, "transitions": transitions}.items():
-        if number < 1:
+        if number is not None and number < 1:
             raise SpecError([Diagnostic("E713", None, f"an exam needs 1 or more {name}, not {number}")])
     who = learner_of(learner, learns_from)
-    asked = {exam_id(task): task for task in tasks_of(suite, tasks)}
-    terms = ExamTerms(steps, who.learns_from, transitions)
+    suites = SUITES if suite is None else (suite,)
+    asked = {exam_id(task): task for task in tasks_of(suites, tasks)}
+    described = {name: _described(name) for name in suites}
+    is_most = suite is None and tasks is None
+    terms = {}
+    for name, task in asked.items():
+        own = described.get(task.source.suite, ExamDocument(exam=1))
+        terms[name] = ExamTerms(_granted(own, steps, is_most), who.learns_from, transitions)
     baseline = None
     if against is not None:
         baseline = read(against)
         hashes = {name: task.content_hash for name, task in asked.items()}
-        check_comparable(baseline, str(against), hashes, {"steps": steps, "transitions": transitions})
-    plan = _plan(asked.values(), who, numbers, terms, twins, probes)
+        most = max(each.steps for each in terms.values())
+        check_comparable(baseline, str(against), hashes, {"steps": most, "transitions": transitions})
+    plan = _plan(asked.values(), who, numbers, terms, twins, probes, described)
     variants = {}
     for name, task in asked.items():
         variants[name] = [task, *(modify(task, *twin) for twin in twins_of(task, twins))]
@@ -123,10 +137,12 @@ def examine(
         with tempfile.TemporaryDirectory() as scratch, Store((folder or Path(scratch)) / "exam.sqlite") as store:
             measured = _measured(variants, store, running or Running())
             rows = _trained(plan, store, running or Running())
-    found = _exam(who, suite, plan, rows, {name: _examined(task, measured[name]) for name, task in asked.items()})
+    found = _exam(
+        who, " and ".join(suites), plan, rows, {name: _examined(task, measured[name]) for name, task in asked.items()}
+    )
     found["verdicts"] = verdicts(found["tasks"], found["scores"])
     found["flags"] = [*flags(found["tasks"], found["scores"], baseline), *learned_flags(found["scores"])]
-    found["diagnoses"] = diagnose(found, suite)
+    found["diagnoses"] = [each for name in suites for each in diagnose(found, name)]
     if folder is not None:
         write(found, folder)
     return found
@@ -135,29 +151,60 @@ def examine(
 # The tasks that an exam asks.
 
 
-def tasks_of(suite: str, wanted: Sequence[TaskLike] | None) -> list[Task]:
+def tasks_of(suites: Sequence[str], wanted: Sequence[TaskLike] | None) -> list[Task]:
     """Return the tasks of an exam, in the variants in which a learner acts.
 
     Args:
-        wanted: those to ask, by their names in the suite, or as anything that `taskspec.load` takes; None for those that the
-            suite's `exam.yaml` names, or all where it names none.
+        wanted: those to ask, by their names in one of the suites, or as anything that `taskspec.load` takes; None for those that
+            each suite's `exam.yaml` names, or all where it names none.
 
     Raises:
         SpecError: E701 for what is none; E713 for an unknown suite.
     """
-    known = {e.name: e.id for e in registry.known().values() if e.suite == suite}
+    known: dict[str, str] = {}
+    for suite in reversed(suites):
+        known |= {e.name: e.id for e in registry.known().values() if e.suite == suite}
     if wanted is None:
-        if not known:
-            suites = {e.suite for e in registry.known().values()}
-            raise SpecError([Diagnostic("E713", None, f"there is no suite '{suite}'", suggest(suite, suites))])
-        path = file_of(suite, EXAM)
-        wanted = (read_exam(path).described.tasks if path is not None else ()) or tuple(known)
+        wanted = [name for suite in suites for name in _names_in(suite)]
     found = [registry.load(known.get(task, task) if isinstance(task, str) else task) for task in wanted]
     ids = [exam_id(task) for task in found]
     for i, name in enumerate(ids):
         if name in ids[:i]:
             raise SpecError([Diagnostic("E713", None, f"{name} is given twice", "an exam has each task once")])
     return found
+
+
+def _names_in(suite: str) -> list[str]:
+    """Return the ids of the tasks that the exam of a suite asks."""
+    known = {e.name: e.id for e in registry.known().values() if e.suite == suite}
+    if not known:
+        suites = {e.suite for e in registry.known().values()}
+        raise SpecError([Diagnostic("E713", None, f"there is no suite '{suite}'", suggest(suite, suites))])
+    asked = _described(suite).tasks
+    return [known[name] for name in asked or known]
+
+
+def _described(suite: str) -> ExamDocument:
+    """Return the suite's `exam.yaml`; an empty one where it has none."""
+    path = file_of(suite, EXAM)
+    if path is None:
+        return ExamDocument(exam=1)
+    described = read_exam(path).described
+    assert isinstance(described, ExamDocument)
+    return described
+
+
+def _granted(described: ExamDocument, steps: int | None, is_most: bool) -> int:
+    """Return the steps of a training run on a task of a suite.
+
+    Args:
+        steps: that are asked for.
+        is_most: whether the suite's own number is the most.
+    """
+    granted = steps or described.steps or STEPS
+    if is_most and described.steps is not None:
+        return min(granted, described.steps)
+    return granted
 
 
 def exam_id(task: Task) -> str:
@@ -225,7 +272,13 @@ def _expert_actions(task: Task, way: str, seed: int) -> Array:
 
 
 def _plan(
-    asked: Iterable[Task], who: Examinee, seeds: tuple[int, ...], terms: ExamTerms, twins: int, probes: bool
+    asked: Iterable[Task],
+    who: Examinee,
+    seeds: tuple[int, ...],
+    terms: Mapping[str, ExamTerms],
+    twins: int,
+    probes: bool,
+    described: Mapping[str, ExamDocument],
 ) -> list[Planned]:
     width = WIDEST if who.together else 1
     blocks = [seeds[i : i + width] for i in range(0, len(seeds), width)]
@@ -237,7 +290,10 @@ def _plan(
 
     def add(task: Task, twin: Modifiers | None, block: tuple[int, ...], negated: bool = False) -> None:
         about = modify(task, *(twin or ()))
-        trial = Trial(about, negated, who.place or "", who.content, terms, block, EPISODES, written())
+        suite = described.get(task.source.suite, ExamDocument(exam=1))
+        horizon = None if suite.evaluate is None else suite.evaluate.longer_than(task.horizon)
+        place = who.place or ""
+        trial = Trial(about, negated, place, who.content, terms[exam_id(task)], block, EPISODES, written(), horizon)
         plan.append(Planned(task, twin, trial))
 
     for task in asked:
@@ -366,4 +422,5 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
         "reward_regret": None if lost is None else lost / unit,
         "curve": None if curve is None else [[steps, scaled(value)] for steps, value in curve],
         "operators": row.get("operators"), "rewards": row.get("rewards"),
+        "value": None if row.get("value") is None else row["value"] / unit, "longer": row.get("longer"),
     }  # fmt: skip

@@ -130,20 +130,31 @@ def _finite(value: float) -> float | None:
 # -- the page ---------------------------------------------------------------------------------------------------------
 
 
+SIGNS: dict[Outcome, str] = {"confirmed": "✓", "refuted": "✗", "undecided": "?", "not run": "·"}
+LEGEND = "A finding is confirmed if it holds everywhere in the 95 % intervals (in brackets), refuted if nowhere."
+
+
 def markdown(found: FindingsResult, told: Sequence[str] = ()) -> str:
-    """Return a page in Markdown: the number of findings with each outcome, and a table of all of them.
+    """Return a page in Markdown: the number of findings with each outcome, a table of all of them, and how it was run.
 
     Args:
         told: lines about the origin of the results: machine, versions, command.
     """
     described = found.described
-    lines = [f"# {described.title or 'Findings'}", "", *([described.doc, ""] if described.doc else [])]
-    lines += [f"- {line}" for line in told] + ([""] if told else [])
-    counts = [[name, *map(str, found.counts(name).values())] for name in found.sets]
-    legend = "A finding is confirmed if it holds everywhere in the 95 % intervals (in brackets), refuted if nowhere."
-    lines += [*_table(["results", *OUTCOMES], counts), "", legend, ""]
+    lines = [f"# {described.title or 'Findings'}", ""]
+    for name in found.sets:
+        counts = ", ".join(f"**{count} {outcome}**" for outcome, count in found.counts(name).items() if count)
+        strip = "".join(SIGNS[each.outcome(name)] for each in found.results)
+        lines += [f"- {name}: {counts}", f"  `{strip}`"]
+    signs = ", ".join(f"{sign} {outcome}" for outcome, sign in SIGNS.items())
+    lines += ["", f"Each sign is one finding, in the order of the table below: {signs}. {LEGEND}", ""]
+    if described.doc:
+        lines += [described.doc, ""]
     rows = [_row(each, found.sets) for each in found.results]
-    return "\n".join([*lines, *_table(["", "the paper says", *found.sets], rows)]) + "\n"
+    lines += _table(["", "the paper says", *found.sets], rows)
+    if told:
+        lines += ["", "## How it was run", "", *(f"- {line}" for line in told)]
+    return "\n".join(lines) + "\n"
 
 
 def html(found: FindingsResult, told: Sequence[str] = ()) -> str:
@@ -158,7 +169,7 @@ def html(found: FindingsResult, told: Sequence[str] = ()) -> str:
     ]  # fmt: skip
     return page_of(
         "findings.html", title=described.title or "Findings", doc=described.doc or "", told=told, findings=findings,
-        tallies={name: found.counts(name) for name in found.sets},
+        tallies={name: found.counts(name) for name in found.sets}, legend=LEGEND,
     )  # fmt: skip
 
 

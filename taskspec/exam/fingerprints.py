@@ -134,7 +134,7 @@ def fingerprint(
     learned = rows.read(q, model.n_actions).T if values is None else rows.read(values, None)
     if not np.isfinite(learned[..., weights > 0]).all():
         misused("the learned values are not finite numbers")
-    points = _fixed_points(dynamics, reduce) if policy is not None else _greedy_points(task, dynamics.gamma)
+    points = _fixed_points(dynamics, reduce) if policy is not None else greedy_points(task, dynamics.gamma)
     if not points:
         refuse(f"values of {task.id} have no bound at discount {dynamics.gamma:g}", "give the learner's `discount`")
     (right_q,) = points["right"]
@@ -149,8 +149,32 @@ def fingerprint(
     return distances
 
 
+def first_value(task: TaskLike, *, q: Any = None, values: Any = None, **_: Any) -> float | None:
+    """Return the learned value of the first states, in the mean over starts; None where it is not a finite number.
+
+    Args:
+        q, values: as `fingerprint` takes them; the value of Q is that of the best action.
+
+    Raises:
+        SpecError: as for `fingerprint`.
+    """
+    task = load(task)
+    model = dynamics_of(task, task.discount).model
+    rows = _Observed(task, model)
+    if values is None:
+        V = rows.read(q, model.n_actions).max(axis=1)
+    else:
+        V = rows.read(values, None)
+    is_start = model.start > 0
+    found = float(model.start[is_start] @ V[is_start])
+    if np.isfinite(found):
+        return found
+    return None
+
+
 @lru_cache(maxsize=32)
-def _greedy_points(task: Task, gamma: float) -> dict[str, list[Array]]:
+def greedy_points(task: Task, gamma: float) -> dict[str, list[Array]]:
+    """Return the fixed points of each operator for learners that act greedily, Q (A, S): one, or one for each exploration."""
     return _fixed_points(dynamics_of(task, gamma), _best)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
-from taskspec.exam.fingerprints import fingerprint, named, pooled
+from taskspec.exam.fingerprints import fingerprint, first_value, named, pooled
 from taskspec.exam.operators import GOOD, OPERATORS, BellmanOperator
 from taskspec.exam.results import Flag, Score
 from taskspec.exam.starc import REWARDS, KnownReward, reward_fields
@@ -58,6 +58,7 @@ def learned_fields(task: Task, learned: Any, sees_reward: bool) -> dict[str, Any
     was_given = isinstance(learned, Learned) and (learned.q is not None or learned.values is not None)
     try:
         found["operators"] = fingerprint(task, **values)
+        found["value"] = first_value(task, **values)
     except SpecError as error:
         codes = {d.code for d in error.diagnostics}
         if was_given and codes != {"E712"}:

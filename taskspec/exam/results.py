@@ -36,13 +36,16 @@ Score = TypedDict(
         "demonstrations": int, "comparisons": int, "seconds": float | None, "starc": float | None,
         "reward_regret": float | None, "curve": list[list[float | None]] | None,
         "operators": NotRequired[dict[str, float] | None], "rewards": NotRequired[dict[str, float] | None],
+        "value": NotRequired[float | None], "longer": NotRequired[float | None],
     },
 )  # fmt: skip
 """One seed on a task (`twin` None), on a twin of it (its modifiers), or with the reward negated (`probe`); 0 is random, 1 the
 expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated, 0 where it is exact; `starc` the
 distance of a learned reward to the true one, `reward_regret` the score lost by optimising it. `operators` are the distances of
 learned values from the fixed points of Bellman operators (`taskspec.exam.fingerprints`), `rewards` those of a learned reward from
-known ones (`taskspec.exam.starc`)."""
+known ones (`taskspec.exam.starc`). `value` is the learned value of the first states, in units of the expert's return less that of
+random actions, `longer` the score on a longer horizon. Points of the `curve` are policies that the learner showed, else means of
+its training episodes."""
 
 
 class Examined(TypedDict):
@@ -90,7 +93,7 @@ class CapabilityVerdict(MeanScore):
 class Flag(TypedDict):
     """Something that is wrong; with its size as a difference of scores, and the interval of that, where it has one."""
 
-    kind: Literal["twin", "regression", "peeks", "failed", "impossible", "values", "reward"]
+    kind: Literal["twin", "regression", "changed", "peeks", "failed", "impossible", "values", "reward"]
     task: str
     message: str
     effect: float | None

@@ -19,14 +19,15 @@ from typing import Any
 import numpy as np
 
 import taskspec
-from taskspec.base.diagnostics import TaskspecError
+from taskspec.base.diagnostics import SpecError, TaskspecError
 from taskspec.base.limits import also
 from taskspec.exam.case import Case, ExamTerms
 from taskspec.exam.examinee import train_at
 from taskspec.exam.learned import Learned, learned_fields
 from taskspec.learners import CannotLearn
+from taskspec.modifiers import modify
 from taskspec.policies.values import ObservedValue, observed_value, policy_value
-from taskspec.scores.returns import Results, normalised
+from taskspec.scores.returns import Results, Return, normalised
 from taskspec.task.task import Task
 
 Row = dict[str, Any]
@@ -131,6 +132,7 @@ class Trial:
         place, content: of the learner, for another process.
         episodes: for scores that have to be simulated.
         limits: that hold, as `taskspec.base.limits.also` takes them.
+        longer: a horizon on which policies are scored, too.
     """
 
     about: Task
@@ -141,6 +143,7 @@ class Trial:
     seeds: tuple[int, ...]
     episodes: int
     limits: str
+    longer: int | None = None
 
     @property
     def key(self) -> str:
@@ -153,6 +156,7 @@ class Trial:
             self.seeds,
             self.episodes,
             self.limits,
+            self.longer,
         )
 
 
@@ -178,6 +182,8 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
             policies = _policies(learned, len(case.seeds), train)
             rows = [_scored(policy, case, results, seed) for policy, seed in zip(policies, case.seeds, strict=True)]
             _add_curves(rows, case, results)
+            if trial.longer is not None:
+                _add_longer(rows, policies, trial)
         except CannotLearn as error:
             return [{"seed": seed, "cannot": error.message} for seed in trial.seeds]
         except Exception as error:
@@ -215,10 +221,31 @@ def _value(policy: Any, results: Results, seed: int) -> ObservedValue:
 
 
 def _add_curves(rows: Sequence[Row], case: Case, results: Results) -> None:
-    """Add points of steps and returns to each row, if the learner showed policies on its way."""
+    """Add points of steps and returns to each row: of the policies that the learner showed, else of its training episodes."""
     for steps, shown in case.curve:
         for row, policy in zip(rows, shown, strict=True):
             row["curve"] = [*(row["curve"] or ()), [steps, _value(policy, results, 0).deterministic.value]]
+    if not case.curve:
+        for i, row in enumerate(rows):
+            row["curve"] = case.training_of(i) or None
+
+
+def _add_longer(rows: Sequence[Row], policies: Sequence[Any], trial: Trial) -> None:
+    """Add the score on a longer horizon to each row; None where the task or the policy does not allow for one."""
+    try:
+        results = results_of(modify(trial.about, f"horizon={trial.longer}"), trial.episodes)
+        expert = results.expert or results.optimal
+        for row, policy in zip(rows, policies, strict=True):
+            value = _value(policy, results, row["seed"]).deterministic.value
+            row["longer"] = score(value, _number(results.random), _number(expert))
+    except SpecError:
+        return
+
+
+def _number(value: Return | None) -> float | None:
+    if value is None:
+        return None
+    return value.value
 
 
 def _words(error: Exception, train: Any) -> str:

@@ -22,6 +22,7 @@ from taskspec.lang.ir import Role as Reading
 from taskspec.model.space import Space
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
+from taskspec.task.parts import are_finite
 from taskspec.task.task import Task
 
 WIDTH = 5.0
@@ -216,7 +217,7 @@ class _Plane:
 
 
 def _neutral(task: Task) -> Reads:
-    if all(c.is_finite for c in task.action):
+    if are_finite(task.action):
         space = Space(task.action, Reading.ACTION)
         return dict(space.decode(np.array([space.size // 2])))
     found: Reads = {}

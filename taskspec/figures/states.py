@@ -22,7 +22,7 @@ from taskspec.model.space import Space
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
 from taskspec.rollout.rollout import Rollout, at_random
-from taskspec.task.parts import Component
+from taskspec.task.parts import Component, by_read
 from taskspec.task.task import Task
 
 State = Mapping[str, Any]
@@ -90,7 +90,7 @@ def expert_path(task: Task, steps: int = STEPS, seed: int = 0) -> list[dict[str,
     for t in range(steps if task.horizon is None else min(steps, task.horizon)):
         reads = {**reads_of(task, states[-1]), (Role.TIME, "t"): np.array([t], dtype=np.int64)}
         actions = batch.evaluate(task.annotations.expert, reads)
-        chosen = {(Role.ACTION, c.name): a for c, a in zip(task.action, actions, strict=True)}
+        chosen = by_read(Role.ACTION, task.action, actions)
         *found, ends = batch.evaluate(nodes, reads | chosen)
         states.append({c.name: v[..., 0] for c, v in zip(task.state, found, strict=True)})
         if bool(np.all(ends)):

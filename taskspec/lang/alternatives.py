@@ -17,7 +17,7 @@ from taskspec.base.limits import limits
 from taskspec.base.records import dataclass
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import is_distribution
-from taskspec.lang.ir import Const, Node
+from taskspec.lang.ir import Const, Node, are_constant
 from taskspec.lang.scope import BaseChecker, FunctionDef, Lazy, Scope, Value, check_comparable, numbered, varies
 from taskspec.lang.types import BOOLEAN_LABELS, Domain, Kind, Shape, Type
 
@@ -402,7 +402,7 @@ class _Table:
         if self.grid is not None:
             if all(c is cells[0] for c in cells):
                 return cells[0]
-            if all(isinstance(c, Const) for c in cells):
+            if are_constant(cells):
                 kind = max(c.type.kind for c in cells)
                 rows = b.structure("vector", [b.cast(cells[n], kind) for n in self.grid])
                 return b.structure("index", [rows, self._number()])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
 from typing import Any, TypeVar, cast
@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 from taskspec.base.limits import Limits, count, how_to_raise, limits
 from taskspec.lang import interval
 from taskspec.lang.evaluate import Flat, apply_flat
-from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact, plain, rewrite, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, are_constant, exact, plain, rewrite, walk
 from taskspec.lang.operators import OPERATORS, STRUCTURES, Elements, Operator, entry_of
 from taskspec.lang.types import BOOL, INF, INT, INT_MAX, REAL, Interval, Kind, Range, Refused, Shape, Type, join
 
@@ -28,7 +28,7 @@ def folded(name: str, args: Sequence[Node], static: tuple[int, ...], result: Typ
 
 def fold_rational(op: Operator, args: Sequence[Node], result: Type) -> Flat | None:
     """Arithmetic on whole numbers and fractions, which stay exact until they meet a float; None for other operations."""
-    if not op.rational or result.kind is not Kind.REAL or not all(isinstance(a, Const) for a in args):
+    if not op.rational or result.kind is not Kind.REAL or not are_constant(args):
         return None
     flats = [a.flat for a in args if isinstance(a, Const)]
     if any(isinstance(v, float) for flat in flats for v in flat) or (op.name == "div" and not all(flats[1])):
@@ -199,7 +199,7 @@ class Builder:
             return self._of(rational, result)
         kinds = op.promote([a.type.kind for a in args], result.kind)
         args = tuple(map(self._operand, args, kinds))
-        if all(isinstance(a, Const) for a in args):
+        if are_constant(args):
             return self._of(folded(name, args, (), result), result)
         return self._identity(name, args, result) or self._apply(name, args, result, ())
 
@@ -220,7 +220,7 @@ class Builder:
         self.check_size(result.shape)
         if not result.size:
             return self.const((), result)
-        if all(isinstance(a, Const) for a in args):
+        if are_constant(args):
             return self._of(folded(name, args, static, result), result)
         return self._rearranged(name, args, static) or self._apply(name, tuple(args), result, static)
 
@@ -314,9 +314,24 @@ class Builder:
             case _:
                 return node
 
+    def substitute(
+        self, roots: Iterable[Node], values: Mapping[tuple[Role, str], Node], late: bool = True
+    ) -> tuple[Node, ...]:
+        """Return nodes with values in the place of the reads that have one, by role and name.
+
+        The values are `late` where they are only known at run time, as those of a step are (`remake_late`).
+        """
+
+        def leaf(node: Node) -> Node | None:
+            if isinstance(node, Read):
+                return values.get((node.role, node.name))
+            return None
+
+        return rewrite(roots, leaf, self.remake_late if late else self.remake)
+
     def remake_late(self, node: Node, args: tuple[Node, ...]) -> Node:
         """Remake a node where values replace what is only known at run time: fractions beside these stay floats, as in a step."""
-        if isinstance(node, Apply) and not all(isinstance(a, Const) for a in node.args):
+        if isinstance(node, Apply) and not are_constant(node.args):
             args = tuple(self.held(a) if isinstance(a, Const) else a for a in args)
         return self.remake(node, args)
 
@@ -324,7 +339,7 @@ class Builder:
 
     def _kept(self, key: Any, args: Sequence[Node], result: Node) -> Node:
         """Return the result of an operation; of one on constants it is kept, as comprehensions ask for the same over and over."""
-        if isinstance(result, Const) and all(isinstance(a, Const) for a in args):
+        if isinstance(result, Const) and are_constant(args):
             self._folded[key] = result
         return result
 

@@ -17,7 +17,7 @@ import numpy as np
 from taskspec.base.diagnostics import Collector, suggest
 from taskspec.lang import alternatives, dists, sets, types
 from taskspec.lang import syntax as s
-from taskspec.lang.ir import Const, Node, Role, reads
+from taskspec.lang.ir import Const, Node, Role, have_one_shape, reads
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.parse import advice
 from taskspec.lang.scope import BaseChecker, ClampedIndex, FunctionDef, Lazy, Poisoned, Scope, Value, named, varies
@@ -174,7 +174,7 @@ def _fold(checker: BaseChecker, expr: s.Call, scope: Scope) -> Value:
         found.append(checker.number_of(value))
     if expr.function == "fold":
         return value
-    if len({n.type.shape for n in found}) > 1:
+    if not have_one_shape(found):
         checker.fail("E307", expr, "the intermediate values have different shapes")
     return Value(checker.stack(found, expr))
 

@@ -117,6 +117,16 @@ def reads(roots: Iterable[Node]) -> frozenset[tuple[Role, str]]:
     return frozenset((n.role, n.name) for n in walk(roots) if isinstance(n, Read))
 
 
+def are_constant(nodes: Iterable[Node]) -> bool:
+    """Return whether all nodes are constants."""
+    return all(isinstance(node, Const) for node in nodes)
+
+
+def have_one_shape(nodes: Iterable[Node]) -> bool:
+    """Return whether no two nodes have different shapes."""
+    return len({node.type.shape for node in nodes}) < 2
+
+
 def rewrite(
     roots: Iterable[Node],
     leaf: Callable[[Node], Node | None],

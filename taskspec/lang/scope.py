@@ -16,7 +16,7 @@ from taskspec.base.records import dataclass
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import is_distribution
-from taskspec.lang.ir import Const, Node
+from taskspec.lang.ir import Const, Node, have_one_shape
 from taskspec.lang.types import INT, Domain, Kind, Refused, Shape, Type
 
 T = TypeVar("T")
@@ -283,7 +283,7 @@ class BaseChecker(ABC):
 
     def stack(self, nodes: list[Node], expr: s.Expr) -> Node:
         """Return a vector of elements, which must be of one shape."""
-        if len({n.type.shape for n in nodes}) > 1:
+        if not have_one_shape(nodes):
             hint = "`concat(x, y)` lays vectors end to end"
             self.fail("E307", expr, "the elements of this vector have different shapes", hint)
         return self.builder.structure("vector", nodes)

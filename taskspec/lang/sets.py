@@ -19,7 +19,7 @@ from taskspec.base.limits import how_to_raise, limits
 from taskspec.base.records import dataclass
 from taskspec.lang import alternatives, batch
 from taskspec.lang import syntax as s
-from taskspec.lang.ir import Const, Node, Role, draws, reads, walk
+from taskspec.lang.ir import Const, Node, Role, draws, have_one_shape, reads, walk
 from taskspec.lang.scope import BaseChecker, Poisoned, Scope, Value, check_comparable
 from taskspec.lang.types import INT_WIDEST, Domain, Kind, Type
 
@@ -61,7 +61,7 @@ def _table(
         return _constant(checker, points.rows), points.domain
     values = alternatives.alternative_values(checker, expr.items, scope, want)
     nodes, domain = alternatives.unify(checker, values, expr.items, want)
-    if len({n.type.shape for n in nodes}) > 1:
+    if not have_one_shape(nodes):
         checker.fail("E307", expr, "the elements of this set have different shapes")
     kind = max(n.type.kind for n in nodes)
     return b.structure("vector", list(dict.fromkeys(b.cast(n, kind) for n in nodes))), domain

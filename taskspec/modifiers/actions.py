@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +32,7 @@ from taskspec.modifiers.core import (
     with_state,
 )
 from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, as_well
-from taskspec.task.parts import Component
+from taskspec.task.parts import Component, by_name
 from taskspec.task.reach import Observed, reach, saturated
 from taskspec.task.task import Task
 
@@ -100,10 +99,9 @@ def _permuted(b: Builder, task: Task, given: Arguments) -> Task:
     expert = task.annotations.expert
     if isinstance(expert, tuple):
         expert = tuple(through(np.argsort(table, axis=1), list(expert)))
-    by_name: Mapping[str, Node] = {c.name: n for c, n in zip(task.action, meant, strict=True)}
     plain = tuple(replace(c, domain=None) for c in task.action)  # a label would say what an action no longer does
     changed = replace(task, action=plain).with_annotations(expert=expert)
-    return meaning(b, changed, by_name)
+    return meaning(b, changed, by_name(task.action, meant))
 
 
 def permutations(seed: int, rows: int, count: int) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:

@@ -10,11 +10,11 @@ from typing import Any
 from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
-from taskspec.lang.ir import Draw, Node, Read, Role, draws, reads, rewrite
+from taskspec.lang.ir import Draw, Node, Role, draws, reads
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.entry import Inapplicable
 from taskspec.task.bijection import parts
-from taskspec.task.parts import Component, Observation, SpaceKind
+from taskspec.task.parts import Component, Observation, SpaceKind, by_read
 from taskspec.task.task import Task
 
 MOST = 100_000
@@ -89,15 +89,9 @@ def noisy(b: Builder, node: Node, std: float) -> Node:
 
 def acting(b: Builder, task: Task, executed: Mapping[str, Node]) -> Task:
     """Return the task in which other actions are executed than those that are chosen, by name."""
-
-    def leaf(node: Node) -> Node | None:
-        if isinstance(node, Read) and node.role is Role.ACTION:
-            return executed[node.name]
-        return None
-
     count = len(task.state)
     roots = (*task.process.next, *task.process.raw_next, task.process.reward, task.process.terminal)
-    found = rewrite(roots, leaf, b.remake)
+    found = b.substitute(roots, {(Role.ACTION, name): node for name, node in executed.items()}, late=False)
     return task.with_process(
         next=found[:count], raw_next=found[count : 2 * count], reward=found[-2], terminal=found[-1]
     )
@@ -123,14 +117,7 @@ def last(b: Builder, task: Task) -> Node:
 
 def after_step(b: Builder, task: Task, node: Node) -> Node:
     """Return a function of the state as one of the state that a step leads to."""
-    following = {c.name: n for c, n in zip(task.state, task.process.next, strict=True)}
-
-    def leaf(part: Node) -> Node | None:
-        if isinstance(part, Read) and part.role is Role.STATE:
-            return following[part.name]
-        return None
-
-    return rewrite([node], leaf, b.remake_late)[0]
+    return b.substitute([node], by_read(Role.STATE, task.state, task.process.next))[0]
 
 
 def reads_time(task: Task) -> bool:
@@ -211,20 +198,12 @@ def remembering(b: Builder, task: Task, meant: Mapping[tuple[Role, str], Node]) 
     if memory is None or not meant:
         return task
 
-    def leaf(node: Node) -> Node | None:
-        if isinstance(node, Read):
-            return meant.get((node.role, node.name))
-        return None
-
-    def read(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-        return rewrite(nodes, leaf, b.remake_late)
-
     changed = replace(
         memory,
-        initial=read(memory.initial),
-        next=read(memory.next),
-        raw_initial=read(memory.raw_initial),
-        raw_next=read(memory.raw_next),
+        initial=b.substitute(memory.initial, meant),
+        next=b.substitute(memory.next, meant),
+        raw_initial=b.substitute(memory.raw_initial, meant),
+        raw_next=b.substitute(memory.raw_next, meant),
     )
     found = task.with_annotations(memory=changed)
     if remembers_what_is_told(found):

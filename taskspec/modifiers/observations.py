@@ -16,7 +16,7 @@ from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.actions import SEED, permutations
 from taskspec.modifiers.core import apart, combinations, fresh, joint, looked_up, names_in, noisy, observing, real_space
 from taskspec.modifiers.entry import STD, Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, unaffected
-from taskspec.task.parts import FINITE_SPACES, Component, Observation
+from taskspec.task.parts import FINITE_SPACES, Component, Observation, by_name
 from taskspec.task.task import Task
 
 
@@ -29,7 +29,7 @@ def _relabelled(b: Builder, task: Task, given: Arguments) -> Task:
     c = Component(name, INT, (0,), (count - 1,), doc="a number for what is observed")
     shown = b.read(Role.NEXT, name, INT, 0, count - 1)
     behind = apart(b, seen.components, np.argsort(labels).tolist(), shown)
-    meant = {each.name: node for each, node in zip(seen.components, behind, strict=True)}
+    meant = by_name(seen.components, behind)
     return observing(b, task, [c], [label], "discrete", {}, meant)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from taskspec.base.diagnostics import suggest
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Node, Read, Role, rewrite
+from taskspec.lang.ir import Node, Read, Role
 from taskspec.lang.types import Kind
 from taskspec.modifiers.core import (
     MOST,
@@ -26,7 +26,7 @@ from taskspec.modifiers.core import (
 )
 from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, as_well
 from taskspec.task.bijection import MapPart, Moves, bounds, codes, outside, parts
-from taskspec.task.parts import FINITE_SPACES, Component, Symmetry
+from taskspec.task.parts import FINITE_SPACES, Component, Symmetry, are_finite, by_read
 from taskspec.task.task import Task
 
 
@@ -67,14 +67,8 @@ def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
         raise Inapplicable("it is not one-to-one: two observations would look alike", "`taskspec check` shows two")
     components = _bounded(symmetry.components, found)
     _check_space(task, components)
-    shown = {c.name: n for c, n in zip(task.observation.components, task.observation.nodes, strict=True)}
-
-    def leaf(node: Node) -> Node | None:
-        if isinstance(node, Read) and node.role is Role.NEXT:
-            return shown[node.name]
-        return None
-
-    nodes = rewrite(symmetry.observation, leaf, b.remake_late)
+    shown = by_read(Role.NEXT, task.observation.components, task.observation.nodes)
+    nodes = b.substitute(symmetry.observation, shown)
     taken = (names_in(task) - set(now)) | {c.name for c in components}
     other_names = fresh(list(now), taken)
     others = [(replace(c, name=name), node) for name, (c, node) in zip(other_names, now.values(), strict=True)]
@@ -102,7 +96,7 @@ def _check_space(task: Task, components: Sequence[Component]) -> None:
         Inapplicable: reals where there are to be none, or several numbers where one is to be.
     """
     space = task.observation.space
-    if space in FINITE_SPACES and not all(c.is_finite for c in components):
+    if space in FINITE_SPACES and not are_finite(components):
         raise Inapplicable(f"a `{space}` observation holds no reals")
     if space == "discrete" and not (len(components) == 1 and components[0].type.is_scalar):
         raise Inapplicable("a `discrete` observation is one number")
@@ -128,22 +122,11 @@ def _steered(b: Builder, task: Task, symmetry: Symmetry) -> Task:
         executed |= zip((c.name for c in part.inputs), _undone(b, part), strict=True)
     expert = task.annotations.expert
     if isinstance(expert, tuple):
-        expert = _put(b, symmetry.action, dict(zip((c.name for c in task.action), expert, strict=True)))
+        expert = b.substitute(symmetry.action, by_read(Role.ACTION, task.action, expert))
     every = {c.name: executed.get(c.name) or present(b, c, Role.ACTION) for c in task.action}
     plain = tuple(replace(c, domain=None) if c.name in executed else c for c in task.action)
     changed = replace(task, action=plain).with_annotations(expert=expert)
     return meaning(b, changed, every)
-
-
-def _put(b: Builder, nodes: Sequence[Node], actions: dict[str, Node]) -> tuple[Node, ...]:
-    """Return a map of the action, of an action that is given."""
-
-    def leaf(node: Node) -> Node | None:
-        if isinstance(node, Read) and node.role is Role.ACTION:
-            return actions[node.name]
-        return None
-
-    return rewrite(nodes, leaf, b.remake_late)
 
 
 def _undone(b: Builder, part: MapPart) -> list[Node]:

@@ -258,7 +258,7 @@ class Difference:
         return abs(self.effect) >= MATTERS and self.p_value <= ALARM
 
 
-def differences(scores: Array, is_first: Array, only_below: bool = False) -> list[Difference]:
+def differences(scores: Array, is_first: Array, only_below: bool | Sequence[bool] = False) -> list[Difference]:
     """Return the differences of the mean scores of two samples in several comparisons, by exact permutation tests.
 
     The rows of the two samples are permuted, each with its scores in all comparisons. First all comparisons are tested together,
@@ -269,7 +269,8 @@ def differences(scores: Array, is_first: Array, only_below: bool = False) -> lis
     Args:
         scores: (rows, comparisons), NaN where a row has none.
         is_first: bool (rows,), the rows of the first sample.
-        only_below: whether only means of the first sample that are below those of the second one count.
+        only_below: of all comparisons or of each, whether only a mean of the first sample that is below that of the second one
+            counts.
     """
     is_known = ~np.isnan(scores)
     filled = np.where(is_known, scores, 0.0)
@@ -282,7 +283,7 @@ def differences(scores: Array, is_first: Array, only_below: bool = False) -> lis
         means = filled.sum(axis=0) / is_known.sum(axis=0)
         spread = np.sqrt((np.where(is_known, scores - means, 0.0) ** 2).sum(axis=0) / is_known.sum(axis=0))
         sizes = np.where((spread > 1e-9) & np.isfinite(effects), effects / spread, 0.0)
-    sizes = np.maximum(-sizes, 0.0) if only_below else np.abs(sizes)
+    sizes = np.where(only_below, np.maximum(-sizes, 0.0), np.abs(sizes))
     together = _share_as_large((sizes**2).sum(axis=1))
     p_value = together
     found: dict[int, Difference] = {}

@@ -18,7 +18,7 @@ from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.lang import syntax as s
 from taskspec.lang.check import Checker
 from taskspec.lang.interval import NormalForms
-from taskspec.lang.ir import Const, Node, Read, Role, draws, reads, rewrite
+from taskspec.lang.ir import Const, Node, Role, draws, reads
 from taskspec.lang.scope import Poisoned, Scope
 from taskspec.lang.types import BOOL, INF, REAL, Refused
 from taskspec.lang.variates.entry import ProbabilityArithmetic
@@ -250,10 +250,9 @@ class _Trial:
         if not isinstance(node, Const):
             return None
         if not all(low <= v <= high for v, low, high in zip(node.flat, c.low, c.high, strict=True)):
+            value = "what it is here"
             if c.type.is_scalar:
                 value = words(node.flat[0])
-            else:
-                value = "what it is here"
             self.collector.add("E613", expr.place, f"{c.name} cannot be {value}; it must be {domain(c)}")
             return None
         return node
@@ -267,14 +266,13 @@ class _Trial:
             self.collector.add("E613", self.example.place, message)
             return None
 
-        def leaf(found: Node) -> Node | None:
-            if isinstance(found, Read):
-                return self.given[found.role, found.name]
-            return None
-
-        if any(self.given[key] is None for key in reads([node])):
-            return None
-        return rewrite([node], leaf, self.builder.remake)[0]
+        values: dict[tuple[Role, str], Node] = {}
+        for key in reads([node]):
+            value = self.given[key]
+            if value is None:
+                return None
+            values[key] = value
+        return self.builder.substitute([node], values, late=False)[0]
 
     def _consequence(self, follows: Followed) -> Consequence | None:  # noqa: C901
         """Return a consequence in the task and in the example; None if one of them is wrong, which is reported."""

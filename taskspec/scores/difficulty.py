@@ -19,6 +19,7 @@ from taskspec.scores.measures import (
     mean_length,
     reward_chance,
     solution_length,
+    value_norm,
 )
 from taskspec.scores.partial_observability import hidden_bits
 from taskspec.scores.returns import Results
@@ -99,6 +100,9 @@ def _episodes_to_reward(results: Results) -> float:
 LAIDLAW = (
     "C. Laidlaw, S. Russell and A. Dragan, “Bridging RL Theory and Practice with the Effective Horizon” (NeurIPS 2023)"
 )
+MAILLARD = (
+    "O.-A. Maillard, T. Mann and S. Mannor, “How Hard Is My MDP? The Distribution-Norm to the Rescue” (NeurIPS 2014)"
+)
 ZIEBART = "B. Ziebart, “Modeling Purposeful Adaptive Behavior with the Principle of Maximum Causal Entropy” (2010)"
 SHANNON = "C. Shannon, “A Mathematical Theory of Communication” (1948)"
 
@@ -151,6 +155,12 @@ _MEASURES = [
         "The least k such that acting greedily on the action values of random actions, after k - 1 Bellman backups, is optimal.",
         r"\min \{k : \operatorname{greedy}(Q^k) \subseteq \Pi^*\}, \; Q^1 = Q^{\text{random}}, \; Q^{k+1} = \mathcal{T} Q^k",
         LAIDLAW, _on_model(least_lookahead)),
+    Measure(
+        "value_norm", "",
+        "The largest standard deviation of the optimal value of the next state (0 after an end), over states, actions and times: "
+        "how much chance matters.",
+        r"\max_{t, s, a} \sqrt{\operatorname{Var}_{s' \sim P(\cdot \mid s, a)} V^*_{t+1}(s')}", MAILLARD,
+        _on_model(value_norm)),
     Measure(
         "effective_horizon", "steps",
         "A bound on the effective horizon of a deterministic task: exhaustive search over this many steps takes as many episodes "

@@ -333,6 +333,19 @@ class _Lookahead:
         return most
 
 
+def value_norm(model: Model) -> float:
+    """Return the largest standard deviation of the optimal value of the next state, over states and actions of all times."""
+    plan = _Lookahead(model)
+    largest = 0.0
+    for t, acting in model.levels():
+        V = plan.best[t + 1].value
+        P = model.step(t).P
+        spread = P @ V**2 - (P @ V) ** 2
+        variance = spread.reshape(model.n_actions, model.n_states)[:, acting]
+        largest = max(largest, float(variance.max()))
+    return math.sqrt(largest)
+
+
 def least_lookahead(model: Model) -> int:
     """Return the least k for which every policy that is greedy for Qk is optimal."""
     ahead = _Lookahead(model)

@@ -12,7 +12,7 @@ from taskspec.base.diagnostics import Placed, suggest
 from taskspec.base.limits import Limits, count, how_to_raise, limits
 from taskspec.lang.calls import static_shape
 from taskspec.lang.evaluate import evaluate
-from taskspec.lang.ir import Const, Node, Role, plain, reads
+from taskspec.lang.ir import Const, Node, Role, have_one_shape, plain, reads
 from taskspec.lang.scope import Lazy, Poisoned, Scope, Value
 from taskspec.lang.types import BOOL, INT, INT_WIDEST, Domain, Kind, Refused, Type
 from taskspec.lang.variates import WordLayout, sampler
@@ -262,7 +262,7 @@ def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> 
     legend = {}
     for key in value["legend"]:
         legend[str(key)] = context.checker.constant(context.expr((*path, "legend", key)), scope, "a legend's value")
-    if len({node.type.shape for node in legend.values()}) > 1:
+    if not have_one_shape(legend.values()):
         context.stop("E307", (*path, "legend"), "the values of the legend have different shapes")
     start = 0
     cells = []
@@ -396,7 +396,7 @@ def _domain(context: Context, entry: Mapping[str, Any], path: Path, scope: Scope
     if isinstance(values, list):
         return Domain(labels, symbols=symbols)
     nodes = [context.checker.constant(context.expr((*here, key)), scope, "the value of a label") for key in values]
-    if len({n.type.shape for n in nodes}) > 1:
+    if not have_one_shape(nodes):
         context.stop("E307", here, "the values of the labels have different shapes")
     kind = max(INT.kind, *(n.type.kind for n in nodes))
     flats = []

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from fractions import Fraction
 from itertools import product
 from math import prod
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from taskspec.lang.scope import ClampedIndex, Scope, Value
 from taskspec.lang.types import INT_WIDEST, Domain, Kind, Shape, Type
 
 __all__ = ["Component", "Parameter"]
+
+T = TypeVar("T")
 
 # ---------- parameters
 # Values of parameters: as callers give them, and as grids for claims; options of environments.
@@ -152,6 +154,21 @@ class Component:
     @property
     def read(self) -> tuple[Role, str]:
         return (Role.STATE, self.name)
+
+
+def by_name(components: Iterable[Component], values: Iterable[T]) -> dict[str, T]:
+    """Return one value for each component, by its name."""
+    return {c.name: value for c, value in zip(components, values, strict=True)}
+
+
+def by_read(role: Role, components: Iterable[Component], values: Iterable[T]) -> dict[tuple[Role, str], T]:
+    """Return one value for each component, by what reads it in a role."""
+    return {(role, c.name): value for c, value in zip(components, values, strict=True)}
+
+
+def are_finite(components: Iterable[Component]) -> bool:
+    """Return whether all components together take finitely many values."""
+    return all(c.is_finite for c in components)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import numpy as np
 
 from taskspec.base.records import dataclass
 from taskspec.lang.types import INT_MAX, Kind
-from taskspec.task.parts import Component, Observation, SpaceKind
+from taskspec.task.parts import Component, Observation, SpaceKind, are_finite
 
 if TYPE_CHECKING:
     import gymnasium
@@ -187,7 +187,7 @@ def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) 
 
 
 def _automatic(components: tuple[Component, ...], several: Form) -> Form:
-    finite = all(c.is_finite for c in components)
+    finite = are_finite(components)
     if finite and len(components) == 1 and components[0].type.is_scalar:
         return "discrete"
     if finite:

@@ -15,7 +15,7 @@ from taskspec.base.ids import InstanceId
 from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.evaluate import evaluate
-from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, rewrite
+from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import WordLayout
 from taskspec.source import Document
@@ -33,6 +33,8 @@ from taskspec.task.parts import (
     Soft,
     Surface,
     Symmetry,
+    are_finite,
+    by_read,
 )
 from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, space
 
@@ -40,6 +42,10 @@ if TYPE_CHECKING:
     import gymnasium
 
     from taskspec.task.schema.models import Spec
+
+
+TIME = (Role.TIME, "t")
+"""The read of the steps taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,7 +309,7 @@ class Task:
     @property
     def is_finite(self) -> bool:
         """True if states and actions are finite in number by their declared domains."""
-        return all(c.is_finite for c in (*self.state, *self.action))
+        return are_finite((*self.state, *self.action))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Task) and self._identity == other._identity
@@ -355,14 +361,7 @@ class Task:
 
     def _seeing(self, nodes: Iterable[Node], observed: Iterable[Node]) -> tuple[Node, ...]:
         """Return nodes of a memory with an observation in the place of what it reads of it."""
-        seen = dict(zip((c.name for c in self.observation.components), observed, strict=True))
-
-        def leaf(node: Node) -> Node | None:
-            if isinstance(node, Read) and node.role is Role.NEXT:
-                return seen[node.name]
-            return None
-
-        return rewrite(nodes, leaf, self.new_builder().remake_late)
+        return self.new_builder().substitute(nodes, by_read(Role.NEXT, self.observation.components, observed))
 
     @cached_property
     def reset_words(self) -> WordLayout:
@@ -406,30 +405,17 @@ class Task:
     @cached_property
     def _observations(self) -> tuple[tuple[Node, ...], tuple[Node, ...]]:
         b = Builder.of(self.nodes)
-        following = {c.name: node for c, node in zip(self.state, self.process.next, strict=True)}
-
-        starting = {c.name: node for c, node in zip(self.state, self.process.initial, strict=True)}
-
-        def later(node: Node) -> Node | None:
-            match node:
-                case Read(role=Role.STATE, name=name):
-                    return following[name]
-                case Read(role=Role.TIME, type=type):  # one less than at the end of the step: as in dynamics
-                    return b.apply("add", b.read(Role.TIME, "t", type, node.low, node.high - 1), b.scalar(1))
-                case _:
-                    return None
-
-        def first(node: Node) -> Node | None:
-            match node:
-                case Read(role=Role.STATE, name=name):
-                    return starting[name]
-                case Read(role=Role.TIME):
-                    return b.scalar(0)
-                case _:
-                    return None
-
+        later = by_read(Role.STATE, self.state, self.process.next)
+        first = by_read(Role.STATE, self.state, self.process.initial)
+        first[TIME] = b.scalar(0)
+        for node in walk(self.observation.nodes):
+            if (
+                isinstance(node, Read) and node.role is Role.TIME
+            ):  # one less than at the end of the step: as in dynamics
+                before = b.read(Role.TIME, node.name, node.type, node.low, node.high - 1)
+                later[TIME] = b.apply("add", before, b.scalar(1))
         seen = self.observation.nodes
-        return rewrite(seen, later, b.remake_late), rewrite(seen, first, b.remake_late)
+        return b.substitute(seen, later), b.substitute(seen, first)
 
 
 def recall(
@@ -447,14 +433,12 @@ def recall(
         before, action: the memory and the action before that; not looked at when `t` is 0.
         t: steps taken.
     """
-    reads: dict[tuple[Role, str], Any] = {
-        (Role.NEXT, c.name): flat for c, flat in zip(task.observation.components, seen, strict=True)
-    }
+    reads: dict[tuple[Role, str], Any] = by_read(Role.NEXT, task.observation.components, seen)
     if t == 0:
         return evaluate(memory.initial, reads)
-    reads |= {c.read: flat for c, flat in zip(memory.components, before, strict=True)}
-    reads |= {(Role.ACTION, c.name): flat for c, flat in zip(task.action, action, strict=True)}
-    reads[Role.TIME, "t"] = (t - 1,)
+    reads |= by_read(Role.STATE, memory.components, before)
+    reads |= by_read(Role.ACTION, task.action, action)
+    reads[TIME] = (t - 1,)
     return evaluate(memory.next, reads)
 
 

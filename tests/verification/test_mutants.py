@@ -142,14 +142,6 @@ def test_what_is_called_equivalent_can_still_be_changed(key: str) -> None:
     assert key in {m.key for m in mutants(file, Path(run.ROOT, file).read_text())}
 
 
-def test_the_page_lists_what_is_called_equivalent() -> None:
-    page = Path(run.ROOT, "docs/correctness.md").read_text(encoding="utf-8")
-    assert (
-        page.partition("<!-- equivalent -->\n")[2].partition("\n<!-- /equivalent -->")[0].splitlines()
-        == table.reasons()
-    )
-
-
 def test_a_room_is_counted() -> None:
     every = mutants("a.py", "def f(x):\n    return x < 1\n")
     known = {

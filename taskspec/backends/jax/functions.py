@@ -21,7 +21,7 @@ from taskspec.base.extras import need
 from taskspec.lang.types import INT_MAX
 from taskspec.registry import load
 from taskspec.task.build import build_varying
-from taskspec.task.parts import Parameter
+from taskspec.task.parts import Parameter, are_finite
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
 from taskspec.task.task import Task, TaskLike
 
@@ -219,10 +219,9 @@ class OpenParameters:
         for p in self.varying:
             value = _known(getattr(params, p.name))
             if value is not None:
+                here = value
                 if value.size == holds.size:
                     here = value.reshape(-1)[np.argmin(holds)]
-                else:
-                    here = value
                 found.append(f"{p.name}={here}")
         return ", ".join(found)
 
@@ -298,10 +297,9 @@ def _check(parameter: Parameter, value: Any) -> None:
     high = parameter.high
     problem = ""
     if np.isnan(given).any() or (low is not None and (given < low).any()):
+        problem = "must be a number"
         if low is not None:
             problem = f"must be at least {low}"
-        else:
-            problem = "must be a number"
     elif high is not None and (given > high).any():
         problem = f"must be at most {high}"
     elif parameter.kind == "int" and (given != np.rint(given)).any():
@@ -411,7 +409,7 @@ class Functional:
 
 def _one_hot(task: Task) -> Task:
     """Return the same task with one-hot observations."""
-    if not all(c.is_finite for c in task.observation.components):
+    if not are_finite(task.observation.components):
         raise spec_error("E713", f"the observations of {task.id} are not finite, and cannot be one-hot")
     return replace(task, observation=replace(task.observation, space="one_hot"))
 

@@ -17,6 +17,7 @@ from taskspec.lang.batch import UNSORTED, Runtime, network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import many
+from taskspec.task.parts import by_read
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
@@ -116,10 +117,9 @@ def generate(
     arguments += [f"{name}{i}" for name in ("seen", "final") for i in range(len(observation.parts))]
     taken = [*actions, *hoisted.names, *hoisted.word_numbers]
     assert form.scratch is not None
+    quiet = []
     if _may_warn(roots, observation):
         quiet = ['@np.errstate(all="ignore")']
-    else:
-        quiet = []
     body = [*form.scratch.declarations, "", *quiet, f"def step({', '.join(taken)}):"]
     body += [*indent(lines), "", "return step"]
     head = repr(f"{task.id}: n environments, array code. Generated; the spec is {task.source.document.origin.name}.")
@@ -135,8 +135,8 @@ def _may_warn(roots: Sequence[Node], observation: SpaceLayout) -> bool:
 
 def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Hoisted) -> ArrayForm:
     names = {(Role.TIME, "t"): "t"}
-    names |= {(Role.STATE, c.name): s for c, s in zip(task.state, states, strict=True)}
-    names |= {(Role.ACTION, c.name): a for c, a in zip(task.action, actions, strict=True)}
+    names |= by_read(Role.STATE, task.state, states)
+    names |= by_read(Role.ACTION, task.action, actions)
     names |= {(Role.VARIABLE, v): v for v in (*hoisted.names, *hoisted.word_numbers)}
     form = ArrayForm(names, lambda draw, args: drawn(draw, args), scratch=Scratch())
 
@@ -182,9 +182,8 @@ def _observation(form: ArrayForm, layout: SpaceLayout, outputs: Sequence[str], v
         if not type_.size:
             continue  # a vector of reals without elements may be among ints
         if segment.values is not None:
-            if type_.is_scalar:
-                element = value
-            else:
+            element = value
+            if not type_.is_scalar:
                 element = f"rt.rows({value})[{segment.element}]"
             lines.append(f"equal({element}, {form.constant(np.array(segment.values)[:, None])}, {out})")
         elif segment.starts:

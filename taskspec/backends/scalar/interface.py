@@ -15,6 +15,7 @@ from taskspec.backends.scalar.phase import Phase, is_filled, stream
 from taskspec.backends.source_text import literal, names_of
 from taskspec.lang.ir import Node, Read
 from taskspec.lang.types import Kind
+from taskspec.task.parts import are_finite
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout
 from taskspec.task.task import Task
 
@@ -86,7 +87,7 @@ def _read_array(task: Task, layout: SpaceLayout, names: Sequence[str]) -> tuple[
 
 def sees_state(task: Task, layout: SpaceLayout) -> bool:
     """Return whether an observation is the array that tells the state: its elements in order, as float32."""
-    finite = all(c.is_finite for c in task.state)
+    finite = are_finite(task.state)
     seen = [(node.role, node.name) for node in task.observation.nodes if isinstance(node, Read)]
     same = seen == [c.read for c in task.state] and len(seen) == len(task.observation.nodes)
     return same and layout.form == "box" and not finite
@@ -103,7 +104,7 @@ def flat_state(task: Task, names: Sequence[str]) -> str:
 
     They are int64 where all components are finite, and float32 elsewhere.
     """
-    finite = all(c.is_finite for c in task.state)
+    finite = are_finite(task.state)
     if _is_number(task):
         first = task.state[0]
         if first.type.kind is Kind.BOOL:
@@ -164,7 +165,7 @@ def row_names(task: Task) -> dict[str, Any]:
     """Return what the names that write such rows mean: `rows()` gives a function of the next row, `write` fills it in."""
     shape = _shape(task)
     size = math.prod(shape)
-    dtype, code = (np.int64, "q") if all(c.is_finite for c in task.state) else (np.float32, "f")
+    dtype, code = (np.int64, "q") if are_finite(task.state) else (np.float32, "f")
     blocks = partial(stream, lambda first, count: list(np.empty((count, *shape), dtype)), 0, size)
     return {"rows": blocks, "write": Struct(f"{size}{code}").pack_into}  # native floats: what overflows becomes inf
 

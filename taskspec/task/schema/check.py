@@ -177,7 +177,7 @@ def problems_of(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Probl
         loc = loc[:-1]
     match error["type"]:
         case typed.PROBLEMS:
-            yield from (problem.below(*loc) for problem in error["ctx"]["problems"])
+            yield from values.below(error["ctx"]["problems"], *loc)
         case "missing":
             yield _missing_key(loc)
         case "extra_forbidden":

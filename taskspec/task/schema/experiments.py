@@ -36,7 +36,7 @@ def _values(value: Any) -> Iterator[Problem]:
             yield wrong_kind("a value, or a list of some", None)
         case list():
             for i, each in enumerate(value):
-                yield from (problem.below(i) for problem in values.setting(each))
+                yield from values.below(values.setting(each), i)
         case _:
             yield from values.setting(value)
 
@@ -216,6 +216,24 @@ class DiagnosisEntry(Strict):
     alone: bool = Field(False, description="If it holds, no other diagnosis is given.")
 
 
+class Evaluation(Strict):
+    """A longer horizon, on which policies are scored as well."""
+
+    horizon: Annotated[str, Field(pattern=r"^[1-9][0-9]* \* h$")] | Annotated[int, Field(ge=1)] = Field(
+        description="A longer horizon: a number of steps, or a multiple of the task's own: `3 * h`."
+    )
+
+    def longer_than(self, horizon: int | None) -> int | None:
+        """Return the horizon of this evaluation; None where it is not longer than that of the task."""
+        if horizon is None:
+            return None
+        if isinstance(self.horizon, int):
+            steps = self.horizon
+        else:
+            steps = int(self.horizon.split()[0]) * horizon
+        return steps if steps > horizon else None
+
+
 class ExamDocument(Strict):
     """What the exam of a suite asks, and what its results mean."""
 
@@ -223,9 +241,11 @@ class ExamDocument(Strict):
     title: str | None = Field(None, description="Its heading.")
     doc: str | None = Field(None, description="What it is about.")
     tasks: list[str] = Field(default_factory=list, description=_TASKS)
+    steps: int | None = Field(None, ge=1, description="Environment steps of each training run; 500,000 unless given.")
     groups: dict[Name, list[str]] = Field(
         default_factory=dict, description="Names for several tasks, for `all(... for t in group)`."
     )
+    evaluate: Evaluation | None = Field(None, description="A longer horizon, on which policies are scored as well.")
     diagnoses: dict[Name, DiagnosisEntry] = Field(
         default_factory=dict, description="Rules over the scores of one learner, by name."
     )

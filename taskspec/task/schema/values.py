@@ -5,7 +5,7 @@ from __future__ import annotations
 import keyword
 import re
 import unicodedata
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any, Literal, NamedTuple, get_args
 
 from taskspec.base.diagnostics import CODES, suggest
@@ -73,6 +73,12 @@ class Problem(NamedTuple):
     def below(self, *steps: str | int) -> Problem:
         """Return the same problem, as seen from further up."""
         return self._replace(path=(*steps, *self.path))
+
+
+def below(problems: Iterable[Problem], *steps: str | int) -> Iterator[Problem]:
+    """Yield the problems of a part, as seen from further up."""
+    for problem in problems:
+        yield problem.below(*steps)
 
 
 def kind(value: object) -> str:
@@ -177,7 +183,8 @@ def definition(text: str) -> Iterator[Problem]:
     else:
         arguments = []
     names = [function[1] if function else text, *arguments]
-    yield from (problem for each in names for problem in name(each))
+    for each in names:
+        yield from name(each)
     if len(set(arguments)) < len(arguments):
         message = f"two arguments of `{text}` have the same name"
         yield Problem("E205", (), message, None, of_key=True)
@@ -192,7 +199,7 @@ def expression(value: Any) -> Iterator[Problem]:
             yield from _cases(value)
         case list():
             for i, item in enumerate(value):
-                yield from (problem.below(i) for problem in expression(item))
+                yield from below(expression(item), i)
         case dict() if value.keys() & set(_TABLE_KEYS):
             yield from _table(value)
         case dict() if value.keys() & set(_PIECE_KEYS):
@@ -219,10 +226,10 @@ def _cases(items: list[Any]) -> Iterator[Problem]:
             yield Problem("E214", (i, "else"), "`else` stands alone", hint, of_key=True)
         else:
             keys = ("else",) if "else" in item else ("if", "then")
-            yield from (problem.below(i) for problem in _keys(item, keys, "case"))
+            yield from below(_keys(item, keys, "case"), i)
         for key in _PIECE_KEYS:
             if key in item:
-                yield from (problem.below(i, key) for problem in expression(item[key]))
+                yield from below(expression(item[key]), i, key)
     if not (isinstance(items[last], dict) and "else" in items[last]):
         yield Problem("E209", (last,), "the last case must be `else`", "add `- else: ...` for all other cases")
 
@@ -238,7 +245,7 @@ def _table(value: dict[str, Any]) -> Iterator[Problem]:
         hint = "for example `by: [s, a]`"
         yield Problem("E208", ("by",), "`by` lists what the table looks at", hint)
     if isinstance(rows, dict) and rows:
-        yield from (problem.below("rows") for problem in _rows(rows, len(columns)))
+        yield from below(_rows(rows, len(columns)), "rows")
     else:
         yield Problem("E208", ("rows",), f"expected rows (`value: cell`), found {kind(rows)}")
 
@@ -255,7 +262,7 @@ def _rows(rows: dict[str, Any], depth: int) -> Iterator[Problem]:
             problems = _rows(cell, depth - 1)
         else:
             problems = expression(cell)
-        yield from (problem.below(key) for problem in problems)
+        yield from below(problems, key)
 
 
 def _probabilities(value: dict[str, Any]) -> Iterator[Problem]:
@@ -269,7 +276,7 @@ def _probabilities(value: dict[str, Any]) -> Iterator[Problem]:
             hint = "a mapping is a draw; a vector for each label is a list of them, in order, and `ways[a]` is that of a label"
             yield wrong_kind("a probability", weight, hint).below(key)
         else:
-            yield from (problem.below(key) for problem in expression(weight))
+            yield from below(expression(weight), key)
 
 
 def _keys(value: dict[str, Any], keys: tuple[str, ...], what: str) -> Iterator[Problem]:
@@ -301,7 +308,7 @@ def constant(value: Any) -> Iterator[Problem]:
     for letter, meaning in legend.items():
         if len(letter) != 1:
             yield Problem("E204", ("legend", letter), f"`{letter}` is not one letter", None, of_key=True)
-        yield from (problem.below("legend", letter) for problem in expression(meaning))
+        yield from below(expression(meaning), "legend", letter)
 
 
 def bound(value: Any) -> Iterator[Problem]:
@@ -327,7 +334,7 @@ def labels(value: Any) -> Iterator[Problem]:
     if isinstance(value, dict) and value:
         for label, meaning in value.items():
             yield from _truth_label(label, (label,))
-            yield from (problem.below(label) for problem in expression(meaning))
+            yield from below(expression(meaning), label)
     elif isinstance(value, list) and value:
         seen: set[str] = set()
         for i, label in enumerate(value):
@@ -368,7 +375,7 @@ def expert(value: Any) -> Iterator[Problem]:
     """Yield an expression for each action component; or `optimal`, `soft(beta)`."""
     if isinstance(value, dict) and not value.keys() & set(_TABLE_KEYS):
         for key, action in value.items():
-            yield from (problem.below(key) for problem in expression(action))
+            yield from below(expression(action), key)
     else:
         yield from expression(value)
 
@@ -389,9 +396,9 @@ def grid(value: Any) -> Iterator[Problem]:
             if values == []:
                 yield wrong_kind("a value, or a list of some", None).below(*path, key)
             for i, each in enumerate(values) if isinstance(values, list) else ():
-                yield from (problem.below(*path, key, i) for problem in setting(each))
+                yield from below(setting(each), *path, key, i)
             if not isinstance(values, list):
-                yield from (problem.below(*path, key) for problem in setting(values))
+                yield from below(setting(values), *path, key)
 
 
 def observation(value: Any, nullable: bool = False) -> Iterator[Problem]:
@@ -406,7 +413,7 @@ def observation(value: Any, nullable: bool = False) -> Iterator[Problem]:
             yield Problem("E206", (key,), f"{kind(part)} is not a kind of space", "one of: " + ", ".join(SPACES))
         elif key != "space":
             yield from name(key, (key,))
-            yield from (problem.below(key) for problem in _observed(part))
+            yield from below(_observed(part), key)
 
 
 _OBSERVED = ("value", "low", "high")
@@ -425,6 +432,6 @@ def _observed(part: Any) -> Iterator[Problem]:
     if "value" not in part:
         yield Problem("E203", (), "this observation has no `value`", "an expression over the state: `name: expression`")
         return
-    yield from (problem.below("value") for problem in expression(part["value"]))
+    yield from below(expression(part["value"]), "value")
     for key in sorted(part.keys() & {"low", "high"}):
-        yield from (problem.below(key) for problem in bound(part[key]))
+        yield from below(bound(part[key]), key)

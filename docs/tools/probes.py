@@ -1,0 +1,98 @@
+"""The page of the probes: what each of them exposes, computed from the fixed points of wrong Bellman operators."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from docs.tools.markdown import code, table
+from taskspec.base.diagnostics import SpecError
+from taskspec.base.display import number
+from taskspec.exam.examining import tasks_of
+from taskspec.exam.fingerprints import fingerprint, greedy_points
+from taskspec.exam.operators import GOOD, OPERATORS, dynamics_of
+from taskspec.policies.policy import greedy
+from taskspec.rules.rule_books import EXAM, file_of, read_exam
+from taskspec.scores.difficulty import difficulty
+from taskspec.scores.returns import Results
+from taskspec.task.schema.experiments import DiagnosisEntry
+from taskspec.task.task import Task
+
+PROSE = Path(__file__).with_suffix(".md")
+GAMMAS = (0.9, 0.99)
+"""Discounts of learners."""
+PASSES = 0.9
+"""The score from which a policy passes."""
+
+
+def probes() -> str:
+    """Return the page of the probes."""
+    header = ("probe", "capability", "states", "look-ahead", "value norm", "fails for learners with the mistake")
+    rows = []
+    missed = dict.fromkeys(name for name in OPERATORS if name not in GOOD)
+    for task in tasks_of(("probes",), None):
+        found = exposed(task)
+        measured = difficulty(task, ["states", "lookahead", "value_norm"])
+        rows.append((
+            task.name, task.capability, *map(_shown, measured.values()), _listed(found),
+        ))  # fmt: skip
+        for name in found:
+            missed.pop(name, None)
+    text = PROSE.read_text(encoding="utf-8").replace("<!-- probes -->", table(header, rows))
+    text = text.replace("<!-- missed -->", ", ".join(missed))
+    return text.replace("<!-- diagnoses -->", _diagnoses())
+
+
+def _diagnoses() -> str:
+    path = file_of("probes", EXAM)
+    assert path is not None
+    rows = []
+    for rule in read_exam(path).rules:
+        assert isinstance(rule.entry, DiagnosisEntry)
+        rows.append((code(rule.entry.when), rule.entry.message, rule.entry.cause))
+    return table(("scores", "the learner", "usual cause"), rows)
+
+
+def exposed(task: Task) -> dict[str, float]:
+    """Return the operators whose greedy policy fails a task, each with the largest discount at which it does."""
+    found: dict[str, float] = {}
+    for gamma in GAMMAS:
+        for name, value in scores(task, gamma).items():
+            if value < PASSES and (name == "on policy" or name not in GOOD):
+                found[name] = gamma
+    return found
+
+
+def scores(task: Task, gamma: float) -> dict[str, float]:
+    """Return the score of the greedy policy of each operator's fixed point; nothing where observations hide the state."""
+    try:
+        dynamics = dynamics_of(task, gamma)
+        fingerprint(task, q=lambda seen: np.zeros((len(seen), task.action_space.n)), discount=gamma)
+    except SpecError:
+        return {}
+    results = Results(task, 1)
+    assert results.random is not None
+    assert results.expert is not None
+    found = {}
+    for name, points in greedy_points(task, gamma).items():
+        pi = greedy(points[-1].T).T
+        V = np.zeros(dynamics.model.n_states)
+        for _ in range(task.horizon or 0):
+            V = (pi * (dynamics.R + dynamics.following(V))).sum(axis=0)
+        value = float(dynamics.model.start @ V)
+        found[name] = (value - results.random.value) / (results.expert.value - results.random.value)
+    return found
+
+
+def _shown(value: float | None) -> str:
+    if value is None:
+        return ""
+    return number(round(value, 2))
+
+
+def _listed(found: dict[str, float]) -> str:
+    words = []
+    for name, gamma in found.items():
+        words.append(name if gamma == GAMMAS[-1] else f"{name} (discount {gamma:g})")
+    return ", ".join(words)

@@ -1,0 +1,240 @@
+"""Flags: what is wrong at any scores, and what differs from an earlier exam."""
+
+from __future__ import annotations
+
+import itertools
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from statistics import NormalDist
+from typing import Literal, TypeVar
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.exam.curves import area
+from taskspec.exam.results import Exam, Examined, Flag, Score
+from taskspec.exam.verdicts import ROUNDING, best_score, by_seed
+from taskspec.rollout.statistics import ALARM, CONFIDENCE, Difference, differences
+from taskspec.rules.score_rules import side
+
+Name = TypeVar("Name", str, tuple[str, str, str])
+Number = Callable[[Score], float | None]
+
+
+def _drawn(score: Score) -> float | None:
+    if score["stochastic"] == score["deterministic"]:
+        return None
+    return score["stochastic"]
+
+
+def _area(score: Score) -> float | None:
+    return area(score["curve"])
+
+
+def _value(score: Score) -> float | None:
+    return score.get("value")
+
+
+def _starc(score: Score) -> float | None:
+    return score["starc"]
+
+
+def _longer(score: Score) -> float | None:
+    return score.get("longer")
+
+
+SCORE = "score"
+COMPARED: dict[str, Number] = {
+    SCORE: best_score,
+    "score of drawn actions": _drawn,
+    "mean of the learning curve": _area,
+    "value of the first states": _value,
+    "distance of the learned reward": _starc,
+    "score on a longer horizon": _longer,
+}
+"""Numbers that are compared with those of an earlier exam, by name: the score must not be lower, the others not differ."""
+
+
+def flags(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam | None) -> list[Flag]:
+    """Return everything that is flagged: failures, impossible scores, twins that differ from their task, peeking, and
+    changes since an earlier exam.
+
+    Twins that differed in the baseline are not news: where demonstrations say nothing of some states, the names of actions decide
+    what even a learner without mistakes does there.
+    """
+    found = [*_failed(tasks, scores), *_impossible(tasks, scores)]
+    found += _apart(tasks, scores, "twin", "twin")
+    found += _apart(tasks, scores, "peeks", "negated")
+    if against is None:
+        return found
+    known = {flag["task"] for flag in against["flags"] if flag["kind"] == "twin"}
+    new = [flag for flag in found if flag["kind"] != "twin" or flag["task"] not in known]
+    return [*new, *_changes(tasks, scores, against)]
+
+
+def _failed(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> Iterable[Flag]:
+    for task in tasks:
+        of_task = [score for score in scores if score["task"] == task]
+        errors = [score["error"] for score in of_task if score["error"] is not None]
+        if errors:
+            message = f"{len(errors)} of {len(of_task)} runs failed: {errors[0]}"
+            yield Flag(kind="failed", task=task, message=message, effect=None, low=None, high=None)
+
+
+def _impossible(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> Iterable[Flag]:
+    """Flag returns above the exact optimum, by more than rounding, and than chance where they were simulated.
+
+    Chance alone raises such a flag in less than `ALARM` of all exams.
+    """
+    deviations = NormalDist().inv_cdf(1 - ALARM / max(1, len(scores)))
+    for task, about in tasks.items():
+        best = about["optimal"]
+        if best is None:
+            continue
+        unit = abs((about["expert"] or 0.0) - (about["random"] or 0.0)) or 1.0
+        rounding = ROUNDING * max(abs(best), unit)
+        excess: dict[float, int] = {}
+        for score in scores:
+            if score["task"] != task or score["return"] is None:
+                continue
+            error = score["half"] * unit / NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
+            above = score["return"] - best
+            if above > rounding + deviations * error:
+                excess[above] = score["seed"]
+        if excess:
+            most = max(excess)
+            message = (
+                f"the return of seed {excess[most]} is {best + most:g}, and no policy has more than {best:g}: what is scored "
+                "knows or changes what a policy cannot, such as the draws of the episodes that it is scored on"
+            )
+            yield Flag(kind="impossible", task=task, message=message, effect=most / unit, low=None, high=None)
+
+
+def _apart(
+    tasks: Mapping[str, Examined], scores: Sequence[Score], kind: Literal["twin", "peeks"], which: str
+) -> Iterable[Flag]:
+    """Flag tasks whose scores as printed differ from those of another side, on the seeds of both."""
+    names = [task for task in tasks if by_seed(scores, task, "printed").keys() & by_seed(scores, task, which).keys()]
+    rows: dict[tuple[int, str | None, int], dict[str, float]] = defaultdict(dict)
+    for task in names:
+        seeds = by_seed(scores, task, "printed").keys() & by_seed(scores, task, which).keys()
+        twins = list(dict.fromkeys(score["twin"] for score in scores if score["task"] == task))
+        for score in scores:
+            value = score["deterministic"]
+            if (
+                score["task"] == task
+                and score["seed"] in seeds
+                and value is not None
+                and side(score) in ("printed", which)
+            ):
+                rows[score["seed"], score["probe"], twins.index(score["twin"])][task] = value
+    is_first = np.array([probe is None and twin == 0 for _, probe, twin in rows])
+    for task, d in _differences(names, list(rows.values()), is_first, [False] * len(names)):
+        size = f"{abs(d.effect):.2f}"
+        message = f"the score changes by {size} when a reward is negated that the learner is not to see: it looks at it"
+        if kind == "twin":
+            way = "lower" if d.effect > 0 else "higher"
+            message = (
+                f"on twins, where every return is the same, the score is {size} {way}: it depends on what states and "
+                "actions are called"
+            )
+        yield _difference_flag(kind, task, message, d, len(names))
+
+
+def _differences(
+    names: Sequence[Name], rows: Sequence[Mapping[Name, float]], is_first: Array, only_below: Sequence[bool]
+) -> list[tuple[Name, Difference]]:
+    """Return the comparisons in which two samples of rows differ, each with its difference."""
+    if not names:
+        return []
+    table = np.array([[row.get(name, np.nan) for name in names] for row in rows])
+    found = differences(table, is_first, only_below)
+    return [(name, d) for name, d in zip(names, found, strict=True) if d.is_real]
+
+
+def _difference_flag(
+    kind: Literal["twin", "peeks", "regression", "changed"], task: str, message: str, d: Difference, among: int
+) -> Flag:
+    noun = "comparison" if among == 1 else "comparisons"
+    text = f"{message} (p = {d.p_value:.2g}, corrected for {among} {noun})"
+    if d.is_together:
+        text = f"{message} (p = {d.p_value:.2g} for all {among} comparisons together; this one differs most)"
+    return Flag(kind=kind, task=task, message=text, effect=d.effect, low=d.low, high=d.high)
+
+
+# Comparison with an earlier exam.
+
+
+def _changes(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam) -> list[Flag]:
+    """Flag tasks on which scores are below those of an earlier exam, or other numbers differ, on the twins that both have.
+
+    All numbers on all tasks are tested together, then each of them. A task gets one flag for its score, and one for the rest.
+    """
+    columns, rows = _compared(tasks, scores, against)
+    is_first = np.array([is_now for is_now, _ in rows])
+    only_below = [name == SCORE for _, _, name in columns]
+    found: dict[tuple[str, bool], list[tuple[str, Difference]]] = defaultdict(list)
+    for (task, which, name), d in _differences(columns, list(rows.values()), is_first, only_below):
+        is_regression = name == SCORE
+        where = " on twins" if which == "twin" else ""
+        way = "below" if d.effect < 0 else "above"
+        message = f"the {name}{where} is {abs(d.effect):.2f} {way} that of the baseline"
+        found[task, is_regression].append((message, d))
+    flagged = []
+    for (task, is_regression), changes in found.items():
+        message = "; ".join(message for message, _ in changes)
+        surest = min((d for _, d in changes), key=lambda d: d.p_value)
+        kind: Literal["regression", "changed"] = "regression" if is_regression else "changed"
+        flagged.append(_difference_flag(kind, task, message, surest, len(columns)))
+    return flagged
+
+
+def _compared(
+    tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam
+) -> tuple[list[tuple[str, str, str]], Mapping[tuple[bool, int], Mapping[tuple[str, str, str], float]]]:
+    """Return what is compared with an earlier exam, (task, side, name of the number), and its values by exam and seed."""
+    places = set(map(_place, scores)) & set(map(_place, against["scores"]))
+    now = [each for each in scores if _place(each) in places]
+    before = [each for each in against["scores"] if _place(each) in places]
+    columns = []
+    rows: dict[tuple[bool, int], dict[tuple[str, str, str], float]] = defaultdict(dict)
+    for task, about in tasks.items():
+        known = against["tasks"].get(task)
+        if known is None or known["content_hash"] != about["content_hash"]:
+            continue
+        of_task = {True: _of(task, now), False: _of(task, before)}
+        for which, (name, number) in itertools.product(("printed", "twin"), COMPARED.items()):
+            values = {is_now: by_seed(of_task[is_now], task, which, number) for is_now in (True, False)}
+            if not values[True] or not values[False]:
+                continue
+            columns.append((task, which, name))
+            for is_now in (True, False):
+                for seed, value in values[is_now].items():
+                    rows[is_now, seed][task, which, name] = value
+    return columns, rows
+
+
+def _of(task: str, scores: Sequence[Score]) -> list[Score]:
+    return [score for score in scores if score["task"] == task]
+
+
+def _place(score: Score) -> tuple[str, str | None]:
+    return score["task"], score["twin"]
+
+
+def check_comparable(against: Exam, folder: str, tasks: Mapping[str, str], terms: Mapping[str, int]) -> None:
+    """Refuse (E713) a baseline that tells nothing about this exam.
+
+    Args:
+        tasks: content hashes by task.
+        terms: steps and transitions.
+    """
+    for name, number in terms.items():
+        if against[name] != number:  # type: ignore[literal-required]
+            message = f"the exam in '{folder}' had {against[name]:,} {name}, this one has {number:,}"  # type: ignore[literal-required]
+            raise SpecError([Diagnostic("E713", None, message, f"--{name} {against[name]}")])  # type: ignore[literal-required]
+    if not any(about["content_hash"] == tasks.get(task) for task, about in against["tasks"].items()):
+        raise SpecError(
+            [Diagnostic("E713", None, f"the exam in '{folder}' was about other tasks, or they have changed since")]
+        )

@@ -1,0 +1,84 @@
+"""The suite `probes`: which mistakes it exposes, and that right learners pass."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from docs.tools.probes import exposed, scores
+from taskspec import load
+from taskspec.exact import difficulty
+from taskspec.exam import CannotLearn, Case, examine, learns_from
+
+MISTAKES = {
+    "EndInPlace": {"ends ignored", "next episode"},
+    "Hazard": {"ends ignored", "next episode"},
+    "ValueLeft": {"limit is an end", "same state"},
+    "SecondThought": {"mean of actions", "least action", "all states", "action before", "same state"},
+    "Slip": {"on policy"},
+    "Sizes": {"rewards clipped", "signs of rewards"},
+    "Patience": {"discounted twice", "ends ignored", "immediate reward"},
+    "Echo": {"reward negated"},
+}
+GAMMA = 0.95
+
+
+@pytest.mark.parametrize("probe", MISTAKES)
+def test_probes_expose_their_mistakes_and_pass_right_learners(probe: str) -> None:
+    task = load(f"probes/{probe}-v0")
+    assert set(exposed(task)) >= MISTAKES[probe]
+    for gamma in (0.88, 0.95, 0.99):
+        assert scores(task, gamma)["right"] == pytest.approx(1)
+
+
+def test_a_second_thought_is_needed_and_chance_matters() -> None:
+    assert difficulty("SecondThought", ["lookahead"])["lookahead"] == 2
+    assert difficulty("CoinToss", ["value_norm"])["value_norm"] == pytest.approx(1)  # 2 or 0, equally likely
+    assert difficulty("RiskyPath", ["value_norm"])["value_norm"] == pytest.approx(202)  # 4 or -400: +-202
+
+
+@pytest.mark.parametrize(("asked", "expected"), [(None, (500_000, 10_000)), (20_000, (20_000, 10_000))])
+def test_an_exam_asks_the_probes_too_with_few_steps(asked: int | None, expected: tuple[int, int]) -> None:
+    granted = {}
+
+    def train(case: Case) -> None:
+        granted[case.task.id] = case.steps
+        raise CannotLearn("")
+
+    examine(train, seeds=1, steps=asked, twins=0, probes=False)
+    assert (granted["derail/RiskyPath-v0"], granted["probes/Aim-v0"]) == expected
+    examine(train, suite="probes", tasks=["Echo"], seeds=1, steps=40_000, twins=0, probes=False)
+    assert granted["probes/Echo-v0"] == 40_000
+
+
+def _q_learning(case: Case, counts_ends: bool) -> np.ndarray:
+    env = case.env()
+    rng = np.random.default_rng(case.seed)
+    q = np.zeros((case.observation_space.n, case.action_space.n))
+    obs, _ = env.reset()
+    for _ in range(case.steps):
+        action = int(q[obs].argmax()) if rng.random() > 0.2 else int(rng.integers(len(q[obs])))
+        after, reward, terminated, truncated, _ = env.step(action)
+        later = 0 if terminated and not counts_ends else q[after].max()
+        q[obs, action] += 0.1 * (reward + GAMMA * later - q[obs, action])
+        obs = env.reset()[0] if terminated or truncated else after
+    return q
+
+
+@learns_from("reward")
+def right(case: Case) -> np.ndarray:
+    return _q_learning(case, counts_ends=False)
+
+
+@learns_from("reward")
+def past_the_end(case: Case) -> np.ndarray:
+    return _q_learning(case, counts_ends=True)
+
+
+def test_a_bootstrap_past_the_end_is_diagnosed() -> None:
+    asked = ["EndInPlace", "Hazard", "SecondThought"]
+    found = examine(past_the_end, suite="probes", tasks=asked, seeds=4, steps=3000, twins=0)
+    assert [each["name"] for each in found["diagnoses"]] == ["past_ends"]
+    again = examine(right, suite="probes", tasks=asked, seeds=4, steps=3000, twins=0)
+    assert again["diagnoses"] == []
+    assert {round(score["deterministic"], 9) for score in again["scores"]} == {1.0}

@@ -1,0 +1,158 @@
+"""Exams of the study: what is flagged, by which part of the exam, and which cause is named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taskspec.exam import Exam, examine, read
+from taskspec.exam.findings import diagnose
+from taskspec.exam.flags import flags
+from taskspec.exam.learned import explanations, learned_flags
+from taskspec.policies.files import function_of
+from tests.verification.exam_study.bugs import LEARNERS, Bug, content
+
+ROOT = Path(__file__).parents[3]
+BASELINES = ROOT / "tasks/derail/baselines"
+BUILD = ROOT / "build/exam_study"
+FINITE = ("RiskyPath", "EarlyTermPos", "EarlyTermNeg", "Branching", "InitShiftLearner")
+PROBES = (
+    "EndInPlace", "Hazard", "ValueLeft", "SecondThought", "Slip", "CoinToss", "Sizes", "Patience", "Echo", "LookAlikes",
+)  # fmt: skip
+"""The probes whose observations and actions are finite."""
+SEEDS = 6
+TRANSITIONS = 2_000
+OF_BASELINES, OF_BUGS = 1000, 2000
+"""The first seeds of right versions, and of learners with mistakes."""
+OF_RIGHT_ONES = tuple(range(3000, 11000, 1000))
+"""The first seeds of right versions, again."""
+PARTS = ("old tasks", "probes", "values", "fingerprints")
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The exam of a learner: its steps, its tasks of DERAIL, its twins, and whether the repository has its results."""
+
+    steps: int
+    tasks: tuple[str, ...] = FINITE
+    twins: int = 1
+    is_shipped: bool = True
+
+
+TERMS = {
+    "q_learning": Terms(3_000),
+    "bc": Terms(1_000, (*FINITE, "LargestSum")),
+    "ppo": Terms(32_000),
+    "gail": Terms(25_600),
+    "drlhp": Terms(19_200),
+    "replay": Terms(6_000, twins=0, is_shipped=False),
+    "actor_critic": Terms(32_000, twins=0, is_shipped=False),
+    "traces": Terms(6_000, twins=0, is_shipped=False),
+}
+REWARD_LEARNERS = ("q_learning", "ppo", "replay", "actor_critic", "traces")
+
+
+@dataclass(frozen=True)
+class Found:
+    """What an exam found against that of the right version.
+
+    Attributes:
+        flagged: by part of the exam, what it flags.
+        named: the mistakes that learned values and rewards are explained by.
+        told: names of diagnoses that the right version does not get, and kinds of flags.
+    """
+
+    flagged: dict[str, list[str]]
+    named: tuple[str, ...]
+    told: tuple[str, ...]
+
+    @property
+    def is_flagged(self) -> bool:
+        return any(self.flagged.values())
+
+    def cause(self, bug: Bug) -> str:
+        """Return whether the cause is named: `right`, `wrong`, or an empty text."""
+        if set(bug.causes) & {*self.named, *self.told}:
+            return "right"
+        if self.named:
+            return "wrong"
+        return ""
+
+
+def examined(learner: str, train: Any, first: int, folder: Path, shipped: bool = False) -> Exam:
+    """Return the exam of a learner on seeds from `first` on. One that was held before is read again."""
+    if (folder / "exam.json").exists():
+        return read(folder)
+    terms = TERMS[learner]
+    tasks = tuple(f"derail/{task}" for task in terms.tasks)
+    if not shipped:
+        tasks += tuple(f"probes/{task}" for task in PROBES)
+    return examine(
+        train, suite="derail" if shipped else "probes", tasks=tasks, seeds=range(first, first + SEEDS), steps=terms.steps,
+        transitions=TRANSITIONS, twins=terms.twins, out=folder,
+    )  # fmt: skip
+
+
+def shipped(learner: str) -> Exam:
+    """Return the exam of a right version on the tasks of DERAIL, which the repository has."""
+    folder = BUILD / content() / f"{learner}-shipped"
+    return examined(learner, function_of(f"{LEARNERS / learner}.py:train"), OF_BASELINES, folder, True)
+
+
+def right(learner: str, first: int) -> Exam:
+    """Return the exam of a right version."""
+    folder = BUILD / content() / f"{learner}-right-{first}"
+    return examined(learner, function_of(f"{LEARNERS / learner}.py:train"), first, folder)
+
+
+def wrong(bug: Bug) -> Exam:
+    """Return the exam of a learner with a mistake."""
+    folder = BUILD / content() / f"{bug.learner}-{bug.name}"
+    path = folder / f"{bug.learner}.py"
+    folder.mkdir(parents=True, exist_ok=True)
+    if not path.exists() or path.read_text(encoding="utf-8") != bug.source():
+        (folder / "exam.json").unlink(missing_ok=True)
+        path.write_text(bug.source(), encoding="utf-8")
+    return examined(bug.learner, function_of(f"{path}:train"), OF_BUGS, folder)
+
+
+def found(exam: Exam, learner: str) -> Found:
+    """Return what an exam flags against the right version."""
+    baseline = right(learner, OF_BASELINES)
+    flagged: dict[str, list[str]] = {part: [] for part in PARTS}
+    for flag in flags(exam["tasks"], exam["scores"], baseline):
+        part = _part(flag["kind"], flag["task"])
+        flagged[part].append(f"{_short(flag['task'])} ({flag['kind']})")
+    flagged["fingerprints"] += [flag["kind"] for flag in learned_flags(exam["scores"])]
+    told = [flag["kind"] for flag in exam["flags"]]
+    for suite, part in (("derail", "old tasks"), ("probes", "probes")):
+        new = [name for name in _diagnoses(exam, suite) if name not in _diagnoses(baseline, suite)]
+        flagged[part] += [f"`{name}`" for name in new]
+        told += new
+    named = [name for each in explanations(exam["scores"]) if each.is_mistake for name in each.names]
+    return Found(flagged, tuple(named), tuple(told))
+
+
+def _part(kind: str, task: str) -> str:
+    if kind == "changed":
+        return "values"
+    if task.startswith("probes/"):
+        return "probes"
+    return "old tasks"
+
+
+def _short(task: str) -> str:
+    return task.rpartition("/")[2].removesuffix("-v0")
+
+
+def _diagnoses(exam: Exam, suite: str) -> list[str]:
+    own = {name: about for name, about in exam["tasks"].items() if name.startswith(f"{suite}/")}
+    scores = [score for score in exam["scores"] if score["task"] in own]
+    return [str(each["name"]) for each in diagnose({**exam, "tasks": own, "scores": scores}, suite)]
+
+
+def chosen(all_: Iterable[Bug], learners: Sequence[str]) -> list[Bug]:
+    """Return the mistakes of some learners."""
+    return [bug for bug in all_ if bug.learner in learners]

@@ -1,0 +1,47 @@
+"""The mutation study: its mistakes are where it says, and its stored exams tell right learners from wrong ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import taskspec
+from taskspec.exam import read
+from tests.shared.commands import Done
+from tests.verification.exam_study.bugs import LEARNERS, Bug, bugs
+from tests.verification.exam_study.exams import TERMS, TRANSITIONS
+
+
+@pytest.mark.parametrize("bug", bugs(), ids=lambda bug: f"{bug.learner}-{bug.name}")
+def test_every_mistake_is_a_program_that_differs(bug: Bug) -> None:
+    source = bug.source()
+    compile(source, bug.name, "exec")
+    assert source != (LEARNERS / f"{bug.learner}.py").read_text(encoding="utf-8")
+
+
+def test_a_mistake_whose_text_is_gone_is_no_mistake() -> None:
+    with pytest.raises(ValueError, match="stands there 0 times"):
+        Bug("bc", "gone", "", {"what stands nowhere": ""}).source()
+
+
+@pytest.mark.parametrize("learner", [name for name, terms in TERMS.items() if terms.is_shipped])
+def test_stored_exams_are_of_the_tasks_as_they_are(learner: str) -> None:
+    stored = read(f"derail/{learner}")
+    assert {task: about["content_hash"] for task, about in stored["tasks"].items()} == {
+        task: taskspec.load(task).content_hash for task in stored["tasks"]
+    }
+    assert not any(score["error"] for score in stored["scores"])
+
+
+@pytest.mark.slow
+def test_the_command_tells_a_right_clone_from_a_wrong_one(tmp_path: Path) -> None:
+    options = ["--against", "derail/bc", "--seeds", "4", "-t", "Branching,EarlyTermPos", "-j", "1", "--twins", "1"]
+    options += ["--steps", str(TERMS["bc"].steps), "--transitions", str(TRANSITIONS), "--out", str(tmp_path)]
+    right = Done("exam", f"{LEARNERS}/bc.py:train", *options)
+    assert right.status == 0, right.out
+    (tmp_path / "bc.py").write_text(next(b for b in bugs() if b.name == "off_by_one").source())
+    wrong = Done("exam", f"{tmp_path}/bc.py:train", *options)
+    assert wrong.status == 1 and "on twins" in wrong.out
+    none = Done("exam", f"{LEARNERS}/bc.py:train", *options[2:], "--against", "derail/bcc")
+    assert none.status == 1 and "derail/bc" in none.err
