@@ -43,16 +43,8 @@ def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> N
         mean = VARIATES[draw.base].mean
         if mean is not None and draw.site not in kept and _is_linear(reward, draw):
             value = builder.cast(mean(builder, draw), draw.type.kind)
-            means[draw.site] = builder.stretch(value, draw.type.shape)
-    if not means:
-        return reward
-
-    def leaf(node: Node) -> Node | None:
-        if isinstance(node, Draw):
-            return means.get(node.site)
-        return None
-
-    return rewrite([reward], leaf, builder.remake)[0]
+            means[id(draw)] = builder.stretch(value, draw.type.shape)
+    return rewrite([reward], means, builder.remake)[0]
 
 
 def _is_linear(root: Node, draw: Draw) -> bool:

@@ -166,6 +166,14 @@ def by_read(role: Role, components: Iterable[Component], values: Iterable[T]) ->
     return {(role, c.name): value for c, value in zip(components, values, strict=True)}
 
 
+def counts_of(components: Iterable[Component]) -> list[int]:
+    """Return how many values each element of finite components takes, one component after the other."""
+    found: list[int] = []
+    for c in components:
+        found += c.counts
+    return found
+
+
 def are_finite(components: Iterable[Component]) -> bool:
     """Return whether all components together take finitely many values."""
     return all(c.is_finite for c in components)
