@@ -214,7 +214,7 @@ def test_files(ending: str, tmp_path: Path) -> None:
 
 
 def test_unknown_ending(tmp_path: Path) -> None:
-    with pytest.raises(SpecError, match="E713"):
+    with pytest.raises(SpecError, match="E726"):
         figure(task("RiskyPath"), tmp_path / "risky.docx")
 
 
