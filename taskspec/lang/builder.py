@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
+from itertools import chain
 from typing import Any, TypeVar, cast
 
 from taskspec.base.limits import Limits, count, how_to_raise, limits
@@ -16,12 +17,16 @@ from taskspec.lang.operators import OPERATORS, STRUCTURES, Elements, Operator, e
 from taskspec.lang.types import BOOL, INF, INT, INT_MAX, REAL, Interval, Kind, Range, Refused, Shape, Type, join
 
 
+def _has_float(flats: Iterable[Flat]) -> bool:
+    return any(isinstance(v, float) for v in chain.from_iterable(flats))
+
+
 def folded(name: str, args: Sequence[Node], static: tuple[int, ...], result: Type) -> Flat:
     """Return the elements of an operation on constants. Fractions that are compared with floats are floats: 0.1 is 1 / 10."""
     constants = [a for a in args if isinstance(a, Const)]
     flats = [c.flat for c in constants]
     reals = [c.flat for c in constants if c.type.kind is Kind.REAL]  # a table of ints may have a million of them
-    if result.kind is not Kind.REAL and any(isinstance(v, float) for flat in reals for v in flat):
+    if result.kind is not Kind.REAL and _has_float(reals):
         flats = [tuple(map(plain, flat)) for flat in flats]
     return apply_flat(name, flats, tuple(c.type for c in constants), static, result)
 
@@ -31,9 +36,9 @@ def fold_rational(op: Operator, args: Sequence[Node], result: Type) -> Flat | No
     if not op.rational or result.kind is not Kind.REAL or not are_constant(args):
         return None
     flats = [a.flat for a in args if isinstance(a, Const)]
-    if any(isinstance(v, float) for flat in flats for v in flat) or (op.name == "div" and not all(flats[1])):
+    if _has_float(flats) or (op.name == "div" and not all(flats[1])):
         return None
-    fractions = [tuple(Fraction(v) for v in flat) for flat in flats]
+    fractions = [tuple(map(Fraction, flat)) for flat in flats]
     values = apply_flat(op.name, fractions, tuple(a.type for a in args), (), result)
     if any(max(v.numerator.bit_length(), v.denominator.bit_length()) > Limits.bits for v in values):
         return None

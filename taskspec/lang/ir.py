@@ -115,7 +115,8 @@ def draws(roots: Iterable[Node]) -> tuple[Draw, ...]:
     found = {n.site: n for n in walk(roots) if isinstance(n, Draw)}
     if len(found) < 2:
         return tuple(found.values())
-    return tuple(n for n in walk(found[site] for site in sorted(found)) if isinstance(n, Draw))
+    in_order = [found[site] for site in sorted(found)]
+    return tuple(n for n in walk(in_order) if isinstance(n, Draw))
 
 
 def reads(roots: Iterable[Node]) -> frozenset[tuple[Role, str]]:
