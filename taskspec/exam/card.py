@@ -16,7 +16,7 @@ CAUSES = ("values", "reward")
 """Kinds of flags that name a cause: a known mistake explains what was learned."""
 USUAL_CODE = " Usual code: "
 FLAG_WORDS = {
-    "twin": "differs relabelled", "regression": "regression", "changed": "changed", "peeks": "uses withheld reward", "failed": "failed",
+    "twin": "differs relabelled", "regression": "regression", "peeks": "uses withheld reward", "failed": "failed",
     "impossible": "impossible score", "values": "wrong values", "reward": "wrong reward",
 }  # fmt: skip
 """Flags in few words, for the cell of a matrix."""
