@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from docs.tools.markdown import table
+from docs.tools.markdown import code, table
 from taskspec import registry
 from taskspec.base.display import number
 from taskspec.exact import Results, Return, difficulty, verdicts
@@ -63,7 +63,7 @@ def library() -> str:
 
 
 def _values(tasks: Iterable[Task]) -> str:
-    header = ("task", "isolates", "size", "optimal", "random", "look-ahead", "claims")
+    header = ("task", "isolates", "what it is", "size", "optimal", "random", "look-ahead", "claims")
     return table(header, [_row(task) for task in tasks])
 
 
@@ -72,10 +72,8 @@ def _row(task: Task) -> tuple[str, ...]:
     measured = difficulty(task, ["lookahead"])["lookahead"]
     lookahead = "" if measured is None else number(measured)
     proved = sum(verdict.status == "proved" for verdict in verdicts(task))
-    path = Path(task.source.document.origin.name)
-    name = f"[{task.name}](../tasks/{path.parent.name}/{path.name})"
     values = (_shown(results.optimal), _shown(results.random))
-    return (name, task.capability, size(task), *values, lookahead, str(proved or ""))
+    return (code(task.id), task.capability, task.summary, size(task), *values, lookahead, str(proved or ""))
 
 
 def _shown(found: Return | None) -> str:

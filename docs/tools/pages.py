@@ -1,7 +1,6 @@
 """Write the generated pages of the documentation: `python -m docs.tools.pages`, in the root of a checkout.
 
-Prose of `language.md`, `difficulty.md`, `learned.md`, `library.md`, `modifiers.md` and `probes.md` is beside this file; tables in it come
-from what the program runs on.
+Prose of the pages is beside this file; tables in it come from what the program runs on.
 Outputs of examples are those that the pages have already; `tests/docs/test_snippets.py` checks them.
 """
 
