@@ -427,9 +427,9 @@ _ENTRIES = (
     ),
     FigureKind(
         "series", "taskspec.figures.series:series",
-        "`values`, a number or a vector, or else the components of the state: an episode of the expert over time; "
-        "in videos, the episode so far",
-        "a series needs an expert given by expressions, no draws and finite numbers",
+        "`values`, a number or a vector, or else the components of the state: an episode over time, of the expert where its "
+        "actions are expressions, else of random actions; in videos, the episode so far",
+        "a series needs finite numbers that change",
     ),
     FigureKind(
         "arm", "taskspec.figures.plane:arm", "`values`, the angles of the links, each measured from hanging straight down",
