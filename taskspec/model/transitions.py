@@ -252,7 +252,7 @@ class Outcomes:
 
 
 class OutcomeTable(NamedTuple):
-    """Outcomes (N,) of all actions in all states.
+    """Outcomes (N,) of all actions in all states, in order of their rows.
 
     `row` is a*S + s, `column` the index of the next state, where that is `inside`; `ends` says which end the episode.
     """
@@ -333,7 +333,9 @@ class Steps:
                 point, code, weight, reward, ends, outside = found.spread(len(codes))
                 column = np.minimum(np.searchsorted(codes, code), len(codes) - 1)
                 parts.append((a * len(codes) + point, column, weight, reward, ends, ~outside))
-        return OutcomeTable(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        order = np.argsort(columns[0], kind="stable")
+        return OutcomeTable(*(column[order] for column in columns))
 
     def starts(self, numbers: ProbabilityArithmetic = FLOATS) -> tuple[Array, Array]:
         """Return codes (N,) of the first states and their probabilities (N,), each code once."""
