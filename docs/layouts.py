@@ -1,4 +1,4 @@
-"""The layout of transition graphs beside Graphviz's, on 40 graphs, measured in the same way: the table of docs/extending.md.
+"""The layout of transition graphs beside Graphviz's, on 40 graphs, measured in the same way, for docs/extending.md.
 
 python docs/layouts.py "dot -Tplain" "neato -Tplain -Goverlap=false -Gsplines=true"
 """

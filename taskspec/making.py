@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from taskspec.backends.backend_table import BackendName
     from taskspec.envs import Environment
     from taskspec.envs.options import Autoreset
-    from taskspec.envs.vector import AutoresetMode, InstanceLanes, VectorEnvironment
+    from taskspec.envs.vector import AutoresetMode, VectorEnvironment
     from taskspec.modifiers import Written
     from taskspec.task.parts import Ending, RenderMode
     from taskspec.task.task import Task, TaskLike
@@ -158,8 +158,8 @@ def make_vec(
     """Return many environments of a task, stepped together: `load` and `taskspec.envs.vector.VectorEnvironment` in one
     call.
 
-    With a list as `instance_seed`, lane i has the constants of the seed at i; the list is taken from its beginning again where
-    `num_envs` says that there are more lanes.
+    With a list as `instance_seed`, lane i is a scalar environment with the constants of the seed at i; the list is taken from
+    its beginning again where `num_envs` says that there are more lanes. `backend`, `reuse` and `num_threads` do not matter then.
 
     Raises:
         SpecError: E705 when Gymnasium is older than 1.1 or the backend's package is not installed.
@@ -167,17 +167,19 @@ def make_vec(
     from taskspec.envs.vector import VectorEnvironment
 
     options: dict[str, Any] = {
-        "backend": backend, "autoreset_mode": autoreset_mode, "reuse": reuse, "num_threads": num_threads,
-        "ending": ending, "observe_time": observe_time, "render_mode": render_mode,
+        "autoreset_mode": autoreset_mode, "ending": ending, "observe_time": observe_time, "render_mode": render_mode,
     }  # fmt: skip
-    if isinstance(instance_seed, Sequence):
-        return _of_instances(source, variant, instance_seed, num_envs, {**parameters, "modifiers": modifiers}, options)
     given = {**parameters, "modifiers": modifiers}
+    if isinstance(instance_seed, Sequence):
+        tasks = [_loaded(source, variant, {**given, "instance_seed": seed}) for seed in instance_seed]
+        lanes: VectorEnvironment = _instance_lanes(tasks, num_envs, options)
+        return lanes
     if instance_seed is not None:
         given["instance_seed"] = instance_seed
+    task = _loaded(source, variant, given)
     if num_envs is None:
         num_envs = 1
-    return VectorEnvironment(_loaded(source, variant, given), num_envs, **options)
+    return VectorEnvironment(task, num_envs, backend=backend, reuse=reuse, num_threads=num_threads, **options)
 
 
 def _loaded(source: TaskLike, variant: str | None, given: Mapping[str, Any]) -> Task:
@@ -192,22 +194,14 @@ def _loaded(source: TaskLike, variant: str | None, given: Mapping[str, Any]) -> 
         raise
 
 
-def _of_instances(
-    source: TaskLike,
-    variant: str | None,
-    seeds: Sequence[int],
-    num_envs: int | None,
-    parameters: dict[str, Any],
-    options: dict[str, Any],
-) -> InstanceLanes:
-    """Lanes of several instances, those with one seed of one task."""
+def _instance_lanes(tasks: Sequence[Task], num_envs: int | None, options: dict[str, Any]) -> Any:
+    """Return lanes of several instances, taken in turn."""
     from taskspec.envs.options import invalid, positive
     from taskspec.envs.vector import InstanceLanes
 
-    count = len(seeds) if num_envs is None else positive("num_envs", num_envs)
-    if not 0 < len(seeds) <= count:
-        raise invalid(f"{len(seeds)} instances for {count} lanes")
-    tasks = [load(source, variant, **parameters, instance_seed=seed) for seed in seeds]
+    count = len(tasks) if num_envs is None else positive("num_envs", num_envs)
+    if not 0 < len(tasks) <= count:
+        raise invalid(f"{len(tasks)} instances for {count} lanes")
     return InstanceLanes([tasks[i % len(tasks)] for i in range(count)], **options)
 
 

@@ -148,10 +148,9 @@ def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) ->
         raise spec_error("E701", f"a task is named by its id or a path, not by {source!r}")
     given: object = variant
     if not isinstance(given, str | None):
+        hint = None
         if type(given) is int:
             hint = f"the number of environments is `num_envs={given}`"
-        else:
-            hint = None
         raise spec_error("E211", f"a variant is named by a text, not by {given!r}", hint)
     if isinstance(source, Task):
         return _changed(source, variant, parameters)

@@ -69,9 +69,8 @@ def abstraction(task: Task) -> Abstraction | None:
     if not isinstance(written, dict):
         return None
     as_written = build_abstract(task)
-    if as_written is None:
-        stand_in = None
-    else:
+    stand_in = None
+    if as_written is not None:
         stand_in = modified_stand_in(task, as_written)
     if stand_in is None:
         return None

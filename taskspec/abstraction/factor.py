@@ -183,9 +183,8 @@ class LinearForms:
         for node in walk(roots):
             if id(node) not in self._known:
                 args = tuple(self._known[id(c)] for c in children(node))
-                if args == children(node):
-                    remade = node
-                else:
+                remade = node
+                if args != children(node):
                     remade = self.builder.remake(node, args)
                 self._known[id(node)] = self._simplified(remade)
         return tuple(self._known[id(root)] for root in roots)

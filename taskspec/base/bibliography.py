@@ -81,11 +81,10 @@ def _fields(text: str, at: int) -> Iterator[tuple[str, str]]:
 
 
 def beside(specs: Iterable[str | Path]) -> dict[str, Reference]:
-    """Return the entries of every `references.bib` that lies beside one of the specs."""
+    """Return the entries of every `references.bib` in the folder of one of the specs or in the folder above it."""
     folders = dict.fromkeys(Path(spec).parent for spec in specs)
     found: dict[str, Reference] = {}
-    for folder in folders:
-        path = folder / NAME
+    for path in dict.fromkeys(path for folder in folders for path in (folder / ".." / NAME, folder / NAME)):
         if path.is_file():
             found |= read(path.read_text(encoding="utf-8"))
     return found

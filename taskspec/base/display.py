@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -108,6 +109,18 @@ def setting(value: Any) -> str:
 def plural(count: int, noun: str) -> str:
     """Return a count with its noun: `1 task`, `1,200 tasks`."""
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+_COUNT = re.compile(r"(\d+(?:\.\d+)?)([kM]?)")
+_UNITS = {"": 1, "k": 1_000, "M": 1_000_000}
+
+
+def count_of(text: str) -> int | None:
+    """Return a number such as `500k` or `1.5M`; None for another text."""
+    found = _COUNT.fullmatch(text.replace("_", "").replace(",", ""))
+    if found is None:
+        return None
+    return round(float(found[1]) * _UNITS[found[2]])
 
 
 def _signed(text: str) -> str:

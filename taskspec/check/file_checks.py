@@ -23,8 +23,7 @@ from taskspec.targets import File, name_of, task_in, variants_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taskspec.check.report import Report
-    from taskspec.check.warnings import Accepted
+    from taskspec.check.report import Accepted, Report
     from taskspec.task.task import Task
 
 
@@ -235,9 +234,8 @@ def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
         seen: Counter[tuple[Any, ...]] = Counter()
         for diagnostic in each.diagnostics:
             span = diagnostic.span
-            if span is None:
-                place = None
-            else:
+            place = None
+            if span is not None:
                 place = (span.line, span.column, span.end_line, span.end_column)
             here = (diagnostic.code, place or diagnostic.message)
             seen[here] += 1

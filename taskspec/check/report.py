@@ -1,17 +1,18 @@
-"""The report of all checks of a task."""
+"""The report of all checks of a task: its warnings, which of them it accepts, and all else that is wrong."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 from taskspec.abstraction.symmetry_proofs import SymmetryCheck, verify_symmetry
-from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
+from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, in_order
 from taskspec.base.display import html_table
 from taskspec.base.extras import install, is_installed
-from taskspec.check.warnings import Accepted, idle, set_aside, warnings
+from taskspec.check import model_warnings, spec_warnings
+from taskspec.check.warning_context import Doubt, LintContext
 from taskspec.model.points import Method
 from taskspec.modifiers import is_as_written
 from taskspec.registry import load
@@ -21,6 +22,90 @@ from taskspec.scores.returns import Results
 from taskspec.soundness.soundness import check_ranges, examine
 from taskspec.task.merge import merge
 from taskspec.task.task import Task, TaskLike
+
+# -- warnings -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class WarningKind:
+    """A kind of warnings: their code, and the function that finds them."""
+
+    code: str
+    find: Callable[[LintContext], Iterator[Doubt]]
+
+
+KINDS: tuple[WarningKind, ...] = (
+    WarningKind("W501", model_warnings.unreachable),
+    WarningKind("W502", model_warnings.later_rewards),
+    WarningKind("W503", model_warnings.same_reward),
+    WarningKind("W504", model_warnings.indifferent),
+    WarningKind("W505", model_warnings.inert),
+    WarningKind("W506", spec_warnings.unused_names),
+    WarningKind("W507", model_warnings.expert),
+    WarningKind("W509", spec_warnings.hidden_goal),
+    WarningKind("W510", spec_warnings.moved),
+    WarningKind("W516", spec_warnings.constant),
+    WarningKind("W517", spec_warnings.duplicate),
+    WarningKind("W518", spec_warnings.hidden),
+    WarningKind("W519", model_warnings.unread),
+    WarningKind("W519", model_warnings.forgotten),
+    WarningKind("W520", model_warnings.twins),
+    WarningKind("W522", spec_warnings.unproved_abstraction),
+    WarningKind("W524", spec_warnings.printed_alike),
+    WarningKind("W527", spec_warnings.foreign_letters),
+)
+
+
+def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic, ...]:
+    """Return the warnings about a task for its present parameters, sorted by place; without those that need a missing model.
+
+    Args:
+        results: of the task, where they are known already.
+    """
+    task = load(task)
+    context = LintContext(task, results or Results(task))
+    collector = Collector()
+    for kind in KINDS:
+        for doubt in kind.find(context):
+            context.codes.add(kind.code)
+            collector.add(kind.code, doubt.place, doubt.message, doubt.hint, doubt.notes)
+    return collector.diagnostics
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """A warning that the spec accepts, the reason, and its place."""
+
+    warning: Diagnostic
+    because: str
+    place: Span
+
+
+def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic], list[Accepted]]:
+    """Split diagnostics into those to report, and warnings that the task accepts."""
+    reasons = task.spec.accept
+    merged = merge(task.source.document, task.source.variant)
+    accepted = [
+        Accepted(each, reasons[each.code], merged.key_span(("accept", each.code)))
+        for each in found
+        if each.severity == "warning" and each.code in reasons
+    ]
+    aside = [each.warning for each in accepted]
+    return [each for each in found if each not in aside], accepted
+
+
+def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) -> list[Diagnostic]:
+    """Reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
+    reasons = task.spec.accept
+    merged = merge(task.source.document, task.source.variant)
+    unneeded = [code for code in reasons if code not in {*unknown, *(each.warning.code for each in accepted)}]
+    return [
+        Diagnostic("W511", merged.key_span(("accept", code)), f"there is no {code} to accept", "remove this entry")
+        for code in unneeded
+    ]
+
+
+# -- the report -----------------------------------------------------------------------------------
 
 MODERATE = 4_000_000
 """Entries up to which a model is extracted for warnings alone."""
@@ -107,7 +192,7 @@ def check(  # noqa: C901
         if each.problem is not None:
             place = merge(task.source.document, task.source.variant).key_span(("symmetries", each.symmetry.name))
             found.append(Diagnostic("E605", place, f"'{each.symmetry.name}' is not a symmetry: {each.problem}"))
-    wrong = list(wrong_examples(task)) if claims else []
+    wrong = list(wrong_examples(task)) if claims and task.annotations.examples else []
     found += [diagnostic for _, diagnostic in wrong]
     report = Report(task, (), sound.method, cases, wrong_examples=frozenset(dict(wrong)), symmetries=tuple(symmetries))
     if not is_installed("scipy"):

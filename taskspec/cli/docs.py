@@ -68,7 +68,7 @@ def docs(
     A spec with an error is reported and left out; exit status 1 then.
     """
     from taskspec import pages
-    from taskspec.check.warnings import set_aside
+    from taskspec.check.report import set_aside
     from taskspec.figures import HINT
     from taskspec.targets import settings
 

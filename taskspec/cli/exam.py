@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskspec.base.display import count_of
 from taskspec.base.files import near, safe_name
 from taskspec.cli import options
 from taskspec.cli.console import misuse, say, write_json
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from taskspec.exam import Running
     from taskspec.experiments import ExperimentFile
     from taskspec.task.task import TaskLike
-
-_COUNT = re.compile(r"(\d+(?:\.\d+)?)([kM]?)")
-_UNITS = {"": 1, "k": 1_000, "M": 1_000_000}
 
 
 def _option(*names: str, help: str, **more: Any) -> Any:
@@ -188,7 +185,7 @@ def _count(option: str, text: str | None) -> int | None:
     """Return a number such as 500k or 1.5M; None where none is given."""
     if text is None:
         return None
-    found = _COUNT.fullmatch(text.replace("_", "").replace(",", ""))
+    found = count_of(text)
     if found is None:
         raise misuse(f"{option} is a number such as 500k, not '{text}'")
-    return round(float(found[1]) * _UNITS[found[2]])
+    return found

@@ -9,22 +9,21 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taskspec.base.diagnostics import spec_error
-from taskspec.cli.console import columns, console, line, say, write_json
+from taskspec.cli.console import console, line, write_json
 from taskspec.cli.options import Jobs, Json, Targets, checked_choice
 from taskspec.cli.progress import counter
+from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from rich.table import Table
 
     from taskspec.mutation.judge import Judgement
     from taskspec.mutation.mutants import Mutant
 
     Judged = tuple[Path, Mutant, Judgement]
 
-ALWAYS = ("silent", "slow")
-"""Classes whose mutants are always listed: nothing has noticed them."""
+ALWAYS = "silent"
+"""The class whose mutants are always listed: nothing has noticed them."""
 Listed = Annotated[
     list[str] | None,
     typer.Option("--list", metavar="CLASS", help="Also list the changes of this class; may be repeated."),
@@ -44,19 +43,17 @@ def mutate(
     row, a bound left out) is put through the whole check. Changes that no error, warning, claim or example notices show
     which mistakes could stay undetected.
     """
-    from taskspec.mutation.judge import CLASSES, has_timers, judgements
+    from taskspec.mutation.judge import CLASSES, judgements
     from taskspec.mutation.mutants import mutants
     from taskspec.source import read_file
     from taskspec.targets import files_of
 
-    classes = [*ALWAYS, *(checked_choice("--list", name, tuple(CLASSES)) for name in listed or ())]
+    classes = [ALWAYS, *(checked_choice("--list", name, tuple(CLASSES)) for name in listed or ())]
     files = files_of(targets or [])
     for file in files:
         if file.parameters or file.modifiers:
             message = "`mutate` changes specs as they are written, without values of parameters and modifiers"
             raise spec_error("E713", message, f"taskspec mutate {file.path}")
-    if not has_timers():
-        say("note: this system has no timers: changes that take long are waited for, and none is called slow", err=True)
     total = sum(1 for file in files for _ in mutants(read_file(file.path)))
     judged: list[Judged] = []
     with counter("changing", total) as advance:
@@ -73,7 +70,7 @@ def mutate(
         ])  # fmt: skip
     else:
         _print(judged, classes)
-    if strict and any(judgement.kind in ALWAYS for _, _, judgement in judged):
+    if strict and any(judgement.kind == ALWAYS for _, _, judgement in judged):
         raise typer.Exit(1)
 
 
@@ -91,7 +88,7 @@ def _print(judged: list[Judged], classes: list[str]) -> None:
             out.print(line((place, "name"), "  ", (judgement.kind, "warn"), f"  {change}", (noticed, "quiet")))
 
 
-def _table(judged: list[Judged]) -> Table:
+def _table(judged: list[Judged]) -> Columns:
     """Return how many changes there are of each class, spec by spec."""
     from taskspec.mutation.judge import CLASSES
 
@@ -104,7 +101,7 @@ def _table(judged: list[Judged]) -> Table:
     if len(rows) > 1:
         rows.append(("", total))
     kinds = [kind for kind in CLASSES if total[kind] or kind == "silent"]
-    table = columns("", "changes", *kinds, right=range(1, len(kinds) + 2), styles=("title",))
+    table = Columns("", "changes", *kinds, right=range(1, len(kinds) + 2), styles=("title",), names=0)
     for name, count in rows:
         table.add_row(name, f"{count.total():,}", *(f"{count[kind]:,}" for kind in kinds))
     return table

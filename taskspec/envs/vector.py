@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -17,10 +17,11 @@ from gymnasium.vector.utils import batch_space
 from taskspec import draws
 from taskspec.backends import backend_table
 from taskspec.backends.backend_table import BackendName
-from taskspec.backends.vector_program import BadActionError, Buffers, Engine, LanesNotRunningError, Mode, Options
+from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Mode, Options
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import install_package
+from taskspec.envs.env import Environment
 from taskspec.envs.options import (
     ENDINGS,
     ActionError,
@@ -117,7 +118,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.render_mode: str | None = lane_render_mode(render_mode)
         self._spec: EnvSpec | None = None
         options = Options(_MODES[self.autoreset_mode.value], num_threads)
-        self._engine = self._start(options)
+        self._engine = backend_table.engine(self.task, self.num_envs, self.backend, options)
         self._same_step = self.autoreset_mode == AutoresetMode.SAME_STEP
         self._has_infos = bool(self.task.info) and not self._same_step
         self._reuse = reuse
@@ -131,9 +132,6 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._seen = b.seen.view()
         self._results = (b.reward, b.terminated, b.truncated)
         self._last = None if isinstance(self._seen, dict) else b.final.view()
-
-    def _start(self, options: Options) -> Engine:
-        return backend_table.engine(self.task, self.num_envs, self.backend, options)
 
     @property
     def source(self) -> str:
@@ -309,91 +307,28 @@ def _reset_mask(options: Any) -> Any:
     return options.get("reset_mask")
 
 
-class InstanceLanes(VectorEnvironment):
-    """Lanes of several instances of one task; `task` is that of the first. Lanes of one instance are stepped together.
+class InstanceLanes(gymnasium.vector.SyncVectorEnv):
+    """Scalar environments of several instances of one task, one after the other; `task` is that of the first.
 
-    `tasks` are the instances, lane by lane; options are those of `VectorEnvironment`. Lane i of `reset(seed=s)` walks the
-    trajectory of the scalar environment of its own instance with seed s + i.
+    Args:
+        tasks: the instances, lane by lane.
+        autoreset_mode: as for `VectorEnvironment`.
+        options: of `taskspec.envs.Environment`.
 
     Raises:
         SpecError: E713, where the instances have different spaces.
     """
 
-    def __init__(self, tasks: Sequence[Task], ending: Ending = "terminate", observe_time: bool = False, **options: Any):
-        self.tasks: tuple[Task, ...] = tuple(with_options(task, ending, observe_time) for task in tasks)
-        super().__init__(self.tasks[0], len(tasks), **options)
-
-    def _start(self, options: Options) -> Engine:
-        return InstancesEngine(self.tasks, self.backend, options)
-
-    @property
-    def instances(self) -> tuple[int, ...]:
-        """The `instance_seed` of every lane."""
-        return tuple(task.values["instance_seed"] for task in self.tasks)
-
-    def _lane(self, number: int) -> LaneView:
-        return replace(super()._lane(number), task=self.tasks[number])
-
-
-class InstancesEngine:
-    """Lanes of several instances of a task: those of each have an engine, whose results are copied to common buffers."""
-
-    def __init__(self, tasks: Sequence[Task], backend: str, options: Options) -> None:
-        lanes: dict[str, list[int]] = {}
-        for i, task in enumerate(tasks):
-            lanes.setdefault(task.content_hash, []).append(i)
-        self._where = [np.array(found) for found in lanes.values()]
-        self._engines = [backend_table.engine(tasks[w[0]], len(w), backend, options) for w in self._where]
-        first = self._engines[0]
-        for engine in self._engines:
-            for ours, theirs in ((first.observation, engine.observation), (first.action, engine.action)):
-                if space(ours) != space(theirs):
-                    message = f"the instances have different spaces: {space(ours)} and {space(theirs)}"
+    def __init__(self, tasks: Sequence[Task], autoreset_mode: AutoresetMode | Autoreset, **options: Any) -> None:
+        self.task: Task = tasks[0]
+        if not isinstance(autoreset_mode, AutoresetMode):
+            one_of("autoreset_mode", autoreset_mode, _MODES)
+        for task in tasks:
+            for layout in ("observation_layout", "action_layout"):
+                ours = space(getattr(self.task, layout))
+                theirs = space(getattr(task, layout))
+                if ours != theirs:
+                    message = f"the instances have different spaces: {ours} and {theirs}"
                     raise invalid(f"{message}; declare bounds that hold for all")
-        self.observation = first.observation
-        self.action = first.action
-        self.source = "\n".join(engine.source for engine in self._engines)
-        self.buffers = Buffers.of(tasks[0], first.observation, len(tasks))
-
-    def seed(self, seeds: Array, lanes: Array | None = None) -> None:
-        for engine, chosen, mine in self._parts(lanes):
-            engine.seed(seeds[chosen], mine)
-
-    def reset(self, lanes: Array | None = None) -> None:
-        for engine, _, mine in self._parts(lanes):
-            engine.reset(mine)
-        self._gather()
-
-    def _parts(self, lanes: Array | None) -> Iterator[tuple[Engine, Array, Array | None]]:
-        """Yield the engines concerned, which of the lanes are theirs, and their indices within the engine (None: all)."""
-        every = np.arange(self.buffers.lanes) if lanes is None else lanes
-        for where, engine in zip(self._where, self._engines, strict=True):
-            chosen = np.isin(every, where)
-            mine = np.searchsorted(where, every[chosen])
-            if len(mine) == len(where):
-                yield engine, chosen, None
-            elif len(mine):
-                yield engine, chosen, mine
-
-    def step(self, actions: Any) -> int:
-        given = np.asarray(actions)
-        if given.shape[:1] != (self.buffers.lanes,):
-            raise BadActionError
-        ended = 0
-        for where, engine in zip(self._where, self._engines, strict=True):
-            ended += engine.step(given[where])
-        self._gather()
-        return ended
-
-    def place(self, values: tuple[Array, ...], lanes: Array) -> None:
-        for engine, chosen, mine in self._parts(lanes):
-            if mine is None:
-                mine = np.arange(engine.buffers.lanes)
-            engine.place(tuple(v[..., chosen] for v in values), mine)
-        self._gather()
-
-    def _gather(self) -> None:
-        """Copy everything that the engines keep to the lanes that it belongs to."""
-        for where, engine in zip(self._where, self._engines, strict=True):
-            for held, new in zip(self.buffers.arrays(), engine.buffers.arrays(), strict=True):
-                held[..., where] = new
+        makers = [partial(Environment, task, **options) for task in tasks]
+        super().__init__(makers, autoreset_mode=AutoresetMode(autoreset_mode))

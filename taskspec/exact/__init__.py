@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from taskspec.abstraction.abstraction import extract as extract
+from taskspec.check.report import Accepted as Accepted
 from taskspec.check.report import Report as Report
 from taskspec.check.report import check as check
-from taskspec.check.warnings import Accepted as Accepted
-from taskspec.check.warnings import warnings as warnings
+from taskspec.check.report import warnings as warnings
 from taskspec.model.model import Model as Model
 from taskspec.policies.experts import Expert as Expert
 from taskspec.policies.values import Score as Score

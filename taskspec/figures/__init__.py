@@ -159,7 +159,7 @@ def save(scene: Scene, path: Path) -> Path:
             raster.save(scene, path, path.suffix[1:])
         case other:
             message = f"'{other}' is not a format of figures"
-            raise SpecError((Diagnostic("E713", None, message, "use .svg, .tex, .png or .pdf"),))
+            raise SpecError((Diagnostic("E726", None, message, "use .svg, .tex, .png or .pdf"),))
     return path
 
 

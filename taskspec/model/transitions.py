@@ -223,9 +223,8 @@ def merge_outcomes(keys: Sequence[Array], weight: Array) -> tuple[list[Array], A
     for key in keys:
         fresh[1:] |= key[1:] != key[:-1]
     start = np.flatnonzero(fresh)
-    if len(start) == len(weight):
-        total = weight
-    else:
+    total = weight
+    if len(start) != len(weight):
         total = np.add.reduceat(weight, start)
     return [key[start] for key in keys], total
 
@@ -253,9 +252,8 @@ class Outcomes:
     def spread(self, lanes: int) -> tuple[Array, ...]:
         """Return points, codes, weights, rewards, ends and which are outside, (M,) each."""
         point = np.arange(lanes) if self.origin is None else self.origin
-        if self.outside is None:
-            outside = np.zeros(1, np.bool_)
-        else:
+        outside = np.zeros(1, np.bool_)
+        if self.outside is not None:
             outside = self.outside
         fields = (point, self.code, self.weight, self.reward, self.terminal, outside)
         return tuple(np.broadcast_to(x, (len(point),)) for x in fields)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
-import signal
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -34,7 +33,7 @@ from taskspec.task.merge import merge, variant_names
 from taskspec.task.parts import Component
 from taskspec.task.task import Task
 
-Class = Literal["error", "example", "claim", "warning", "equivalent", "range", "order", "silent", "slow"]
+Class = Literal["error", "example", "claim", "warning", "equivalent", "range", "order", "silent"]
 CLASSES: Mapping[Class, str] = {
     "error": "the changed spec is refused, or unsound",
     "example": "an example does not hold any more",
@@ -44,17 +43,9 @@ CLASSES: Mapping[Class, str] = {
     "range": "the same tasks; other parameter values are allowed",
     "order": "the same task; its labels are numbered otherwise",
     "silent": "nothing notices",
-    "slow": "not decided in time",
 }
-SECONDS = 60
-"""After which a change is `slow`, where the system has timers."""
 PART = 8
 """Mutants that a process is handed at once."""
-
-
-def has_timers() -> bool:
-    """Return whether changes that take too long can be given up: Windows has no signal for that."""
-    return hasattr(signal, "SIGALRM")
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,14 +78,6 @@ class Original:
 
 def judge(original: Original, mutant: Mutant) -> Judgement:
     """Return what notices a mutant: the first of the stages that does, and of all that a check says what weighs most."""
-    try:
-        with _within(SECONDS):
-            return _judged(original, mutant)
-    except TimeoutError:
-        return Judgement("slow")
-
-
-def _judged(original: Original, mutant: Mutant) -> Judgement:
     try:
         document = mutant.document()
         pairs = list(_changed(original, document))
@@ -149,25 +132,6 @@ def _are_same_everywhere(one: Task, other: Task) -> bool:
         if not same_task(*pair):
             return False
     return True
-
-
-@contextmanager
-def _within(seconds: int) -> Iterator[None]:
-    """Raise TimeoutError when the inside takes longer, where the system has timers."""
-    if not has_timers():
-        yield
-        return
-
-    def stop(*_: Any) -> None:
-        raise TimeoutError
-
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(seconds)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def judgements(

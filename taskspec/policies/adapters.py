@@ -47,9 +47,8 @@ def policy_of(task: Task, policy: Any) -> TaskPolicy:
     """Return the policy of a name, of `model.py:fn`, of a function of an observation, or of an object with `predict`."""
     if isinstance(policy, str) and not is_function(policy):
         return named(task, policy)
-    if isinstance(policy, str):
-        name = policy
-    else:
+    name = policy
+    if not isinstance(policy, str):
         name = getattr(policy, "__name__", type(policy).__name__)
     found = function_of(policy) if isinstance(policy, str) else policy
     if hasattr(found, "predict"):
@@ -180,10 +179,9 @@ class Predictor(ObservationPolicy):
         self.deterministic = deterministic
         self.takes = parameters(getattr(policy, "predict", None))
         self.normalise: Callable[[Any], Any] = lambda observations: observations
+        wrapper = None
         if hasattr(policy, "get_vec_normalize_env"):
             wrapper = policy.get_vec_normalize_env()
-        else:
-            wrapper = None
         if wrapper is not None:  # that it was trained with
             self.normalise = wrapper.normalize_obs
         self.gives_probabilities = getattr(policy, "probabilities", getattr(policy, "action_probabilities", None))

@@ -122,9 +122,8 @@ class Expert:
         found = []
         size = len(self.memory.components)
         for i, (observation, t) in enumerate(zip(batch, steps, strict=True)):
-            if t == 0:
-                before = []
-            else:
+            before = []
+            if t != 0:
                 before = [tuple(part[i].tolist()) for part in state[1:]]
             seen = spaces.unpack(self.observation, observation)
             found.append(recall(self.task, self.memory, seen, before[:size], before[size:], int(t)))

@@ -56,10 +56,9 @@ def policy_value(results: Results, policy: Any, deterministic: bool | None = Non
     if hasattr(policy, "predict"):
         return _value(results, Predictor(results.task, policy, deterministic))
     if not callable(policy):
+        hint = None
         if isinstance(policy, str) and planned(policy) is not None:
             hint = f"`Expert(task, {policy!r})`"
-        else:
-            hint = None
         misused(f"{type(policy).__name__} is not a policy", hint or "a table, a function, or an object with `predict`")
     return _value(results, StateFunction(results.task, policy))
 
@@ -131,10 +130,9 @@ def _by_row(table: Array, rows: int, actions: int, first: int = 0) -> Array:
         table = np.eye(actions)[table - first]
     if table.ndim not in (2, 3) or table.shape[-2:] != (rows, actions):
         forms = f"({rows},) for actions, ({rows}, {actions}) for their probabilities or values"
+        hint = None
         if table.shape[-2:] == (actions, rows):
             hint = _transposed(table)
-        else:
-            hint = None
         misused(f"a table has shape {forms}; maybe with the time in front; not {table.shape}", hint)
     if not np.isfinite(table).all():
         what = "NaN" if np.isnan(table).any() else "an infinite number"

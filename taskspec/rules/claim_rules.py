@@ -337,10 +337,9 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         found = dict(zip(names, expr.args, strict=False))
         for name, value in expr.keywords:
             if name not in names:
+                hint = None
                 if self._is_bound(name):
                     hint = f"`==` compares: `{name} == {value.place.written}`"
-                else:
-                    hint = None
                 raise InvalidClaim(f"{expr.function} has no argument '{name}'; it has {', '.join(names)}", value, hint)
             found[name] = value
         for name in required:

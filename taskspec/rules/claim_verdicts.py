@@ -99,10 +99,9 @@ def decide(claim: Claim, results: Results, case: Mapping[str, Any] | None = None
     if holds:
         return Verdict(claim, case, "tested" if episodes else "proved", reason.text, episodes)
     if holds is None:
+        hint = None
         if _compares(claim.expr) and not episodes:
             hint = "give the claim a `tolerance`"
-        else:
-            hint = None
         message = f"this claim is neither proved nor contradicted: {reason.text}"
         return _failed(claim, case, "undecided", message, place, episodes, hint)
     if not episodes:

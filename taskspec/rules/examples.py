@@ -250,10 +250,9 @@ class _Trial:
         if not isinstance(node, Const):
             return None
         if not all(low <= v <= high for v, low, high in zip(node.flat, c.low, c.high, strict=True)):
+            value = "what it is here"
             if c.type.is_scalar:
                 value = words(node.flat[0])
-            else:
-                value = "what it is here"
             self.collector.add("E613", expr.place, f"{c.name} cannot be {value}; it must be {domain(c)}")
             return None
         return node

@@ -358,16 +358,14 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         """Return a number about `(learner, task, side)`: a learner if there are several, and optionally a side."""
         name = expr.function
         args = expr.args
+        kinds = ["task"]
         if self.names.learners and name in NUMBERS:
             kinds = ["learner", "task"]
-        else:
-            kinds = ["task"]
         has_sides = name in NUMBERS
         if expr.keywords or not len(kinds) <= len(args) <= len(kinds) + has_sides:
+            hint = None
             if has_sides:
                 hint = f"behind them may stand {', '.join(SIDES)}"
-            else:
-                hint = None
             self._fail("E304", expr, f"{name} takes other arguments: {name}({', '.join(kinds)})", hint)
         *learners, task = [self._member(arg, kind) for kind, arg in zip(kinds, args, strict=False)]
         sides = [self._name(arg, tuple(SIDES), "side of a task") for arg in args[len(kinds) :]]

@@ -16,6 +16,7 @@ REQUIRED = ("state", "action", "initial", "dynamics", "reward", "horizon")
 """Sections without which a spec, or a variant of it, is not a task."""
 
 _ENTRY = re.compile(r" *([^\W\d]\w*):(?: +(.*))?$")
+_AT_MARGIN = re.compile(r"^[^ \t#\r\n].*", re.MULTILINE)
 _NOTHING = re.compile(r"\s*(?:#.*)?$")
 _COMMENT = re.compile(r"(?:^|\s)#.*$")
 _CLOSED = {"{": "}", "[": "]", '"': '"', "'": "'"}
@@ -56,26 +57,35 @@ def scan(text: str) -> Scanned:
 
 
 def _scanned(text: str) -> Scanned:
+    lines = list(_AT_MARGIN.finditer(text))
+    ends = [line.start() for line in lines[1:]]
+    ends.append(len(text))
     top: dict[str, str] = {}
     variants: list[str] = []
-    section = ""
-    indent = 0
-    for line in text.splitlines():
-        if line[:1] not in (" ", "\t", "#", ""):
-            if section and not _is_whole(top[section]):
-                raise _UnclearError
-            section, top[section] = _entry(line)
-        elif section == "variants" and not _NOTHING.match(line):
-            depth = len(line) - len(line.lstrip(" "))
-            indent = indent or depth
-            if depth == indent:
-                key, value = _entry(line)
-                if not _is_whole(value):
-                    raise _UnclearError
-                variants.append(key)
+    for line, end in zip(lines, ends, strict=True):
+        section, value = _entry(line[0])
+        top[section] = value
+        if end < len(text) and not _is_whole(value):
+            raise _UnclearError
+        if section == "variants":
+            variants = _keys(text[line.end() : end])
     if top.get("variants") or not top.get("version", "0").isdecimal():
         raise _UnclearError
     return _collected(_word(top.get("name", "")), int(top.get("version", "0")), top, variants)
+
+
+def _keys(block: str) -> list[str]:
+    """Return the keys of a mapping in block style, whose lines are indented."""
+    keys = []
+    lines = [line for line in block.splitlines() if not _NOTHING.match(line)]
+    indent = min((len(line) - len(line.lstrip(" ")) for line in lines[:1]), default=0)
+    for line in lines:
+        if line[indent : indent + 1] != " ":
+            key, value = _entry(line)
+            if not _is_whole(value):
+                raise _UnclearError
+            keys.append(key)
+    return keys
 
 
 def _entry(line: str) -> tuple[str, str]:
@@ -83,7 +93,10 @@ def _entry(line: str) -> tuple[str, str]:
     found = _ENTRY.match(line.rstrip())
     if not found:
         raise _UnclearError
-    return found[1], _COMMENT.sub("", found[2] or "").strip()
+    value = found[2] or ""
+    if "#" in value:
+        value = _COMMENT.sub("", value)
+    return found[1], value.strip()
 
 
 def _is_whole(value: str) -> bool:

@@ -116,14 +116,6 @@ def merge(document: Document, variant: str | None = None) -> Merged:
     return merged
 
 
-def before(document: Document, variant: str | None) -> Merged | None:
-    """Return what a variant, or a spec, is based on; None for a spec that extends no other."""
-    step = _base((document, variant))
-    if step is None:
-        return None
-    return merge(*step)
-
-
 @lru_cache(maxsize=512)
 def _overlaid(document: Document, variant: str | None, base: Merged | None) -> Merged:
     """Return a spec without its variants, or one variant, merged into what it is based on."""

@@ -130,19 +130,6 @@ def test_what_only_looks_like_a_fault_is_not_warned_about(name: str) -> None:
     assert codes(LOOKALIKES[name]) == []
 
 
-def test_a_variant_bears_its_errata_out() -> None:
-    text = (
-        "taskspec: 1\nname: Path\nstate: {s: {type: int, low: 0, high: 3}}\naction: {a: {type: choice, values: [stay, go]}}\n"
-        "horizon: 6\ninitial: {s: 0}\ndynamics: {s': 'min(s + (a == go), 3)'}\nreward: s' == 3 and s < 3\nvariants:\n"
-        "  one: {horizon: 7, errata: [{source: x, here: y, about: [horizon]}]}\n"
-        "  two: {base: one, reward: s == 3, errata: [{source: x, here: y, about: [reward, horizon]}]}\n"
-        "  three: {base: one, discount: 0.9}\n"
-    )
-    document = source.read_text(text, "path.yaml")
-    found = {v: [d.code for d in check(build(document, v)).diagnostics] for v in (None, "one", "two", "three")}
-    assert found == {None: [], "one": [], "two": ["W521"], "three": []}
-
-
 @pytest.mark.parametrize("observed", ["", "observation: {o: k}\n"])
 def test_a_next_value_that_is_paid_is_used(observed: str) -> None:
     """Nothing reads `hit`, but the reward reads `hit'`."""

@@ -21,7 +21,7 @@ from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.docs.test_contact_sheet import outside, overlapping
-from tests.shared.specs import spec_file
+from tests.shared.specs import without_figure
 
 SPRING = """\
 taskspec: 1
@@ -46,7 +46,7 @@ def task(text: str, figure: str) -> Task:
 
 
 def classic(name: str, figure: str) -> Task:
-    return task((spec_file(name)).read_text(encoding="utf-8"), figure)
+    return task(without_figure(name), figure)
 
 
 def drawn(one: Task, here: dict[str, object] | None = None) -> Scene:

@@ -22,7 +22,7 @@ from taskspec.printers.text import plain
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
-from tests.shared.specs import spec_file, varied_files
+from tests.shared.specs import spec_file, varied_files, without_figure
 
 ROOT = Path(__file__).parents[2]
 IDS = [i for i in registry.task_ids() if i.startswith("derail/")]
@@ -76,12 +76,12 @@ def test_wide_families_are_elided_too() -> None:
 
 
 def test_a_knot_is_not_drawn() -> None:
-    assert scene(registry.load(str(spec_file("queue")))) is None
+    assert scene(build(read_text(without_figure("queue")))) is None
 
 
 def test_what_else_could_be_drawn_is_said(tmp_path: Path) -> None:
     with pytest.raises(SpecError, match="cross") as caught:
-        figure(registry.load(str(spec_file("tiger"))), tmp_path / "tiger.svg")
+        figure(build(read_text(without_figure("tiger"))), tmp_path / "tiger.svg")
     assert "bars" in str(caught.value)
 
 

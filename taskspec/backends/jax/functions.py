@@ -219,10 +219,9 @@ class OpenParameters:
         for p in self.varying:
             value = _known(getattr(params, p.name))
             if value is not None:
+                here = value
                 if value.size == holds.size:
                     here = value.reshape(-1)[np.argmin(holds)]
-                else:
-                    here = value
                 found.append(f"{p.name}={here}")
         return ", ".join(found)
 
@@ -298,10 +297,9 @@ def _check(parameter: Parameter, value: Any) -> None:
     high = parameter.high
     problem = ""
     if np.isnan(given).any() or (low is not None and (given < low).any()):
+        problem = "must be a number"
         if low is not None:
             problem = f"must be at least {low}"
-        else:
-            problem = "must be a number"
     elif high is not None and (given > high).any():
         problem = f"must be at most {high}"
     elif parameter.kind == "int" and (given != np.rint(given)).any():

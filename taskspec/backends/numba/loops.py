@@ -66,10 +66,9 @@ class MemoryRow:
 
     def source(self, memory: Memory, first: str = "first", every: str = "every") -> str:
         # Numba compiles a function once more for every literal that it is given, and not for what i64() returns.
+        offset = f"i64({self.row}) * {every} + {first}"
         if self.row == 0:
             offset = first
-        else:
-            offset = f"i64({self.row}) * {every} + {first}"
         return f"{self.kind}({memory.at(self.array)}, {offset})"
 
 
@@ -227,10 +226,9 @@ def _read_actions(p: Program) -> list[str]:
         rounded = c.type.kind is not Kind.REAL and not p.action.parts[segment.part].is_whole
         for start in segment.starts or (0,) * segment.size:
             name, place = next(places)
+            raw = f"actions[{place}]"
             if start:
                 raw = f"actions[{place}] + {start}"
-            else:
-                raw = f"actions[{place}]"
             if rounded:
                 raw = f"np.rint({raw})"
             cast = {Kind.BOOL: "({} != 0)", Kind.INT: "i32({})", Kind.REAL: "f64({})"}[c.type.kind]
@@ -278,10 +276,9 @@ def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     body = [*lines, f"reward[j] = {reward}", *ending, *results, *stores]
     loads, in_rows = _loads(p, p.step_words, "\n".join(body), "j")
     rows = list(dict.fromkeys([*in_rows, *out_rows]))
+    time = "i32(time[j])"
     if p.task.horizon is None:
         time = f"i32(min(time[j], {INT_MAX}))"
-    else:
-        time = "i32(time[j])"
     arguments = ["n", "actions", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
     text = [
         "@apart",

@@ -117,10 +117,9 @@ def generate(
     arguments += [f"{name}{i}" for name in ("seen", "final") for i in range(len(observation.parts))]
     taken = [*actions, *hoisted.names, *hoisted.word_numbers]
     assert form.scratch is not None
+    quiet = []
     if _may_warn(roots, observation):
         quiet = ['@np.errstate(all="ignore")']
-    else:
-        quiet = []
     body = [*form.scratch.declarations, "", *quiet, f"def step({', '.join(taken)}):"]
     body += [*indent(lines), "", "return step"]
     head = repr(f"{task.id}: n environments, array code. Generated; the spec is {task.source.document.origin.name}.")
@@ -183,9 +182,8 @@ def _observation(form: ArrayForm, layout: SpaceLayout, outputs: Sequence[str], v
         if not type_.size:
             continue  # a vector of reals without elements may be among ints
         if segment.values is not None:
-            if type_.is_scalar:
-                element = value
-            else:
+            element = value
+            if not type_.is_scalar:
                 element = f"rt.rows({value})[{segment.element}]"
             lines.append(f"equal({element}, {form.constant(np.array(segment.values)[:, None])}, {out})")
         elif segment.starts:

@@ -132,10 +132,9 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
     body += [f"{', '.join(targets)} = {', '.join(stored)}"]
     if parts.invariants.observation:  # what is handed out may be written into, so it is always a copy
         body += [f"kept = {observation}"]
+        observation = "kept.copy()"
         if phase.row_count > 1:
             observation = phase.row_names[1]
-        else:
-            observation = "kept.copy()"
     if phase.row_count > 2:
         body += [f"told = {phase.row_names[2]}"]
     else:
@@ -255,10 +254,9 @@ def _access(parts: Parts, states: Sequence[str], restored: Sequence[str]) -> lis
     everything = ", ".join(states) + "," * (len(states) == 1)
     clock = "t, past, episodes, alive"
     body = [f"nonlocal {', '.join([*states, *_kept(parts)])}, {clock}", f"{everything} = values"]
+    told = []
     if is_kept(parts.task):
         told = [f"told = {flat_state(parts.task, states)}"]
-    else:
-        told = []
     body += [*restored, *told, f"{clock} = clock"]
     put = ["", "def put(values, clock):", *indent(body)]
     return ["def get():", f"    return ({everything}), ({clock})", *put]
