@@ -41,10 +41,10 @@ def monte_carlo(case: Case) -> Array:
         episode.append((s, a, reward))
         s = next_s
         if terminated or truncated:
-            G = 0.0
+            rest = 0.0
             for state, action, paid in reversed(episode):
-                G = paid + G
-                Q[state, action] += STEP_SIZE * (G - Q[state, action])
+                rest += paid
+                Q[state, action] += STEP_SIZE * (rest - Q[state, action])
             episode = []
             s, _ = env.reset()
     return Q

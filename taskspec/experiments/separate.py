@@ -1,13 +1,15 @@
 """Search: the smallest task of a family on which one learner does worse than another, or than right learners do.
 
-Many instances are tried with two seeds, those that differ most again with more seeds, and the best of them on fresh seeds, before
-anything is said: the best of hundreds is lucky. Then the task is shrunk while the difference holds, and tested on fresh seeds again.
+Many instances are tried with two seeds, those that differ most again with more seeds, and the best of them on fresh seeds,
+before anything is said: the best of hundreds is lucky. Then the task is shrunk while the difference holds, and tested on fresh
+seeds again.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import textwrap
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -31,6 +33,7 @@ from taskspec.jobs.running import Workers
 from taskspec.learners import CannotLearn
 from taskspec.policies.values import observed_value
 from taskspec.rollout.statistics import ALARM, Difference, differences, seeds_interval
+from taskspec.scores.returns import Results
 from taskspec.task.schema.experiments import Sample
 from taskspec.task.task import Task
 
@@ -40,15 +43,15 @@ GAP = 0.3
 """The smallest difference of mean scores that is looked for."""
 KEPT_GAP = 0.7
 """The share of a difference that a smaller task keeps."""
-MASTERED = 0.95
-"""The score that right learners have on tasks that count, where there is no second learner."""
+MASTERED = 0.7
+"""The least score of right learners on tasks that count; the optimum may know the time, which they do not see."""
 SCREENING = (0, 1)
 CHECKING = (100, 101, 102, 103, 104)
 SHRINKING = (200, 201, 202, 203)
-FRESH = 10
+FRESH = 20
 """Seeds of the rounds; those on which a difference is tested are new each time."""
-FINALISTS = 4
-"""Instances of a round that are tried again."""
+CHUNK = 8
+"""Tasks that are tried between looks at the time."""
 TESTS = 6
 """How often a difference is tested at most; test k is at the level `ALARM` / 2^k, so that all together err in less than 1 %."""
 SECONDS = 60.0
@@ -106,7 +109,7 @@ def contestant(learner: str) -> Contestant:
         SpecError: E710, E711, E713 for what is none.
     """
     who = learner_of(learner)
-    return Contestant(who.name, who.learns_from, who.place, who.content)
+    return Contestant(learner.rpartition("/")[2], who.learns_from, who.place, who.content)
 
 
 RIGHT = (
@@ -121,39 +124,39 @@ RIGHT = (
 
 def race(
     subject: FrozenTask | Instance, contestants: Sequence[Contestant], seeds: Sequence[int], steps: int, limits: str
-) -> list[list[float]] | None:
-    """Return the scores of learners on one task, each with each seed; None where some cannot learn it, or nothing can be won.
+) -> list[list[float] | None]:
+    """Return the scores of learners on one task, each with each seed; None for who cannot learn it, and where nothing can be won.
 
     An instance is raced as tables, where it has some.
     """
     with also(limits):
-        task = _task(subject)
-        results = results_of(task, EPISODES)
+        results = results_of(_task(subject), EPISODES)
         random = results.random
         best = results.optimal
         if random is None or best is None or not best.value - random.value > 1e-6:
-            return None
+            return [None] * len(contestants)
         unit = best.value - random.value
-        found = []
+        found: list[list[float] | None] = []
         for one in contestants:
-            train = one.function
-            if train is None:
-                assert one.place is not None
-                train = train_at(one.place, one.content)
-            terms = ExamTerms(steps, one.learns_from)
-            scores = []
-            for seed in seeds:
-                try:
-                    learned = train(Case(results.task, (seed,), terms))
-                except CannotLearn:
-                    return None
-                if getattr(train, "together", False):
-                    (learned,) = learned
-                policy = learned.policy if isinstance(learned, Learned) else learned
-                value = observed_value(results, policy, seed).deterministic.value
-                scores.append(max(-1.0, (value - random.value) / unit))
-            found.append(scores)
+            try:
+                returns = [_return(one, results, seed, steps) for seed in seeds]
+                found.append([max(-1.0, (value - random.value) / unit) for value in returns])
+            except CannotLearn:
+                found.append(None)
         return found
+
+
+def _return(one: Contestant, results: Results, seed: int, steps: int) -> float:
+    """Return the expected return of what a learner learns with a seed."""
+    train = one.function
+    if train is None:
+        assert one.place is not None
+        train = train_at(one.place, one.content)
+    learned = train(Case(results.task, (seed,), ExamTerms(steps, one.learns_from)))
+    if getattr(train, "together", False):
+        (learned,) = learned
+    policy = learned.policy if isinstance(learned, Learned) else learned
+    return observed_value(results, policy, seed).deterministic.value
 
 
 def _task(subject: FrozenTask | Instance) -> Task:
@@ -184,8 +187,8 @@ class Search:
 
     Attributes:
         family: an experiment whose instances are tried.
-        first, second: the learners; without a second one, the first is compared with right Q-learning, on tasks that two right
-            learners master.
+        first, second: the learners; without a second one, the first is compared with right Q-learning. Only tasks count that two
+            right learners of tables master, where these can learn them.
         seed: from which the instances are drawn.
         steps: of a training run.
         minutes: that the search may take.
@@ -206,7 +209,6 @@ class Search:
         """Return what was found; after Ctrl-C, what was found until then."""
         self.deadline = time.monotonic() + 60 * self.minutes
         self.pair = (self.first, self.second or RIGHT[0])
-        self.judges = () if self.second else RIGHT
         self.tried = 0
         self.tests = 0
         self.next_seed = 1000
@@ -222,11 +224,13 @@ class Search:
 
     def _search(self) -> None:
         for instances in self._rounds():
-            found = self._winner(instances)
-            if found is not None and self._test(found):
-                self._shrink(found)
-                return
-            if self._is_over() or self.tests >= TESTS:
+            for found in self._finalists(instances):
+                if self._test(found):
+                    self._shrink(found)
+                    return
+                if self.tests >= TESTS:
+                    return
+            if self._is_over():
                 return
 
     def _rounds(self) -> Iterator[list[Instance]]:
@@ -243,59 +247,75 @@ class Search:
             yield new
             number += 1
 
-    def _winner(self, instances: Sequence[Instance]) -> FrozenTask | Instance | None:
-        """Return the instance on which the learners differ most, tried with more seeds."""
-        gaps = self._gaps(instances, SCREENING, self.judges)
-        self.tried += len(instances)
-        order = sorted(range(len(instances)), key=lambda i: -abs(gaps[i]))
-        finalists = [instances[i] for i in order[:FINALISTS] if abs(gaps[i]) >= GAP]
-        self.progress(f"{self.tried} tasks tried, largest difference {abs(gaps[order[0]]):.2f}")
-        if not finalists:
-            return None
-        again = self._gaps(finalists, CHECKING, self.judges)
-        chosen = max(range(len(finalists)), key=lambda i: abs(again[i]))
-        if abs(again[chosen]) < GAP:
-            return None
-        return _tables(finalists[chosen]) or finalists[chosen]
+    def _finalists(self, instances: Sequence[Instance]) -> Iterator[FrozenTask | Instance]:
+        """Yield instances on which the learners differ with more seeds as well."""
+        gaps: list[float] = []
+        while len(gaps) < len(instances) and not self._is_over():
+            gaps += self._gaps(instances[len(gaps) : len(gaps) + CHUNK], SCREENING, ())
+        self.tried += len(gaps)
+        order = sorted(range(len(gaps)), key=lambda i: -abs(gaps[i]))
+        apart = [instances[i] for i in order if abs(gaps[i]) >= GAP]
+        self.progress(f"{self.tried} tasks tried; the learners differ on {len(apart)} of the last {len(gaps)}")
+        for i in range(0, len(apart), CHUNK):
+            chunk = apart[i : i + CHUNK]
+            again = self._gaps(chunk, CHECKING)
+            for k in sorted(range(len(chunk)), key=lambda k: -abs(again[k])):
+                if abs(again[k]) >= GAP:
+                    yield _tables(chunk[k]) or chunk[k]
+            if self._is_over():
+                return
 
     def _gaps(
-        self, subjects: Sequence[FrozenTask | Instance], seeds: Sequence[int], judges: Sequence[Contestant] = ()
+        self, subjects: Sequence[FrozenTask | Instance], seeds: Sequence[int], judges: Sequence[Contestant] = RIGHT
     ) -> list[float]:
-        """Return the mean score of the first learner minus that of the second; 0 where a judge fails or one cannot learn."""
+        """Return the mean score of the first learner minus that of the second; 0 where a judge does not master the task."""
         gaps = []
-        for scores in self._races(subjects, (*self.pair, *judges), seeds):
-            if scores is None or any(min(each) < MASTERED for each in scores[2:]):
+        races = [(subject, tuple(seeds)) for subject in subjects]
+        for first, second, *judged in self._races(races, (*self.pair, *judges)):
+            if self.second is None:
+                judged.append(second)
+            is_mastered = all(each is None or min(each) >= MASTERED for each in judged)
+            if first is None or second is None or not is_mastered:
                 gaps.append(0.0)
             else:
-                gaps.append(float(np.mean(scores[0]) - np.mean(scores[1])))
+                gaps.append(float(np.mean(first) - np.mean(second)))
         return gaps
 
     def _races(
-        self, subjects: Sequence[FrozenTask | Instance], contestants: Sequence[Contestant], seeds: Sequence[int]
-    ) -> list[list[list[float]] | None]:
+        self, races: Sequence[tuple[FrozenTask | Instance, tuple[int, ...]]], contestants: Sequence[Contestant]
+    ) -> list[list[list[float] | None]]:
+        """Return the scores of learners in several races, each of one task and some seeds."""
         limits = written_limits()
-        calls = [(subject, tuple(contestants), tuple(seeds), self.steps, limits) for subject in subjects]
+        calls = [(subject, tuple(contestants), seeds, self.steps, limits) for subject, seeds in races]
         endings = self.pool.map(race, calls, SECONDS)
         failed = [ending for ending in endings if ending.status != "done"]
         if len(failed) == len(endings):
             raise spec_error("E713", f"a learner fails on every task: {failed[0].message}")
-        return [None if ending.result is None else json.loads(ending.result) for ending in endings]
+        lost: list[list[float] | None] = [None] * len(contestants)
+        return [lost if ending.result is None else json.loads(ending.result) for ending in endings]
 
     def _test(self, subject: FrozenTask | Instance) -> bool:
         """Test a difference on fresh seeds, and keep the task if it is there."""
         self.tests += 1
-        seeds = range(self.next_seed, self.next_seed + FRESH)
+        one: list[float] = []
+        other: list[float] = []
+        fresh = range(self.next_seed, self.next_seed + FRESH)
         self.next_seed += FRESH
-        (scores,) = self._races([subject], self.pair, seeds)
-        if scores is None:
-            return False
-        found = _difference(scores)
+        for scores in self._races([(subject, (seed,)) for seed in fresh], self.pair):
+            if scores[0] is None or scores[1] is None:
+                return False
+            one += scores[0]
+            other += scores[1]
+        found = _difference((one, other))
         if abs(found.effect) < GAP or found.p_value > ALARM / 2**self.tests:
             return False
-        worse = 0 if found.effect < 0 else 1
+        worse, better = self.pair
+        if found.effect > 0:
+            worse, better = better, worse
+            one, other = other, one
         self.best = Separation(
-            self.pair[worse].name, self.pair[1 - worse].name, (tuple(scores[worse]), tuple(scores[1 - worse])), subject,
-            found.p_value, self.tried, (*self.best.path, _size(subject)),
+            worse.name, better.name, (tuple(one), tuple(other)), subject, found.p_value, self.tried,
+            (*self.best.path, _size(subject)),
         )  # fmt: skip
         self.progress(f"{self.best.worse} is worse by {abs(found.effect):.2f} on a task of {_size(subject)}")
         return True
@@ -307,7 +327,7 @@ class Search:
 
             def holds(tasks: Sequence[FrozenTask]) -> list[bool]:
                 answers = []
-                for each in self._gaps(tasks, SHRINKING, self.judges):
+                for each in self._gaps(tasks, SHRINKING):
                     answers.append(each * gap > 0 and abs(each) >= max(GAP, KEPT_GAP * abs(gap)))
                 return answers
 
@@ -328,6 +348,38 @@ def _size(subject: FrozenTask | Instance) -> str:
         return subject.id
     counts = ((len(subject.states), "state"), (len(subject.actions), "action"), (subject.horizon or math.inf, "step"))
     return ", ".join(f"{count:g} {noun}{'' if count == 1 else 's'}" for count, noun in counts)
+
+
+def finding(separation: Separation, family: str) -> FrozenTask:
+    """Return the task of a separation with what was found in its text, and its exact returns as claims.
+
+    Args:
+        family: its name, for the text.
+    """
+    tables = separation.task
+    assert isinstance(tables, FrozenTask)
+    fresh = freeze(tables.task())
+    (worse, *worse_ends), (better, *better_ends) = separation.intervals
+    description = (
+        f"{separation.worse} scores {worse:.2f} {_ends(worse_ends)} here, and {separation.better} {better:.2f} "
+        f"{_ends(better_ends)}: means of {FRESH} fresh seeds, with 95 % intervals, where random actions have 0 and the "
+        "optimum 1. "
+        f"Exact permutation test: p = {separation.p_value:.2g}. Found among {separation.tried} instances of {family}."
+    )
+    text = {
+        "title": "A task that separates two learners",
+        "summary": f"{separation.worse} is worse than {separation.better} here.",
+        "description": "\n".join(textwrap.wrap(description, 110)),
+        "capability": "separation",
+    }
+    states = tuple(f"s{i}" for i in range(len(fresh.states)))
+    actions = tuple(f"a{i}" for i in range(len(fresh.actions)))
+    return replace(fresh, name="Separates", states=states, actions=actions, text=text)
+
+
+def _ends(interval: Sequence[float]) -> str:
+    low, high = interval
+    return f"[{low:.2f}, {high:.2f}]"
 
 
 def _sampled(family: ExperimentFile, seed: int) -> ExperimentFile:

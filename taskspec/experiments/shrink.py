@@ -78,20 +78,18 @@ def _fewer_states(task: FrozenTask) -> Iterator[FrozenTask]:
             yield replace(task, outcomes=tuple(rows), start=tuple(start))
 
 
-def _redirected(
-    outcomes: Sequence[FrozenOutcome], gone: int, target: int, ends: bool
-) -> tuple[FrozenOutcome, ...]:
-    found: dict[tuple[int, bool], FrozenOutcome] = {}
+def _redirected(outcomes: Sequence[FrozenOutcome], gone: int, target: int, ends: bool) -> tuple[FrozenOutcome, ...]:
+    found: dict[int, FrozenOutcome] = {}
     for outcome in outcomes:
         moved = outcome
         if outcome.state == gone:
             moved = replace(outcome, state=target, ends=outcome.ends or ends)
-        known = found.get((moved.state, moved.ends))
+        known = found.get(moved.state)
         if known is not None:
             probability = known.probability + moved.probability
             paid = known.probability * known.reward + moved.probability * moved.reward
-            moved = FrozenOutcome(probability, moved.state, paid / probability, moved.ends)
-        found[moved.state, moved.ends] = moved
+            moved = FrozenOutcome(probability, moved.state, paid / probability, known.ends or moved.ends)
+        found[moved.state] = moved
     return tuple(found.values())
 
 

@@ -429,7 +429,9 @@ class Workers:
         self._crew.end()
         self._executor.shutdown()
 
-    def map(self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]], seconds: float | None) -> list[Ending]:
+    def map(
+        self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]], seconds: float | None
+    ) -> list[Ending]:
         """Call a function with each of several tuples of arguments, and return how each call ended, in order.
 
         Args:
