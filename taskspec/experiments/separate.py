@@ -1,7 +1,7 @@
 """Search: the smallest task of a family on which one learner does worse than another, or than right learners do.
 
 Many instances are tried with two seeds, those that differ most again with more seeds, and the best of them on fresh seeds,
-before anything is said: the best of hundreds is lucky. Then the task is shrunk while the difference holds, and tested on fresh
+before anything is printed: the best of hundreds is lucky. Then the task is shrunk while the difference holds, and tested on fresh
 seeds again.
 """
 
@@ -71,7 +71,7 @@ class Contestant:
 
 @dataclass(frozen=True)
 class Separation:
-    """What a search has found.
+    """The result of a search.
 
     Attributes:
         worse, better: names of the learners; `worse` is empty where no difference was found.
@@ -192,7 +192,7 @@ class Search:
         seed: from which the instances are drawn.
         steps: of a training run.
         minutes: that the search may take.
-        progress: is told how far it is.
+        progress: is called with the progress in words.
     """
 
     family: ExperimentFile
