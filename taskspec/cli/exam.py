@@ -59,6 +59,13 @@ Probes = Annotated[
         "--probes/--no-probes", help="Whether to test if the learner uses rewards that are withheld; on by default."
     ),
 ]
+Laws = Annotated[
+    bool | None,
+    _option(
+        "--laws/--no-laws",
+        help="Whether to try all laws of learning, or none; those that the learner declares by default.",
+    ),
+]
 LearnsFrom = Annotated[
     list[str] | None,
     _option(
@@ -87,6 +94,7 @@ def exam(
     transitions: Transitions = None,
     twins: Twins = None,
     probes: Probes = None,
+    laws: Laws = None,
     learns_from: LearnsFrom = None,
     against: Against = None,
     output: Output = None,
@@ -118,7 +126,13 @@ def exam(
     terms: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     written = read_if_experiment(learner)
     if written is not None:
-        single = {"--suite": suite, "--tasks": tasks, "--learns-from": learns_from, "--against": against}
+        single = {
+            "--suite": suite,
+            "--tasks": tasks,
+            "--laws": laws,
+            "--learns-from": learns_from,
+            "--against": against,
+        }
         for option, value in single.items():
             if value is not None:
                 raise misuse(f"{option} is for a single learner, not for an experiment")
@@ -128,7 +142,7 @@ def exam(
         terms["tasks"] = _tasks(options.split_names(tasks))
     if learns_from is not None:
         terms["learns_from"] = options.split_names(learns_from)
-    _examine_one(learner, output, running, {"suite": suite, "against": against, **terms}, json)
+    _examine_one(learner, output, running, {"suite": suite, "against": against, "laws": laws, **terms}, json)
 
 
 def _examine_one(learner: str, output: Path | None, running: Running, terms: dict[str, Any], json: bool) -> None:

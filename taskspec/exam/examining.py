@@ -25,6 +25,7 @@ from taskspec.exam.case import ExamTerms
 from taskspec.exam.examinee import Examinee, learner_of
 from taskspec.exam.findings import diagnose
 from taskspec.exam.flags import check_comparable, flags
+from taskspec.exam.laws import LAWS, changed_tasks, law_flags, law_scores
 from taskspec.exam.learned import learned_flags
 from taskspec.exam.results import FORMAT, Exam, Examined, Score, read, write
 from taskspec.exam.trial import LearnerFailed, Row, Trial, baselines, key_of, run_trial, score
@@ -81,7 +82,7 @@ def examine(
     learner: str | Callable[[Any], Any], *, suite: str | None = None, tasks: Sequence[TaskLike] | None = None,
     seeds: int | Iterable[int] = 15, steps: int | None = None, transitions: int = 10_000, twins: int = 2,
     probes: bool = True, learns_from: Sequence[str] | None = None, against: Path | str | None = None,
-    out: Path | str | None = None, running: Running | None = None,
+    out: Path | str | None = None, running: Running | None = None, laws: bool | None = None,
 ) -> Exam:  # fmt: skip
     """Examine a learner; the result is what `exam.json` holds.
 
@@ -99,6 +100,7 @@ def examine(
         against: a folder with an earlier exam: regressions since then are flagged.
         out: a folder for `exam.json`, and for the results on the way to it, from which an exam that was stopped goes on.
         running: for a learner in other processes: how many, time limits, a cluster.
+        laws: whether all laws of learning are tried, or none; those that the learner declares unless given.
 
     Raises:
         SpecError: E710, E711, E713 for a learner or an option that cannot be; E701 for a task that is unknown.
@@ -124,10 +126,42 @@ def examine(
         most = max(each.steps for each in terms.values())
         check_comparable(baseline, str(against), hashes, {"steps": most, "transitions": transitions})
     plan = _plan(asked.values(), who, numbers, terms, twins, probes, described)
+    folder = None if out is None else Path(out)
+    found = _taken(who, " and ".join(suites), asked, plan, twins, folder, running or Running())
+    found["verdicts"] = verdicts(found["tasks"], found["scores"])
+    found["flags"] = [*flags(found["tasks"], found["scores"], baseline), *learned_flags(found["scores"])]
+    found["diagnoses"] = [each for name in suites for each in diagnose(found, name)]
+    declared = getattr(who.train, "obeys", ())
+    if laws:
+        changed = changed_tasks(asked, LAWS, exam_id)
+    else:
+        changed = changed_tasks(asked, declared, exam_id)
+    if changed and laws is not False:
+        others = {each.name: each.changed for each in changed}
+        plan = _plan(
+            others.values(), who, numbers, {each.name: terms[each.task] for each in changed}, 0, False, described
+        )
+        with_laws = _taken(who, "", others, plan, 0, folder, running or Running())
+        found["laws"] = law_scores(changed, found, with_laws)
+        found["flags"] += law_flags(found["laws"], declared)
+    if folder is not None:
+        write(found, folder)
+    return found
+
+
+def _taken(
+    who: Examinee, suite: str, asked: Mapping[str, Task], plan: Sequence[Planned], twins: int, folder: Path | None,
+    running: Running,
+) -> Exam:  # fmt: skip
+    """Run a plan, and return the exam with its scores, without verdicts.
+
+    Args:
+        asked: the tasks of the plan, by their names in results.
+        folder: where results are stored on the way.
+    """
     variants = {}
     for name, task in asked.items():
         variants[name] = [task, *(modify(task, *twin) for twin in twins_of(task, twins))]
-    folder = None if out is None else Path(out)
     if who.place is None:
         rows = [_trained_here(planned, who) for planned in plan]
         measured = {}
@@ -135,17 +169,9 @@ def examine(
             measured[name] = [baselines(task, EPISODES, written()) for task in tasks_measured]
     else:
         with tempfile.TemporaryDirectory() as scratch, Store((folder or Path(scratch)) / "exam.sqlite") as store:
-            measured = _measured(variants, store, running or Running())
-            rows = _trained(plan, store, running or Running())
-    found = _exam(
-        who, " and ".join(suites), plan, rows, {name: _examined(task, measured[name]) for name, task in asked.items()}
-    )
-    found["verdicts"] = verdicts(found["tasks"], found["scores"])
-    found["flags"] = [*flags(found["tasks"], found["scores"], baseline), *learned_flags(found["scores"])]
-    found["diagnoses"] = [each for name in suites for each in diagnose(found, name)]
-    if folder is not None:
-        write(found, folder)
-    return found
+            measured = _measured(variants, store, running)
+            rows = _trained(plan, store, running)
+    return _exam(who, suite, plan, rows, {name: _examined(task, measured[name]) for name, task in asked.items()})
 
 
 # The tasks that an exam asks.
