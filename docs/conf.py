@@ -26,7 +26,7 @@ version = release = __version__
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
 
-from galleries import SUITES, below, thumbnails, with_figures, with_gallery  # noqa: E402
+from galleries import SUITES, below, thumbnails, with_drawings, with_figures, with_gallery  # noqa: E402
 
 extensions = ["myst_parser", "sphinx_copybutton"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
@@ -78,6 +78,8 @@ def read(app: Any, page: str, source: list[str]) -> None:
     elif page == "index":
         text, _, pages = source[0].partition("\n## Pages\n")
         source[0] = HIDDEN + text.replace("<!-- tasks -->", thumbnails()) + contents(pages)
+    if page == "library":
+        source[0] = with_drawings(source[0])
     if page in SUITES:
         source[0] = with_gallery(page, source[0])
     source[0] = with_figures(source[0], (DOCS / page).parent)

@@ -14,6 +14,7 @@ from docs.tools.language import language
 from docs.tools.markdown import code, table
 from docs.tools.names import names
 from docs.tools.probes import probes
+from taskspec import registry
 from taskspec.base.diagnostics import PAGE
 from taskspec.exam.operators import OPERATORS
 from taskspec.exam.starc import REWARDS
@@ -21,6 +22,13 @@ from taskspec.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
 from taskspec.modifiers.entry import never
 from taskspec.scores.difficulty import MEASURES
 
+WITH_PAGES = ("derail", "probes", "seals")
+"""Suites whose tasks have pages in the documentation."""
+LIBRARY = """# The library
+
+Tasks after other collections and textbooks, each with its source. They are used like those of DERAIL:
+`taskspec show bsuite/Catch` prints one, `taskspec docs bsuite` makes pages of a suite, and
+`gym.make("taskspec:bsuite/Catch-v0")` makes an environment."""
 TOOLS = Path(__file__).parent
 DOCS = TOOLS.parent
 
@@ -52,6 +60,16 @@ def modifiers() -> str:
     rows = [(code(name), entry.doc, _arguments(entry), _keeps(entry), entry.needs) for name, entry in MODIFIERS.items()]
     entries = table(("modifier", "what it does", "arguments", "what it keeps", "what it needs"), rows)
     return _prose("modifiers").replace("<!-- modifiers -->", entries)
+
+
+def library() -> str:
+    """Return the page of the suites beside DERAIL and seals."""
+    tasks = [registry.load(entry.id) for entry in registry.shipped().values() if entry.suite not in WITH_PAGES]
+    parts = [LIBRARY]
+    for suite in dict.fromkeys(task.source.suite for task in tasks):
+        rows = [(code(task.id), task.capability, task.summary) for task in tasks if task.source.suite == suite]
+        parts.append(f"## {suite}\n\n" + table(("task", "isolates", "what it is"), rows))
+    return "\n\n".join(parts) + "\n"
 
 
 def _prose(page: str) -> str:
@@ -87,6 +105,7 @@ PAGES = {
     "errors": errors,
     "language": language,
     "learned": learned,
+    "library": library,
     "modifiers": modifiers,
     "names": names,
     "probes": probes,

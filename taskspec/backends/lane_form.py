@@ -15,7 +15,7 @@ from typing import Any
 
 from taskspec.backends.source_text import literal, tuple_of
 from taskspec.lang.batch import network
-from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, walk
 from taskspec.lang.operators import OPERATORS, Elements, Operator, entry_of
 from taskspec.lang.operators.vectors import strided
 from taskspec.lang.types import Kind
@@ -172,10 +172,9 @@ class LaneEmitter:
         return STRUCTURE[node.op](self, node)
 
     def _const(self, node: Const) -> LaneValue:
-        flat = [plain(v) for v in node.flat]
         if node.type.size <= self.unrolled:
-            return LaneValue([literal(v) for v in flat])
-        return LaneValue(packed=self.constant(tuple(flat)))
+            return LaneValue(list(map(literal, node.numbers)))
+        return LaneValue(packed=self.constant(node.numbers))
 
     def _elementwise(self, node: Apply, entry: Operator) -> LaneValue:
         template = self._template(node, entry)
@@ -341,7 +340,7 @@ def _index(lane: LaneEmitter, node: Apply) -> LaneValue:
 
 def _row(lane: LaneEmitter, x: Node, index: str, row: int) -> LaneValue:
     """Return one row of x: an expression when it is a single element; constants are kept outside the step."""
-    flat = tuple(plain(v) for v in x.flat) if isinstance(x, Const) else None
+    flat = x.numbers if isinstance(x, Const) else None
     if row != 1 and flat is not None:
         rows = tuple(flat[k : k + row] for k in range(0, len(flat), row))
         return LaneValue(packed=lane.assign(f"{lane.constant(rows)}[{index}]"))

@@ -12,7 +12,7 @@ from taskspec.base.records import dataclass
 from taskspec.draws import NEVER
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, reads, rewrite, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, draws, reads, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.lang.variates import VARIATES, WordLayout, words_of
@@ -88,15 +88,10 @@ class Invariants:
 
     def replaced(self, b: Builder, roots: Sequence[Node]) -> tuple[Node, ...]:
         """Return roots that read the variables instead of computing the invariants."""
-        names = {id(n): name for n, name in zip(self.nodes, self.names, strict=True)}
-
-        def leaf(node: Node) -> Node | None:
-            name = names.get(id(node))
-            if name is None:
-                return None
-            return b.read(Role.VARIABLE, name, node.type)
-
-        return rewrite(roots, leaf, b.remake)
+        variables: dict[int, Node] = {}
+        for node, name in zip(self.nodes, self.names, strict=True):
+            variables[id(node)] = b.read(Role.VARIABLE, name, node.type)
+        return rewrite(roots, variables, b.remake)
 
 
 def _at_reset(b: Builder, task: Task, nodes: Sequence[Node]) -> tuple[Node, ...]:
@@ -151,17 +146,13 @@ def hoist(b: Builder, roots: Sequence[Node], layout: WordLayout) -> Hoisted:
     """Replace values that depend on draws alone by reads of variables, and other draws by comparisons if possible."""
     free = everywhere(roots, lambda node: not isinstance(node, Read))
     values = maximal_draws(roots, free)
-    names = {id(n): f"h{i}" for i, n in enumerate(values)}
-
-    def leaf(node: Node) -> Node | None:
-        if id(node) not in names:
-            return None
-        low, high = b.certain(node)
-        return b.read(Role.VARIABLE, names[id(node)], node.type, low, high)
-
-    rest = rewrite(roots, leaf, b.remake)
+    names = tuple(f"h{i}" for i in range(len(values)))
+    variables: dict[int, Node] = {}
+    for node, name in zip(values, names, strict=True):
+        variables[id(node)] = b.read(Role.VARIABLE, name, node.type, *b.certain(node))
+    rest = rewrite(roots, variables, b.remake)
     left = {d.site: word_names(d) for d in walk(rest) if isinstance(d, Draw)}
-    return Hoisted(compared(b, rest), tuple(values), tuple(names.values()), left, layout)
+    return Hoisted(compared(b, rest), tuple(values), names, left, layout)
 
 
 def compared(b: Builder, roots: Sequence[Node], bias: int = 0) -> tuple[Node, ...]:
@@ -169,23 +160,20 @@ def compared(b: Builder, roots: Sequence[Node], bias: int = 0) -> tuple[Node, ..
 
     A word is read as the int variable of `word_names`, less `bias` (2**31 where ints have 32 bits).
     """
-
-    def leaf(node: Node) -> Node | None:
-        if not isinstance(node, Draw):
-            return None
-        words = [b.read(Role.VARIABLE, n, INT, -bias, NEVER - 1 - bias) for n in word_names(node)]
-        elements = VARIATES[node.base].compared(b, node, words, bias)
-        if elements is None:
-            return None
-        if node.type.is_scalar:
-            return elements[0]
-        return b.structure("reshape", [b.structure("vector", elements)], node.type.shape)
-
-    before = tuple(roots)
-    found = rewrite(roots, leaf, b.remake)
+    before: tuple[Node, ...] = ()
+    found = tuple(roots)
     while found != before:  # arguments of draws may hold draws
         before = found
-        found = rewrite(found, leaf, b.remake)
+        comparisons: dict[int, Node] = {}
+        for draw in draws(before):
+            words = [b.read(Role.VARIABLE, n, INT, -bias, NEVER - 1 - bias) for n in word_names(draw)]
+            elements = VARIATES[draw.base].compared(b, draw, words, bias)
+            if elements is not None and draw.type.is_scalar:
+                comparisons[id(draw)] = elements[0]
+            elif elements is not None:
+                vector = b.structure("vector", elements)
+                comparisons[id(draw)] = b.structure("reshape", [vector], draw.type.shape)
+        found = rewrite(before, comparisons, b.remake)
     return found
 
 
@@ -222,7 +210,7 @@ def tabulate(b: Builder, roots: Sequence[Node], cells: int = CELLS) -> tuple[Nod
             tables[id(node)] = _table(b, node, found)
         else:
             stack.extend(children(node))
-    return folded(b, rewrite(roots, lambda n: tables.get(id(n)), b.remake))
+    return folded(b, rewrite(roots, tables, b.remake))
 
 
 def _operations(node: Node) -> int:

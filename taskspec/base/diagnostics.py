@@ -225,6 +225,9 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     by_lower = {each.lower(): each for each in reversed(known)}
     if name.lower() in by_lower:
         return by_lower[name.lower()]
+    begun = [each for each in known if each.rpartition("/")[2].lower().startswith(name.lower())]
+    if begun and len(name) > 2:
+        return min(begun, key=len)
     is_short = len(name) <= 4  # a short name is alike to any long one that has its letters
     alike = [each for each in known if not is_short or len(each) < 2 * len(name) or each.startswith(name)]
     found = difflib.get_close_matches(name, alike, n=1, cutoff=0.5 if is_short else 0.6)

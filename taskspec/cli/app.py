@@ -5,21 +5,19 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer.core import TyperGroup
 
 from taskspec.base import __version__
-from taskspec.base.limits import limits
 from taskspec.cli import overview, scaffold, scoring
 from taskspec.cli import run as running
 from taskspec.cli.build import build
 from taskspec.cli.check import check
-from taskspec.cli.console import reported
 from taskspec.cli.data import demos, preferences
 from taskspec.cli.docs import docs, figure
 from taskspec.cli.exam import exam
+from taskspec.cli.help import Command, Commands
 from taskspec.cli.mutate import mutate
 from taskspec.cli.options import flowed
 from taskspec.cli.report import report
@@ -52,19 +50,9 @@ COMMANDS = (
 )
 
 
-class Commands(TyperGroup):
-    """The commands; an error that one of them raises ends in a message and a status, never in a traceback."""
-
-    def invoke(self, ctx: Any) -> Any:
-        with reported():
-            limits()  # a mistake in the environment variable is reported before anything rests on it
-            return super().invoke(ctx)
-
-
 app = typer.Typer(
     name="taskspec",
     cls=Commands,
-    no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -72,7 +60,7 @@ app = typer.Typer(
 
 
 for _name, _function, _panel in COMMANDS:
-    app.command(_name, rich_help_panel=_panel, help=flowed(_function.__doc__ or ""))(_function)
+    app.command(_name, cls=Command, rich_help_panel=_panel, help=flowed(_function.__doc__ or ""))(_function)
 
 
 def _version(wanted: bool) -> None:

@@ -15,14 +15,13 @@ from taskspec.base.extras import install, is_installed
 from taskspec.base.files import safe_name, write_text
 from taskspec.base.limits import tell, telling
 from taskspec.cli.check import mark, reported, verdict
-from taskspec.cli.console import VisibleText, columns, console, fail, line, print_diagnostics, say, to_json
+from taskspec.cli.console import console, fail, line, print_diagnostics, say, to_json
 from taskspec.cli.docs import has_scores
 from taskspec.cli.options import LimitsGiven, Targets, folder_option
 from taskspec.cli.progress import progress
+from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from taskspec.check.file_checks import Checked, Finding
     from taskspec.pages.facts import Facts
     from taskspec.task.task import Task
@@ -32,8 +31,6 @@ DOCS = {
     "latex": "the documentation for a paper: include appendix.tex",
     "markdown": "the documentation for a repository",
 }
-WIDE = 90
-"""From this width on, there is room for the horizon."""
 
 
 def build(
@@ -61,7 +58,7 @@ def build(
         say("")
     checked = [each for report in reports for each in report.tasks]
     out = console(wide=True)
-    out.print(_table(checked, out.width))
+    out.print(_table(checked))
     out.print()
     out.print(verdict(reports, errors, warnings, time.perf_counter() - start))
     if errors:
@@ -99,32 +96,17 @@ class _Results:
         return finding(report, len(task.annotations.examples))
 
 
-def _table(checked: Sequence[Checked], width: int) -> Table:
+def _table(checked: Sequence[Checked]) -> Columns:
     """Return every task with its size and how it was checked."""
     from taskspec.task.record import horizon, size
 
-    headers = ["", "task", "size", "horizon", "validated by", "claims"]
-    numbers = [2, 3]
-    is_narrow = width < WIDE
-    if is_narrow:
-        headers.remove("horizon")
-        numbers.remove(3)
-    table = columns(*headers, right=numbers, styles=("", "name"))
+    headers = ("", "task", "size", "horizon", "validated by", "claims")
+    table = Columns(*headers, right=(2, 3), styles=("", "name"), names=1, spare=(3, 2))
     for each in checked:
-        cells: list[VisibleText | str] = [
-            mark(each.diagnostics),
-            each.title,
-            "",
-            "",
-            each.finding.how,
-            each.finding.claims_words,
-        ]
+        numbers = ("", "")
         if each.task is not None:
-            cells[2] = size(each.task)
-            cells[3] = horizon(each.task)
-        if is_narrow:
-            del cells[3]
-        table.add_row(*cells)
+            numbers = (size(each.task), horizon(each.task))
+        table.add_row(mark(each.diagnostics), each.title, *numbers, each.finding.how, each.finding.claims_words)
     return table
 
 

@@ -14,13 +14,12 @@ import typer
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order, records, render
 from taskspec.base.display import plural
 from taskspec.cli import options
-from taskspec.cli.console import VisibleText, columns, console, line, print_diagnostics, say, write_json
+from taskspec.cli.console import VisibleText, console, line, print_diagnostics, say, write_json
 from taskspec.cli.progress import progress
+from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from rich.table import Table
 
     from taskspec.check.file_checks import Checked, FileReport, Finding
     from taskspec.check.report import Report
@@ -156,7 +155,7 @@ def _print_text(reports: Sequence[FileReport], problems: Sequence[Diagnostic]) -
         out.print(reason, style="warn")
 
 
-def _table(reports: Sequence[FileReport]) -> Table:
+def _table(reports: Sequence[FileReport]) -> Columns:
     tasks = [each for report in reports for each in report.tasks]
     is_built = any(each.id is not None for each in tasks)
     shown = {
@@ -166,8 +165,10 @@ def _table(reports: Sequence[FileReport]) -> Table:
         "examples": any(each.finding.examples for each in tasks),
         "symmetries": any(each.finding.symmetries for each in tasks),
     }
-    table = columns("", "", *(header for header, is_shown in shown.items() if is_shown), fold=(1,))
-    table.show_header = is_built
+    headers = [header for header, is_shown in shown.items() if is_shown]
+    if not is_built:
+        headers = [""] * len(headers)
+    table = Columns("", "", *headers, names=1, spare=range(len(headers) + 1, 2, -1))
     for report in reports:
         table.add_row(mark(report.diagnostics), VisibleText(report.path, style="title"))
         if report.kind != "taskspec":

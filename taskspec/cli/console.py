@@ -10,7 +10,7 @@ import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import rich.console
 import rich.text
@@ -19,9 +19,6 @@ from rich.segment import Segment
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, render
 from taskspec.base.display import visible, visible_json
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 STYLES = {
     "title": "bold",
@@ -130,33 +127,6 @@ def line(*parts: tuple[str, str] | str) -> VisibleText:
     return text
 
 
-def columns(
-    *headers: str, right: Iterable[int] = (), fold: Iterable[int] = (), styles: Sequence[str] = (), gap: int = 2
-) -> Table:
-    """Return a table without rules.
-
-    Args:
-        headers: one for each column; a table without any has no row for them.
-        right: the columns that are aligned to the right.
-        fold: the columns that may wrap.
-        styles: the styles of the first columns.
-        gap: blanks between columns.
-    """
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), show_header=any(headers), header_style="quiet")
-    for header in headers:
-        table.add_column(header, no_wrap=True)
-    for i in right:
-        table.columns[i].justify = "right"
-    for i in fold:
-        table.columns[i].no_wrap = False
-        table.columns[i].overflow = "fold"
-    for column, style in zip(table.columns, styles, strict=False):
-        column.style = style
-    return table
-
-
 def write_json(data: Any) -> None:
     """Print data as JSON; infinities, which JSON cannot hold, become text."""
     say(to_json(data))
@@ -190,9 +160,9 @@ class UsageError(SpecError):
     """Wrong usage of a command: exit status 2."""
 
 
-def misuse(message: str, hint: str | None = None) -> UsageError:
+def misuse(message: str, hint: str | None = None, code: str = "E713") -> UsageError:
     """Return an error about options that mean nothing, alone or together."""
-    return UsageError([Diagnostic("E713", None, message, hint)])
+    return UsageError([Diagnostic(code, None, message, hint)])
 
 
 @contextmanager

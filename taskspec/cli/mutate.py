@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taskspec.base.diagnostics import spec_error
-from taskspec.cli.console import columns, console, line, write_json
+from taskspec.cli.console import console, line, write_json
 from taskspec.cli.options import Jobs, Json, Targets, checked_choice
 from taskspec.cli.progress import counter
+from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from rich.table import Table
 
     from taskspec.mutation.judge import Judgement
     from taskspec.mutation.mutants import Mutant
@@ -89,7 +88,7 @@ def _print(judged: list[Judged], classes: list[str]) -> None:
             out.print(line((place, "name"), "  ", (judgement.kind, "warn"), f"  {change}", (noticed, "quiet")))
 
 
-def _table(judged: list[Judged]) -> Table:
+def _table(judged: list[Judged]) -> Columns:
     """Return how many changes there are of each class, spec by spec."""
     from taskspec.mutation.judge import CLASSES
 
@@ -102,7 +101,7 @@ def _table(judged: list[Judged]) -> Table:
     if len(rows) > 1:
         rows.append(("", total))
     kinds = [kind for kind in CLASSES if total[kind] or kind == "silent"]
-    table = columns("", "changes", *kinds, right=range(1, len(kinds) + 2), styles=("title",))
+    table = Columns("", "changes", *kinds, right=range(1, len(kinds) + 2), styles=("title",), names=0)
     for name, count in rows:
         table.add_row(name, f"{count.total():,}", *(f"{count[kind]:,}" for kind in kinds))
     return table

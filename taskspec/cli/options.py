@@ -28,7 +28,8 @@ def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:
     """Return the value of an option."""
     if value not in allowed:
         listed = ", ".join(allowed)
-        raise misuse(f"{name} is one of {listed}, not '{value}'", suggest(value, allowed))
+        code = "E726" if name == "--format" else "E713"
+        raise misuse(f"{name} is one of {listed}, not '{value}'", suggest(value, allowed), code)
     return value
 
 

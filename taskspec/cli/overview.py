@@ -11,11 +11,10 @@ import typer
 from taskspec.base.diagnostics import CLASSES, CODES, Code, Diagnostic, SpecError, spec_error, suggest
 from taskspec.base.display import visible
 from taskspec.cli import options
-from taskspec.cli.console import VisibleText, colored, columns, console, fail, line, say, write_json, write_records
+from taskspec.cli.console import VisibleText, colored, console, fail, line, say, write_json, write_records
+from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from taskspec.task.task import Task
 
 WIDE = 110
@@ -64,31 +63,23 @@ def _print_tasks(tasks: Sequence[Task]) -> None:
         out.print(f"\n{len(tasks)} tasks in {files} specs; `taskspec show ID` shows one", style="quiet")
 
 
-def _task_table(tasks: Sequence[Task], width: int) -> Table:
+def _task_table(tasks: Sequence[Task], width: int) -> Columns:
     from taskspec.task.record import horizon, settings, size
 
     if width < WIDE:
-        table = columns("task", "parameters", "size", "horizon", right=(2, 3), fold=(1,))
+        table = Columns("task", "parameters", "size", "horizon", right=(2, 3), fold=(1,), names=0, spare=(3,))
         for title, members in groupby(tasks, lambda task: _capability(task) or "other"):
             table.add_row(VisibleText(title, style="title"))
             for task in members:
                 table.add_row(VisibleText(f"  {task.id}", style="name"), settings(task), size(task), horizon(task))
         return table
-    headers = ["task", "isolates", "parameters", "size", "horizon"]
-    table = columns(*headers, right=(3, 4), fold=(2,), styles=("name",))
-    if width >= WIDEST:
-        table.add_column("summary", style="quiet", no_wrap=True, overflow="ellipsis", ratio=1)
-        table.expand = True
+    table = Columns(
+        "task", "isolates", "parameters", "size", "horizon", "summary", right=(3, 4), fold=(2, 5),
+        styles=("name", "", "", "", "", "quiet"), names=0, spare=(5,),
+    )  # fmt: skip
     for task in tasks:
-        cells = [
-            task.id,
-            _capability(task),
-            settings(task),
-            size(task),
-            horizon(task),
-            visible(task.spec.summary or ""),
-        ]
-        table.add_row(*cells[: len(table.columns)])
+        summary = visible(task.spec.summary or "") if width >= WIDEST else ""
+        table.add_row(task.id, _capability(task), settings(task), size(task), horizon(task), summary)
     return table
 
 
@@ -190,7 +181,7 @@ def _explain(code: Code) -> None:
 
 
 def _print_codes(codes: Sequence[Code]) -> None:
-    table = columns("", "", "", fold=(2,), styles=("name", "", "quiet"))
+    table = Columns("", "", "", fold=(2,), styles=("name", "", "quiet"))
     for prefix, members in groupby(codes, lambda c: c.code[:2]):
         subject = VisibleText(CLASSES.get(prefix, ""), style="title")
         table.add_row(VisibleText(prefix + "xx", style="bold default"), subject)

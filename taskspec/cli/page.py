@@ -14,7 +14,8 @@ from rich.table import Table
 
 from taskspec.base.display import lettered, setting, visible
 from taskspec.base.files import near
-from taskspec.cli.console import VisibleText, columns
+from taskspec.cli.console import VisibleText
+from taskspec.cli.tables import Columns
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.modifiers import sentences
@@ -109,8 +110,8 @@ def _table_rows(rows: tuple[s.TableRow, ...], depth: int) -> Iterator[list[str]]
             yield [key, *([""] * (depth - 1)), written(row.body)]
 
 
-def _rows(rows: Sequence[Sequence[str]], headers: Sequence[str]) -> Table:
-    table = columns(*headers, fold=range(len(headers)))
+def _rows(rows: Sequence[Sequence[str]], headers: Sequence[str]) -> Columns:
+    table = Columns(*headers, fold=range(len(headers)))
     for row in rows:
         table.add_row(*map(_colored, row))
     return table
@@ -120,7 +121,7 @@ def _lines(lines: Sequence[Line]) -> RenderableType:
     """Return equations under each other, aligned at the equals sign; a value without a name stands alone."""
     if not any(name for name, _ in lines):
         return Group(*(content for _, content in lines))
-    table = columns("", "", "", fold=(1, 2), styles=("cyan",), gap=1)
+    table = Columns("", "", "", fold=(1, 2), styles=("cyan",), gap=1)
     for name, content in lines:
         table.add_row(name, "=", content)
     return table
@@ -159,7 +160,7 @@ def _words(text: Any) -> str:
 
 def _grid(rows: Iterable[Sequence[RenderableType]], *styles: str, gap: int = 2) -> list[RenderableType]:
     """Return rows as a table; nothing where there are none."""
-    table = columns(*([""] * len(styles)), fold=range(len(styles)), styles=styles, gap=gap)
+    table = Columns(*([""] * len(styles)), fold=range(len(styles)), styles=styles, gap=gap)
     for row in rows:
         table.add_row(*row)
     if table.rows:
@@ -207,8 +208,7 @@ def _equations(task: Task) -> Iterator[RenderableType]:
     blocks["expert"] = _expert(task)
     for title, lines in blocks.items():
         if lines:
-            table = columns("", "", fold=(0, 1), styles=("quiet",), gap=1)
-            table.columns[0].min_width = 12
+            table = Columns("", "", fold=(0, 1), styles=("quiet",), gap=1, widths={0: 12})
             table.add_row(title, _lines(lines))
             yield table
 

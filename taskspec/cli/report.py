@@ -10,20 +10,24 @@ import typer
 
 from taskspec.base.display import plural
 from taskspec.base.files import near, safe_name, write_text
-from taskspec.cli.console import Console, VisibleText, columns, console, line, misuse, say, to_json, write_json
+from taskspec.cli.console import Console, VisibleText, console, line, misuse, say, to_json, write_json
 from taskspec.cli.options import Json, folder_option, formats_option, split_names
+from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from taskspec.exam import Exam
+    from taskspec.exam.card import Card
     from taskspec.exam.findings import FindingsResult
-    from taskspec.exam.score_rows import SeedCell
+    from taskspec.exam.score_rows import TaskRow
     from taskspec.experiments import LearnersExamined
     from taskspec.task.schema.experiments import Experiment
 
 FORMATS = ("html", "png", "pdf", "svg", "parquet")
 GRADES = {"masters": "good", "passes": "warn", "unsure": "warn", "fails": "bad"}
+KEY = "● as published  ○ relabelled  | best fixed action  ◂ below −1  ┊ 0.9; 0 is random, 1 the expert"
+NARROWEST = 15
+WIDEST = 41
+"""The least and the largest width of a strip."""
 OUTCOMES = {"confirmed": "good", "refuted": "bad", "undecided": "warn", "not run": "quiet"}
 Folders = Annotated[
     list[Path],
@@ -52,9 +56,9 @@ def report(
 ) -> None:
     """Show and plot the results of an exam, or of several exams side by side.
 
-    For one exam: verdicts, scores, diagnoses and flags, and as files a page ([green]html[/]), a plot ([green]png[/],
-    [green]pdf[/], [green]svg[/]), or the scores as a table ([green]parquet[/]). For several: a heat map of learners and
-    tasks, and as files also a box plot for each learner and each task.
+    For one exam: what is wrong and what to do, scores, diagnoses and flags, and as files a page ([green]html[/]), a
+    plot ([green]png[/], [green]pdf[/], [green]svg[/]), or the scores as a table ([green]parquet[/]). For several: a
+    matrix of learners and tasks with diagnoses, and as files also strips of scores for each learner and each task.
 
     With [green]--findings derail[/]: which findings of the paper the exams confirm and which they refute. Exams in the
     same folder ([cyan]results/paper/bc[/], [cyan]results/paper/ppo[/]) are one set. A folder includes all exams below it.
@@ -80,7 +84,7 @@ def report(
     if len(exams) == 1:
         print_exam(exams[0])
     else:
-        console(wide=True).print(_heat_map(learners))
+        print_matrix(learners)
     for path in written:
         say(f"wrote {near(path)}")
 
@@ -99,42 +103,45 @@ def _exams_in(folder: Path) -> list[Path]:
 
 
 def print_exam(exam: Mapping[str, Any], out: Console | None = None) -> None:
-    """Print verdicts, a heat map of scores, diagnoses and flags of an exam, as `exam.json` holds it."""
-    from taskspec.exam import score_rows as rows
-    from taskspec.exam.learned import learned_notes
+    """Print the card of an exam, as `exam.json` holds it, with its diagnoses and flags."""
+    from taskspec.exam.card import card
 
     out = out or console()
-    out.print(line((exam["learner"], "title"), (f"  {rows.headline(exam)}", "quiet")))
-    out.print(VisibleText(rows.finding(exam)))
+    shown = card(exam)
+    out.print(line((shown.learner, "title"), (f"  {shown.terms}", "quiet")))
+    out.print(VisibleText(shown.lead, style="title"))
+    for text, style in ((shown.advice, ""), (shown.passed, "quiet")):
+        if text:
+            out.print(VisibleText(text, style=style))
     out.print()
-    out.print(_exam_table(exam))
-    for each in exam["diagnoses"]:
+    out.print(_strips(shown, out.width))
+    out.print(VisibleText(KEY, style="quiet"))
+    for each in shown.diagnoses:
         out.print()
         out.print(line(("diagnosis ", "warn"), (each["message"], "title")))
-        for evidence in each["evidence"]:
-            out.print(_beside("", VisibleText(evidence, style="quiet"), 0))
-        for head in ("cause", "try", "source"):
-            out.print(_beside(head, VisibleText(each[head]), 6))
-    if exam["flags"]:
+        facts = (("", "; ".join(each["evidence"])), *((head, each[head]) for head in ("cause", "try", "source")))
+        table = Columns("", "", fold=(1,), styles=("quiet",), gap=1)
+        for head, words in facts:
+            table.add_row(f"  {head}", VisibleText(words, style="" if head else "quiet"))
+        out.print(table)
+    if shown.flags:
         out.print()
-    for flag in exam["flags"]:
-        out.print(line((flag["kind"], "bad"), " ", (flag["task"], "name"), f": {flag['message']}"))
+    for flag in shown.flags:
+        out.print(line((flag.kind, "bad"), f"  {flag.words}"))
     if exam.get("laws"):
         out.print()
         out.print(_laws(exam["laws"]))
-    for text in learned_notes(exam["scores"]):
+    for text in shown.notes:
         out.print(VisibleText(text, style="quiet"))
-    for text in rows.left_out(exam):
-        out.print(VisibleText(f"it cannot learn {text}", style="quiet"))
     out.print()
-    out.print(VisibleText(rows.costs(exam), style="quiet"))
+    out.print(VisibleText(shown.costs, style="quiet"))
 
 
-def _laws(scores: Sequence[Mapping[str, Any]]) -> Table:
+def _laws(scores: Sequence[Mapping[str, Any]]) -> Columns:
     """Return a row for each law: the tasks that it was tried on, and those where it is broken."""
     from taskspec.rules.score_rules import short_name
 
-    table = columns("law", "tasks", "broken", right=(1,), styles=("name", "quiet"), fold=(2,))
+    table = Columns("law", "tasks", "broken", right=(1,), styles=("name", "quiet"), fold=(2,))
     for law in dict.fromkeys(score["law"] for score in scores):
         own = [score for score in scores if score["law"] == law]
         tried = [score for score in own if score["error"] is None]
@@ -154,47 +161,63 @@ def _laws(scores: Sequence[Mapping[str, Any]]) -> Table:
     return table
 
 
-def _beside(head: str, text: VisibleText, width: int) -> Table:
-    """Return a text, indented, beside its heading."""
-    table = columns("", "", fold=(1,), styles=("quiet",), gap=1)
-    table.columns[0].width = width + 2
-    table.add_row(f"  {head}", text)
+def _strips(shown: Card, width: int) -> Columns:
+    """Return a row for each task that needs a look: a strip, its scores, and the seeds that pass."""
+    from taskspec.exam.score_rows import FIXED, FORMS, PUBLISHED, SAMPLED, SIGNS
+
+    forms = [form for form in FORMS if any(row.forms[form].words for row in shown.rows)]
+    if all(row.drawn.words in ("", row.printed.words) for row in shown.rows):
+        forms.remove(SAMPLED)
+    heads = [form.replace(" ", "\n") for form in forms]
+    names = max((len(row.name) for row in shown.rows), default=0)
+    taken = 5 + names + sum(2 + max(map(len, head.split())) for head in heads) + 7
+    marks = min(max((width - taken) // 2 * 2 - 1, NARROWEST), WIDEST)
+    half = marks // 2
+    header = f"−1{'0':>{half - 1}}{'1':>{half}}"
+    if half > len("random expert"):
+        header = f"{'worse':<{half - 2}}random{'expert':>{half - 3}}"
+    last = 3 + len(forms)
+    table = Columns(
+        "", "", header, *heads, "seeds\npass", right=range(3, last + 1), names=1,
+        spare=(last, *(3 + forms.index(form) for form in (SAMPLED, FIXED) if form in forms)),
+    )  # fmt: skip
+    for row in shown.rows:
+        style = GRADES.get(row.grade or "fails", "bad")
+        sign = SIGNS[row.grade] if row.grade else "✗"
+        numbers = [VisibleText(row.forms[form].words, style=style if form == PUBLISHED else "") for form in forms]
+        passed = f"{row.printed.passed}/{len(row.printed.scores)}" if row.printed.scores else ""
+        table.add_row(VisibleText(sign, style=style), row.name, _strip(row, marks, style), *numbers, passed)
     return table
 
 
-def _exam_table(exam: Mapping[str, Any]) -> Table:
-    """Return a row for each capability with its verdict, and under it its tasks with their mean scores on their colours."""
-    from taskspec.exam.score_rows import SIGNS, SeedCell, interval, rows
+def _strip(row: TaskRow, width: int, style: str) -> VisibleText:
+    """Return the scores of a task as marks on an axis: relabelled ○ joined to published ●, and | for the best fixed action."""
+    from taskspec.exam.score_rows import FIXED, FLOOR, PUBLISHED, RELABELLED
+    from taskspec.exam.verdicts import MASTERED
 
-    table = columns("", "score", "95 %", "twins", "drawn", "constant", right=range(1, 6), styles=("name", "", "quiet"))
-    found = rows(exam)
-    verdicts: Mapping[str, Mapping[str, Any]] = exam["verdicts"]
-    for capability in dict.fromkeys([*verdicts, *(row.capability for row in found)]):
-        grade = verdicts.get(capability, {}).get("verdict")
-        mark = VisibleText(f"{SIGNS[grade]} {grade}", style=GRADES[grade]) if grade else ""
-        table.add_row(VisibleText(capability, style="head"), mark)
-        for row in found:
-            if row.capability != capability:
-                continue
-            count = len(row.printed.scores)
-            ends = ""
-            if count > 1:  # equal scores have no interval
-                ends = interval(*row.printed.interval) or f"{row.printed.passed}/{count} pass"
-            constant = SeedCell(() if row.constant is None else (row.constant,))
-            others = [_shaded(cell) for cell in (row.twins, row.drawn, constant)]
-            table.add_row(f"  {row.name}", _shaded(row.printed), ends, *others)
-    return table
+    def place(score: float) -> int:
+        share = (min(max(score, FLOOR), 1.0) - FLOOR) / (1.0 - FLOOR)
+        return round(share * (width - 1))
 
-
-def _shaded(cell: SeedCell) -> VisibleText:
-    """Return a mean score on its colour."""
-    from taskspec.exam.score_rows import colour
-    from taskspec.figures import chart
-
-    if cell.mean is None:
-        return VisibleText(cell.words or "·", style="quiet")
-    background = colour(cell.mean)
-    return VisibleText(f" {cell.words} ", style=f"{chart.ink(background)} on {chart.hexadecimal(background)}")
+    cells = [" "] * (width // 2) + ["·"] * (width - width // 2)
+    styles = ["quiet"] * width
+    cells[place(0.0)] = "│"
+    cells[min(place(MASTERED), width - 2)] = "┊"
+    means = {form: cell.mean for form, cell in row.forms.items() if cell.mean is not None}
+    if FIXED in means:
+        cells[place(means[FIXED])] = "|"
+    ends = sorted(place(means[form]) for form in (PUBLISHED, RELABELLED) if form in means)
+    for i in range(ends[0], ends[-1] + 1) if len(ends) == 2 else ():
+        cells[i] = "─"
+        styles[i] = style
+    for form, mark in ((RELABELLED, "○"), (PUBLISHED, "●")):
+        if form in means:
+            cells[place(means[form])] = mark if means[form] >= FLOOR else "◂"
+            styles[place(means[form])] = style
+    text = VisibleText()
+    for cell, own in zip(cells, styles, strict=True):
+        text.append(cell, own)
+    return text
 
 
 # -- several exams ------------------------------------------------------------------------------------------------
@@ -203,17 +226,13 @@ def _shaded(cell: SeedCell) -> VisibleText:
 def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -> None:
     """Show the exams of an experiment, and write the report of each, and pictures of them all."""
     from taskspec.exam.report import write, write_several
-    from taskspec.exam.score_rows import named
     from taskspec.experiments.picture import draw
 
-    out = console(wide=True)
-    out.print(_heat_map(found.exams))
+    print_matrix(found.exams)
     written: list[Path] = []
     for name, exam in found.exams.items():
-        for flag in exam["flags"]:
-            out.print(line((flag["kind"], "bad"), " ", (name, "name"), f" on {named(flag['task'])}: {flag['message']}"))
         written += write(exam, found.folders[name])
-    written += write_several(found.exams, folder, ["svg"])
+    written += write_several(found.exams, folder, ["html", "svg"])
     if any(instance.varied for instance in found.instances):
         path = folder / f"{safe_name(experiment.name)}.svg"
         draw(experiment, found.rows(), path, tuple(found.exams))
@@ -222,17 +241,26 @@ def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -
         say(f"wrote {near(path)}")
 
 
-def _heat_map(exams: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Return mean scores: a row for each task, a column for each learner, each number on its colour."""
-    from taskspec.exam.score_rows import SeedCell, rows
+def print_matrix(exams: Mapping[str, Mapping[str, Any]]) -> None:
+    """Print learners and tasks as a matrix of scores and diagnoses, and what is wrong with each learner in a line."""
+    from taskspec.exam.card import matrix
 
-    found = [{row.id: row for row in rows(exam)} for exam in exams.values()]
-    tasks = {task: row.name for each in found for task, row in each.items()}
-    table = columns("", *exams, right=range(1, len(exams) + 1), styles=("name",))
-    for task, name in tasks.items():
-        cells = [_shaded(by[task].printed if task in by else SeedCell(())) for by in found]
-        table.add_row(name, *cells)
-    return table
+    found = matrix(exams)
+    out = console(wide=True)
+    table = Columns("", *found.tasks, right=range(1, len(found.tasks) + 1), styles=("name",), names=0)
+    for name, cells in zip(found.learners, found.cells, strict=True):
+        words = []
+        for cell in cells:
+            style = GRADES.get(cell.grade, "quiet")
+            words.append(line((cell.score or "·", style), (f"\n{cell.word}" if cell.word else "", "quiet")))
+        table.add_row(name, *words)
+    out.print(table)
+    out.print()
+    prose = console()
+    for name, own in zip(found.learners, found.cards, strict=True):
+        prose.print(line((name, "name"), f"  {own.lead} ", (own.advice, "quiet")))
+        for flag in own.flags:
+            prose.print(line(("  " + flag.kind, "bad"), f"  {flag.words}"))
 
 
 # -- findings -----------------------------------------------------------------------------------------------------
@@ -289,9 +317,9 @@ def _listed(facts: Mapping[str, Any]) -> str:
     return ", ".join(f"{key} {value}" for key, value in facts.items())
 
 
-def _findings_table(found: FindingsResult) -> Table:
+def _findings_table(found: FindingsResult) -> Columns:
     """Return a row for each finding: what it says, and what became of it with each set of results."""
-    table = columns("", "the paper says", *found.sets, fold=(1,), styles=("name",))
+    table = Columns("", "the paper says", *found.sets, fold=(1,), styles=("name",), names=1)
     for each in found.results:
         outcomes = map(each.outcome, found.sets)
         table.add_row(each.name, each.entry.says, *(VisibleText(word, style=OUTCOMES[word]) for word in outcomes))

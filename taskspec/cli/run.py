@@ -14,8 +14,9 @@ import typer
 
 from taskspec.base.display import decimal, estimate
 from taskspec.cli import options
-from taskspec.cli.console import VisibleText, columns, console, line, misuse, say, write_records
+from taskspec.cli.console import VisibleText, console, line, misuse, say, write_records
 from taskspec.cli.progress import counter, progress
+from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.cli.rollouts import Episode, Summary, Watch
@@ -181,7 +182,7 @@ def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
     given = f" {settings(task)}".rstrip()
     who = policy if "." in policy else f"{policy} policy"
     out.print(line((task.id, "name"), (given, "value"), (f"  {who}, seed {seed}", "quiet")))
-    table = columns("", "", styles=("quiet",), fold=(1,))
+    table = Columns("", "", styles=("quiet",), fold=(1,))
     table.add_row("  return", _mean(summary))
     if summary.deviation > 0:
         spread = f"{decimal(summary.lowest)} to {decimal(summary.highest)}, standard deviation {summary.deviation:.3g}"

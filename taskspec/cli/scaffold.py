@@ -54,7 +54,14 @@ claims:                              # statements that `taskspec check` holds yo
 
 
 def new(
-    name: Annotated[str, typer.Argument(help="Name of the task, such as RiskyPath.", show_default=False)],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME|FILE",
+            help="Name of the task, such as RiskyPath, or a file, such as risky_path.yaml.",
+            show_default=False,
+        ),
+    ],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -66,15 +73,20 @@ def new(
 
     It passes [cyan]taskspec check[/] as it is, and shows every section that most tasks need.
     """
+    path = Path(name)
+    is_file = path.suffix in (".yaml", ".yml")
+    if is_file:
+        name = "".join(word[:1].upper() + word[1:] for word in re.split(r"[_\W]+", path.stem))
     if not re.fullmatch("[A-Za-z][A-Za-z0-9]*", name):
         raise spec_error("E205", f"'{name}' cannot name a task: letters and digits only, a letter first")
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name).lower()
-    path = Path(f"{words.replace(' ', '_')}.yaml")
+    if not is_file:
+        path = Path(f"{words.replace(' ', '_')}.yaml")
     if output is not None:
         path = output / path if output.is_dir() else output
     write_text(path, SCAFFOLD.format(name=name, title=words.capitalize()), new=True)
     say(
-        f"wrote {path}\n\n  taskspec check {path}\n  taskspec show {path}\n  taskspec run {path} --policy expert --render"
+        f"wrote {path}\n\n  taskspec check {path}\n  taskspec show {path}\n  taskspec run {path} --policy expert --render ansi"
     )
 
 

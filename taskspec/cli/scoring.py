@@ -13,8 +13,9 @@ import typer
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import decimal, estimate, number
 from taskspec.cli import options
-from taskspec.cli.console import Console, columns, console, line, write_json, write_records
+from taskspec.cli.console import Console, console, line, write_json, write_records
 from taskspec.cli.progress import progress
+from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.exact import Difficulty, PomdpBounds, Return, Score, Scores
@@ -164,7 +165,7 @@ def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> Non
 
     out = console()
     out.print(line((task.id, "name"), (f"  {settings(task)}", "value")))
-    table = columns("", "", "", "", right=(1,), fold=(2, 3), styles=("quiet", "title", "", "quiet"))
+    table = Columns("", "", "", "", right=(1,), fold=(2, 3), styles=("quiet", "title", "", "quiet"))
     for name in ("optimal", "expert", "random", "worst"):
         value: Return | None = getattr(scores, name)
         remark = ""
@@ -225,7 +226,7 @@ def _print_discount(task: Task, out: Console) -> None:
 
 def _print_difficulty(measures: Difficulty, known: str | None) -> None:
     """Print the measures; the reason that has been given for having no model is not given again."""
-    table = columns("  difficulty", "", "", right=(1,), fold=(2,), styles=("", "", "quiet"))
+    table = Columns("  difficulty", "", "", right=(1,), fold=(2,), styles=("", "", "quiet"))
     for name, value, unit, _ in measures.rows():
         reason = measures.why_not.get(name, unit)
         table.add_row(f"  {name}", number(value) if value is not None else "unknown", reason if reason != known else "")

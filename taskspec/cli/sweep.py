@@ -11,12 +11,11 @@ import typer
 from taskspec.base.display import decimal, estimate
 from taskspec.base.files import near, safe_name
 from taskspec.cli import options
-from taskspec.cli.console import VisibleText, columns, console, line, say, write_json
+from taskspec.cli.console import VisibleText, console, line, say, write_json
 from taskspec.cli.progress import job_progress
+from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from taskspec.experiments import Measured
 
 PICTURES = ("svg", "png", "pdf")
@@ -93,14 +92,15 @@ def sweep(
         raise typer.Exit(1)
 
 
-def _table(rows: Sequence[Measured], measures: Sequence[str] | None) -> Table:
+def _table(rows: Sequence[Measured], measures: Sequence[str] | None) -> Columns:
     """Return a row for each instance: sizes, returns, measures, roll-outs."""
     if measures is None:
         measures = MEASURES
     chosen = [name for name in measures if name not in ("states", "actions")]
     policies = dict.fromkeys(name for row in rows for name in row.policies)
     headers = [name.replace("_", " ") for name in chosen] + [f"{name}, rolled out" for name in policies]
-    table = columns("", "states", "optimal", "expert", "random", *headers, styles=("name",))
+    numbers = range(1, 5 + len(headers))
+    table = Columns("", "states", "optimal", "expert", "random", *headers, styles=("name",), right=numbers, names=0)
     for row in rows:
         if row.error is not None:
             table.add_row(row.instance.id, VisibleText(row.status.replace("_", " "), style="bad"))

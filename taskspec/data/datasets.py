@@ -16,7 +16,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error, suggest
 from taskspec.base.extras import need
 from taskspec.base.files import whole, whole_folder
 from taskspec.data.episodes import COLUMNS, Demonstrations, Trajectory, Transitions, columns
@@ -255,7 +255,7 @@ def write(data: Data, path: str | PathLike[str], format: str | None = None) -> N
         format: "npz", "parquet", "imitation" or "minari"; None goes by the suffix of the path.
 
     Raises:
-        SpecError: E705 where a package is not installed, E713 for a format that there is not, E716 where it cannot be written.
+        SpecError: E705 where a package is not installed, E726 for a format that there is not, E716 where it cannot be written.
     """
     place = Path(path)
     kind = format_of(place, format)
@@ -269,12 +269,12 @@ def write(data: Data, path: str | PathLike[str], format: str | None = None) -> N
 def format_of(path: Path, name: str | None = None) -> Format:
     """Return the format of a name, or of the suffix of a path."""
     if name is not None and name not in FORMATS:
-        misused(f"there is no format '{name}'", suggest(name, FORMATS) or ", ".join(FORMATS))
+        raise spec_error("E726", f"there is no format '{name}'", suggest(name, FORMATS) or ", ".join(FORMATS))
     found = FORMATS.get(name or "") or next((f for f in FORMATS.values() if f.suffix and f.suffix == path.suffix), None)
     if found is None:
-        misused(f"'{path}' does not say in which format to write", f"--format {' | '.join(FORMATS)}")
+        raise spec_error("E726", f"'{path}' does not say in which format to write", f"--format {' | '.join(FORMATS)}")
     if found.suffix and path.suffix != found.suffix:
-        misused(f"'{path}' is not a {found.suffix} file", f"{path.with_suffix(found.suffix)}")
+        raise spec_error("E726", f"'{path}' is not a {found.suffix} file", f"{path.with_suffix(found.suffix)}")
     return found
 
 

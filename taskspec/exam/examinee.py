@@ -51,7 +51,7 @@ def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | N
         learns_from: what it is granted, in place of what it says itself.
 
     Raises:
-        SpecError: E710, E711 for a file that is not there, or fails; E713 for what is no learner.
+        SpecError: E710, E711 for a file that is not there, or fails; E725 for what is no learner.
     """
     if isinstance(given, str):
         name = given
@@ -64,7 +64,7 @@ def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | N
         content = ""
     if not callable(train):
         hint = "file.py:train, or module:train, where `def train(case)` gives a policy"
-        raise SpecError([Diagnostic("E713", None, f"there is no learner '{name}'", hint)])
+        raise SpecError([Diagnostic("E725", None, f"there is no learner '{name}'", hint)])
     if learns_from is None:
         wanted = getattr(train, "learns_from", DEFAULT)
     else:

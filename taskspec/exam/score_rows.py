@@ -1,7 +1,8 @@
-"""Rows of reports of exams: the scores of each task, their words and colours, and tables in Parquet."""
+"""Rows of reports of exams: the scores of each task, as numbers and words, and tables in Parquet."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +13,8 @@ import numpy as np
 from taskspec.base import ids
 from taskspec.base.files import whole
 from taskspec.data.datasets import write_table
-from taskspec.exam.verdicts import FEWEST, MASTERED, mean_score, worst
-from taskspec.figures.chart import Rgb, blend
+from taskspec.exam.results import Grade
+from taskspec.exam.verdicts import MASTERED, WORST_FIRST, mean_score, worst
 from taskspec.rollout.statistics import seeds_interval
 from taskspec.rules.score_rules import side
 
@@ -39,13 +40,14 @@ def write_scores(exams: Mapping[str, Mapping[str, Any]], path: Path) -> Path:
 # -- rows of a report
 
 FLOOR = -1.0
-"""The score at which pictures cut others off, as the paper does; numbers are printed as they are."""
+"""The score at which pictures clip positions; numbers are printed as they are."""
 SIGNS = {"masters": "✓", "passes": "=", "unsure": "?", "fails": "✗"}
-_EXPERT: Rgb = (0, 114, 178)
-_WORST: Rgb = (213, 94, 0)
-_RANDOM: Rgb = (247, 247, 244)
-NOT_RUN: Rgb = (196, 200, 205)
-"""Colours of Okabe and Ito, which all eyes distinguish: of the expert, of scores below random, and between them."""
+PUBLISHED = "as published"
+RELABELLED = "relabelled"
+SAMPLED = "sampled"
+FIXED = "best fixed action"
+FORMS = (PUBLISHED, RELABELLED, SAMPLED, FIXED)
+"""What scores are of: the task as its authors have it; its twins; the policy that samples its actions; the best fixed action."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,7 @@ class TaskRow:
         return None if found is None else float(found)
 
     @property
-    def grade(self) -> str | None:
+    def grade(self) -> Grade | None:
         """The grade of a task, as printed and as twins; None if it was not run."""
         known = [cell for cell in (self.printed, self.twins) if cell.scores]
         if not known:
@@ -120,7 +122,28 @@ class TaskRow:
     def optimum(self) -> float | None:
         """The score of the best policy."""
         low, high, best = (self.about.get(key) for key in ("random", "expert", "optimal"))
-        return None if low is None or high is None or best is None or high == low else (best - low) / (high - low)
+        if low is None or high is None or best is None or high == low:
+            return None
+        return float((best - low) / (high - low))
+
+    @property
+    def worst(self) -> tuple[float, str]:
+        """The lowest of the mean scores, and on which form of the task."""
+        means = [(cell.mean, form) for cell, form in ((self.printed, PUBLISHED), (self.twins, RELABELLED))]
+        return min(((mean, form) for mean, form in means if mean is not None), default=(math.inf, PUBLISHED))
+
+    @property
+    def rank(self) -> tuple[int, float]:
+        """Sort key: runs that failed, then the worst verdicts, then the lowest scores."""
+        if self.grade is None:
+            return -1, 0.0
+        return WORST_FIRST.index(self.grade), self.worst[0]
+
+    @property
+    def forms(self) -> dict[str, SeedCell]:
+        """The scores by what they are scores of."""
+        constant = SeedCell(() if self.constant is None else (self.constant,))
+        return {PUBLISHED: self.printed, RELABELLED: self.twins, SAMPLED: self.drawn, FIXED: constant}
 
 
 def named(task: str) -> str:
@@ -161,30 +184,13 @@ def _cell(records: Iterable[Mapping[str, Any]], entry: str) -> SeedCell:
     return SeedCell(tuple(float(np.mean(by_seed[seed])) for seed in sorted(by_seed)), len(failed - by_seed.keys()))
 
 
-# -- words and colours ------------------------------------------------------------------------------------------------
+# -- words ------------------------------------------------------------------------------------------------
 
 
 def headline(exam: Mapping[str, Any]) -> str:
     """Return what was examined: `learns from demonstrations; 500,000 steps, 15 seeds`."""
     source = " and ".join(exam["learns_from"]) or "nothing"
     return f"learns from {source}; {exam['steps']:,} steps, {counted(len(exam['seeds']), 'seed')}"
-
-
-def finding(exam: Mapping[str, Any]) -> str:
-    """Return the verdicts in one sentence."""
-    graded: dict[str, list[str]] = {grade: [] for grade in SIGNS}
-    for capability, verdict in exam["verdicts"].items():
-        graded[verdict["verdict"]].append(capability)
-    words = {
-        "masters": "it masters", "passes": "it passes, but so does one fixed action:", "fails": "it fails",
-        "unsure": "unsure:",
-    }  # fmt: skip
-    parts = [f"{words[grade]} {listed(graded[grade])}" for grade in words if graded[grade]]
-    text = "; ".join(parts) or "nothing is known"
-    few = ""
-    if graded["unsure"] and len(exam["seeds"]) < FEWEST:
-        few = f" Mastery needs {FEWEST} seeds or more that all pass."
-    return f"{text[0].upper()}{text[1:]}.{few}"
 
 
 def listed(names: Sequence[str]) -> str:
@@ -229,13 +235,8 @@ def interval(low: float | None, high: float | None) -> str:
     return "" if low is None or high is None or low == high else f"{decimal(low)} to {decimal(high)}"
 
 
-def colour(score: float) -> Rgb:
-    """Return the colour of a score: vermilion at -1, nearly white at 0 (random), blue at 1 (expert)."""
-    return blend((_WORST, _RANDOM, _EXPERT), (score - FLOOR) / (1 - FLOOR))
-
-
-def cut(scores: Sequence[float]) -> list[float]:
-    """Return scores as pictures show them."""
+def clipped(scores: Iterable[float]) -> list[float]:
+    """Return the positions of scores in pictures."""
     return [max(score, FLOOR) for score in scores]
 
 
@@ -252,4 +253,4 @@ def mean_curve(curves: Sequence[Sequence[tuple[float, float]]]) -> tuple[list[fl
     """Return the mean over seeds at the steps where all of them were looked at."""
     known = [dict(curve) for curve in curves]
     xs = sorted(set.intersection(*map(set, known)))
-    return xs, [float(np.mean([max(each[x], FLOOR) for each in known])) for x in xs]
+    return xs, [float(np.mean([each[x] for each in known])) for x in xs]

@@ -19,7 +19,6 @@ from taskspec.figures.overlays import Overlay as Overlay
 from taskspec.figures.overlays import overlay as overlay
 from taskspec.figures.scene import Label, keyed
 from taskspec.figures.scene import Scene as Scene
-from taskspec.figures.series import episode_series
 from taskspec.figures.states import not_drawn, state_table
 from taskspec.figures.vector_formats import svg as svg
 from taskspec.figures.vector_formats import tikz as tikz
@@ -44,11 +43,13 @@ def undrawn(task: TaskLike) -> tuple[Diagnostic, ...]:
         return ()
     place = merge(task.source.document, task.source.variant).key_span(("figure",))
     kind = FIGURE_KINDS[task.annotations.figure.kind]
-    return (Diagnostic("W523", place, f"no figure of kind `{kind.name}` can be drawn of this task", kind.needs),)
+    others = ", ".join(name for name in FIGURE_KINDS if name != kind.name)
+    hint = f"{kind.needs}; other kinds are {others}"
+    return (Diagnostic("W523", place, f"no figure of kind `{kind.name}` can be drawn of this task", hint),)
 
 
 def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
-    """Return the figure of a task: of the kind that its spec asks for, else a graph if one can be drawn, else None.
+    """Return the figure of a task: of the kind that its spec asks for, else a graph, else an episode over time, else None.
 
     A figure that a spec asks for is never missing: a graph with too many crossings becomes a table, and a figure that does
     not fit at these parameters becomes a frame that says so. It shows the task without its modifiers. Below it there is a
@@ -61,7 +62,35 @@ def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
         drawn = not_drawn(task, FIGURE_KINDS[task.annotations.figure.kind].needs)
     if drawn is None:
         return None
-    lines = list(_legend(task, drawn, over))
+    return _with_lines(drawn, list(_legend(task, drawn, over)))
+
+
+def layers(task: TaskLike) -> dict[str, Scene]:
+    """Return the figure with each overlay alone that it has a place for, by name; none without an exact model."""
+    task = load(task)
+    bare = _drawn(task, Overlay())
+    if bare is None or task.modifiers:
+        return {}
+    wanted = [PARTS]
+    if isinstance(task.annotations.expert, tuple):
+        wanted.append(("expert",))
+    found = {}
+    for names in wanted:
+        try:
+            over = overlay(task, names)
+        except SpecError:
+            return {}
+        for part in PARTS:
+            drawn = _drawn(task, over.only(part))
+            if part in over.legend and drawn is not None and not drawn.shows(bare):
+                scale, what = over.legend[part]
+                name = "expert" if names == ("expert",) else part
+                found[name] = _with_lines(drawn, [f"{drawn.drawn[part].format(scale)}: {what}"])
+    return found
+
+
+def _with_lines(drawn: Scene, lines: list[str]) -> Scene:
+    """Return a scene with its key and lines of text below it."""
     drawn = keyed(drawn)
     words = []
     for i, line in enumerate(lines):
@@ -87,15 +116,18 @@ def _legend(task: Task, drawn: Scene, over: Overlay) -> Iterator[str]:
 
 def _drawn(task: Task, over: Overlay) -> Scene | None:
     """Return the figure, or None if it cannot be drawn."""
-    kind = DEFAULT if task.annotations.figure is None else task.annotations.figure.kind
-    kinds = [kind, "matrix"] if task.annotations.figure is not None and kind == "graph" else [kind]
+    kinds = [DEFAULT, "series"]
+    if task.annotations.figure is not None:
+        kinds = [task.annotations.figure.kind]
+        if kinds == ["graph"]:
+            kinds.append("matrix")
     for name in kinds:
         module, _, function = FIGURE_KINDS[name].draw.partition(":")
         try:
             drawn: Scene | None = getattr(import_module(module), function)(task, over)
         except NoModel:
             raise_if_errors(soundness(task))
-            return None
+            continue
         if drawn is not None:
             return drawn
     return None
@@ -159,7 +191,7 @@ def save(scene: Scene, path: Path) -> Path:
             raster.save(scene, path, path.suffix[1:])
         case other:
             message = f"'{other}' is not a format of figures"
-            raise SpecError((Diagnostic("E713", None, message, "use .svg, .tex, .png or .pdf"),))
+            raise SpecError((Diagnostic("E726", None, message, "use .svg, .tex, .png or .pdf"),))
     return path
 
 
@@ -181,5 +213,5 @@ def render_frame(
     """
     task = load(task)
     over = Overlay(here=state, seen=seen or {})
-    drawn = scene(task, over) or episode_series(task.unmodified, over) or state_table(task, state)
+    drawn = scene(task, over) or state_table(task, state)
     return raster.pixels(drawn, size, title)

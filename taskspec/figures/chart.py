@@ -7,8 +7,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-
 from taskspec.base.display import number
 from taskspec.figures import scene as sc
 from taskspec.figures.scene import Area, Box, Circle, Dash, Hex, Item, Label, Line, Paint, Point, signed
@@ -278,65 +276,6 @@ def mark(at: Point, shape: Shape, color: Paint, size: float = 0.075, filled: boo
     if shape == "circle":
         return Circle(at, size, fill, color)
     return Area(tuple((at[0] + size * dx, at[1] + size * dy) for dx, dy in CORNERS[shape]), fill, color)
-
-
-@dataclass(frozen=True)
-class BoxSample:
-    """Values of several seeds, with the interval of their mean."""
-
-    values: Sequence[float]
-    interval: tuple[float, float]
-    mean: float
-
-
-def box_plot(
-    plot: Axes, sample: BoxSample, at: float, color: Paint, is_upright: bool = False, half: float = 0.12
-) -> Iterator[Item]:
-    """Yield one sample at a place of the other axis.
-
-    A dot for each value, a box for the interval of the mean, a line at the mean, and a line over the range.
-    """
-    if not sample.values:
-        return
-
-    def place(value: float, off: float = 0.0) -> Point:
-        if is_upright:
-            x, y = plot.at(at, value)
-            return x + off, y
-        x, y = plot.at(value, at)
-        return x, y - off
-
-    yield Line((place(min(sample.values)), place(max(sample.values))), color=color, width=0.035)
-    low, high = sample.interval
-    yield Area((place(low, -half), place(high, -half), place(high, half), place(low, half)), color, color, 0.28)
-    for value, off in zip(sample.values, _spread(sample.values, 0.9 * half), strict=True):
-        yield Circle(place(value, off), 0.05, color, None, 0.75)
-    yield Line((place(sample.mean, -1.3 * half), place(sample.mean, 1.3 * half)), color=color, width=0.075)
-
-
-def _spread(values: Sequence[float], most: float) -> list[float]:
-    """Return how far dots of about the same value stand to the sides, so that each can be seen."""
-    offsets = [0.0] * len(values)
-    groups: dict[int, list[int]] = {}
-    for i, value in enumerate(values):
-        groups.setdefault(round(value / 0.04), []).append(i)
-    for members in groups.values():
-        reach = min(most, most / 6 * (len(members) - 1))
-        for i, off in zip(members, np.linspace(-reach, reach, len(members)).tolist(), strict=True):
-            offsets[i] = off
-    return offsets
-
-
-def heat_map(left: float, top: float, cell: tuple[float, float], colors: Sequence[Sequence[Rgb]],
-             texts: Sequence[Sequence[str]], size: float = FONT) -> Iterator[Item]:  # fmt: skip
-    """Yield cells, row by row from the top, each with a text on its colour."""
-    width, height = cell
-    for i, (row, line) in enumerate(zip(colors, texts, strict=True)):
-        for j, (color, text) in enumerate(zip(row, line, strict=True)):
-            corner = (left + j * width, top + i * height)
-            yield Box(corner, width, height, hexadecimal(color), "paper")
-            if text:
-                yield Label((corner[0] + width / 2, corner[1] + height / 2), m.Words(text), size, color=ink(color))
 
 
 def color_bar(plot: Axes, colors: Sequence[str]) -> Iterator[Item]:

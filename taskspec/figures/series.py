@@ -12,7 +12,7 @@ from taskspec.figures.chart import GAP, SYMBOL, TICKS
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.plane import WIDTH, runs, turn
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted, signed
-from taskspec.figures.states import STEPS, State, at_state, expert_path
+from taskspec.figures.states import STEPS, State, at_state, episode_path
 from taskspec.lang import interval
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
@@ -20,7 +20,8 @@ from taskspec.lang.ir import Apply, Node, Read
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import mathematics
 from taskspec.printers.names import expression, of_task
-from taskspec.task.task import Task
+from taskspec.printers.pieces import indexed
+from taskspec.task.task import Component, Task
 
 MOST = 6  # numbers that are followed
 PANEL = 1.0  # height of the picture of one, in centimetres
@@ -41,28 +42,24 @@ class _Number:
 
 
 def series(task: Task, overlay: Overlay) -> Scene | None:
-    """Draw components of the state (or the elements of `values`) over an episode of the expert, or the present one so far."""
+    """Draw components of the state (or the elements of `values`) over an episode, or the present one so far."""
     if overlay.here is not None:
         return _so_far(task, overlay.seen)
-    path = expert_path(task)
+    if not any(_is_followed(c) for c in task.state) and task.annotations.figure is None:
+        return None
+    path, whose = episode_path(task)
     steps = len(path) - 1
     found = _measured(task, path) if steps > 0 else []
+    if task.annotations.figure is None:
+        found = [x for x in found if len(set(x.values)) > 1]
     if not _is_finite(found):
         return None
     items: list[Item] = []
-    for i, number in enumerate(found):
+    for i, number in enumerate(found[:MOST]):
         ends = _wide(min(number.values), max(number.values))
         items += _panel(number, number.symbol, ends, steps, i * APART, range(len(path)))
-    items += _time(0, steps, len(found))
-    return fitted(items, f"An episode of the expert in {task.name} over time, {steps} steps", state=path[0])
-
-
-def episode_series(task: Task, overlay: Overlay) -> Scene | None:
-    """Draw all numbers of a task over the episode so far; None if it has a figure, or other components."""
-    shown = len(task.state) <= MOST and all(not c.type.shape and c.domain is None for c in task.state)
-    if shown and task.annotations.figure is None:
-        return _so_far(task, overlay.seen)
-    return None
+    items += _time(0, steps, len(found[:MOST]))
+    return fitted(items, f"An episode of {whose} in {task.name} over time, {steps} steps", state=path[0])
 
 
 def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
@@ -73,7 +70,7 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
     span = min(task.horizon or STEPS, STEPS)
     first = max(0, now - 1) // span * span
     times = [t for t in sorted(seen) if t >= first]
-    found = _measured(task, [seen[t] for t in times])
+    found = _measured(task, [seen[t] for t in times])[:MOST]
     if not _is_finite(found):
         return None
     items: list[Item] = [*_time(first, first + span, len(found))]
@@ -140,15 +137,25 @@ def _time(first: int, last: int, panels: int) -> Iterator[Item]:
         yield Label((x, y + 0.25), m.Num(str(t)), TICKS, color="muted")
 
 
+def _is_followed(c: Component) -> bool:
+    """Return whether a component is a number or a short vector."""
+    return c.domain is None and c.type.size <= MOST
+
+
 def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
     node = None if task.annotations.figure is None else task.annotations.figure.values
     found = []
     if node is None:
         names = of_task(task)
-        for c in [c for c in task.state if not c.type.shape and c.domain is None][:MOST]:
-            values = [float(state[c.name]) for state in path]
-            step = turn(task, Builder().read(*c.read, c.type, c.least, c.most))
-            found.append(_Number(names.symbol(c.name), values, (float(min(c.low)), float(max(c.high))), step))
+        for c in filter(_is_followed, task.state):
+            read = Builder().read(*c.read, c.type, c.least, c.most)
+            rows = np.array([np.asarray(state[c.name], dtype=float).reshape(-1) for state in path])
+            step = turn(task, read) if c.type.is_scalar else math.inf
+            for i in range(c.type.size):
+                symbol = names.symbol(c.name)
+                if not c.type.is_scalar:
+                    symbol = indexed(symbol, m.Num(str(i)))
+                found.append(_Number(symbol, rows[:, i].tolist(), (float(c.low[i]), float(c.high[i])), step))
         return found
     rows = np.array([at_state(task, node, state).reshape(-1) for state in path])
     if isinstance(node, Apply) and node.op == "vector":

@@ -21,6 +21,7 @@ from taskspec.lang.variates import sampler
 from taskspec.model.space import Space
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
+from taskspec.rollout.rollout import Rollout, at_random
 from taskspec.task.parts import Component, by_read
 from taskspec.task.task import Task
 
@@ -95,6 +96,32 @@ def expert_path(task: Task, steps: int = STEPS, seed: int = 0) -> list[dict[str,
         if bool(np.all(ends)):
             break
     return states
+
+
+def episode_path(task: Task, steps: int = STEPS, seed: int = 0) -> tuple[list[State], str]:
+    """Return states of an episode of the expert where its actions are expressions, else of random actions; and whose it is."""
+    task = task.remembering()
+    expert = task.annotations.expert
+    by_expert = isinstance(expert, tuple) and not draws_of(expert)
+    choose = at_random(task)
+    rollout = Rollout(task, 1, seed)
+    rng = np.random.default_rng(seed)
+    state = rollout.start()
+    states = [state]
+    for t in range(steps if task.horizon is None else min(steps, task.horizon)):
+        if isinstance(expert, tuple) and by_expert:
+            reads = {(Role.STATE, name): value for name, value in state.items()}
+            chosen = batch.evaluate(expert, reads | {(Role.TIME, "t"): np.array([t], dtype=np.int64)})
+            action: Mapping[str, Array] = {c.name: a for c, a in zip(task.action, chosen, strict=True)}
+        else:
+            action = choose(state, t, rng)
+        moved = rollout.step(state, action, t)
+        state = moved.state
+        states.append(state)
+        if bool(np.all(moved.terminal)):
+            break
+    whose = "the expert" if by_expert else "random actions"
+    return [{name: value[..., 0] for name, value in each.items()} for each in states], whose
 
 
 # Observations, and states as tables.

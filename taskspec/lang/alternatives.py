@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -271,12 +271,17 @@ def table(checker: BaseChecker, expr: s.Table, scope: Scope, want: Domain | None
     cells_of = [cell for _, cell in leaves]
     domains = wanted(cells_of, scope, want)
     cells = checker.each(_outcomes, [(checker, e, scope, w) for e, w in zip(cells_of, domains, strict=True)])
-    values = [v for cell in cells for v in cell.values]
-    exprs = [e for cell in cells for e in cell.exprs]
+    values: list[Value] = []
+    exprs: list[s.Expr] = []
+    for each in cells:
+        values += each.values
+        exprs += each.exprs
     nodes, domain = unify(checker, values, exprs, want)
     _check_shape(checker, nodes, expr)
     taken = iter(nodes)
-    outcomes = [(list(itertools.islice(taken, len(cell.values))), cell.p) for cell in cells]
+    outcomes: list[tuple[list[Node], list[Node]]] = []
+    for each in cells:
+        outcomes.append((list(itertools.islice(taken, len(each.values))), each.p))
     found = _Table(checker, columns, [key for key, _ in leaves], expr)
     most = max(len(v) for v, _ in outcomes)
     if most == 1:
@@ -381,8 +386,7 @@ class _Table:
         masks = dict.fromkeys(tuple(k is None for k in self.keys[n]) for n in self.order)
         grid = []
         for values in itertools.product(*(c.values or () for c in self.columns)):
-            asked = (tuple(None if m else v for m, v in zip(mask, values, strict=True)) for mask in masks)
-            cell = next((rows[key] for key in asked if key in rows), None)
+            cell = _matching(rows, masks, values)
             if cell is None:
                 missing = []
                 for c, v in zip(self.columns, values, strict=True):
@@ -435,4 +439,19 @@ def _covers(keys: _Keys, columns: Sequence[_Column]) -> bool:
     named: set[_Key] = {k[0] for k in keys if k[0] is not None and (values is None or k[0] in values)}
     if values is None or len(named) < len(values):
         named.add(None)  # stands for the values without a row of their own
-    return all(_covers([k[1:] for k in keys if k[0] is None or k[0] == v], columns[1:]) for v in named)
+    for value in named:
+        rest = [k[1:] for k in keys if k[0] is None or k[0] == value]
+        if not _covers(rest, columns[1:]):
+            return False
+    return True
+
+
+def _matching(
+    rows: Mapping[tuple[_Key, ...], int], masks: Iterable[tuple[bool, ...]], values: tuple[int, ...]
+) -> int | None:
+    """Return the row for values of the columns, under the first mask of columns that it may span; None where there is none."""
+    for mask in masks:
+        key = tuple(None if spans else v for spans, v in zip(mask, values, strict=True))
+        if key in rows:
+            return rows[key]
+    return None

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
+from itertools import chain
 from typing import Any, TypeVar, cast
 
 from taskspec.base.limits import Limits, count, how_to_raise, limits
@@ -16,12 +17,16 @@ from taskspec.lang.operators import OPERATORS, STRUCTURES, Elements, Operator, e
 from taskspec.lang.types import BOOL, INF, INT, INT_MAX, REAL, Interval, Kind, Range, Refused, Shape, Type, join
 
 
+def _has_float(flats: Iterable[Flat]) -> bool:
+    return any(isinstance(v, float) for v in chain.from_iterable(flats))
+
+
 def folded(name: str, args: Sequence[Node], static: tuple[int, ...], result: Type) -> Flat:
     """Return the elements of an operation on constants. Fractions that are compared with floats are floats: 0.1 is 1 / 10."""
     constants = [a for a in args if isinstance(a, Const)]
     flats = [c.flat for c in constants]
     reals = [c.flat for c in constants if c.type.kind is Kind.REAL]  # a table of ints may have a million of them
-    if result.kind is not Kind.REAL and any(isinstance(v, float) for flat in reals for v in flat):
+    if result.kind is not Kind.REAL and _has_float(reals):
         flats = [tuple(map(plain, flat)) for flat in flats]
     return apply_flat(name, flats, tuple(c.type for c in constants), static, result)
 
@@ -31,9 +36,9 @@ def fold_rational(op: Operator, args: Sequence[Node], result: Type) -> Flat | No
     if not op.rational or result.kind is not Kind.REAL or not are_constant(args):
         return None
     flats = [a.flat for a in args if isinstance(a, Const)]
-    if any(isinstance(v, float) for flat in flats for v in flat) or (op.name == "div" and not all(flats[1])):
+    if _has_float(flats) or (op.name == "div" and not all(flats[1])):
         return None
-    fractions = [tuple(Fraction(v) for v in flat) for flat in flats]
+    fractions = [tuple(map(Fraction, flat)) for flat in flats]
     values = apply_flat(op.name, fractions, tuple(a.type for a in args), (), result)
     if any(max(v.numerator.bit_length(), v.denominator.bit_length()) > Limits.bits for v in values):
         return None
@@ -242,15 +247,13 @@ class Builder:
 
     def held(self, node: Node) -> Node:
         """Return the node as a component holds it: fractions that make up its value are floats."""
-
-        def leaf(part: Node) -> Node | None:
+        replacements: dict[int, Node] = {}
+        for part in walk([node]):
             if isinstance(part, Const) and part.type.kind is Kind.REAL:
-                return self._of(tuple(map(plain, part.flat)), part.type)
-            if isinstance(part, Apply) and _moves(part):
-                return None
-            return part
-
-        return rewrite([node], leaf, self.remake)[0]
+                replacements[id(part)] = self._of(part.numbers, part.type)
+            elif not (isinstance(part, Apply) and _moves(part)):
+                replacements[id(part)] = part
+        return rewrite([node], replacements, self.remake)[0]
 
     def stretch(self, node: Node, shape: Shape) -> Node:
         """Return a scalar filled to a shape; anything else as it is."""
@@ -321,13 +324,12 @@ class Builder:
 
         The values are `late` where they are only known at run time, as those of a step are (`remake_late`).
         """
-
-        def leaf(node: Node) -> Node | None:
-            if isinstance(node, Read):
-                return values.get((node.role, node.name))
-            return None
-
-        return rewrite(roots, leaf, self.remake_late if late else self.remake)
+        roots = tuple(roots)
+        replacements: dict[int, Node] = {}
+        for node in walk(roots):
+            if isinstance(node, Read) and (node.role, node.name) in values:
+                replacements[id(node)] = values[node.role, node.name]
+        return rewrite(roots, replacements, self.remake_late if late else self.remake)
 
     def remake_late(self, node: Node, args: tuple[Node, ...]) -> Node:
         """Remake a node where values replace what is only known at run time: fractions beside these stay floats, as in a step."""

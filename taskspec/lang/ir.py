@@ -8,7 +8,7 @@ exact enumeration) walks these nodes; nothing downstream sees names of parameter
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Container, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from fractions import Fraction
 from typing import Any
 
@@ -37,6 +37,11 @@ class Const:
     @property
     def flat(self) -> tuple[Any, ...]:
         return (self.value,) if self.type.is_scalar else self.value
+
+    @property
+    def numbers(self) -> tuple[Any, ...]:
+        """The elements as bools, ints or floats: what leaves the compiler."""
+        return tuple(map(plain, self.flat))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +115,8 @@ def draws(roots: Iterable[Node]) -> tuple[Draw, ...]:
     found = {n.site: n for n in walk(roots) if isinstance(n, Draw)}
     if len(found) < 2:
         return tuple(found.values())
-    return tuple(n for n in walk(found[site] for site in sorted(found)) if isinstance(n, Draw))
+    in_order = [found[site] for site in sorted(found)]
+    return tuple(n for n in walk(in_order) if isinstance(n, Draw))
 
 
 def reads(roots: Iterable[Node]) -> frozenset[tuple[Role, str]]:
@@ -129,14 +135,14 @@ def have_one_shape(nodes: Iterable[Node]) -> bool:
 
 def rewrite(
     roots: Iterable[Node],
-    leaf: Callable[[Node], Node | None],
+    replacements: Mapping[int, Node],
     remake: Callable[[Node, tuple[Node, ...]], Node],
 ) -> tuple[Node, ...]:
-    """Return roots with every node for which `leaf` gives a replacement replaced, rebuilt bottom-up by `remake`."""
+    """Return roots with the nodes that have a replacement, by id, replaced, and others rebuilt bottom-up by `remake`."""
     roots = tuple(roots)
     done: dict[int, Node] = {}
     for node in walk(roots):
-        replaced = leaf(node)
+        replaced = replacements.get(id(node))
         if replaced is None:
             args = tuple(done[id(child)] for child in children(node))
             replaced = node if all(a is b for a, b in zip(args, children(node), strict=True)) else remake(node, args)

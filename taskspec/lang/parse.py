@@ -12,6 +12,7 @@ import re
 import warnings
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
+from itertools import chain
 from keyword import iskeyword
 from typing import NoReturn
 
@@ -239,7 +240,7 @@ def _bound_tree(value: str, root: ast.AST) -> None:
     """Refuse trees too deep for the recursive passes that follow."""
     level: list[ast.AST] = [root]
     for _ in range(Limits.operators):  # levels of operators: `a + b + c` has two
-        level = [child for node in level for child in ast.iter_child_nodes(node)]
+        level = list(chain.from_iterable(map(ast.iter_child_nodes, level)))
         if not level:
             return
     raise SyntaxFailure(0, len(value), f"operators are nested more than {Limits.operators} deep", code="E314")

@@ -302,7 +302,9 @@ _TURNED = {">": "<", ">=": "<="}
 
 def compare(checker: BaseChecker, expr: s.Compare, scope: Scope) -> Node:
     """Check `a < b == c`: every pair of neighbours compared, and all of it must hold."""
-    sides = [_Side(checker, side, scope) for side in (expr.first, *(side for _, side in expr.rest))]
+    sides = [_Side(checker, expr.first, scope)]
+    for _, side in expr.rest:
+        sides.append(_Side(checker, side, scope))
     links = [(op, sides[i], sides[i + 1]) for i, (op, _) in enumerate(expr.rest)]
     return reduce(partial(checker.builder.apply, "and"), checker.each(_link, links))
 

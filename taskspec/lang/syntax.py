@@ -257,7 +257,9 @@ def names(root: Any) -> Iterator[Name | Call]:
 
 def targets(root: Any) -> Iterator[str]:
     """Return the variables of all comprehensions below a node."""
-    return (name for node in below(root) if isinstance(node, Clause) for name in node.targets)
+    for node in below(root):
+        if isinstance(node, Clause):
+            yield from node.targets
 
 
 def below(root: Any) -> Iterator[Any]:

@@ -58,7 +58,7 @@ def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learne
     A name may have its family in front: `paper/gail_im`.
 
     Raises:
-        SpecError: E710, E713 for a name that there is none of; E2xx for mistakes in the file, each with its place.
+        SpecError: E710, E725 for a name that there is none of; E2xx for mistakes in the file, each with its place.
     """
     name = os.fspath(source)
     before, slash, rest = name.partition("/")
@@ -68,7 +68,7 @@ def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learne
         return _in_family(BUILT_IN[name], family)
     if not name.endswith((".yaml", ".yml")):
         hint = suggest(name, BUILT_IN) or f"there are {', '.join(BUILT_IN)}; a path ends in .yaml"
-        raise SpecError([Diagnostic("E713", None, f"there is no learner '{name}'", hint)])
+        raise SpecError([Diagnostic("E725", None, f"there is no learner '{name}'", hint)])
     document = read_file(Path(source))
     found = _in_family(_named_in(document), document.data.get("family", family))
     if "settings" not in document.data:

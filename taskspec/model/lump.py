@@ -38,7 +38,7 @@ def lumped(roots: Iterable[Node], builder: Builder) -> tuple[Node, ...]:
 
 def _replaced(roots: tuple[Node, ...], made: dict[int, Node], builder: Builder) -> tuple[Node, ...]:
     if made:
-        return rewrite(roots, lambda node: made.get(id(node)), builder.remake)
+        return rewrite(roots, made, builder.remake)
     return roots
 
 
@@ -201,7 +201,7 @@ def _given(root: Node, draw: Draw | None, value: bool, builder: Builder) -> Node
     if draw is None:
         return root
     known = builder.stretch(builder.scalar(value), draw.type.shape)
-    return rewrite([root], lambda node: known if node is draw else None, builder.remake)[0]
+    return rewrite([root], {id(draw): known}, builder.remake)[0]
 
 
 # -- permutations -----------------------------------------------------------------------------------------------------

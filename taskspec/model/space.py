@@ -13,7 +13,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.lang.ir import Role
 from taskspec.lang.types import BOOLEAN_LABELS, Kind
-from taskspec.task.parts import Component
+from taskspec.task.parts import Component, counts_of
 
 # -- sets of codes as sorted arrays, each code once: by sorting, which is far faster than NumPy's hash tables -------------
 
@@ -96,7 +96,7 @@ class Space:
 
     @cached_property
     def size(self) -> int:
-        return math.prod(n for c in self.components for n in c.counts)
+        return math.prod(counts_of(self.components))
 
     @cached_property
     def strides(self) -> tuple[tuple[int, ...], ...]:

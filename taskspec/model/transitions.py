@@ -43,16 +43,8 @@ def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> N
         mean = VARIATES[draw.base].mean
         if mean is not None and draw.site not in kept and _is_linear(reward, draw):
             value = builder.cast(mean(builder, draw), draw.type.kind)
-            means[draw.site] = builder.stretch(value, draw.type.shape)
-    if not means:
-        return reward
-
-    def leaf(node: Node) -> Node | None:
-        if isinstance(node, Draw):
-            return means.get(node.site)
-        return None
-
-    return rewrite([reward], leaf, builder.remake)[0]
+            means[id(draw)] = builder.stretch(value, draw.type.shape)
+    return rewrite([reward], means, builder.remake)[0]
 
 
 def _is_linear(root: Node, draw: Draw) -> bool:
@@ -260,7 +252,7 @@ class Outcomes:
 
 
 class OutcomeTable(NamedTuple):
-    """Outcomes (N,) of all actions in all states.
+    """Outcomes (N,) of all actions in all states, in order of their rows.
 
     `row` is a*S + s, `column` the index of the next state, where that is `inside`; `ends` says which end the episode.
     """
@@ -341,7 +333,9 @@ class Steps:
                 point, code, weight, reward, ends, outside = found.spread(len(codes))
                 column = np.minimum(np.searchsorted(codes, code), len(codes) - 1)
                 parts.append((a * len(codes) + point, column, weight, reward, ends, ~outside))
-        return OutcomeTable(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        order = np.argsort(columns[0], kind="stable")
+        return OutcomeTable(*(column[order] for column in columns))
 
     def starts(self, numbers: ProbabilityArithmetic = FLOATS) -> tuple[Array, Array]:
         """Return codes (N,) of the first states and their probabilities (N,), each code once."""

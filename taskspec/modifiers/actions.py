@@ -46,11 +46,11 @@ def _sticky(b: Builder, task: Task, given: Arguments) -> Task:
     with b.written(apart=True) as drawn:
         repeated = DISTS["Bernoulli"].build(b, {"p": b.scalar(given["probability"])}, ())
     again = b.apply("and", begun, repeated)
-    executed = {
-        c.name: b.apply("where", again, present(b, old), present(b, c, Role.ACTION))
-        for c, old in zip(task.action, kept, strict=True)
-    }
-    added = [AddedState(old, inside(b, c), executed[c.name]) for c, old in zip(task.action, kept, strict=True)]
+    executed = {}
+    added = []
+    for c, old in zip(task.action, kept, strict=True):
+        executed[c.name] = b.apply("where", again, present(b, old), present(b, c, Role.ACTION))
+        added.append(AddedState(old, inside(b, c), executed[c.name]))
     flag = Component(name, BOOL, (0,), (1,), doc="whether an action was taken before")
     begins = AddedState(flag, b.scalar(False), b.scalar(True))
     return drawing(with_state(acting(b, task, executed), [*added, begins]), drawn)

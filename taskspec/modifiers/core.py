@@ -14,7 +14,7 @@ from taskspec.lang.ir import Draw, Node, Role, draws, reads
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.entry import Inapplicable
 from taskspec.task.bijection import parts
-from taskspec.task.parts import Component, Observation, SpaceKind, by_read
+from taskspec.task.parts import Component, Observation, SpaceKind, by_read, counts_of
 from taskspec.task.task import Task
 
 MOST = 100_000
@@ -241,7 +241,7 @@ def combinations(components: Sequence[Component], what: str, most: int = MOST) -
     for c in components:
         if not c.is_finite:
             raise Inapplicable(f"{what} must be finite, and '{c.name}' has infinitely many values")
-    size = math.prod(n for c in components for n in c.counts)
+    size = math.prod(counts_of(components))
     if size > most:
         raise Inapplicable(f"{what} can take {size:,} values; the limit is {most:,}")
     return size
@@ -259,7 +259,7 @@ def joint(b: Builder, components: Sequence[Component], nodes: Sequence[Node]) ->
 
 def apart(b: Builder, components: Sequence[Component], table: Sequence[int], row: Node) -> list[Node]:
     """Return values of the components whose number a table (N,) has at a row."""
-    rest = math.prod(n for c in components for n in c.counts)
+    rest = math.prod(counts_of(components))
     found = []
     for c in components:
         digits = []

@@ -56,11 +56,11 @@ def _noise(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
     with b.written(apart=True) as drawn:
         nodes = [noisy(b, node, given["std"]) for node in seen.nodes]
-    components = [
-        replace(c, type=Type(Kind.REAL, c.type.shape), domain=None, low=(-math.inf,) * c.type.size,
-                high=(math.inf,) * c.type.size)
-        for c in seen.components
-    ]  # fmt: skip
+    components = []
+    for c in seen.components:
+        size = c.type.size
+        type_ = Type(Kind.REAL, c.type.shape)
+        components.append(replace(c, type=type_, domain=None, low=(-math.inf,) * size, high=(math.inf,) * size))
     return observing(b, task, components, nodes, real_space(task), drawn)
 
 
@@ -69,13 +69,15 @@ def _dropout(b: Builder, task: Task, given: Arguments) -> Task:
     with b.written(apart=True) as drawn:
         p = b.scalar(given["probability"])
         gone = [DISTS["Bernoulli"].build(b, {"p": p}, n.type.shape) for n in seen.nodes]
-    nodes = [
-        b.apply("where", lost, b.stretch(b.const(0, Type(n.type.kind)), n.type.shape), n)
-        for lost, n in zip(gone, seen.nodes, strict=True)
-    ]
-    components = [
-        replace(c, low=tuple(min(v, 0) for v in c.low), high=tuple(max(v, 0) for v in c.high)) for c in seen.components
-    ]
+    nodes = []
+    for lost, n in zip(gone, seen.nodes, strict=True):
+        nothing = b.stretch(b.const(0, Type(n.type.kind)), n.type.shape)
+        nodes.append(b.apply("where", lost, nothing, n))
+    components = []
+    for c in seen.components:
+        low = tuple(min(v, 0) for v in c.low)
+        high = tuple(max(v, 0) for v in c.high)
+        components.append(replace(c, low=low, high=high))
     return observing(b, task, components, nodes, seen.space, drawn)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 from functools import reduce
-from itertools import pairwise, product
+from itertools import chain, pairwise, product
 from typing import TypeAlias
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Origin, Span, SpecError
@@ -127,7 +127,7 @@ def _values(b: Builder, node: Node, args: list[Values]) -> Values:
             moved = [a for i, a in enumerate(args) if i not in entry_of(op).indices]
             every = [a for a in moved if a is not None]
             if len(every) == len(moved):
-                found = [b.cast(value, kind) for values in every for value in values]
+                found = [b.cast(value, kind) for value in chain.from_iterable(every)]
         case Apply(op=op) if op in OPERATORS and OPERATORS[op].elementwise:
             every = [a for a in args if a is not None]
             if len(every) == len(args) and math.prod(map(len, every)) <= TRIED:
@@ -252,9 +252,9 @@ def _times(steps: int) -> str:
 
 def _changed(b: Builder, task: Task, op: str, given: float) -> Task:
     """Return an operation on the reward and on what absorbing states pay."""
-    reward, absorbing = (
-        b.apply(op, b.scalar(float(given)), n) for n in (task.process.reward, task.process.absorbing_reward)
-    )
+    number = b.scalar(float(given))
+    reward = b.apply(op, number, task.process.reward)
+    absorbing = b.apply(op, number, task.process.absorbing_reward)
     return paying(b, task.with_process(absorbing_reward=absorbing), reward)
 
 

@@ -34,7 +34,7 @@ from taskspec.printers.names import expression
 from taskspec.printers.text import text
 from taskspec.rules.claim_rules import MODELS, RESULTS
 from taskspec.task.build import build_abstract
-from taskspec.task.parts import Claim, Example, Followed, are_finite
+from taskspec.task.parts import Claim, Example, Followed, are_finite, counts_of
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
@@ -241,7 +241,7 @@ def modifiers(task: Task) -> Iterator[Inlines]:
     line: list[Inline] = [Text(f"with {'them' if len(task.modifiers) > 1 else 'it'}, the state is ")]
     line += listing([(CodeSpan(c.name),) for c in task.state])
     if are_finite(task.state):
-        count = math.prod(n for c in task.state for n in c.counts)
+        count = math.prod(counts_of(task.state))
         line += [Text(" ("), Formula(m.Num(f"{count:,}" if count < 10**9 else f"{count:.2e}")), Text(" values)")]
     rest = "; the rest of this page, its scores apart, is the task as written"
     if task.annotations.expert is None is not task.unmodified.annotations.expert:

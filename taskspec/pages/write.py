@@ -91,13 +91,13 @@ def write_pages(
 
 
 def _known(formats: Iterable[str]) -> list[str]:
-    """Return the formats asked for, each once, or raise E713 for an unknown one."""
+    """Return the formats asked for, each once, or raise E726 for an unknown one."""
     wanted = list(dict.fromkeys(formats))
     for unknown in (f for f in wanted if f not in FORMATS):
-        raise _refused(f"'{unknown}' is not a format of the documentation", f"use {', '.join(FORMATS)}")
+        raise _refused("E726", f"'{unknown}' is not a format of the documentation", f"use {', '.join(FORMATS)}")
     if "pdf" in wanted and shutil.which("pdflatex") is None:
         hint = "install TeX Live, or write `latex` and compile it elsewhere"
-        raise _refused("`pdf` needs pdflatex, which is not installed", hint)
+        raise _refused("E727", "`pdf` needs pdflatex, which is not installed", hint)
     return wanted
 
 
@@ -167,7 +167,7 @@ def compile_pdf(folder: Path) -> Path:
         if done.returncode != 0 and command == "pdflatex":
             problem = next((line for line in done.stdout.splitlines() if line.startswith("!")), "pdflatex failed")
             raise _refused(
-                f"TeX could not compile {folder / 'document.tex'}: {problem.lstrip('! ')}", "see document.log"
+                "E727", f"TeX could not compile {folder / 'document.tex'}: {problem.lstrip('! ')}", "see document.log"
             )
     for path in folder.glob("document.*"):
         if path.suffix[1:] in _SCRATCH:
@@ -175,5 +175,5 @@ def compile_pdf(folder: Path) -> Path:
     return folder / "document.pdf"
 
 
-def _refused(message: str, hint: str) -> SpecError:
-    return SpecError((Diagnostic("E713", None, message, hint),))
+def _refused(code: str, message: str, hint: str) -> SpecError:
+    return SpecError((Diagnostic(code, None, message, hint),))

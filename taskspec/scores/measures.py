@@ -78,7 +78,6 @@ def _pays(model: Model, t: int) -> Array:
 
 # -- outcomes of one step ---------------------------------------------------------------------------------------------
 
-CHUNK = 65_536
 LISTING_RATE = 1_000_000
 """Nominal number of outcomes that are listed in a second."""
 
@@ -108,12 +107,11 @@ class RandomSteps:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.steps = Steps(model.task, as_paid=True)
-        self.acting = np.flatnonzero(model.acting)
         self._known: dict[int, StepOutcomes] = {}
         if self.steps.branching == np.inf:
             refuse("rewards are drawn from a distribution that has infinitely many outcomes")
         times = (model.horizon or 1) if self.steps.uses_time else 1
-        size = times * len(self.acting) * model.n_actions * self.steps.branching
+        size = times * model.n_states * model.n_actions * self.steps.branching
         if size > limits().seconds * LISTING_RATE:
             refuse(f"random steps have {count(int(size))} outcomes", how_to_raise("seconds", size / LISTING_RATE))
 
@@ -124,19 +122,12 @@ class RandomSteps:
         return self._known[time]
 
     def _listed(self, t: int) -> StepOutcomes:
-        codes = self.model.codes
-        rows = len(self.acting) * self.model.n_actions
-        size = max(1, int(CHUNK // max(1.0, min(self.steps.branching, CHUNK))))
-        parts = []
-        for low in range(0, rows, size):
-            action, which = np.divmod(np.arange(low, min(rows, low + size)), len(self.acting))
-            state = self.acting[which]
-            for found in self.steps.outcomes(codes[state], action, t):
-                point, code, weight, reward, ends, _ = found.spread(len(state))
-                parts.append((state[point], np.searchsorted(codes, code), ends, reward.astype(np.float64), weight))
-        *keys, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
-        (state, target, ends, reward), weight = merge_outcomes(keys, weight)
-        first = np.searchsorted(state, np.arange(self.model.n_states + 1))
+        n = self.model.n_states
+        found = self.steps.table(self.model.codes, t)
+        acting = self.model.acting[found.row % n]
+        keys = (found.row % n, found.column, found.ends, found.reward.astype(np.float64))
+        (state, target, ends, reward), weight = merge_outcomes([key[acting] for key in keys], found.weight[acting])
+        first = np.searchsorted(state, np.arange(n + 1))
         return StepOutcomes(state, target, reward, ends, weight / self.model.n_actions, first)
 
 

@@ -154,20 +154,18 @@ class _LogOutcomes:
     def __init__(self, numbers: Bounded, t: int, beta: float) -> None:
         model = numbers.model
         found = outcome_table(model, t)
-        order = np.argsort(found.row, kind="stable")
-        weights = found.weight[order]
-        row = found.row[order]
+        weights = found.weight
         self.numbers = numbers
-        self.columns = found.column[order]
-        self.ends = found.ends[order]
-        self.paid = beta * np.where(model.acting[row % model.n_states], found.reward[order], 0.0)
+        self.columns = found.column
+        self.ends = found.ends
+        self.paid = beta * np.where(model.acting[found.row % model.n_states], found.reward, 0.0)
         self.logs = np.log(weights)
         slack = numbers.slack
         off = slack.relative + 2 * slack.absolute / weights + 8 * UNIT * (np.abs(self.logs) + 1)
         self.error = float(np.max(off, initial=0.0))
         if slack.missing > 0 or numbers.is_faint:  # outcomes that are left out may pay anything
             self.error = np.inf
-        self.counts = np.bincount(row, minlength=model.n_actions * model.n_states)
+        self.counts = np.bincount(found.row, minlength=model.n_actions * model.n_states)
 
     def log_q(self, log_z: Bound, t: int) -> Bound:
         """log Z(s, a), (A, S), from log Z (S,) at the next time; 0 for rows without outcomes, where nobody acts."""

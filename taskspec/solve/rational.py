@@ -164,15 +164,14 @@ class Rational:
     def _step(self, steps: Steps, t: int) -> RationalStep:
         model = self.model
         found = steps.table(model.codes, t, self.probabilities)
-        order = np.argsort(found.row, kind="stable")
-        first = np.searchsorted(found.row[order], np.arange(model.n_actions * model.n_states))
+        first = np.searchsorted(found.row, np.arange(model.n_actions * model.n_states))
         acting = model.acting[found.row % model.n_states]  # what is paid elsewhere need not even be a number
-        distinct, which = np.unique(np.where(acting, found.reward, 0.0)[order], return_inverse=True)
+        distinct, which = np.unique(np.where(acting, found.reward, 0.0), return_inverse=True)
         rates = Scaled.of(_objects([self.reader(v) for v in distinct.tolist()]))
-        weights = Scaled.of(found.weight[order])
+        weights = Scaled.of(found.weight)
         paid = np.add.reduceat(weights.parts * rates.parts[which.reshape(-1)], first)
         R = Scaled(paid, weights.over * rates.over).lowest()
-        return RationalStep(first, found.column[order], weights, found.ends[order].astype(np.bool_), R)
+        return RationalStep(first, found.column, weights, found.ends.astype(np.bool_), R)
 
     def step(self, t: int) -> RationalStep:
         return self.steps[t if len(self.steps) > 1 else 0]

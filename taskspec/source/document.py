@@ -38,7 +38,9 @@ class Document:
     @property
     def files(self) -> tuple[str, ...]:
         """The names of all documents that this one rests on, without its own."""
-        found = [name for other in self.others.values() for name in (other.origin.name, *other.files)]
+        found: list[str] = []
+        for other in self.others.values():
+            found += (other.origin.name, *other.files)
         return tuple(dict.fromkeys(found))
 
     def span(self, path: Path, start: int | None = None, end: int | None = None) -> Span:

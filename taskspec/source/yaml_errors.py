@@ -28,11 +28,6 @@ from taskspec.source.nodes import (
     value_end,
 )
 
-_FOREIGN = (
-    (r"[^?\n]+\s(\?)\s", "`c ? x : y` is not part of the language", "write `x if c else y`"),
-    (r"(lambda)\s", "`lambda` is not part of the language", "write what it returns, or a definition with arguments"),
-)
-"""Expressions of other languages that have a colon: in quotes they would be as wrong."""
 _WORD_LINE = re.compile(r"""[\w']+$|"[^"]*"$""")
 _KEY_LINE = re.compile(r"[\r\n][ \t]*(?:- +)?[\w']+:(?=\s)")
 """The begin of a line below the first that looks like `key: value`."""
@@ -163,9 +158,6 @@ def _colon(text: str, syntax: Syntax) -> TextProblem | None:
         start = at - len(text[this_line:at].lstrip())
         message = f"`{shown(text[start:at])}` is indented as if it belonged to the value above"
         return TextProblem("E110", start, at, message, "align it with the keys next to it")
-    for form, what, hint in _FOREIGN:
-        if found := re.match(form, text[begin:at]):
-            return TextProblem("E104", begin + found.start(1), at + 1, what, hint)
     advice = in_quotes(text[begin : value_end(text, at, in_flow=False)])
     return TextProblem("E104", at, at + 1, "a colon followed by a space inside a value", advice)
 
@@ -267,13 +259,7 @@ _LISTS = frozenset({"values", "symbols", "shape", "by"})
 def find(text: str, root: Node, bad_keys: list[Node]) -> Iterator[TextProblem]:
     """Yield every trap in a tree, in no particular order."""
     for node in bad_keys:
-        if not isinstance(node, ScalarNode):
-            yield _bad_key(text, node)
-        elif text[node.start : node.start + 1] not in (
-            ",",
-            "}",
-        ):  # else it is left over from a comma: that is the problem
-            yield TextProblem("E108", node.start, node.start + 1, "there is nothing before this `:`")
+        yield from _bad_key(text, node)
     stack = [root]
     while stack:
         node = stack.pop()
@@ -281,22 +267,33 @@ def find(text: str, root: Node, bad_keys: list[Node]) -> Iterator[TextProblem]:
             case ScalarNode():
                 yield from _scalar(text, node)
             case MappingNode():
-                stack += [part for entry in node.entries for part in entry]
+                for entry in node.entries:
+                    stack += entry
                 cuts = list(_flow_mapping(text, node)) if node.flow else []
                 yield from cuts
-                yield from (each for each in _duplicates(node) if not any(cut.covers(each) for cut in cuts))
+                for each in _duplicates(node):
+                    if not any(cut.covers(each) for cut in cuts):
+                        yield each
             case SequenceNode():
                 stack += node.items
                 if node.flow:
                     yield from _cut_items(text, node)
 
 
-def _bad_key(text: str, node: Node) -> TextProblem:
-    written = text[node.start : node.end]
-    if isinstance(node, SequenceNode):
-        hint = 'write a vector as text: "(0, 1)"'
-        return TextProblem("E108", node.start, node.end, "a list cannot be a key", hint)
-    return TextProblem("E108", node.start, node.end, "a mapping cannot be a key", in_quotes(written))
+def _bad_key(text: str, node: Node) -> Iterator[TextProblem]:
+    match node:
+        case ScalarNode():
+            if text[node.start : node.start + 1] not in (
+                ",",
+                "}",
+            ):  # else it is left over from a comma: that is the problem
+                yield TextProblem("E108", node.start, node.start + 1, "there is nothing before this `:`")
+        case SequenceNode():
+            hint = 'write a vector as text: "(0, 1)"'
+            yield TextProblem("E108", node.start, node.end, "a list cannot be a key", hint)
+        case MappingNode():
+            hint = in_quotes(text[node.start : node.end])
+            yield TextProblem("E108", node.start, node.end, "a mapping cannot be a key", hint)
 
 
 def _scalar(text: str, node: ScalarNode) -> Iterator[TextProblem]:

@@ -36,22 +36,19 @@ def figure(context: Context, scope: Scope) -> Figure | None:
             context.report_key("E203", ("figure",), f"a figure of kind `{written['kind']}` needs `{key}`")
     shown: dict[str, Node] = {}
     for path in (("curve",), ("values",), *(("highlight", name) for name in written.get("highlight") or {})):
-        if written.get(path[0]) is not None:
-            expr = context.forms.expr(("figure", *path))
-        else:
-            expr = None
-        node = _number_of(context, expr, scope)
+        node = _number_of(context, context.forms.optional(("figure", *path)), scope)
         if node is not None:
             shown[path[-1]] = node
     sizes = (2, 4) if written["kind"] == "grid" else (2,)
-    objects = {
-        name: _place(context, ("figure", "objects", name), at, scope, (2, 4))
-        for name, at in (written.get("objects") or {}).items()
-    }
+    objects: dict[str, tuple[Node, ...]] = {}
+    for name, at in (written.get("objects") or {}).items():
+        place = _place(context, ("figure", "objects", name), at, scope, (2, 4))
+        if place:
+            objects[name] = place
     return Figure(
         kind=written["kind"], at=_place(context, ("figure", "at"), written.get("at"), scope, sizes),
         curve=shown.pop("curve", None), values=shown.pop("values", None), highlight=shown,
-        map=_map(context, written.get("map")), objects={name: at for name, at in objects.items() if at},
+        map=_map(context, written.get("map")), objects=objects,
     )  # fmt: skip
 
 
@@ -141,26 +138,19 @@ def read_examples(context: Context) -> Iterator[Example]:
 
 
 def _example(context: Context, entry: Mapping[str, Any], path: Path) -> Example:
-    given = {
-        (role, name): expr
-        for key, (role, section) in _GIVEN.items()
-        for name, expr in _named(context, entry, key, section, path)
-    }
-    follows = [
-        Followed(key, name, expr)
-        for key, section in _BY_NAME.items()
-        for name, expr in _named(context, entry, key, section, path)
-    ]
+    given: dict[tuple[Role, str], s.Expr] = {}
+    for key, (role, section) in _GIVEN.items():
+        for name, expr in _named(context, entry, key, section, path):
+            given[role, name] = expr
+    follows: list[Followed] = []
+    for key, section in _BY_NAME.items():
+        for name, expr in _named(context, entry, key, section, path):
+            follows.append(Followed(key, name, expr))
     for key in _SINGLE:
-        if entry.get(key) is not None:
-            expr = context.forms.expr((*path, key))
-        else:
-            expr = None
-        follows += [] if expr is None else [Followed(key, None, expr)]
-    if entry.get("probability") is not None:
-        chance = context.forms.expr((*path, "probability"))
-    else:
-        chance = None
+        single = context.forms.optional((*path, key))
+        if single is not None:
+            follows.append(Followed(key, None, single))
+    chance = context.forms.optional((*path, "probability"))
     most = limits().claims
     if (number := parameters.size(entry.get("for"))) > most:
         message = f"{number:,} choices of parameter values are too many; the limit is {most:,}"

@@ -19,7 +19,7 @@ from taskspec.lang.batch import DTYPES, evaluate
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, reads, walk
 from taskspec.lang.operators import Elements, entry_of
 from taskspec.lang.types import Kind
-from taskspec.task.parts import Component, are_finite
+from taskspec.task.parts import Component, are_finite, counts_of
 
 Values = dict[str, Array]
 """A value (*shape) for each component."""
@@ -121,7 +121,7 @@ def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: 
     moves = _moves(role, inputs, chosen)
     if moves is not None:
         return MapPart(inputs, outputs, moves)
-    size = math.prod(n for c in inputs for n in c.counts) if are_finite(inputs) else math.inf
+    size = math.prod(counts_of(inputs)) if are_finite(inputs) else math.inf
     elements = sum(n.type.size for n in chosen) + sum(c.type.size for c in inputs)
     if size * elements > limits().points:
         return MapPart(inputs, outputs)

@@ -41,6 +41,12 @@ class Forms:
         """Return the expression at a path, or None when it is broken (and reported)."""
         return self.tree(self.value(path), path)
 
+    def optional(self, path: Path) -> s.Expr | None:
+        """Return the expression at a path; None when it is broken (and reported), or when there is nothing."""
+        if self.value(path[:-1]).get(path[-1]) is None:
+            return None
+        return self.expr(path)
+
     def value(self, path: Path) -> Any:
         node: Any = self.merged.data
         for step in path:

@@ -166,6 +166,14 @@ def by_read(role: Role, components: Iterable[Component], values: Iterable[T]) ->
     return {(role, c.name): value for c, value in zip(components, values, strict=True)}
 
 
+def counts_of(components: Iterable[Component]) -> list[int]:
+    """Return how many values each element of finite components takes, one component after the other."""
+    found: list[int] = []
+    for c in components:
+        found += c.counts
+    return found
+
+
 def are_finite(components: Iterable[Component]) -> bool:
     """Return whether all components together take finitely many values."""
     return all(c.is_finite for c in components)
@@ -419,9 +427,9 @@ _ENTRIES = (
     ),
     FigureKind(
         "series", "taskspec.figures.series:series",
-        "`values`, a number or a vector, or else the components of the state: an episode of the expert over time; "
-        "in videos, the episode so far",
-        "a series needs an expert given by expressions, no draws and finite numbers",
+        "`values`, a number or a vector, or else the components of the state: an episode over time, of the expert where its "
+        "actions are expressions, else of random actions; in videos, the episode so far",
+        "a series needs finite numbers that change",
     ),
     FigureKind(
         "arm", "taskspec.figures.plane:arm", "`values`, the angles of the links, each measured from hanging straight down",

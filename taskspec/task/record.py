@@ -8,7 +8,7 @@ from typing import Any
 
 from taskspec.base.display import decimal, setting
 from taskspec.lang.types import Domain, Kind
-from taskspec.task.parts import Component, Parameter, Soft, are_finite
+from taskspec.task.parts import Component, Parameter, Soft, are_finite, counts_of
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
@@ -80,7 +80,7 @@ def count(components: Sequence[Component]) -> int | None:
     """Return the number of values of components together; None where it is not finite."""
     if not are_finite(components):
         return None
-    return math.prod(n for c in components for n in c.counts)
+    return math.prod(counts_of(components))
 
 
 def size(task: Task) -> str:

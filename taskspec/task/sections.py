@@ -17,7 +17,7 @@ from taskspec.task import declarations
 from taskspec.task import parts as parameters
 from taskspec.task.context import Context, poison
 from taskspec.task.names import Names
-from taskspec.task.parts import FINITE_SPACES, Claim, Component, Observation, Soft
+from taskspec.task.parts import FINITE_SPACES, Claim, Component, Observation, Soft, counts_of
 from taskspec.task.reach import Observed, kept, reach, saturated, too_wide, widest
 
 Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
@@ -217,7 +217,7 @@ def _check_space(context: Context, components: Sequence[Component], space: str) 
         context.report("E214", path, message, "declare bounds: `{value: ..., low: ..., high: ...}`")
     elif space == "discrete" and not (len(components) == 1 and components[0].type.is_scalar):
         context.report("E214", path, "`discrete` is one number, but more are observed")
-    elif space == "one_hot" and (needed := sum(n for c in components for n in c.counts)) > limits().one_hot:
+    elif space == "one_hot" and (needed := sum(counts_of(components))) > limits().one_hot:
         message = f"`one_hot` would have {count(needed)} elements; the limit is {limits().one_hot:,}"
         context.report("E214", path, message, how_to_raise("one_hot", needed))
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from taskspec.base.records import dataclass
 from taskspec.lang.types import INT_MAX, Kind
-from taskspec.task.parts import Component, Observation, SpaceKind, are_finite
+from taskspec.task.parts import Component, Observation, SpaceKind, are_finite, counts_of
 
 if TYPE_CHECKING:
     import gymnasium
@@ -143,7 +143,7 @@ class SpaceLayout:
     @property
     def counts(self) -> tuple[int, ...]:
         """How many values each finite element takes."""
-        return tuple(n for c in self.components for n in c.counts)
+        return tuple(counts_of(self.components))
 
     @property
     def starts(self) -> tuple[int, ...]:
@@ -179,7 +179,7 @@ def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) 
         case "multi_discrete":
             return SpaceLayout(form, components, (sum(c.type.size for c in components),))
         case "one_hot":
-            return SpaceLayout(form, components, (sum(n for c in components for n in c.counts),))
+            return SpaceLayout(form, components, (sum(counts_of(components)),))
         case "dict":
             return SpaceLayout(form, components)
         case "box":

@@ -27,6 +27,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from itertools import zip_longest
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -291,3 +292,12 @@ def test_the_files_that_the_architecture_names_are_there() -> None:
     named = set(re.findall(r"`([a-z_]+(?:/[a-z_]+)*\.(?:py|md))`", page))
     missing = sorted(name for name in named if not (DOCS.parent / "taskspec" / name).exists() and "/" in name)
     assert len(named) > 15 and missing == []
+
+
+def test_the_attributes_of_tasks_that_the_page_names_are_there() -> None:
+    section = (DOCS / "api.md").read_text(encoding="utf-8").partition("\n## Tasks\n")[2].partition("\n## ")[0]
+    table = section.partition("| attribute |")[2]
+    named = [name for row in table.splitlines() for name in re.findall(r"`([\w.]+)`", row.split(" | ")[0])]
+    assert len(named) > 20
+    for name in named:
+        attrgetter(name)(registry.load("derail/RiskyPath-v0"))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 import re
@@ -23,8 +22,8 @@ from taskspec.cli.report import print_exam
 from taskspec.exam import findings, report
 from taskspec.exam import score_charts as pictures
 from taskspec.exam import score_rows as told
-from taskspec.figures import chart
-from taskspec.figures.scene import Area, Box, Circle, Label, Line, Scene
+from taskspec.exam.card import card, matrix
+from taskspec.figures.scene import Box, Circle, Label, Line, Scene
 from taskspec.printers.text import plain
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, entry, exam
@@ -66,25 +65,44 @@ def test_rows_are_the_tasks_with_the_scores_of_their_seeds(results: dict[str, An
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("score", np.linspace(-1.5, 1.5, 61))
-def test_numbers_can_be_read_on_their_colours(score: float) -> None:
-    """Contrast by the definition of WCAG 2, which asks for 4.5."""
-    background = told.colour(score)
-
-    def luminance(rgb: tuple[int, ...]) -> float:
-        shares = np.array(rgb) / 255
-        linear = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
-        return float(linear @ [0.2126, 0.7152, 0.0722])
-
-    ink = tuple(bytes.fromhex(chart.ink(background)[1:]))
-    dark, light = sorted([luminance(ink), luminance(background)])
-    assert (light + 0.05) / (dark + 0.05) >= 4.5
+def test_positions_are_clipped_and_numbers_are_not(results: dict[str, Any]) -> None:
+    (row,) = (row for row in told.rows(results) if row.name == "EarlyTermNeg")
+    assert row.printed.words == "−1.70" and told.clipped(row.printed.scores) == [-1.0] * 14
+    curves = (((0.0, 0.0), (1.0, -3.0)), ((0.0, 0.0), (1.0, 1.0)))
+    assert told.mean_curve(curves) == ([0.0, 1.0], [0.0, -1.0])
 
 
-def test_colours_go_from_worse_than_random_to_the_expert_without_a_jump() -> None:
-    found = np.array([told.colour(x) for x in np.linspace(-1, 1, 401)])
-    assert np.abs(np.diff(found, axis=0)).max() <= 2
-    assert told.colour(-3) == told.colour(-1) and told.colour(2) == told.colour(1)
+# -- the card ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_first_line_has_the_cause_the_worst_score_and_what_to_do(results: dict[str, Any]) -> None:
+    shown = card(results)
+    assert shown.lead == "The learned reward is biased upwards, so that surviving pays (EarlyTermNeg −1.70)."
+    assert shown.advice == 'Let terminal states absorb (`ending="absorb"`) and learn their reward as well.'
+    assert [row.name for row in shown.rows] == ["Sort", "EarlyTermNeg", "RiskyPath", "Branching", "NoisyObs"]
+    assert shown.passed == "Passed: EarlyTermPos 1.00, Parabola 0.96"
+
+
+@pytest.mark.parametrize(
+    ("scores", "seeds", "lead"),
+    [
+        ({"Sort": 0.5, "Parabola": 1.0}, 15, "Fails Sort 0.50. No usual cause explains these scores."),
+        ({"Sort": 1.0, "Parabola": 1.0}, 15, "Passes 2 tasks."),
+        ({"Sort": 1.0, "Parabola": 1.0}, 3, "Nothing fails; undecided after 3 seeds: Parabola and Sort."),
+    ],
+)
+def test_the_first_line_without_a_diagnosis(scores: dict[str, float], seeds: int, lead: str) -> None:
+    assert card(exam(scores, seeds=seeds)).lead == lead
+
+
+def test_the_same_flag_on_several_tasks_is_one_line() -> None:
+    def flag(task: str, effect: float) -> dict[str, Any]:
+        message = f"the score is {-effect:.2f} lower (p = 5e-05)"
+        return {"kind": "twin", "task": task, "message": message, "effect": effect, "low": None, "high": None}
+
+    flags = [flag("derail/Sort-v0", -1.0), flag("derail/NoisyObs-v0", -4.27), flag("derail/Parabola-v0", -2.0)]
+    (found,) = card(exam({"Sort": 0.5}) | {"flags": flags}).flags
+    assert found.words == "NoisyObs: the score is 4.27 lower (p = 5e-05). The same on Parabola and Sort."
 
 
 def test_what_an_exam_took_is_told_in_words() -> None:
@@ -102,12 +120,14 @@ def test_the_terminal_shows_all_of_it(
     monkeypatch.setenv("COLUMNS", "80")
     print_exam(results, console(wide=True))
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
-    assert "early termination ✗ fails" in lines and "continuous control ✓ masters" in lines
-    assert "RiskyPath 1.00 14/14 pass 0.20 1.00 1.00" in lines
-    assert "Sort failed · failed 0.00" in lines and "LargestSum · · · 0.00" in lines
+    assert "Passed: EarlyTermPos 1.00, Parabola 0.96" in lines
+    (risky,) = (line for line in lines if line.startswith("✗ RiskyPath"))
+    assert "○" in risky and "●" in risky and risky.endswith("1.00 0.20 1.00 14/14")
+    (early,) = (line for line in lines if line.startswith("✗ EarlyTermNeg"))
+    assert "◂" in early and "−1.70 1.00" in early
     assert any(line.startswith("diagnosis the learned reward is biased upwards") for line in lines)
     assert any(line.startswith("try Let terminal states absorb") for line in lines)
-    assert "twin derail/RiskyPath-v0: differs from its <twins>" in lines
+    assert "twin RiskyPath: differs from its <twins>" in lines
 
 
 # -- pages ------------------------------------------------------------------------------------------------------------
@@ -148,15 +168,12 @@ def test_the_page_stands_alone_and_shows_every_seed(results: dict[str, Any], tmp
     page = Page(text)
     assert page.loads == [] and not re.search(r"url\(|@import", text)
     assert page.open == []
-    assert page.counts["strip"] == len(TITLES) and page.counts["curves"] == 1
-    (curve,) = (pictures.small_curves(row) for row in told.rows(results) if row.curves)
+    assert page.counts["strip"] == 5 and page.counts["curves"] == 1
+    (curve,) = (pictures.curves(row) for row in told.rows(results) if row.curves)
     assert sum(item.shade < 1 for item in curve.items if isinstance(item, Line)) == 14
-    strips = [pictures.strip(row, pictures.strip_axis(told.rows(results))) for row in told.rows(results)]
-    assert sum(len(dots(strip)) for strip in strips) == 14 * (len(PRINTED) + len(TWINS)) == text.count('r="1.9"')
     words = [text for _, text in page.texts]
-    assert "gail <im> & co" in words and "differs from its <twins>" in words
-    assert "−0.80 (95 % from −0.90 to −0.70)" in words
-    assert words.count("−1.70") == 2  # its actions taken, and drawn
+    assert "gail <im> & co" in words and "RiskyPath: differs from its <twins>" in words
+    assert words.count("−1.70") == 3  # as published, sampled, and beside the mark of the strip
     assert "prefers-color-scheme: dark" in text and "width=device-width" in text
 
 
@@ -176,39 +193,45 @@ def labels(scene: Scene) -> list[str]:
     return [plain(item.text) for item in scene.items if isinstance(item, Label)]
 
 
-def dots(scene: Scene) -> list[Circle]:
-    """The seeds of box plots."""
-    return [item for item in scene.items if isinstance(item, Circle) and item.shade == 0.75]
-
-
-def test_the_picture_has_every_seed_and_the_interval_of_the_mean(results: dict[str, Any]) -> None:
-    drawn = pictures.of_exam(results)
+def test_the_picture_has_every_seed_and_the_mean_of_the_data(results: dict[str, Any]) -> None:
+    drawn = pictures.picture(card(results))
+    rows = card(results).rows
     texts = labels(drawn)
-    first = texts.index("1.00")
-    assert texts[first : first + 6] == ["1.00", "0.20", "1.00", "1.00", "1.00", "1.00"]
-    assert len(dots(drawn)) == 14 * (len(PRINTED) + len(TWINS))
-    (at_random,), (at_expert,) = ({item.at[0] for item in drawn.items if isinstance(item, Label) and plain(item.text) == word}
-                                  for word in ("random", "expert"))  # fmt: skip
-    scores = [(dot.centre[0] - at_random) / (at_expert - at_random) for dot in dots(drawn)]
-    assert min(scores) == pytest.approx(-1)  # scores below are cut off, in pictures alone
-    branching = next(row for row in told.rows(results) if row.name == "Branching")
-    boxes = [
-        [(x - at_random) / (at_expert - at_random) for x, _ in item.points]
-        for item in drawn.items
-        if isinstance(item, Area)
+    for row in rows:
+        assert row.printed.words in texts and row.name in texts
+    seeds = [item for item in drawn.items if isinstance(item, Circle) and item.shade == 0.25]
+    assert len(seeds) == 1 + sum(len(row.printed.scores) for row in rows)  # one in the key
+    (at_random,) = (item.at[0] for item in drawn.items if isinstance(item, Label) and plain(item.text) == "random")
+    (at_expert,) = (item.points[0][0] for item in drawn.items if isinstance(item, Line) and item.points[0][0] > at_random
+                    and item.dash == "solid" and item.color == "muted" and item.width == 0.02)  # fmt: skip
+    scores = [(seed.centre[0] - at_random) / (at_expert - at_random) for seed in seeds[:-1]]
+    assert min(scores) == pytest.approx(-1)  # positions are clipped
+
+
+def test_no_number_of_a_picture_is_cut_at_the_floor() -> None:
+    exams = {"BC": exam({"Sort": 0.5, "Parabola": 1.0}), "GAIL": exam({"Parabola": [-1.7, -3.1] * 7 + [-2.4]})}
+    drawn = dict(pictures.of_several(exams))
+    assert "−2.40" in labels(drawn["table"]) and "−1.00" not in labels(drawn["table"])
+    assert labels(drawn["learner-GAIL"]).count("−2.40") == 3
+
+
+def test_the_matrix_has_the_verdict_as_colour_and_the_diagnosis_as_word() -> None:
+    gail = exam({"EarlyTermPos": 1.0, "EarlyTermNeg": -3.0, "Sort": 0.5}, learner="GAIL")
+    gail["diagnoses"] = findings.diagnose(gail, "derail")
+    found = matrix({"BC": exam({"Sort": 1.0}), "GAIL": gail})
+    cells = {(name, task): cell for name, row in zip(found.learners, found.cells, strict=True)
+             for task, cell in zip(found.tasks, row, strict=True)}  # fmt: skip
+    assert [cells["GAIL", task].word for task in ("EarlyTermPos", "EarlyTermNeg", "Sort")] == [
+        "",
+        "survival pays",
+        "fails",
     ]
-    assert any((min(xs), max(xs)) == pytest.approx(branching.printed.interval) for xs in boxes)
-
-
-def test_the_table_of_several_learners_is_grey_where_one_was_not_run() -> None:
-    exams = {"BC": exam({"Sort": 0.5, "Parabola": 1.0}), "GAIL": exam({"Parabola": -1.7})}
-    drawn = pictures.table(exams)
-    cells = [item for item in drawn.items if isinstance(item, Box)]
-    names = [text for text in labels(drawn) if text in TITLES]
-    assert [text for text in labels(drawn) if text in exams] == ["BC", "GAIL"]
-    assert cells[2 * names.index("Sort") + 1].fill == chart.hexadecimal(told.NOT_RUN)
-    assert cells[2 * names.index("Parabola") + 1].fill == chart.hexadecimal(told.colour(-1))
-    assert "−1.00" in labels(drawn)
+    assert cells["BC", "Sort"].grade == "masters" and cells["BC", "EarlyTermNeg"].grade == ""
+    drawn = pictures.table(found)
+    fills = [item.fill for item in drawn.items if isinstance(item, Box)]
+    assert fills[len(found.tasks) + found.tasks.index("EarlyTermNeg")] == pictures.TINTS["fails"]
+    page = report.page_of_several({"BC": exam({"Sort": 1.0}), "GAIL": gail})
+    assert "survival pays" in page and "−3.00" in page
 
 
 @pytest.mark.parametrize(
@@ -220,14 +243,7 @@ def test_the_table_of_several_learners_is_grey_where_one_was_not_run() -> None:
     ],
 )
 def test_the_table_of_one_family_leaves_its_name_out(learners: list[str], shown: list[str]) -> None:
-    drawn = pictures.table({name: exam({"Sort": 0.5}) for name in learners})
-    assert [plain(item.text) for item in drawn.items if isinstance(item, Label) and item.angle] == shown
-
-
-def test_boxes_stand_side_by_side_with_their_means(results: dict[str, Any]) -> None:
-    cells = {row.name: row.printed for row in told.rows(results)}
-    texts = labels(pictures.boxes(cells, "gail"))
-    assert texts[:2] == ["RiskyPath", "1.00"] and ("Sort", "failed") in itertools.pairwise(texts)
+    assert list(matrix({name: exam({"Sort": 0.5}) for name in learners}).learners) == shown
 
 
 def test_the_table_holds_every_score(results: dict[str, Any], tmp_path: Path) -> None:
@@ -244,7 +260,7 @@ def test_the_table_holds_every_score(results: dict[str, Any], tmp_path: Path) ->
 def test_a_format_that_there_is_not_is_refused(results: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(SpecError) as error:
         report.write(results, tmp_path, ["html", "parket"])
-    assert error.value.diagnostics[0].code == "E713" and "parquet" in str(error.value)
+    assert error.value.diagnostics[0].code == "E726" and "parquet" in str(error.value)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -261,7 +277,7 @@ def stored(folder: Path, results: dict[str, Any]) -> Path:
 def test_the_command_shows_an_exam_again_and_draws_it(results: dict[str, Any], tmp_path: Path) -> None:
     folder = stored(tmp_path / "im", results)
     done = Done("report", folder, "--format", "html,svg")
-    assert done.status == 0 and "early termination" in done.out and "report.svg" in done.out
+    assert done.status == 0 and "EarlyTermNeg" in done.out and "report.svg" in done.out
     assert (folder / "report.html").is_file() and (folder / "report.svg").is_file()
 
 
@@ -271,7 +287,8 @@ def test_the_command_puts_learners_side_by_side(tmp_path: Path) -> None:
     done = Done("report", one, two, "-f", "svg", "-f", "parquet", "-o", tmp_path / "out")
     assert done.status == 0
     lines = [line.split() for line in done.out.splitlines()]
-    assert ["BC", "GAIL"] in lines and ["Sort", "0.50", "·"] in lines and ["Parabola", "1.00", "−1.70"] in lines
+    header = next(line for line in lines if "Sort" in line)
+    assert next(line for line in lines if line[:1] == ["BC"])[1 + header.index("Sort")] == "0.50"
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"table.svg", "task-Sort.svg", "learner-GAIL.svg", "scores.parquet"} <= names
     assert len(names) == 2 + len(TITLES) + 2

@@ -15,13 +15,13 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.envs.window import Frames
 from taskspec.figures import Overlay, render_frame, scene, undrawn
 from taskspec.figures.scene import Box, Circle, Label, Line, Scene
-from taskspec.figures.series import episode_series
+from taskspec.figures.series import series
 from taskspec.printers.text import plain
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.docs.test_contact_sheet import outside, overlapping
-from tests.shared.specs import spec_file
+from tests.shared.specs import without_figure
 
 SPRING = """\
 taskspec: 1
@@ -46,7 +46,7 @@ def task(text: str, figure: str) -> Task:
 
 
 def classic(name: str, figure: str) -> Task:
-    return task((spec_file(name)).read_text(encoding="utf-8"), figure)
+    return task(without_figure(name), figure)
 
 
 def drawn(one: Task, here: dict[str, object] | None = None) -> Scene:
@@ -139,7 +139,7 @@ def test_frames_of_numbers_without_a_figure_and_without_bounds() -> None:
     assert np.array_equal(
         first, render_frame(one, {"x": 130.0, "v": -0.03}, "Spring, step 0 of 30", seen={0: {"x": 130.0, "v": -0.03}})
     )
-    found = episode_series(
+    found = series(
         one, Overlay(here={"x": 140.0, "v": -0.03}, seen={0: {"x": 130.0, "v": -0.03}, 1: {"x": 140.0, "v": -0.03}})
     )
     assert found is not None
@@ -198,12 +198,12 @@ def test_classic_control_is_drawn(name: str, figure: str) -> None:
 
 
 def test_what_cannot_be_drawn_says_so() -> None:
-    one = classic("acrobot", "{kind: series}")  # which has no expert
+    one = classic("acrobot", "{kind: portrait, at: ['s[0]', '2 * s[1]']}")
     (warning,) = undrawn(one)
-    assert warning.code == "W523"
+    assert warning.code == "W523" and warning.hint is not None and "arm" in warning.hint
     found = scene(one)
     assert found is not None
-    assert any("No series is drawn" in x for x in words(found))
+    assert any("No portrait is drawn" in x for x in words(found))
 
 
 def test_what_a_kind_needs_is_asked_for() -> None:

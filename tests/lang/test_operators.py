@@ -329,7 +329,8 @@ def test_samples_of_distributions(name: str, sample: dict[str, Any], shape: tupl
 def lane_draw(b: Builder, node: Node, row: Sequence[Argument], words: Sequence[int]) -> Flat:
     """The draw in generated code, whose arguments are called a0, a1, ... there."""
     renamed = {f"b{i}": b.read(Role.VARIABLE, f"a{i}", a.type, *_edge(a)) for i, a in enumerate(row)}
-    (again,) = rewrite([node], lambda n: renamed.get(n.name) if isinstance(n, Read) else None, b.remake)
+    values = {id(n): renamed[n.name] for n in walk([node]) if isinstance(n, Read) and n.name in renamed}
+    (again,) = rewrite([node], values, b.remake)
     return by_lane(b, again, row, words)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -18,11 +19,13 @@ from taskspec.figures.machine import explore
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene
 from taskspec.figures.states import first_state
 from taskspec.figures.vector_formats import svg
+from taskspec.pages import gather, write
+from taskspec.pages.page import anchor
 from taskspec.printers.text import plain
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
-from tests.shared.specs import spec_file, varied_files
+from tests.shared.specs import spec_file, varied_files, without_figure
 
 ROOT = Path(__file__).parents[2]
 IDS = [i for i in registry.task_ids() if i.startswith("derail/")]
@@ -75,13 +78,14 @@ def test_wide_families_are_elided_too() -> None:
     assert len(labels(found)) < 40
 
 
-def test_a_knot_is_not_drawn() -> None:
-    assert scene(registry.load(str(spec_file("queue")))) is None
+def test_numbers_of_a_knot_are_drawn_over_time() -> None:
+    found = scene(build(read_text(without_figure("queue"))))
+    assert found is not None and found.alt == "An episode of random actions in Queue over time, 50 steps"
 
 
 def test_what_else_could_be_drawn_is_said(tmp_path: Path) -> None:
     with pytest.raises(SpecError, match="cross") as caught:
-        figure(registry.load(str(spec_file("tiger"))), tmp_path / "tiger.svg")
+        figure(build(read_text(without_figure("tiger"))), tmp_path / "tiger.svg")
     assert "bars" in str(caught.value)
 
 
@@ -210,7 +214,7 @@ def test_files(ending: str, tmp_path: Path) -> None:
 
 
 def test_unknown_ending(tmp_path: Path) -> None:
-    with pytest.raises(SpecError, match="E713"):
+    with pytest.raises(SpecError, match="E726"):
         figure(task("RiskyPath"), tmp_path / "risky.docx")
 
 
@@ -267,3 +271,13 @@ figure: {kind: bars, values: x}
     found = scene(build(read_text(spec)))
     assert found is not None
     assert labels(found) == ["2", "0", "−1"]
+
+
+def test_pages_show_exact_results_in_the_figure_without_a_script(tmp_path: Path) -> None:
+    for name, words in (("RiskyPath", ["task", "best returns", "best actions", "visits", "expert"]), ("Parabola", [])):
+        one = task(name)
+        write([one], ["html"], tmp_path, facts={one.id: gather(one)})
+        (path,) = tmp_path.glob(f"{anchor(name)}.html")
+        text = path.read_text(encoding="utf-8")
+        assert re.findall(r'<label for="layer-\d">([^<]*)</label>', text) == words
+        assert text.count('class="figure"') == max(1, len(words)) and "<script" not in text

@@ -175,7 +175,7 @@ def test_a_missing_extra_says_how_to_install_it() -> None:
 
 
 def test_unknown_format(tmp_path: Path) -> None:
-    with pytest.raises(SpecError, match="E713"):
+    with pytest.raises(SpecError, match="E726"):
         write([registry.load("derail/Sort-v0")], ["docx"], tmp_path)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 
@@ -34,6 +35,11 @@ def spec_file(name: str) -> Path:
     found = [*ROOT.glob(f"tasks/*/{name}.yaml"), *ROOT.glob(f"tests/specs/{name}.yaml")]
     assert len(found) == 1, found
     return found[0]
+
+
+def without_figure(name: str) -> str:
+    """The text of a spec without its section `figure`."""
+    return re.sub(r"^figure:.*\n(?: .*\n)*", "", spec_file(name).read_text(encoding="utf-8"), flags=re.MULTILINE)
 
 
 def varied_files() -> list[Path]:

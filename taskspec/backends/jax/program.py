@@ -21,7 +21,7 @@ from taskspec.base.arrays import AnyArray, Array
 from taskspec.base.diagnostics import spec_error
 from taskspec.lang.builder import Builder
 from taskspec.lang.interval import bounds, rounded, single_step
-from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, reads, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, Role, reads, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.types import INF, INT_MAX, Kind, Range
 from taskspec.lang.variates import VARIATES, WordLayout, words_of
@@ -256,7 +256,7 @@ _NAMESPACE: dict[str, Any] = {
 
 def _array(node: Const) -> Any:
     dtype = {Kind.BOOL: np.bool_, Kind.INT: np.int32, Kind.REAL: np.float32}[node.type.kind]
-    values = [plain(v) for v in node.flat]
+    values = list(node.numbers)
     if node.type.kind is Kind.INT:
         values = [max(-INT_MAX - 1, min(INT_MAX, v)) for v in values]
     with np.errstate(over="ignore"):

@@ -14,7 +14,7 @@ import numpy as np
 from taskspec.backends.lane_form import LaneEmitter, LaneValue
 from taskspec.backends.source_text import literal
 from taskspec.lang.batch import network
-from taskspec.lang.ir import Apply, Const, Draw, Node, plain, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.operators.vectors import strided
 from taskspec.lang.types import INT_MAX, Kind
@@ -55,7 +55,7 @@ class KernelLane(LaneEmitter):
     def _const(self, node: Const) -> LaneValue:
         if node.type.size > 4096:
             return LaneValue()  # a table, which is looked up by the node itself
-        return LaneValue([literal(plain(v)) for v in node.flat])
+        return LaneValue(list(map(literal, node.numbers)))
 
     def _template(self, node: Apply, entry: Operator) -> str:
         real = any(a.type.kind is Kind.REAL for a in node.args)
@@ -178,10 +178,10 @@ class KernelLane(LaneEmitter):
 
     def _element_at(self, x: Node, at: str, column: int, row: int, rows: int) -> str:
         if isinstance(x, Const):
-            cells = [plain(v) for v in x.flat[column::row]]
+            cells = x.numbers[column::row]
             if rows > CHAIN:
                 return self.assign(f"{self.table(cells, x.type.kind)}[u64({at})]")
-            return self._chain([literal(v) for v in cells], at)
+            return self._chain(list(map(literal, cells)), at)
         return self._chain([self.assign(a) for a in self.atoms(x)[column::row]], at)
 
     def _chain(self, cells: Sequence[str], at: str) -> str:

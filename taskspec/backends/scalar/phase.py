@@ -60,14 +60,9 @@ class Phase:
             parts, inner = ((), list(observation))
         hoisted = maximal_draws((*roots, *(n for n in inner if n is not None)), free)
         names = {id(n): f"h{i}" for i, n in enumerate(hoisted)}
-
-        def leaf(node: Node) -> Node | None:
-            if id(node) not in names:
-                return None
-            return b.read(Role.VARIABLE, names[id(node)], node.type)
-
+        variables = {id(n): b.read(Role.VARIABLE, names[id(n)], n.type) for n in hoisted}
         lane = [*roots, *(n for n in inner if n is not None)]
-        rewritten = iter(rewrite(lane, leaf, b.remake))
+        rewritten = iter(rewrite(lane, variables, b.remake))
         new_roots = tuple(next(rewritten) for _ in roots)
         new_observation = tuple(_FILLED if n is None else next(rewritten) for n in inner)
         staying = [n for n in walk([*new_roots, *new_observation]) if isinstance(n, Draw)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import reduce
-from itertools import accumulate
+from itertools import accumulate, chain
 from typing import Any, ClassVar
 
 from taskspec.base.records import dataclass
@@ -86,7 +86,7 @@ def _rows(flat: Flat, shape: tuple[int, ...], indices: Iterable[int] | None = No
 
 
 def _join(rows: Sequence[Flat]) -> Flat:
-    return tuple(value for row in rows for value in row)
+    return tuple(chain.from_iterable(rows))
 
 
 def _vector_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:
@@ -364,7 +364,10 @@ def _product(b: NodeMaker, args: list[Node]) -> Node:
     columns = [y]
     if len(y.type.shape) == 2:
         columns = _columns(b, y)
-    found = [b.apply("sum", b.apply("mul", row, column)) for row in rows for column in columns]
+    found = []
+    for row in rows:
+        for column in columns:
+            found.append(b.apply("sum", b.apply("mul", row, column)))
     shape = (*x.type.shape[:-1], *y.type.shape[1:])
     if shape:
         return b.structure("reshape", [b.structure("vector", found)], shape)

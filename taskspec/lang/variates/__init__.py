@@ -97,8 +97,8 @@ def _many(draw: Draw, args: Sequence[Array], words: Array) -> Array:
 
 
 def _batch_of_one(draw: Draw, args: list[Flat], words: Words) -> Flat:
-    given = [
-        np.array(flat, DTYPES[a.type.kind]).reshape(*a.type.shape, 1) for a, flat in zip(draw.args, args, strict=True)
-    ]
+    given = []
+    for node, flat in zip(draw.args, args, strict=True):
+        given.append(np.array(flat, DTYPES[node.type.kind]).reshape(*node.type.shape, 1))
     column = np.array(words[: words_of(draw)], np.uint32)[:, None]
     return tuple(_many(draw, given, column).reshape(-1).tolist())

@@ -221,7 +221,10 @@ def _index_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithm
 
 def _permutation(draw: Draw, args: list[Flat], words: Words) -> Flat:
     n = draw.type.shape[-1]
-    return tuple(i for k in range(0, draw.type.size, n) for i in draws.permutation(words[k : k + n]))
+    found: list[int] = []
+    for k in range(0, draw.type.size, n):
+        found += draws.permutation(words[k : k + n])
+    return tuple(found)
 
 
 def _permutations(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
@@ -244,7 +247,10 @@ def _permutation_outcomes(draw: Draw, args: list[AnyArray], numbers: Probability
 
 def _permutation_kernel(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
     n = draw.type.shape[-1]
-    return [a for first in range(0, len(words), n) for a in k.order(words[first : first + n], False)]
+    found: list[str] = []
+    for first in range(0, len(words), n):
+        found += k.order(words[first : first + n], False)
+    return found
 
 
 TABLE = (

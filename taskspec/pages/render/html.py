@@ -14,12 +14,17 @@ from markupsafe import Markup
 
 from taskspec.base.display import ON_PAGES, visible
 from taskspec.base.extras import need
-from taskspec.figures import Scene, svg
+from taskspec.figures import Scene, layers, svg
 from taskspec.pages.facts import lines as score_lines
 from taskspec.pages.hypertext import HtmlWriter
 from taskspec.pages.page import Page
 from taskspec.pages.prose import is_safe
 from taskspec.pages.render.suite import Suite, html_environment, notation
+
+_LAYERS = {
+    "task": "task", "values": "best returns", "policy": "best actions", "expert": "expert", "occupancy": "visits",
+}  # fmt: skip
+"""What readers choose overlays by."""
 
 
 def site(suite: Suite, links: Mapping[str, str] | None = None) -> dict[str, str]:
@@ -81,11 +86,21 @@ def _page(suite: Suite, page: Page) -> dict[str, Any]:
         "summary": writer.prose(page.summary),
         "description": [writer.block(b) for b in page.description],
         "sections": [writer.section(s, [each.title for each in page.settings]) for s in page.sections],
-        "figure": Markup(svg(scene, css=True)) if scene else None,
+        "figures": _figures(page, scene),
         "caption": scene.caption if scene else "",
         "others": [(each.caption, Markup(svg(each.scene, css=True))) for each in suite.others(page)],
         "source": _highlighted(page.source_text),
     }
+
+
+def _figures(page: Page, scene: Scene | None) -> list[tuple[str, Markup]]:
+    """Return the figure, and where results are exact the same with each overlay; the reader chooses one by its word."""
+    if scene is None:
+        return []
+    found = {"task": scene}
+    if page.facts.states is not None:
+        found |= layers(page.task)
+    return [(_LAYERS[name], Markup(svg(each, css=True))) for name, each in found.items()]
 
 
 def _card(suite: Suite, page: Page) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
+from itertools import chain
 from types import UnionType
 from typing import Annotated, Any, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -160,7 +161,9 @@ def fitted(data: Any, model: type[Shape]) -> tuple[Shape | None, list[Problem]]:
     try:
         return model.model_validate(data), []
     except ValidationError as error:
-        found = [p for details in error.errors(include_url=False) for p in problems_of(dict(details), model)]
+        found: list[Problem] = []
+        for details in error.errors(include_url=False):
+            found += problems_of(dict(details), model)
     return None, list(dict.fromkeys(found))
 
 
@@ -246,13 +249,12 @@ def _keys_at(model: type[BaseModel], path: Path) -> list[str]:
     """Return the keys that an entry at a path can have, in the order of the models."""
     annotations: list[Any] = [model]
     for step in path:
-        annotations = [part for each in annotations for part in _step(each, step)]
-    return [
-        field.alias or key
-        for annotation in annotations
-        for each in _models_in(annotation)
-        for key, field in each.model_fields.items()
-    ]
+        annotations = list(chain.from_iterable(_step(each, step) for each in annotations))
+    keys = []
+    for annotation in annotations:
+        for each in _models_in(annotation):
+            keys += [field.alias or key for key, field in each.model_fields.items()]
+    return keys
 
 
 def _step(annotation: Any, step: str | int) -> Iterator[Any]:

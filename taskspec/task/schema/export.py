@@ -55,11 +55,10 @@ def _linked(node: Any) -> Any:
         if isinstance(node, str):
             return node.removesuffix("Entry")
         return node
-    linked = {
-        key.removesuffix("Entry"): _linked(value)
-        for key, value in node.items()
-        if key not in (FORM, "patternProperties")
-    }
+    linked = {}
+    for key, value in node.items():
+        if key not in (FORM, "patternProperties"):
+            linked[key.removesuffix("Entry")] = _linked(value)
     if FORM in node:
         linked |= _ref(node[FORM])
     for pattern, value in node.get("patternProperties", {}).items():

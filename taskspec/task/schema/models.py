@@ -333,7 +333,7 @@ class PartialParameters(BaseModel):
 
     @model_validator(mode="after")
     def _check(self) -> PartialParameters:
-        fail([problem for key in self.__pydantic_extra__ for problem in values.name(key, (key,))])
+        fail(list(values.names(self.__pydantic_extra__)))
         return self
 
 

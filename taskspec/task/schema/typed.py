@@ -267,5 +267,5 @@ class Parameters(BaseModel):
 
     @model_validator(mode="after")
     def _check(self) -> Parameters:
-        fail([problem for key in self.entries for problem in values.name(key, (key,))])
+        fail(list(values.names(self.entries)))
         return self

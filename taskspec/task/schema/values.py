@@ -133,6 +133,12 @@ def name(text: str, path: tuple[str | int, ...] = ()) -> Iterator[Problem]:
         yield Problem("E205", path, trouble, hint, of_key=True)
 
 
+def names(keys: Iterable[str]) -> Iterator[Problem]:
+    """Yield the keys that are no names."""
+    for key in keys:
+        yield from name(key, (key,))
+
+
 def unknown_key(key: str, known: tuple[str, ...]) -> Problem:
     """Return the problem of a key that is not known here, with what to write instead."""
     hint = advice(key, known) or suggest(key, known) or ("it can be one of: " + ", ".join(known))
@@ -182,8 +188,7 @@ def definition(text: str) -> Iterator[Problem]:
         arguments = [part.strip() for part in function[2].split(",")]
     else:
         arguments = []
-    names = [function[1] if function else text, *arguments]
-    for each in names:
+    for each in (function[1] if function else text, *arguments):
         yield from name(each)
     if len(set(arguments)) < len(arguments):
         message = f"two arguments of `{text}` have the same name"

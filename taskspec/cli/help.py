@@ -1,0 +1,139 @@
+"""The help of commands, and their errors about usage, in the style of all other output."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from taskspec.base.diagnostics import Diagnostic
+from taskspec.base.limits import limits
+from taskspec.cli.console import fail, reported, say
+
+FIRST = """\
+First commands:
+  taskspec list               the tasks that come with the package
+  taskspec new my_task.yaml   a spec to start from
+  taskspec exam bc            what is wrong with a learner
+"""
+LEFT = 26
+"""The width of what stands left of an explanation; what is longer stands on a line of its own."""
+GENERIC = re.compile(r" ?(<str>|<path>|<file>|<directory>|<bool>|TEXT|PATH|FILE)$")
+NUMBERS = re.compile(r"<(int|float)( range)?>|(INTEGER|FLOAT)( RANGE)?")
+
+
+class Command(TyperCommand):
+    """A command with plain help."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print usage, what the command does, and its arguments and options."""
+        rows = [(param.param_type_name, *_record(param, ctx)) for param in self.get_params(ctx)]
+        panels = {
+            "Arguments": [row[1:] for row in rows if row[0] == "argument"],
+            "Options": [row[1:] for row in rows if row[0] != "argument"],
+        }
+        _print_help(self, ctx, panels)
+
+
+class Commands(TyperGroup):
+    """The commands; an error that one of them raises ends in a message and a status, never in a traceback."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Return the arguments of the command; without any, show the help and three commands to begin with."""
+        if not args and not ctx.resilient_parsing:
+            say(ctx.get_help())
+            say(FIRST)
+            raise typer.Exit
+        with usage_reported():
+            return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command."""
+        with reported(), usage_reported():
+            limits()  # a mistake in the environment variable is reported before anything rests on it
+            return super().invoke(ctx)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print usage, and the commands in groups."""
+        panels: dict[str, list[tuple[str, str]]] = {}
+        for name in self.list_commands(ctx):
+            command: Any = self.get_command(ctx, name)
+            panels.setdefault(command.rich_help_panel, []).append((name, command.get_short_help_str(400)))
+        panels["Options"] = [_record(param, ctx) for param in self.get_params(ctx)]
+        _print_help(self, ctx, panels)
+
+
+@contextmanager
+def usage_reported() -> Iterator[None]:
+    """Turn errors about usage, which the parser of arguments raises, into messages of the package's own style."""
+    try:
+        yield
+    except Exception as found:
+        error: Any = found
+        if getattr(error, "exit_code", None) != 2 or not hasattr(error, "format_message"):
+            raise
+        message = error.format_message().rstrip(".")
+        text, _, hint = message.partition(" Did you mean")
+        path = error.ctx.command_path if error.ctx is not None else "taskspec"
+        near = f"did you mean{hint}" if hint else f"`{path} --help` shows what there is"
+        text = f"{text[0].lower()}{text[1:]}".rstrip(".")
+        fail([Diagnostic("E713", None, text, near)], 2)
+
+
+def _record(param: Any, ctx: Any) -> tuple[str, str]:
+    """Return how an argument or option is written, without types that say nothing, and its explanation."""
+    written, words = param.get_help_record(ctx) or (param.name, "")
+    written = NUMBERS.sub("N", GENERIC.sub("", written))
+    return written, re.sub(r"\s*\[(required|x>=?[\d.]+|[\d.]+<=?x.*?)\]", "", words)
+
+
+def _print_help(command: Any, ctx: Any, panels: dict[str, list[tuple[str, str]]]) -> None:
+    from rich.markup import render
+
+    from taskspec.cli.console import console
+
+    out = console()
+    out.print(f"Usage: {ctx.command_path} {' '.join(_usage(command, ctx))}", style="title")
+    out.print()
+    for paragraph in (command.help or "").split("\n\n"):
+        out.print(render(paragraph.strip("\n")))
+        out.print()
+    for title, rows in panels.items():
+        if rows:
+            out.print(title, style="head")
+            _print_rows(out, rows)
+            out.print()
+
+
+def _usage(command: Any, ctx: Any) -> Iterable[str]:
+    pieces = command.collect_usage_pieces(ctx)
+    return (piece.strip("{}") for piece in pieces)
+
+
+def _print_rows(out: Any, rows: Iterable[tuple[str, str]]) -> None:
+    """Print explanations beside what they explain, or below it where that is long."""
+    from rich.markup import render
+    from rich.padding import Padding
+    from rich.text import Text
+
+    for written, words in rows:
+        text = render(words)
+        name = Text(f"  {written}", style="name")
+        if len(written) > LEFT - 4:
+            out.print(name)
+            out.print(Padding(text, (0, 0, 0, LEFT)))
+            continue
+        lines = list(_wrapped(out, text))
+        for i, piece in enumerate(lines):
+            head = name if i == 0 else Text()
+            out.print(Text.assemble(head, " " * (LEFT - len(head)), piece))
+
+
+def _wrapped(out: Any, text: Any) -> Iterator[Any]:
+    """Yield the lines of a text, in the room right of the column of names."""
+    lines = text.wrap(out, max(out.width - LEFT, 20))
+    yield from lines or [text]

@@ -1,0 +1,195 @@
+"""Tables on the terminal, none of whose cells is ever cut off."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.measure import Measurement
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+ENDS = "/?&"
+"""Characters after which a prefix that all names share may end."""
+UNBOUNDED = 10_000
+MOST_PARTS = 3
+"""The most parts that a table is cut into; one that needs more is turned."""
+
+
+class Columns:
+    """A table without rules, which fits itself to the width of the terminal.
+
+    Where it is too wide, it drops the prefix that all names share, then the spare columns, and then continues the other
+    columns below, each part with the names, or turns rows into paragraphs. Numbers and names are never cut off.
+    """
+
+    def __init__(
+        self,
+        *headers: str,
+        right: Iterable[int] = (),
+        fold: Iterable[int] = (),
+        styles: Sequence[str] = (),
+        gap: int = 2,
+        names: int | None = None,
+        spare: Sequence[int] = (),
+        widths: dict[int, int] | None = None,
+    ) -> None:
+        """Make a table without rows.
+
+        Args:
+            headers: one for each column; a table without any has no row for them.
+            right: the columns that are aligned to the right.
+            fold: the columns of prose, which may wrap.
+            styles: the styles of the first columns.
+            gap: blanks between columns.
+            names: the column that identifies rows; those before it stay beside it.
+            spare: the columns that can be dropped, the first one first.
+            widths: the least widths of columns.
+        """
+        self.headers = headers
+        self.right = set(right)
+        self.fold = set(fold)
+        self.styles = dict(enumerate(styles))
+        self.gap = gap
+        self.names = names
+        self.spare = spare
+        self.widths = widths or {}
+        self.rows: list[list[Any]] = []
+
+    def add_row(self, *cells: Any) -> None:
+        """Add a row; cells that are missing at its end are empty."""
+        self.rows.append([*cells, *[""] * (len(self.headers) - len(cells))])
+
+    def __rich_console__(self, console: Any, options: Any) -> Iterator[Any]:
+        shown = list(range(len(self.headers)))
+        width = options.max_width
+        if self.names is None:
+            yield self._table(shown, {})
+            return
+        if self._needed(console, shown) > width:
+            shown = self._without_spare(console, shown, width)
+        widths = self._widths(console)
+        parts = list(self._parts(console, shown, width))
+        if len(parts) > MOST_PARTS or any(self._needed(console, part) > width for part in parts):
+            yield from self._turned(shown, width)
+            return
+        for i, part in enumerate(parts):
+            if i:
+                yield ""
+            yield self._table(part, widths)
+
+    def __rich_measure__(self, console: Any, options: Any) -> Measurement:
+        return Measurement.get(console, options, self._table(range(len(self.headers)), {}))
+
+    def _widths(self, console: Any) -> dict[int, int]:
+        """Return what each column needs: its widest cell, or its longest word if it may wrap."""
+        options = console.options.update(max_width=UNBOUNDED)
+        found = {}
+        for i, header in enumerate(self.headers):
+            sizes = [Measurement.get(console, options, cell) for cell in (header, *(row[i] for row in self.rows))]
+            needed = [size.minimum if i in self.fold else size.maximum for size in sizes]
+            found[i] = max(*needed, self.widths.get(i, 0))
+        return found
+
+    def _needed(self, console: Any, shown: Sequence[int]) -> int:
+        widths = self._widths(console)
+        return sum(widths[i] + self.gap for i in shown) - self.gap
+
+    def _table(self, shown: Iterable[int], widths: Mapping[int, int]) -> Table:
+        """Return the table of some columns."""
+        from rich.table import Table
+
+        columns = list(shown)
+        has_header = any(self.headers[i] for i in columns)
+        table = Table(
+            box=None, pad_edge=False, padding=(0, self.gap, 0, 0), show_header=has_header, header_style="quiet"
+        )
+        for i in columns:
+            table.add_column(
+                self.headers[i], no_wrap=i not in self.fold, overflow="fold", min_width=widths.get(i, self.widths.get(i)),
+                style=self.styles.get(i, ""), justify="right" if i in self.right else "left",
+            )  # fmt: skip
+        for row in self.rows:
+            table.add_row(*(row[i] for i in columns))
+        return table
+
+    def _without_spare(self, console: Any, shown: list[int], width: int) -> list[int]:
+        """Return the columns that remain: the prefix of all names is dropped first, then spare columns one by one."""
+        self._drop_prefix()
+        for column in self.spare:
+            if self._needed(console, shown) > width:
+                shown = [i for i in shown if i != column]
+        return shown
+
+    def _drop_prefix(self) -> None:
+        """Remove what all names begin with, and put it above them; names that are indented are a group of their own."""
+        assert self.names is not None
+        groups: dict[bool, list[list[Any]]] = {}
+        for row in self.rows:
+            text = str(row[self.names])
+            if any(end in text for end in ENDS):
+                groups.setdefault(text.startswith(" "), []).append(row)
+        for is_indented, rows in sorted(groups.items(), reverse=True):
+            indent = "  " if is_indented else ""
+            shared = shared_prefix([str(row[self.names]).strip() for row in rows])
+            if len(rows) < 2 or not shared:
+                continue
+            for row in rows:
+                style = row[self.names].style if isinstance(row[self.names], Text) else ""
+                row[self.names] = Text(str(row[self.names]).replace(shared, "…", 1), style=style)
+            above: list[Any] = [""] * len(self.headers)
+            above[self.names] = Text(f"{indent}{shared}…", style="quiet")
+            self.rows.insert(0, above)
+
+    def _parts(self, console: Any, shown: Sequence[int], width: int) -> Iterator[list[int]]:
+        """Yield the columns in parts that fit, each with the names."""
+        assert self.names is not None
+        beside = [i for i in shown if i <= self.names]
+        part = list(beside)
+        for i in shown[len(beside) :]:
+            if len(part) > len(beside) and self._needed(console, [*part, i]) > width:
+                yield part
+                part = list(beside)
+            part.append(i)
+        yield part
+
+    def _turned(self, shown: Sequence[int], width: int) -> Iterator[Text]:
+        """Yield each row as its name, and below it the other columns with their headers."""
+        assert self.names is not None
+        for row in self.rows:
+            yield Text(" ").join(_as_text(row[i]) for i in range(self.names + 1) if str(row[i]))
+            line = Text("   ")
+            for i in shown:
+                if i <= self.names or not str(row[i]):
+                    continue
+                header = self.headers[i].replace("\n", " ")
+                cell = Text.assemble(" ", (header, "quiet"), " " if header else "", _as_text(row[i]))
+                if len(line) + len(cell) > width and len(line) > 3:
+                    yield line
+                    line = Text("   ")
+                line.append_text(cell).append(" ")
+            if len(line) > 3:
+                yield line
+
+
+def _as_text(cell: Any) -> Text:
+    if isinstance(cell, Text):
+        return cell.copy()
+    return Text(str(cell))
+
+
+def shared_prefix(names: Sequence[str]) -> str:
+    """Return what all names begin with, up to the end of a part of an id or of a path."""
+    if not names:
+        return ""
+    first = min(names)
+    last = max(names)
+    length = 0
+    while length < min(len(first), len(last)) and first[length] == last[length]:
+        length += 1
+    shared = first[:length]
+    while shared and shared[-1] not in ENDS:
+        shared = shared[:-1]
+    return shared
