@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,18 +21,21 @@ if TYPE_CHECKING:
     from taskspec.experiments import ExperimentFile
     from taskspec.task.task import TaskLike
 
+_TIME = re.compile(r"(\d+(?:\.\d+)?)([smh])")
+_SECONDS = {"s": 1, "m": 60, "h": 3600}
+
 
 def _option(*names: str, help: str, **more: Any) -> Any:
     return typer.Option(*names, help=help, show_default=False, **more)
 
 
 LearnerArgument = Annotated[
-    str,
+    list[str],
     typer.Argument(
-        metavar="LEARNER|EXPERIMENT", show_default=False, autocompletion=options.complete_learners,
+        metavar="LEARNER...|EXPERIMENT", show_default=False, autocompletion=options.complete_learners,
         help="[cyan]FILE.py:train[/] or [cyan]module:train[/], a function of a case that gives a policy; or one that comes with "
         "the package, by its name ([cyan]bc[/]) or as a YAML file of its settings. Or an experiment, by its path or as "
-        "[cyan]suite/name[/]: its learners, on its tasks.",
+        "[cyan]suite/name[/]: its learners, on its tasks. Several learners are compared side by side.",
     ),
 ]  # fmt: skip
 Suite = Annotated[
@@ -52,18 +56,18 @@ Steps = Annotated[
 Transitions = Annotated[
     str | None, _option("--transitions", metavar="N", help="Transitions of expert demonstrations; 10k unless given.")
 ]
+Within = Annotated[
+    str | None,
+    _option("--within", metavar="TIME", help="Time for the exam, such as 5m or 90s: seeds and steps are chosen for it."),
+]  # fmt: skip
+UntilSure = Annotated[
+    bool, _option("--until-sure", help="Add seeds, up to 30, until each capability is mastered or failed.")
+]
 Twins = Annotated[int | None, _option("--twins", min=0, help="Twins of each task that has some; 2 unless given.")]
 Probes = Annotated[
     bool | None,
     _option(
         "--probes/--no-probes", help="Whether to test if the learner uses rewards that are withheld; on by default."
-    ),
-]
-Laws = Annotated[
-    bool | None,
-    _option(
-        "--laws/--no-laws",
-        help="Whether to try all laws of learning, or none; those that the learner declares by default.",
     ),
 ]
 LearnsFrom = Annotated[
@@ -77,7 +81,7 @@ Against = Annotated[
     Path | None,
     _option(
         "--against", metavar="FOLDER",
-        help="An earlier exam, or one that comes with a suite (derail/bc): regressions since then are flagged.",
+        help="An earlier exam, or one that comes with a suite (derail/bc): changes since then are flagged.",
     ),
 ]  # fmt: skip
 Output = Annotated[
@@ -86,15 +90,16 @@ Output = Annotated[
 
 
 def exam(
-    learner: LearnerArgument,
+    learners: LearnerArgument,
     suite: Suite = None,
     tasks: Tasks = None,
     seeds: Seeds = None,
     steps: Steps = None,
+    within: Within = None,
+    until_sure: UntilSure = False,
     transitions: Transitions = None,
     twins: Twins = None,
     probes: Probes = None,
-    laws: Laws = None,
     learns_from: LearnsFrom = None,
     against: Against = None,
     output: Output = None,
@@ -112,9 +117,12 @@ def exam(
     Results are saved in OUT as they arrive: an exam that was stopped resumes where it was. OUT/exam.json has all of them,
     and OUT/report.html shows them. A learner that fails on a task, or takes too long, is reported, and the others continue.
 
+    Several learners are examined one after the other, each in a folder of its own, and compared: interquartile mean,
+    probability of improvement, share of runs above a score, steps to 0.9.
+
     For an experiment, every learner is examined on all instances, each in its own folder; options override the file.
 
-    It flags regressions against an earlier exam, twins on which scores differ, learners that use rewards that are
+    It flags changes since an earlier exam, twins on which scores differ, learners that use rewards that are
     withheld from them, and failures. Exit status 1 if anything is flagged.
     """
     from taskspec.exam import Running
@@ -124,25 +132,28 @@ def exam(
     counts = {"steps": _count("--steps", steps), "transitions": _count("--transitions", transitions)}
     given = {"seeds": seeds, "twins": twins, "probes": probes, **counts}
     terms: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    written = read_if_experiment(learner)
-    if written is not None:
+    written = [read_if_experiment(learner) for learner in learners]
+    if written[0] is not None:
+        if len(learners) > 1:
+            raise misuse("an experiment names its learners itself", "give one experiment, or several learners")
         single = {
-            "--suite": suite,
-            "--tasks": tasks,
-            "--laws": laws,
-            "--learns-from": learns_from,
-            "--against": against,
-        }
+            "--suite": suite, "--tasks": tasks, "--learns-from": learns_from, "--against": against, "--within": within,
+            "--until-sure": until_sure or None, "--laws": laws,
+        }  # fmt: skip
         for option, value in single.items():
             if value is not None:
-                raise misuse(f"{option} is for a single learner, not for an experiment")
-        _examine_all(written, output, running, terms, json)
+                raise misuse(f"{option} is for learners, not for an experiment")
+        _examine_all(written[0], output, running, terms, json)
         return
     if tasks is not None:
         terms["tasks"] = _tasks(options.split_names(tasks))
     if learns_from is not None:
         terms["learns_from"] = options.split_names(learns_from)
-    _examine_one(learner, output, running, {"suite": suite, "against": against, "laws": laws, **terms}, json)
+    terms |= {"suite": suite, "against": against, "within": _seconds(within), "until_sure": until_sure, "laws": laws}
+    if len(learners) == 1:
+        _examine_one(learners[0], output, running, terms, json)
+    else:
+        _examine_several(learners, output, running, terms, json)
 
 
 def _examine_one(learner: str, output: Path | None, running: Running, terms: dict[str, Any], json: bool) -> None:
@@ -161,6 +172,34 @@ def _examine_one(learner: str, output: Path | None, running: Running, terms: dic
         for path in (folder / "exam.json", *write(found, folder)):
             say(f"wrote {near(path)}")
     if found["flags"]:
+        raise typer.Exit(1)
+
+
+def _examine_several(
+    learners: Sequence[str], output: Path | None, running: Running, terms: dict[str, Any], json: bool
+) -> None:
+    from taskspec.cli.report import print_several
+    from taskspec.exam import examine
+    from taskspec.exam.comparison import compare
+    from taskspec.exam.report import write_several
+    from taskspec.exam.results import folder_name
+
+    if len(set(map(folder_name, learners))) < len(learners):
+        raise misuse("two of these learners have the same name", "each needs a name of its own")
+    folder = output or Path("build/exams")
+    exams = {}
+    for learner in learners:
+        with job_progress(learner) as progress:
+            own = folder / folder_name(learner)
+            exams[learner] = examine(learner, **terms, out=own, running=replace(running, progress=progress))
+    found = compare(exams)
+    if json:
+        write_json({"exams": exams, "comparison": found})
+    else:
+        print_several(exams, found)
+        for path in write_several(exams, folder, ["svg"]):
+            say(f"wrote {near(path)}")
+    if any(each["flags"] for each in exams.values()):
         raise typer.Exit(1)
 
 
@@ -193,6 +232,16 @@ def _tasks(names: Sequence[str]) -> list[TaskLike]:
         else:
             found += expand(written).tasks()
     return found
+
+
+def _seconds(text: str | None) -> float | None:
+    """Return a time such as 5m, 90s or 1.5h in seconds; None where none is given."""
+    if text is None:
+        return None
+    found = _TIME.fullmatch(text)
+    if found is None:
+        raise misuse(f"--within is a time such as 5m, 90s or 1.5h, not '{text}'")
+    return float(found[1]) * _SECONDS[found[2]]
 
 
 def _count(option: str, text: str | None) -> int | None:

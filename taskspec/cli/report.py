@@ -17,6 +17,7 @@ from taskspec.cli.tables import Columns
 if TYPE_CHECKING:
     from taskspec.exam import Exam
     from taskspec.exam.card import Card
+    from taskspec.exam.comparison import LearnersComparison
     from taskspec.exam.findings import FindingsResult
     from taskspec.exam.score_rows import TaskRow
     from taskspec.experiments import LearnersExamined
@@ -64,6 +65,7 @@ def report(
     same folder ([cyan]results/paper/bc[/], [cyan]results/paper/ppo[/]) are one set. A folder includes all exams below it.
     """
     from taskspec.exam import read
+    from taskspec.exam.comparison import compare
     from taskspec.exam.report import write, write_several
 
     if findings is not None:
@@ -84,7 +86,7 @@ def report(
     if len(exams) == 1:
         print_exam(exams[0])
     else:
-        print_matrix(learners)
+        print_several(learners, compare(learners))
     for path in written:
         say(f"wrote {near(path)}")
 
@@ -239,6 +241,25 @@ def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -
         written.append(path)
     for path in written:
         say(f"wrote {near(path)}")
+
+
+def print_several(exams: Mapping[str, Mapping[str, Any]], found: LearnersComparison) -> None:
+    """Print learners side by side: the matrix of scores and diagnoses, and numbers over all runs."""
+    from taskspec.exam.comparison import lines
+
+    print_matrix(exams)
+    out = console(wide=True)
+    out.print()
+    table = Columns(
+        "", "IQM [95 %]", "above 0.5", "above 0.9", "steps to 0.9", right=range(1, 5), styles=("name",), names=0
+    )
+    for row in lines(found):
+        table.add_row(*row)
+    out.print(table)
+    for pair in found["pairs"]:
+        chance = pair["probability"]
+        interval = f"{chance['value']:.2f} [{chance['low']:.2f}, {chance['high']:.2f}]"
+        out.print(VisibleText(f"P({pair['first']} > {pair['second']}) = {interval} for a run of each on the same task"))
 
 
 def print_matrix(exams: Mapping[str, Mapping[str, Any]]) -> None:

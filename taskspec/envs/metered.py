@@ -28,6 +28,9 @@ class Meter(Protocol):
     def paid(self, before: Any, actions: Any, after: Any, rewards: Array) -> Array:
         """Return the rewards (N,) that are paid for N steps, from those of the task; observations and actions are batches."""
 
+    def follow_one(self, reward: float, is_over: bool) -> None:
+        """Note the reward of a single environment, and whether its episode ended."""
+
     def follow(self, rewards: Array, is_over: Array, takes_part: Array) -> None:
         """Note the rewards (N,) of the task, and which episodes ended; lanes that were reset instead take no part."""
 
@@ -59,9 +62,8 @@ class Metered(gymnasium.Env[Any, Any]):
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         self._meter.spend(1)
         after, reward, terminated, truncated, told = self._inside.step(action)
-        earned = np.array([reward])
-        rewards = self._meter.paid(_batch(self._before), [action], _batch(after), earned)
-        self._meter.follow(earned, np.array([terminated or truncated]), np.array([True]))
+        rewards = self._meter.paid(_batch(self._before), [action], _batch(after), np.array([reward]))
+        self._meter.follow_one(reward, terminated or truncated)
         self._before = after
         return after, float(rewards[0]), terminated, truncated, told
 

@@ -394,14 +394,26 @@ class _Meter:
     def __init__(self, case: Case) -> None:
         self.case = case
         self.episodes = EpisodeReturns(case.task.discount)
+        self.total = 0.0
+        self.weight = 1.0
 
     def begin(self, lanes: int) -> None:
         self.episodes.begin(lanes)
+        self.total = 0.0
+        self.weight = 1.0
+
+    def follow_one(self, reward: float, is_over: bool) -> None:
+        self.total += self.weight * reward
+        self.weight *= self.episodes.discount
+        if is_over:
+            self.case.training.add(self.case.spent.steps, self.total, 1)
+            self.total = 0.0
+            self.weight = 1.0
 
     def follow(self, rewards: Array, is_over: Array, takes_part: Array) -> None:
         returns = self.episodes.step(rewards, is_over, takes_part)
         if len(returns):
-            self.case.training.add(self.case.spent.steps, returns)
+            self.case.training.add(self.case.spent.steps, float(returns.sum()), len(returns))
 
     def spend(self, steps: int) -> None:
         self.case.count(steps)

@@ -27,11 +27,11 @@ class TrainingReturns:
         self.totals = np.zeros(POINTS)
         self.counts = np.zeros(POINTS, np.int64)
 
-    def add(self, steps: int, returns: Array) -> None:
-        """Count episodes that ended when so many steps had been taken."""
+    def add(self, steps: int, total: float, episodes: int) -> None:
+        """Count episodes that ended when so many steps had been taken, with the total of their returns."""
         part = min(POINTS - 1, int((steps - 1) / self.width))
-        self.totals[part] += returns.sum()
-        self.counts[part] += len(returns)
+        self.totals[part] += total
+        self.counts[part] += episodes
 
     @property
     def points(self) -> list[list[float]]:

@@ -25,8 +25,8 @@ class Learned:
 
     Args:
         policy: all that a learner may return alone; Q-values in a table (O, A) are read from it.
-        reward: float64 (S, A, S) over the states and actions of `task.tabular()`, or a function of (obs, action, next_obs), all
-            (N, ...); `reward_distance` compares it with the true one.
+        reward: float64 (S, A, S) over the states and actions of `taskspec.data.tabular(task)`, or a function of (obs, action,
+            next_obs), all (N, ...); `reward_distance` compares it with the true one.
         q: Q-values: a table (O, A) of the numbers of discrete observations, or a function from observations (N, ...) to (N, A).
         values: instead, the values of a critic under the policy: a table (O,), or a function from observations to (N,).
         discount: the gamma of the learner; that of the task, or of a model of Stable-Baselines3, unless given.
@@ -174,10 +174,20 @@ class Explanation:
         return f"{sentence} (distance {self.distance:.2f}, to the {right} {self.right:.2f}). Usual code: {advice}"
 
 
+UNLEARNED = 0.01
+"""Learned values of the first states that are smaller, as a share of what can be earned, say nothing: too little exploration
+looks like a mistake there."""
+
+
+def _has_learned(score: Score) -> bool:
+    value = score.get("value")
+    return value is None or abs(value) >= UNLEARNED
+
+
 def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
     """Yield what explains the learned values and rewards of an exam, where there are some."""
     for kind, (entry, good, _, _) in KINDS.items():
-        known = [score for score in scores if score.get(entry) and score["probe"] is None]
+        known = [score for score in scores if score.get(entry) and score["probe"] is None and _has_learned(score)]
         if not known:
             continue
         distances: list[dict[str, float]] = [score[entry] for score in known]  # type: ignore[literal-required]

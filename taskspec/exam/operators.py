@@ -8,7 +8,7 @@ under its policy.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -42,6 +42,7 @@ class Dynamics:
         P, P_end: (A * S, S), dense where that is small, else sparse.
         R: float64 (A, S), expected rewards.
         changed: the same, after each reward was changed as `REWARD_CHANGES` says.
+        acted: bool (S,), the states in which episodes act before the limit: values of others are never learned, and stay 0.
         shares: what `last_share` found last.
     """
 
@@ -51,11 +52,22 @@ class Dynamics:
     P_end: Any
     R: Array
     changed: Mapping[str, Array]
+    acted: Array
     shares: dict[bytes, Array] = field(default_factory=dict)
 
     def following(self, V: Array) -> Array:
         """Return the expected value (A, S) of the next state, 0 where the episode ends."""
-        return action_values(self.P, np.zeros_like(self.R), 1.0, V)
+        return action_values(self.P, np.zeros_like(self.R), 1.0, self.learned(V))
+
+    @property
+    def going_on(self) -> Array:
+        """Probabilities (A, S) that the episode goes on."""
+        found: Array = np.asarray(self.P.sum(axis=1)).reshape(self.R.shape)
+        return found
+
+    def learned(self, V: Array) -> Array:
+        """Return values with those at 0 that no episode learns."""
+        return np.where(self.acted, V, 0.0)
 
     def ending(self, V: Array) -> Array:
         """Return the same of the states in which the episode ends, 0 where it goes on."""
@@ -117,7 +129,9 @@ def dynamics_of(task: Task, gamma: float) -> Dynamics:
         P = P.toarray()
         if P_end is not None:
             P_end = P_end.toarray()
-    return Dynamics(model, gamma, P, P_end, step.R.reshape(shape), changed)
+    found = Dynamics(model, gamma, P, P_end, step.R.reshape(shape), changed, model.acting)
+    uniform = np.full(shape, 1 / model.n_actions)
+    return replace(found, acted=found.visits(uniform).sum(axis=0) > 0)
 
 
 # -- operators --------------------------------------------------------------------------------------------------------
@@ -149,22 +163,18 @@ class BellmanOperator:
 
 
 def _right(s: Dynamics, Q: Array, V: Array) -> Array:
-    return action_values(s.P, s.R, s.gamma, V)
+    return action_values(s.P, s.R, s.gamma, s.learned(V))
 
 
 def _ends_ignored(s: Dynamics, Q: Array, V: Array) -> Array:
-    known = np.where(
-        s.model.acting, V, 0.0
-    )  # a state in which no episode acts keeps the value that it was created with
-    return s.R + s.gamma * (s.following(V) + s.ending(known))
+    return s.R + s.gamma * (s.following(V) + s.ending(s.learned(V)))
 
 
 def _next_episode(s: Dynamics, Q: Array, V: Array) -> Array:
     first = float(s.model.start @ V)
     last = s.last_share(behaviour(Q))
-    ones = np.ones_like(V)
     goes_on = (1 - last) * s.following(V)
-    starts_again = s.ending(ones) + last * s.following(ones)
+    starts_again = s.ending(np.ones_like(V)) + last * s.going_on
     found: Array = s.R + s.gamma * (goes_on + first * starts_again)
     return found
 
@@ -174,8 +184,7 @@ def _limit_is_end(s: Dynamics, Q: Array, V: Array) -> Array:
 
 
 def _same_state(s: Dynamics, Q: Array, V: Array) -> Array:
-    goes_on = s.following(np.ones_like(V))
-    found: Array = s.R + s.gamma * goes_on * V
+    found: Array = s.R + s.gamma * s.going_on * V
     return found
 
 
@@ -209,7 +218,7 @@ def _negated(s: Dynamics, Q: Array, V: Array) -> Array:
 
 def _action_before(s: Dynamics, Q: Array, V: Array) -> Array:
     n = s.model.n_states
-    following = np.stack([s.P[a * n : (a + 1) * n] @ Q[a] for a in range(s.model.n_actions)])
+    following = np.stack([s.P[a * n : (a + 1) * n] @ s.learned(Q[a]) for a in range(s.model.n_actions)])
     return s.R + s.gamma * following
 
 

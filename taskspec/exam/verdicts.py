@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 
 from taskspec.exam.results import CapabilityVerdict, Examined, Grade, MeanScore, Score
-from taskspec.rollout.statistics import rate_interval, seeds_interval
+from taskspec.rollout.statistics import CONFIDENCE, rate_interval, seeds_interval
 from taskspec.rules.score_rules import side
 
 MASTERED = 0.9
@@ -38,17 +38,19 @@ def by_seed(
     return {seed: sum(values) / len(values) for seed, values in sorted(found.items())}
 
 
-def mean_score(values: Sequence[float], fixed: float | None) -> MeanScore:
+def mean_score(values: Sequence[float], fixed: float | None, looks: int = 1) -> MeanScore:
     """Return the mean of the scores of seeds, the share that passes, their intervals, and the verdict.
 
     Args:
         fixed: the score of the best fixed action. Where that passes, mastery needs scores that are nearer to the expert's than
             to that.
+        looks: how often verdicts are looked at while seeds are added; each look has an equal share of the risk.
     """
+    confidence = 1 - (1 - CONFIDENCE) / looks
     if not values:
         return MeanScore(verdict="unsure", mean=None, low=None, high=None)
     passed = sum(value >= MASTERED for value in values)
-    rate_low, rate_high = rate_interval(passed, len(values))
+    rate_low, rate_high = rate_interval(passed, len(values), confidence)
     verdict: Grade = "unsure"
     if rate_high < RATE:
         verdict = "fails"
@@ -56,7 +58,7 @@ def mean_score(values: Sequence[float], fixed: float | None) -> MeanScore:
         verdict = "masters"
         if fixed is not None and fixed >= MASTERED:
             above = sum(value - fixed > max(1 - value, ROUNDING) for value in values)
-            if rate_interval(above, len(values))[0] < RATE:
+            if rate_interval(above, len(values), confidence)[0] < RATE:
                 verdict = "passes"
     low, high = (end if math.isfinite(end) else None for end in seeds_interval(values))
     mean = sum(values) / len(values)
@@ -65,8 +67,8 @@ def mean_score(values: Sequence[float], fixed: float | None) -> MeanScore:
     )  # fmt: skip
 
 
-def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> dict[str, CapabilityVerdict]:
-    """Return the verdict of each capability: the worst of its tasks, as printed and on twins."""
+def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score], looks: int = 1) -> dict[str, CapabilityVerdict]:
+    """Return the verdict of each capability: the worst of its tasks, as printed and on twins; `looks` as `mean_score` has it."""
     found = {}
     for capability in dict.fromkeys(about["capability"] for about in tasks.values()):
         names = [task for task, about in tasks.items() if about["capability"] == capability and not about.get("cannot")]
@@ -80,9 +82,9 @@ def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> dict[str
             own = by_seed(scores, task, "printed")
             other = by_seed(scores, task, "twin")
             seeds.append(len(own))
-            printed.append(mean_score(list(own.values()), fixed))
+            printed.append(mean_score(list(own.values()), fixed, looks))
             if other:
-                twins.append(mean_score(list(other.values()), fixed))
+                twins.append(mean_score(list(other.values()), fixed, looks))
         found[capability] = CapabilityVerdict(
             **worst(printed) | {"verdict": worst([*printed, *twins])["verdict"]}, tasks=names, seeds=min(seeds),
             twins=worst(twins) if twins else None,

@@ -10,7 +10,7 @@ from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam import Exam, Running, examine
-from taskspec.exam.examining import exam_id
+from taskspec.exam.asked_tasks import exam_id
 from taskspec.exam.results import folder_name
 from taskspec.exam.verdicts import by_seed, mean_score
 from taskspec.experiments.experiment_file import ExperimentFile

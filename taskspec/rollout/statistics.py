@@ -56,10 +56,10 @@ ALIKE = 0.02
 """Scores that differ by less count as one value, where scores have two."""
 
 
-def rate_interval(successes: int, count: int) -> tuple[float, float]:
-    """Return the exact 95 % interval of a rate (Clopper and Pearson 1934)."""
+def rate_interval(successes: int, count: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Return the exact interval of a rate (Clopper and Pearson 1934), by default the 95 % one."""
     special = need("scipy.special", "exact")
-    tail = (1 - CONFIDENCE) / 2
+    tail = (1 - confidence) / 2
     low = 0.0
     high = 1.0
     if successes > 0:

@@ -12,7 +12,7 @@ import taskspec
 from taskspec.data import demonstrations
 from taskspec.exact import Results
 from taskspec.exam import Case, Learned, examine, learns_from
-from taskspec.exam.examining import twins_of
+from taskspec.exam.asked_tasks import twins_of
 from taskspec.scores.partial_observability import best_observing
 from taskspec.source import read_text
 from taskspec.task.build import build

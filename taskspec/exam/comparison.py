@@ -1,0 +1,147 @@
+"""Learners side by side, as Agarwal et al. (2021) compare them: all runs on all tasks count, and not a table of means.
+
+Each run is one seed on one task. Intervals are percentiles of a bootstrap that resamples the seeds of each task.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from typing_extensions import TypedDict
+
+from taskspec.base.arrays import Array
+from taskspec.exam.curves import steps_to
+from taskspec.exam.results import Exam
+from taskspec.exam.verdicts import MASTERED, by_seed
+
+RESAMPLES = 2_000
+SEED = 20211201
+LEVELS = tuple(round(0.1 * i, 1) for i in range(-2, 11))
+"""Scores at which performance profiles are given."""
+
+
+class Estimated(TypedDict):
+    """A number and its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+class LearnerSummary(TypedDict):
+    """One of several learners.
+
+    Attributes:
+        iqm: the interquartile mean of the scores of all runs.
+        profile: for each of `LEVELS` the share of runs with a score above it.
+        reaching: the share of runs whose learning curve reaches 0.9.
+        steps: the median of the steps that these needed; None if none did.
+    """
+
+    learner: str
+    iqm: Estimated
+    profile: list[float]
+    reaching: float
+    steps: float | None
+
+
+class PairComparison(TypedDict):
+    """Two learners: the probability that a run of the first has a higher score than one of the second on the same task."""
+
+    first: str
+    second: str
+    probability: Estimated
+
+
+class LearnersComparison(TypedDict):
+    """Learners side by side, on the tasks that all of them were examined on."""
+
+    tasks: list[str]
+    learners: list[LearnerSummary]
+    pairs: list[PairComparison]
+
+
+def compare(exams: Mapping[str, Exam]) -> LearnersComparison:
+    """Return learners side by side, on the tasks that all of them have scores on, as printed.
+
+    Source: Agarwal, Schwarzer, Castro, Courville and Bellemare (2021), Deep reinforcement learning at the edge of the
+    statistical precipice.
+
+    Args:
+        exams: results by the name of the learner.
+    """
+    first = next(iter(exams.values()))
+    tasks = []
+    for task in first["tasks"]:
+        if all(task in exam["tasks"] and by_seed(exam["scores"], task, "printed") for exam in exams.values()):
+            tasks.append(task)
+    runs = {}
+    for name, exam in exams.items():
+        runs[name] = [np.array(list(by_seed(exam["scores"], task, "printed").values())) for task in tasks]
+    if not tasks:
+        return LearnersComparison(tasks=[], learners=[], pairs=[])
+    summaries = [_summary(name, exam, runs[name], tasks) for name, exam in exams.items()]
+    pairs = []
+    names = list(exams)
+    for i, one in enumerate(names):
+        for other in names[i + 1 :]:
+            found = _estimated(_probability, runs[one], runs[other])
+            pairs.append(PairComparison(first=one, second=other, probability=found))
+    return LearnersComparison(tasks=tasks, learners=summaries, pairs=pairs)
+
+
+def _summary(name: str, exam: Exam, runs: Sequence[Array], tasks: Sequence[str]) -> LearnerSummary:
+    scores = np.concatenate(runs)
+    profile = [float(np.mean(scores > level)) for level in LEVELS]
+    needed = []
+    for score in exam["scores"]:
+        is_printed = score["twin"] is None and score["probe"] is None
+        if score["task"] in tasks and is_printed and score["curve"]:
+            needed.append(steps_to(score["curve"], MASTERED))
+    reached = [steps for steps in needed if steps is not None]
+    share = len(reached) / len(needed) if needed else 0.0
+    return LearnerSummary(
+        learner=name, iqm=_estimated(_iqm, runs), profile=profile, reaching=share,
+        steps=float(np.median(reached)) if reached else None,
+    )  # fmt: skip
+
+
+def _iqm(runs: Sequence[Array]) -> float:
+    """Return the mean of the middle half of all scores."""
+    scores = np.sort(np.concatenate(runs))
+    cut = len(scores) // 4
+    return float(scores[cut : len(scores) - cut].mean())
+
+
+def _probability(first: Sequence[Array], second: Sequence[Array]) -> float:
+    """Return the mean over tasks of P(X > Y) + P(X = Y) / 2."""
+    each = []
+    for x, y in zip(first, second, strict=True):
+        difference = x[:, None] - y
+        each.append(np.mean(difference > 0) + np.mean(difference == 0) / 2)
+    return float(np.mean(each))
+
+
+def _estimated(statistic: Callable[..., float], *samples: Sequence[Array]) -> Estimated:
+    """Return a statistic of the runs of one learner or two, with its interval."""
+    rng = np.random.default_rng(SEED)
+    found = []
+    for _ in range(RESAMPLES):
+        drawn = [[runs[rng.integers(len(runs), size=len(runs))] for runs in sample] for sample in samples]
+        found.append(statistic(*drawn))
+    low, high = np.percentile(found, [2.5, 97.5])
+    return Estimated(value=statistic(*samples), low=float(low), high=float(high))
+
+
+def lines(found: LearnersComparison) -> list[list[Any]]:
+    """Return a row of texts for each learner: name, IQM with its interval, share of runs above 0.5 and 0.9, steps to 0.9."""
+    rows = []
+    for each in found["learners"]:
+        iqm = each["iqm"]
+        above = dict(zip(LEVELS, each["profile"], strict=True))
+        steps = "" if each["steps"] is None else f"{each['steps']:,.0f} ({each['reaching']:.0%} of runs)"
+        interval = f"{iqm['value']:.2f} [{iqm['low']:.2f}, {iqm['high']:.2f}]"
+        rows.append([each["learner"], interval, f"{above[0.5]:.0%}", f"{above[0.9]:.0%}", steps])
+    return rows
