@@ -70,6 +70,13 @@ Probes = Annotated[
         "--probes/--no-probes", help="Whether to test if the learner uses rewards that are withheld; on by default."
     ),
 ]
+Laws = Annotated[
+    bool | None,
+    _option(
+        "--laws/--no-laws",
+        help="Whether to try all laws of learning, or none; those that the learner declares by default.",
+    ),
+]
 LearnsFrom = Annotated[
     list[str] | None,
     _option(
@@ -100,6 +107,7 @@ def exam(
     transitions: Transitions = None,
     twins: Twins = None,
     probes: Probes = None,
+    laws: Laws = None,
     learns_from: LearnsFrom = None,
     against: Against = None,
     output: Output = None,
