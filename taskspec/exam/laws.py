@@ -39,7 +39,7 @@ class Law:
 
     @property
     def keeps(self) -> Kept:
-        """What the table of modifiers says that the change keeps."""
+        """The part of a task that the change keeps, after the table of modifiers."""
         return MODIFIERS[self.modifier].keeps
 
     def changed(self, task: Task) -> Task | None:
