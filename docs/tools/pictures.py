@@ -1,8 +1,10 @@
-"""Draw the pictures of the README: `python -m docs.tools.pictures`, in the root of a checkout.
+"""Draw the pictures of the README and of other pages: `python -m docs.tools.pictures`, in the root of a checkout.
 
-`first-light.svg` and `first-dark.svg` show the spec of `docs/index.md` beside what the commands print of it: figure,
-mathematics, exact scores. LaTeX and pdftocairo typeset the mathematics. `card.svg` is the report of an exam whose
-results are in the repository, and `recall.png` the page of the task of the tutorial.
+- `first-light.svg`, `first-dark.svg`: the spec of `docs/index.md` beside what commands print of it: figure, mathematics, exact
+  scores. LaTeX and pdftocairo typeset the mathematics.
+- `card-light.svg`, `card-dark.svg`: the report of an exam whose results are in the repository; `paper.svg`: that of all learners
+  of the paper.
+- `recall.png`: the printed page of the task of the tutorial.
 """
 
 from __future__ import annotations
@@ -19,8 +21,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs/pictures"
-EXAMINED = "docs/results/paper/gail_im"
-"""The results that the card shows."""
+RUN = "docs/results/paper"
+EXAMINED = f"{RUN}/gail_im"
+"""The results that the matrix and the card show."""
 SPEC = r"<!-- (?:file|add): {name} -->\n```yaml\n(.*?)```"
 """A block of a page that writes a file, or adds to it."""
 FORMULAS = re.compile(r"^(?:- \*\*Rewards\*\*:|  -) (\$.*(?:xrightarrow|R\(s).*\$)$", re.MULTILINE)
@@ -69,7 +72,7 @@ LIGHT = Theme("light", "#ffffff", "#1f2933", "#6b7785", "#0b5cad", {})
 DARK = Theme(
     "dark", "#0d1117", "#e6edf3", "#9aa7b4", "#79b8ff",
     {"#ffffff": "#0d1117", "#1f2933": "#e6edf3", "#6b7785": "#9aa7b4", "#b7e4bf": "#2f6b3c", "#f3a6a0": "#8c3a35",
-     "#d5d9de": "#454c55"},
+     "#d5d9de": "#454c55", "#eef2f5": "#18212b", "#f6ece6": "#33231d"},
 )  # fmt: skip
 
 
@@ -131,8 +134,7 @@ def first(shown: Example, mathematics: str, theme: Theme) -> str:
     bottom = below + FORMULA_SCALE * _size(mathematics)[1] + 2 * MARGIN
     height = max(2 * MARGIN + LINE * len(lines), bottom + (LINE + 2) * len(shown.scores))
     table = [_score(line, bottom + (LINE + 2) * i, theme) for i, line in enumerate(shown.scores)]
-    for light, other in theme.replaced.items():
-        figure = figure.replace(light, other)
+    figure = recolored(figure, theme)
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
         f'viewBox="0 0 {WIDTH} {height:.0f}" width="{WIDTH}" height="{height:.0f}" role="img">'
@@ -173,12 +175,26 @@ def _within(svg: str, x: float, y: float, scale: float) -> str:
     return inner.replace("<svg", place, 1).rstrip()
 
 
+def recolored(svg: str, theme: Theme) -> str:
+    """Return a drawing in the colours of a theme."""
+    for light, other in theme.replaced.items():
+        svg = svg.replace(light, other)
+    return svg
+
+
 def card() -> str:
     """Return the report of an exam as a picture."""
     with tempfile.TemporaryDirectory() as name:
         run(["report", str(ROOT / EXAMINED), "-f", "svg", "-o", name], ROOT)
         (drawn,) = Path(name).glob("*.svg")
         return drawn.read_text(encoding="utf-8")
+
+
+def matrix() -> str:
+    """Return the scores of all learners of the paper as a picture."""
+    with tempfile.TemporaryDirectory() as name:
+        run(["report", str(ROOT / RUN), "-f", "svg", "-o", name], ROOT)
+        return (Path(name) / "table.svg").read_text(encoding="utf-8")
 
 
 def tutorial() -> bytes:
@@ -201,7 +217,10 @@ def main() -> None:
     mathematics = typeset(shown.formulas)
     for theme in (LIGHT, DARK):
         (PICTURES / f"first-{theme.name}.svg").write_text(first(shown, mathematics, theme), encoding="utf-8")
-    (PICTURES / "card.svg").write_text(card(), encoding="utf-8")
+    drawn = card()
+    for theme in (LIGHT, DARK):
+        (PICTURES / f"card-{theme.name}.svg").write_text(recolored(drawn, theme), encoding="utf-8")
+    (PICTURES / "paper.svg").write_text(matrix(), encoding="utf-8")
     (PICTURES / "recall.png").write_bytes(tutorial())
 
 

@@ -151,7 +151,7 @@ def test_pictures_show_what_commands_print(update_golden: bool) -> None:
     for name in ("first-light", "first-dark"):
         drawn = (pictures.PICTURES / f"{name}.svg").read_text(encoding="utf-8")
         assert pictures.example().digest in drawn, "python -m docs.tools.pictures"
-    assert (pictures.PICTURES / "card.svg").read_text(encoding="utf-8") == pictures.card()
+    assert (pictures.PICTURES / "card-light.svg").read_text(encoding="utf-8") == pictures.card()
 
 
 def test_the_readme_is_read_in_a_minute() -> None:
