@@ -61,7 +61,7 @@ def test_mistakes_have_a_code_and_a_place(text: str, code: str, line: int, says:
 def test_unknown_names_are_told(name: str, family: str) -> None:
     with pytest.raises(SpecError) as raised:
         learner(name, family)
-    assert raised.value.diagnostics[0].code == "E713"
+    assert raised.value.diagnostics[0].code == "E725"
 
 
 def test_the_page_lists_every_learner() -> None:
