@@ -67,8 +67,11 @@ def library() -> str:
     tasks = [registry.load(entry.id) for entry in registry.shipped().values() if entry.suite not in WITH_PAGES]
     parts = [LIBRARY]
     for suite in dict.fromkeys(task.source.suite for task in tasks):
-        rows = [(code(task.id), task.capability, task.summary) for task in tasks if task.source.suite == suite]
-        parts.append(f"## {suite}\n\n" + table(("task", "isolates", "what it is"), rows))
+        rows = {}
+        for task in tasks:
+            if task.source.suite == suite and task.summary not in rows:  # variants with the same summary are left out
+                rows[task.summary] = (code(task.id), task.capability, task.summary)
+        parts.append(f"## {suite}\n\n" + table(("task", "isolates", "what it is"), rows.values()))
     return "\n\n".join(parts) + "\n"
 
 
