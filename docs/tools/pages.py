@@ -1,7 +1,6 @@
 """Write the generated pages of the documentation: `python -m docs.tools.pages`, in the root of a checkout.
 
-Prose of `language.md`, `difficulty.md`, `learned.md`, `modifiers.md` and `probes.md` is beside this file; tables in it come
-from what the program runs on.
+Prose of the pages is beside this file; tables in it come from what the program runs on.
 Outputs of examples are those that the pages have already; `tests/docs/test_snippets.py` checks them.
 """
 
@@ -11,10 +10,10 @@ from pathlib import Path
 
 from docs.tools.commands import commands
 from docs.tools.language import language
+from docs.tools.library import library
 from docs.tools.markdown import code, table
 from docs.tools.names import names
 from docs.tools.probes import probes
-from taskspec import registry
 from taskspec.base.diagnostics import PAGE
 from taskspec.exam.operators import OPERATORS
 from taskspec.exam.starc import REWARDS
@@ -22,13 +21,6 @@ from taskspec.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
 from taskspec.modifiers.entry import never
 from taskspec.scores.difficulty import MEASURES
 
-WITH_PAGES = ("derail", "probes", "seals")
-"""Suites whose tasks have pages in the documentation."""
-LIBRARY = """# The library
-
-Tasks after other collections and textbooks, each with its source. They are used like those of DERAIL:
-`taskspec show bsuite/Catch` prints one, `taskspec docs bsuite` makes pages of a suite, and
-`gym.make("taskspec:bsuite/Catch-v0")` makes an environment."""
 TOOLS = Path(__file__).parent
 DOCS = TOOLS.parent
 
@@ -60,19 +52,6 @@ def modifiers() -> str:
     rows = [(code(name), entry.doc, _arguments(entry), _keeps(entry), entry.needs) for name, entry in MODIFIERS.items()]
     entries = table(("modifier", "what it does", "arguments", "what it keeps", "what it needs"), rows)
     return _prose("modifiers").replace("<!-- modifiers -->", entries)
-
-
-def library() -> str:
-    """Return the page of the suites beside DERAIL and seals."""
-    tasks = [registry.load(entry.id) for entry in registry.shipped().values() if entry.suite not in WITH_PAGES]
-    parts = [LIBRARY]
-    for suite in dict.fromkeys(task.source.suite for task in tasks):
-        rows = {}
-        for task in tasks:
-            if task.source.suite == suite and task.summary not in rows:  # variants with the same summary are left out
-                rows[task.summary] = (code(task.id), task.capability, task.summary)
-        parts.append(f"## {suite}\n\n" + table(("task", "isolates", "what it is"), rows.values()))
-    return "\n\n".join(parts) + "\n"
 
 
 def _prose(page: str) -> str:

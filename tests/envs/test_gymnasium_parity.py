@@ -16,6 +16,7 @@ import pytest
 from gymnasium.envs.toy_text.frozen_lake import MAPS, generate_random_map
 
 import taskspec
+from taskspec.data.tabular import tabular
 from tests.shared.specs import spec_file
 
 stats = pytest.importorskip("scipy.stats")
@@ -120,6 +121,41 @@ def taxi() -> tuple[Any, Any]:
     """Gymnasium's taxi, in the version it has, and ours."""
     version = "Taxi-v4" if "Taxi-v4" in gym.registry else "Taxi-v3"
     return gym.make(version).unwrapped, make("taxi")
+
+
+@pytest.mark.parametrize("slippery", [False, True])
+def test_cliff_walking(slippery: bool) -> None:
+    version = "CliffWalking-v1" if "CliffWalking-v1" in gym.registry else "CliffWalking-v0"
+    options = {"is_slippery": True} if slippery else {}
+    theirs: Any = gym.make(version, **options).unwrapped
+    ours = make("cliff_walking", slippery=slippery)
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    found = tabular(ours.task)
+    places = [found.model.state(i)["s"] for i in range(found.model.n_states)]
+    for s, actions in theirs.P.items():
+        if s == 47 or 36 < s < 47:  # an episode is over, or never there
+            continue
+        for a, outcomes in actions.items():
+            expected: dict[int, float] = {}
+            for p, following, _, _ in outcomes:
+                expected[int(following)] = expected.get(int(following), 0) + p
+            row = found.P[places.index(s), a]
+            assert {places[k]: row[k] for k in row.nonzero()[0]} == pytest.approx(expected)
+
+
+def test_cliff_walking_steps() -> None:
+    version = "CliffWalking-v1" if "CliffWalking-v1" in gym.registry else "CliffWalking-v0"
+    theirs: Any = gym.make(version)
+    ours = make("cliff_walking", N=100_000)
+    rng = np.random.default_rng(3)
+    assert ours.reset(seed=0)[0] == theirs.reset(seed=0)[0]
+    for action in rng.integers(4, size=100_000):
+        expected = theirs.step(int(action))
+        assert ours.step(int(action))[:4] == expected[:4]
+        if expected[2]:
+            ours.reset()
+            theirs.reset()
 
 
 def test_taxi() -> None:
