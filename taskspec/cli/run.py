@@ -19,7 +19,7 @@ from taskspec.cli.progress import counter, progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.cli.rollouts import Episode, Summary, Watch
+    from taskspec.envs.rollouts import Episode, Summary, Watch
     from taskspec.task.parts import RenderMode
     from taskspec.task.task import Task
 
@@ -68,7 +68,7 @@ def run(
     Mean return with its 95 % confidence interval, lengths of episodes, and how they ended; [green]--json[/] adds every
     return, which [cyan]taskspec score[/] reads. [green]--render[/] shows the episodes; [green]-o video.gif[/] records them.
     """
-    from taskspec.cli.rollouts import summarize
+    from taskspec.envs.rollouts import summarize
     from taskspec.targets import beside, tasks_of
 
     kind = _kind_of(render, output)
@@ -111,8 +111,8 @@ def _episodes(
 ) -> list[Episode]:
     """Return episodes, shown step by step or behind a progress bar."""
     from taskspec.base.extras import need
-    from taskspec.cli.rollouts import policy_for, rollouts
     from taskspec.envs import Environment
+    from taskspec.envs.rollouts import policy_for, rollouts
 
     env = Environment(task, render_mode=RENDER_MODES[kind] if kind else None)
     if kind == "human" and need("matplotlib", "figures").get_backend().lower() == "agg":
@@ -175,7 +175,7 @@ def _record(task: Task, policy: str, seed: int, summary: Summary, done: list[Epi
 
 
 def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
-    from taskspec.cli.rollouts import ENDINGS
+    from taskspec.envs.rollouts import ENDINGS
     from taskspec.task.record import settings
 
     out = console()

@@ -196,19 +196,21 @@ def strips(named: Sequence[tuple[str, TaskRow]]) -> Iterator[Item]:
             yield from chart.words(text, (x, y), color=color if form == PUBLISHED else "ink")
         if row.curves:
             yield from sparkline(last, y - SPARK[1] / 2, SPARK, row)
-    yield from key((plot.left + 0.12, plot.bottom + 0.4))
+    yield from key((plot.left + 0.12, plot.bottom + 0.4), forms)
 
 
 def strip_key() -> Scene:
     """Draw what the marks of the strips mean, for a page."""
-    return chart.chart(key((0.0, 0.0)), "key of the marks", margin=0.05)
+    return chart.chart(key((0.0, 0.0), FORMS), "key of the marks", margin=0.05)
 
 
-def key(at: tuple[float, float]) -> Iterator[Item]:
+def key(at: tuple[float, float], forms: Sequence[str]) -> Iterator[Item]:
     """Yield what the marks of the strips mean."""
     x, y = at
     entries = ((PUBLISHED, "filled"), (RELABELLED, "hollow"), (FIXED, "tick"), ("one seed", "seed"))
     for text, kind in entries:
+        if kind != "seed" and text not in forms:
+            continue
         match kind:
             case "tick":
                 yield Line(((x, y - 0.14), (x, y + 0.14)), color="muted", width=0.05)

@@ -8,8 +8,24 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from taskspec.base.display import number
-from taskspec.figures import scene as sc
-from taskspec.figures.scene import Area, Box, Circle, Dash, Hex, Item, Label, Line, Paint, Point, signed
+from taskspec.figures.scene import (
+    BROAD,
+    Anchor,
+    Area,
+    Box,
+    Circle,
+    Dash,
+    Hex,
+    Item,
+    Label,
+    Line,
+    Paint,
+    Point,
+    Scene,
+    fitted,
+    signed,
+    text_width,
+)
 from taskspec.printers import tree as m
 
 SMALL = 0.25
@@ -156,7 +172,7 @@ class Axes:
         return all(math.isfinite(v) and (v > 0 or not a.log) for v, a in ((x, self.x), (y, self.y)))
 
 
-def words(text: str, at: Point, size: float = FONT, anchor: sc.Anchor = "middle", color: Paint = "ink", angle: float = 0.0,
+def words(text: str, at: Point, size: float = FONT, anchor: Anchor = "middle", color: Paint = "ink", angle: float = 0.0,
           bold: bool = False) -> Iterator[Label]:  # fmt: skip
     """Yield a label for each line of a text, around a point."""
     lines = text.split("\n")
@@ -169,7 +185,7 @@ def words(text: str, at: Point, size: float = FONT, anchor: sc.Anchor = "middle"
 
 
 def breadth(text: str, size: float = FONT) -> float:
-    return max(sc.BROAD * sc.text_width(m.Words(line), size) for line in text.split("\n"))
+    return max(BROAD * text_width(m.Words(line), size) for line in text.split("\n"))
 
 
 def frame(plot: Axes, grid: bool = False, size: float = SMALL) -> Iterator[Item]:
@@ -180,7 +196,7 @@ def frame(plot: Axes, grid: bool = False, size: float = SMALL) -> Iterator[Item]
             yield Line(((place, plot.top), (place, plot.bottom)), color=GRID, width=0.015)
         yield Line(((place, plot.bottom), (place, plot.bottom + TICK)), color=EDGE, width=0.02)
         below = plot.bottom + TICK + 0.2 + 0.6 * size * text.count("\n")
-        anchor: sc.Anchor = "end" if plot.x.angle else "middle"
+        anchor: Anchor = "end" if plot.x.angle else "middle"
         yield from words(text, (place, below), size, anchor, angle=plot.x.angle)
     for y, text in plot.y.ticks:
         height = plot.bottom - plot.height * plot.y.share(y)
@@ -320,5 +336,5 @@ def legend(entries: Sequence[LegendEntry], left: float, top: float, room: float,
         x += needed
 
 
-def chart(items: Iterable[Item], alt: str, margin: float = 0.2) -> sc.Scene:
-    return replace(sc.fitted(items, alt, margin=margin), font="sans")
+def chart(items: Iterable[Item], alt: str, margin: float = 0.2) -> Scene:
+    return replace(fitted(items, alt, margin=margin), font="sans")

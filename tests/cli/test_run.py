@@ -14,7 +14,7 @@ import pytest
 import taskspec
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.limits import limits
-from taskspec.cli import rollouts
+from taskspec.envs import rollouts
 from taskspec.pages import facts
 from tests.shared import commands
 from tests.shared.sparse import sparse
