@@ -94,8 +94,11 @@ def parts(role: Role, inputs: Sequence[Component], nodes: Sequence[Node], is_tie
         found.append((names, numbers))
     unread = {c.name for c in inputs} - {name for names, _ in found for name in names}
     found += [({name}, []) for name in sorted(unread)]
-    return tuple(_part(role, tuple(c for c in inputs if c.name in names), sorted(numbers), nodes)
-                 for names, numbers in found)  # fmt: skip
+    made = []
+    for names, numbers in found:
+        chosen = tuple(c for c in inputs if c.name in names)
+        made.append(_part(role, chosen, sorted(numbers), nodes))
+    return tuple(made)
 
 
 def bounds(part: MapPart) -> Iterator[tuple[float, float]]:

@@ -54,9 +54,8 @@ def bind_parameters(context: Context, given: dict[str, Any]) -> None:
         context.parameters.append(found[0])
         context.constants[name] = found[1]
         context.checker.parameters[name] = found[0].value
-    if any(
-        d.span is None for d in context.collector.diagnostics
-    ):  # of values that were given: there is no task for them
+    without_place = [d for d in context.collector.diagnostics if d.span is None]
+    if without_place:  # of values that were given: there is no task for them
         context.collector.raise_if_errors()
     if context.collector.has_errors:
         return  # requirements are about values that parameters can have

@@ -153,10 +153,12 @@ def saturated(
 ) -> list[Node]:
     """Return next states in which ints without bounds stop at +-(2**31 - 1), where they could get further within the horizon."""
     reached = reach(state, initial, following, horizon)
-    return [
-        builder.within(node, -INT_MAX, INT_MAX) if _may_grow(c, reached[c.name]) else node
-        for c, node in zip(state, following, strict=True)
-    ]
+    found = []
+    for c, node in zip(state, following, strict=True):
+        if _may_grow(c, reached[c.name]):
+            node = builder.within(node, -INT_MAX, INT_MAX)
+        found.append(node)
+    return found
 
 
 def _may_grow(c: Component, edge: Interval) -> bool:

@@ -51,10 +51,10 @@ def record(task: Task) -> dict[str, Any]:
 
 def constants(task: Task) -> dict[str, Any]:
     """Return the constants of a task; those that are drawn have the values of this instance."""
-    return {
-        name: value if isinstance(value, bool | int | float) else value.tolist()
-        for name, value in task.constants.items()
-    }
+    found: dict[str, Any] = {}
+    for name, value in task.constants.items():
+        found[name] = value if isinstance(value, bool | int | float) else value.tolist()
+    return found
 
 
 def parameter(p: Parameter) -> dict[str, Any]:
