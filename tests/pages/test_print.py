@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from taskspec.cli.app import app
 from taskspec.pages.write import write
 from tests.shared.commands import Done
+from tests.shared.specs import spec_file
 
 FAMILY = [f"derail/{name}-v0" for name in ("Branching", "BranchingSeals", "Sort")]
 WIDE = """\
@@ -205,3 +206,25 @@ def test_the_text_of_figures_is_about_as_large_as_that_around_them(brief: bool, 
     widths = [float(b) - float(a) for a, b in re.findall(r'xMin="([\d.]+)".*xMax="([\d.]+)".*>right</word>', boxes)]
     assert len(widths) > 3  # three arrows of the figure, and what is said of the action
     assert min(widths) >= least * max(widths), widths
+
+
+@TEX
+@pytest.mark.usefixtures("kept_log")
+@pytest.mark.parametrize("brief", [False, True], ids=["whole", "brief"])
+def test_pages_of_other_tasks_are_filled_and_end_above_their_number(brief: bool, tmp_path: Path) -> None:
+    """Long tasks with figures beside their text: by the last line of each page."""
+    specs = [spec_file(name) for name in ("taxi", "tiger", "frozen_lake", "key_door", "blackjack")]
+    write(specs, ["pdf"], tmp_path, brief=brief)
+    assert r"Overfull \vbox" not in (tmp_path / "document.log").read_text(errors="replace")
+    boxes = subprocess.run(
+        ["pdftotext", "-bbox", "document.pdf", "-"], cwd=tmp_path, capture_output=True, text=True, check=True
+    ).stdout
+    pages = boxes.split("<page ")[1:]
+    assert len(pages) > 1
+    for number, page in enumerate(pages, 1):
+        height = float(re.findall(r'height="([\d.]+)"', page)[0])
+        words = [(float(y), word) for y, word in re.findall(r'yMax="([\d.]+)">([^<]*)</word>', page)]
+        foot = max(y for y, word in words if word == str(number))
+        last = max(y for y, _ in words if y < foot)
+        assert max(y for y, _ in words) == foot and last < foot - 12
+        assert number == len(pages) or last > 0.5 * height, (number, last / height)

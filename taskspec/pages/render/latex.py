@@ -22,10 +22,11 @@ BESIDE = frozenset({
     "termination", "initial", "roles", "expert",
 })  # fmt: skip
 """Sections that stand beside the figure; the others have the whole width."""
-PARAGRAPHS = (
-    {"state", "observations", "actions", "horizon"}, {"definitions", "dynamics"}, {"rewards", "termination", "initial", "roles"},
-)  # fmt: skip
-"""Sections of the short form that share a paragraph."""
+_LABELS = {
+    "parameters": "Parameters", "modifiers": "Modifiers", "state": "States", "actions": "Actions", "initial": "Start",
+    "scores": "Returns",
+}  # fmt: skip
+"""Short titles of sections, for the label column of a card."""
 BESIDE_ROOM = 27.0
 BRIEF_ROOM = 40.0
 WHOLE_ROOM = 60.0
@@ -95,15 +96,11 @@ class LatexWriter:
         )  # fmt: skip
 
     def run_in(self, page: Page) -> Iterator[dict[str, object]]:
-        """Yield sections with their titles in the line; those of one paragraph follow each other."""
-        last = None
+        """Yield sections as rows of a card: a short title, and the lines one after the other."""
         for section in page.sections:
             ends = [";"] * (len(section.lines) - 1) + ["."]
             text = " ".join(self.brief_line(*each, page) for each in zip(section.lines, ends, strict=False))
-            paragraph = next((i for i, keys in enumerate(PARAGRAPHS) if section.key in keys), section.key)
-            opens = paragraph != last
-            last = paragraph
-            yield {"title": escape(section.title), "text": text + self.table(section), "opens": opens}
+            yield {"title": escape(_LABELS.get(section.key, section.title)), "text": text + self.table(section)}
 
     # -- sections -------------------------------------------------------------------------------------------------
 
