@@ -53,7 +53,7 @@ def list_tasks(
 
 
 def _isolating(capability: str, tasks: Sequence[Task]) -> list[Task]:
-    """Return the tasks that isolate a capability, of which the first letters are enough."""
+    """Return the tasks that isolate a capability, given by its first letters."""
     found = [task for task in tasks if _capability(task).startswith(capability)]
     if not found:
         known = sorted({_capability(task) for task in tasks} - {""})
