@@ -222,7 +222,7 @@ def _median_quantiles(values: Array, levels: Array) -> Array:
         return np.full_like(levels, np.nan)
     tails = np.minimum(levels, 1 - levels)
     rank = np.clip(np.searchsorted(below, tails, side="right") - 1, 0, (count - 1) // 2)
-    return np.where(levels < 0.5, values[rank], values[count - 1 - rank])
+    return np.asarray(np.where(levels < 0.5, values[rank], values[count - 1 - rank]))
 
 
 # -- significance -----------------------------------------------------------------------------------------------------
