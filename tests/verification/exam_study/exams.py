@@ -47,9 +47,9 @@ TERMS = {
     "ppo": Terms(32_000),
     "gail": Terms(25_600),
     "drlhp": Terms(19_200),
-    "replay": Terms(6_000, twins=0, is_shipped=False),
-    "actor_critic": Terms(32_000, twins=0, is_shipped=False),
-    "traces": Terms(6_000, twins=0, is_shipped=False),
+    "replay": Terms(4_000, twins=0, is_shipped=False),
+    "actor_critic": Terms(12_800, (), twins=0, is_shipped=False),
+    "traces": Terms(3_000, (), twins=0, is_shipped=False),
 }
 REWARD_LEARNERS = ("q_learning", "ppo", "replay", "actor_critic", "traces")
 
