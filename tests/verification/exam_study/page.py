@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from tests.verification.exam_study.bugs import Bug
+from tests.verification.exam_study.bugs import Bug, bugs
 from tests.verification.exam_study.exams import OF_BUGS, PARTS, ROOT, SEEDS, TERMS, Found
 
 PAGE = ROOT / "docs/exam_study.md"
@@ -51,6 +51,11 @@ def written(wrong: Sequence[tuple[Bug, Found]], right: Mapping[tuple[str, int], 
     parts = [_summary(wrong, right)]
     for learner, title in NAMES.items():
         rows = [_row(bug, found) for bug, found in wrong if bug.learner == learner]
+        missing = sum(bug.learner == learner for bug in bugs()) - len(rows)
+        if missing:
+            parts.append(
+                f"## {title}: {missing} mistakes not examined\n\nThey are written down, and wait for the next run."
+            )
         if rows:
             parts.append("\n".join([f"## {title}", "", HEAD, *rows]))
     parts.append(_missed(wrong))
