@@ -18,7 +18,8 @@ import pytest
 from taskspec.base.diagnostics import TaskspecError, suggest
 from taskspec.base.display import count_of, plural
 from taskspec.base.files import safe_name
-from taskspec.exam.examining import Running, exam_id, examine, tasks_of
+from taskspec.exam.asked_tasks import exam_id, tasks_of
+from taskspec.exam.examining import Running, examine
 from taskspec.exam.report import write
 from taskspec.exam.results import Exam
 from taskspec.exam.score_rows import listed
