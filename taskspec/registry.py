@@ -65,11 +65,12 @@ def shipped() -> dict[str, Entry]:
 
 def entries(folder: Path) -> Iterable[Entry]:
     """Yield the tasks of a suite's folder, in order of file and variant."""
+    suite = folder.resolve().name
     for path, text in _texts(folder):
         if scan.kind(text) == "taskspec":
             found = scan.scan(text)
             for name, variant in found.tasks:
-                yield Entry(folder.resolve().name, name, found.version, path, variant)
+                yield Entry(suite, name, found.version, path, variant)
 
 
 def files_in(folder: Path) -> list[tuple[Path, scan.Kind]]:

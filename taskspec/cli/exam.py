@@ -70,6 +70,13 @@ Probes = Annotated[
         "--probes/--no-probes", help="Whether to test if the learner uses rewards that are withheld; on by default."
     ),
 ]
+Laws = Annotated[
+    bool | None,
+    _option(
+        "--laws/--no-laws",
+        help="Whether to try all laws of learning, or none; those that the learner declares by default.",
+    ),
+]
 LearnsFrom = Annotated[
     list[str] | None,
     _option(
@@ -100,6 +107,7 @@ def exam(
     transitions: Transitions = None,
     twins: Twins = None,
     probes: Probes = None,
+    laws: Laws = None,
     learns_from: LearnsFrom = None,
     against: Against = None,
     output: Output = None,
@@ -138,7 +146,7 @@ def exam(
             raise misuse("an experiment names its learners itself", "give one experiment, or several learners")
         single = {
             "--suite": suite, "--tasks": tasks, "--learns-from": learns_from, "--against": against, "--within": within,
-            "--until-sure": until_sure or None,
+            "--until-sure": until_sure or None, "--laws": laws,
         }  # fmt: skip
         for option, value in single.items():
             if value is not None:
@@ -149,7 +157,7 @@ def exam(
         terms["tasks"] = _tasks(options.split_names(tasks))
     if learns_from is not None:
         terms["learns_from"] = options.split_names(learns_from)
-    terms |= {"suite": suite, "against": against, "within": _seconds(within), "until_sure": until_sure}
+    terms |= {"suite": suite, "against": against, "within": _seconds(within), "until_sure": until_sure, "laws": laws}
     if len(learners) == 1:
         _examine_one(learners[0], output, running, terms, json)
     else:

@@ -23,7 +23,11 @@ WIDEST = 150
 """From this width on, rows have room for a summary."""
 
 
-def list_tasks(targets: options.Targets = None, json: options.Json = False) -> None:
+def list_tasks(
+    targets: options.Targets = None,
+    capability: Annotated[str | None, typer.Option("--capability", help="Only tasks that isolate this.")] = None,
+    json: options.Json = False,
+) -> None:
     """List tasks with their parameters, size and horizon.
 
     The size is states × actions, and tasks are grouped by the capability that they isolate.
@@ -38,12 +42,24 @@ def list_tasks(targets: options.Targets = None, json: options.Json = False) -> N
             problems += found.diagnostics
         else:
             tasks.append(found)
+    if capability is not None:
+        tasks = _isolating(capability, tasks)
     if json:
         write_json([record(task) for task in tasks])
     else:
         _print_tasks(tasks)
     if problems:
         fail(problems)
+
+
+def _isolating(capability: str, tasks: Sequence[Task]) -> list[Task]:
+    """Return the tasks that isolate a capability, given by its first letters."""
+    found = [task for task in tasks if _capability(task).startswith(capability)]
+    if not found:
+        known = sorted({_capability(task) for task in tasks} - {""})
+        hint = suggest(capability, known) or f"there are {', '.join(known)}"
+        raise spec_error("E701", f"no task isolates '{capability}'", hint)
+    return found
 
 
 def _capability(task: Task) -> str:

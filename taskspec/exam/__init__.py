@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from taskspec.exam.case import learns_from as learns_from
     from taskspec.exam.examining import Running as Running
     from taskspec.exam.examining import examine as examine
+    from taskspec.exam.laws import obeys as obeys
     from taskspec.exam.learned import Learned as Learned
     from taskspec.exam.results import Exam as Exam
     from taskspec.exam.results import read as read
@@ -28,6 +29,7 @@ __getattr__ = on_demand(__name__, {
     "Running": "taskspec.exam.examining",
     "examine": "taskspec.exam.examining",
     "Learned": "taskspec.exam.learned",
+    "obeys": "taskspec.exam.laws",
     "Exam": "taskspec.exam.results",
     "read": "taskspec.exam.results",
     "RewardDistance": "taskspec.exam.starc",
@@ -37,5 +39,5 @@ __getattr__ = on_demand(__name__, {
 
 __all__ = [
     "BudgetSpent", "CannotLearn", "Case", "Exam", "Learned", "NotGranted", "RewardDistance", "Running", "examine", "learns_from",
-    "read", "reward_distance",
+    "obeys", "read", "reward_distance",
 ]  # fmt: skip

@@ -22,8 +22,9 @@ from taskspec.exam.case import ExamTerms
 from taskspec.exam.examinee import Examinee, learner_of
 from taskspec.exam.findings import diagnose
 from taskspec.exam.flags import check_comparable, flags
+from taskspec.exam.laws import LAWS, changed_tasks, law_flags, law_scores
 from taskspec.exam.learned import learned_flags
-from taskspec.exam.results import FORMAT, Exam, Examined, Score, read, write
+from taskspec.exam.results import FORMAT, Exam, Examined, LawScore, Score, read, write
 from taskspec.exam.trial import LearnerFailed, Row, Trial, baselines, key_of, run_trial, score
 from taskspec.exam.verdicts import verdicts
 from taskspec.jobs.running import JobProgress, run
@@ -81,6 +82,7 @@ def examine(
     seeds: int | Iterable[int] | None = None, steps: int | None = None, transitions: int = 10_000, twins: int = 2,
     probes: bool = True, learns_from: Sequence[str] | None = None, against: Path | str | None = None,
     within: float | None = None, until_sure: bool = False, out: Path | str | None = None, running: Running | None = None,
+    laws: bool | None = None,
 ) -> Exam:  # fmt: skip
     """Examine a learner; the result is what `exam.json` holds.
 
@@ -100,6 +102,7 @@ def examine(
         until_sure: seeds are added until each capability is mastered or failed, at most 30: group-sequential, with 3 looks.
         out: a folder for `exam.json`, and for the results on the way to it, from which an exam that was stopped goes on.
         running: for a learner in other processes: how many, time limits, a cluster.
+        laws: whether all laws of learning are tried, or none; those that the learner declares unless given.
 
     Raises:
         SpecError: E710, E711, E713 for a learner or an option that cannot be; E701 for a task that is unknown.
@@ -136,7 +139,12 @@ def examine(
             check_comparable(baseline, str(against), hashes, {"steps": most, "transitions": transitions})
         measured = trials.measured(asked)
         found = _looked_at(trials, asked, numbers, measured, " and ".join(suites), until_sure)
+        declared = getattr(who.train, "obeys", ())
+        laws_found = _with_laws(trials, asked, _tried(laws, declared), found)
     found["flags"] = [*flags(found["tasks"], found["scores"], baseline), *learned_flags(found["scores"])]
+    if laws_found:
+        found["laws"] = laws_found
+        found["flags"] += law_flags(laws_found, declared)
     found["diagnoses"] = [each for name in suites for each in diagnose(found, name)]
     if folder is not None:
         write(found, folder)
@@ -189,6 +197,29 @@ def _looked_at(
         if not open_tasks:
             break
     return found
+
+
+def _tried(laws: bool | None, declared: Iterable[str]) -> Iterable[str]:
+    """Return the laws to try: those that the learner declares, all, or none."""
+    if laws is None:
+        return declared
+    if laws:
+        return LAWS
+    return ()
+
+
+def _with_laws(trials: _Trials, asked: Mapping[str, Task], laws: Iterable[str], found: Exam) -> list[LawScore]:
+    """Return the scores on the tasks of an exam as laws change them, beside those of the exam."""
+    changed = changed_tasks(asked, laws, exam_id)
+    if not changed:
+        return []
+    others = {each.name: each.changed for each in changed}
+    plan = trials.plan(others.values(), tuple(found["seeds"]), 0, False)
+    rows = trials.run(plan)
+    trials.twins = 0
+    measured = trials.measured(others)
+    about = {name: _examined(task, measured[name]) for name, task in others.items()}
+    return law_scores(changed, found, _exam(trials.who, "", plan, rows, about))
 
 
 # The plan, and the jobs that it consists of.

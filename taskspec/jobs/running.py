@@ -414,6 +414,36 @@ def _this_machine(count: int) -> Iterator[_Site]:
         executor.shutdown()
 
 
+class Workers:
+    """Processes of this machine that do many rounds of calls, as a context; a call that hangs or crashes costs itself alone."""
+
+    def __init__(self, count: int | None = None) -> None:
+        self._crew = Crew()
+        self._executor = ThreadPoolExecutor(count or processors())
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown(wait=False, cancel_futures=True)
+        self._crew.end()
+        self._executor.shutdown()
+
+    def map(
+        self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]], seconds: float | None
+    ) -> list[Ending]:
+        """Call a function with each of several tuples of arguments, and return how each call ended, in order.
+
+        Args:
+            seconds: that a call may take.
+        """
+        packed = [pack(function, arguments) for arguments in calls]
+        futures = [self._executor.submit(self._crew.attempt, each, seconds) for each in packed]
+        while wait(futures, HEARTBEAT).not_done:  # Ctrl-C is heard in between
+            pass
+        return [future.result() for future in futures]
+
+
 # A Dask cluster: each of its workers has processes of its own that do the calls, so that it outlives them.
 
 PATIENCE = 20
