@@ -42,17 +42,12 @@ KINDS: tuple[WarningKind, ...] = (
     WarningKind("W505", model_warnings.inert),
     WarningKind("W506", spec_warnings.unused_names),
     WarningKind("W507", model_warnings.expert),
-    WarningKind("W509", spec_warnings.hidden_goal),
     WarningKind("W510", spec_warnings.moved),
     WarningKind("W516", spec_warnings.constant),
-    WarningKind("W517", spec_warnings.duplicate),
     WarningKind("W518", spec_warnings.hidden),
     WarningKind("W519", model_warnings.unread),
     WarningKind("W519", model_warnings.forgotten),
-    WarningKind("W520", model_warnings.twins),
     WarningKind("W522", spec_warnings.unproved_abstraction),
-    WarningKind("W524", spec_warnings.printed_alike),
-    WarningKind("W527", spec_warnings.foreign_letters),
 )
 
 
@@ -67,7 +62,6 @@ def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic
     collector = Collector()
     for kind in KINDS:
         for doubt in kind.find(context):
-            context.codes.add(kind.code)
             collector.add(kind.code, doubt.place, doubt.message, doubt.hint, doubt.notes)
     return collector.diagnostics
 
@@ -234,5 +228,5 @@ def _warnings(task: Task, results: Results) -> list[Diagnostic]:
     return found
 
 
-ELSEWHERE: tuple[str, ...] = ("W523",)
-"""Warnings about how a task is drawn."""
+ELSEWHERE: tuple[str, ...] = ("W523", "W524", "W527")
+"""Warnings about how a task is drawn and printed."""

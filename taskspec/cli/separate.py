@@ -97,12 +97,13 @@ def _report(found: Separation, family: str, output: Path, json: bool) -> None:
     width = max(len(found.worse), len(found.better))
     for name, (mean, low, high) in zip((found.worse, found.better), found.intervals, strict=True):
         out.print(line(f"  {name:{width}}  {mean:5.2f}  [{low:.2f}, {high:.2f}]"))
-    counts = f"{len(found.scores[0])} fresh seeds, p = {found.p_value:.2g}; {found.tried} tasks tried"
+    out.print(
+        line((f"  {len(found.scores[0])} fresh seeds, p = {found.p_value:.2g}; {found.tried} tasks tried", "quiet"))
+    )
     if len(found.path) > 1:
-        counts += f", shrunk from {found.path[0]}"
+        out.print(line((f"  shrunk from {found.path[0]}", "quiet")))
     if not found.is_complete:
-        counts += "; the search did not end"
-    out.print(line((f"  {counts}", "quiet")))
+        out.print(line(("  the search was stopped before it ended", "quiet")))
     if isinstance(found.task, FrozenTask):
         text = finding(found, family).spec()
         write_text(output, text)
