@@ -42,7 +42,7 @@ def progress(name: str) -> Iterator[None]:
 
 
 class ProgressLine:
-    """What is done now, and the time left; on a terminal, one line with a bar."""
+    """The current work and the time left; on a terminal, one line with a bar."""
 
     def __init__(self, name: str) -> None:
         self.name = name

@@ -36,7 +36,7 @@ HEARTBEAT = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """How jobs are run.
+    """Settings of a run of jobs.
 
     Args:
         workers: processes on this machine; by default one for each processor.
