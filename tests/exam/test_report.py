@@ -77,7 +77,7 @@ def test_positions_are_clipped_and_numbers_are_not(results: dict[str, Any]) -> N
 
 def test_the_first_line_has_the_cause_the_worst_score_and_what_to_do(results: dict[str, Any]) -> None:
     shown = card(results)
-    assert shown.lead == "The learned reward is biased upwards, so that surviving pays (EarlyTermNeg −1.70)."
+    assert shown.lead == "Prolongs episodes: its learned reward is positive (EarlyTermNeg −1.70)."
     assert shown.advice == 'Let terminal states absorb (`ending="absorb"`) and learn their reward as well.'
     assert [row.name for row in shown.rows] == ["Sort", "EarlyTermNeg", "RiskyPath", "Branching", "NoisyObs"]
     assert shown.passed == "Passed: EarlyTermPos 1.00, Parabola 0.96"
@@ -125,7 +125,7 @@ def test_the_terminal_shows_all_of_it(
     assert "○" in risky and "●" in risky and risky.endswith("1.00 0.20 1.00 14/14")
     (early,) = (line for line in lines if line.startswith("✗ EarlyTermNeg"))
     assert "◂" in early and "−1.70 1.00" in early
-    assert any(line.startswith("diagnosis the learned reward is biased upwards") for line in lines)
+    assert any(line.startswith("diagnosis Prolongs episodes: its learned reward is positive") for line in lines)
     assert any(line.startswith("try Let terminal states absorb") for line in lines)
     assert "twin RiskyPath: differs from its <twins>" in lines
 
