@@ -395,7 +395,7 @@ def described(task: Task, kind: str, acting: TaskPolicy, seed: int) -> dict[str,
     return {
         "kind": kind, "id": task.id, "instance": task.instance_id,
         "variant": task.source.variant, "parameters": dict(task.values),
-        "modifiers": [str(m) for m in task.modifiers], "horizon": task.horizon, "discount": task.discount,
+        "modifiers": list(map(str, task.modifiers)), "horizon": task.horizon, "discount": task.discount,
         "content_hash": task.content_hash, "policy": acting.name, "seed": seed, "return": told,
         "versions": {"taskspec": __version__, "numpy": np.__version__},
     }  # fmt: skip

@@ -132,7 +132,7 @@ class Tabular:
                 name = self.model.state_name(i)
                 message = f"{twin} and {name} look alike in {self.task.id}"
                 raise LookAlike([Diagnostic("E713", None, message, "give `occupancy()` instead")])
-        found = [known.get(row) for row in _rows(observations)]
+        found = list(map(known.get, _rows(observations)))
         if None in found:
             misused(f"observation {found.index(None)} is not one of {self.task.id}")
         return np.array(found, np.int64)

@@ -373,7 +373,7 @@ class _Reader:
                 return self.call(node, place)
             case ast.Subscript(value=value, slice=index):
                 items = index.elts if isinstance(index, ast.Tuple) else [index]
-                return s.Subscript(self.expr(value), tuple(self.index(i) for i in items), place)
+                return s.Subscript(self.expr(value), tuple(map(self.index, items)), place)
             case ast.Tuple(elts=items) | ast.List(elts=items):
                 return s.Vector(self.exprs(items), place)
             case ast.Set(elts=items):
@@ -386,7 +386,7 @@ class _Reader:
                 return self.refuse(node)
 
     def exprs(self, nodes: list[ast.expr]) -> tuple[s.Expr, ...]:
-        return tuple(self.expr(node) for node in nodes)
+        return tuple(map(self.expr, nodes))
 
     def constant(self, node: ast.Constant, place: s.Place) -> s.Expr:
         match node.value:
@@ -445,7 +445,7 @@ class _Reader:
         return s.Weights(tuple(pairs), place)
 
     def comprehension(self, node: ast.SetComp | ast.ListComp | ast.GeneratorExp, place: s.Place) -> s.Comprehension:
-        clauses = tuple(self.clause(generator) for generator in node.generators)
+        clauses = tuple(map(self.clause, node.generators))
         return s.Comprehension(self.expr(node.elt), clauses, isinstance(node, ast.SetComp), place)
 
     def clause(self, node: ast.comprehension) -> s.Clause:

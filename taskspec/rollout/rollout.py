@@ -342,7 +342,7 @@ def return_range(task: Task) -> tuple[float, float]:
         weight = 1.0
     elif gap > 0:
         weight = -math.expm1(weight * math.log1p(-gap)) / gap  # 1 - gamma**steps would cancel for gamma near 1
-    ends = [float(end) for end in bounds(task.process.reward, {})]
+    ends = list(map(float, bounds(task.process.reward, {})))
     if not (isinstance(task.process.terminal, Const) and not task.process.terminal.value):
         ends.append(0.0)
     low = weight * min(ends) if min(ends) else 0.0

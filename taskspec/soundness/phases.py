@@ -276,7 +276,7 @@ class _Parameters:
 
     def _probabilities(self, exprs: list[s.Expr]) -> Iterator[Check]:
         """Yield checks that probabilities are between 0 and 1, and sum to 1."""
-        nodes = [self.where.number(e) for e in exprs]
+        nodes = list(map(self.where.number, exprs))
         if any(n is None or draws([n]) for n in nodes) or all(isinstance(n, Const) for n in nodes):
             return
         b = self.where.builder

@@ -113,7 +113,7 @@ def _digits(value: Value | None) -> tuple[str, ...] | None:
     if node.type.kind is Kind.BOOL:
         letters = ["#" if v else " " for v in node.flat]
     elif node.type.kind is Kind.INT and all(0 <= v <= 9 for v in node.flat):
-        letters = [str(v) for v in node.flat]
+        letters = list(map(str, node.flat))
     else:
         return None
     width = node.type.shape[1]

@@ -184,7 +184,7 @@ def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Mo
     Every element that comes out then depends on one that goes in, with a factor of 1 or -1; which one it is, numbers put in their
     places tell.
     """
-    if any(c.type.kind is Kind.BOOL for c in inputs) or not all(_only_moves(node) for node in nodes):
+    if any(c.type.kind is Kind.BOOL for c in inputs) or not all(map(_only_moves, nodes)):
         return None
     tags: dict[tuple[Role, str], Array] = {}
     zeros: dict[tuple[Role, str], Array] = {}

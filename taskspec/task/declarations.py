@@ -162,7 +162,7 @@ def _default(context: Context, entry: Mapping[str, Any], path: Path, labels: Any
     kind = entry.get("type", "real")
     if kind == "choice":
         if value not in labels:
-            known = [str(label) for label in labels]
+            known = list(map(str, labels))
             message = f"the default '{value}' is not one of {', '.join(known)}"
             context.stop("E213", (*path, "default"), message, suggest(str(value), known))
         return value

@@ -71,7 +71,7 @@ class _Widening:
         """The nodes that depend on the state, arguments first, with the ids of their arguments."""
         moving: set[int] = set()
         for node in walk(roots):
-            args = tuple(id(c) for c in children(node))
+            args = tuple(map(id, children(node)))
             of_state = isinstance(node, Read) and node.role is Role.STATE and node.name in state
             if of_state or not moving.isdisjoint(args):
                 moving.add(id(node))

@@ -34,12 +34,12 @@ def record(task: Task) -> dict[str, Any]:
         "title": spec.title,
         "summary": spec.summary,
         "capability": spec.capability,
-        "parameters": [parameter(p) for p in task.parameters],
-        "modifiers": [str(m) for m in task.modifiers],
+        "parameters": list(map(parameter, task.parameters)),
+        "modifiers": list(map(str, task.modifiers)),
         "states": count(task.state),
         "actions": count(task.action),
-        "state": [component(c) for c in task.state],
-        "action": [component(c) for c in task.action],
+        "state": list(map(component, task.state)),
+        "action": list(map(component, task.action)),
         "observation_space": space(task.observation_layout),
         "action_space": space(task.action_layout),
         "horizon": task.horizon,
@@ -154,7 +154,7 @@ def space_words(layout: SpaceLayout) -> str:
 
 def _listed(items: Sequence[Any]) -> str:
     if len(items) <= 6:
-        shown = [str(i) for i in items]
+        shown = list(map(str, items))
     else:
         shown = [*map(str, items[:5]), "…"]
     return ", ".join(shown)

@@ -126,7 +126,7 @@ class SpaceLayout:
         first = 0
         for i, c in enumerate(self.components):
             if self.form in ("multi_discrete", "one_hot"):
-                starts = tuple(int(v) for v in c.low)
+                starts = tuple(map(int, c.low))
             else:
                 starts = ()
             if self.form == "dict":
@@ -227,7 +227,7 @@ def _component_space(c: Component) -> gymnasium.Space[Any]:
 
     if c.is_finite and c.type.is_scalar:
         return Discrete(c.counts[0], start=int(c.low[0]))
-    low, high = (tuple(single(v) for v in bound) for bound in (c.low, c.high))
+    low, high = (tuple(map(single, bound)) for bound in (c.low, c.high))
     return _box_space(low, high, c.type.shape)
 
 

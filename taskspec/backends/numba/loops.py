@@ -306,7 +306,7 @@ def _results(
     first_state = _stores(p, start)
     first_seen = _observed(start)
     constant = without_unused(start.lane.lines, [*first_state.values(), *first_seen.values()])
-    renamed = [_renamed(line) for line in constant]
+    renamed = list(map(_renamed, constant))
     again = ["time[j] = i64(select(e, 0, t + 1))", "episodes[j] = u32(episodes[j] + u32(e))"]
     stores = [f"{row.name}[j] = select(e, {_renamed(first_state[row])}, {value})" for row, value in state.items()]
     for row in first_state:

@@ -440,7 +440,7 @@ def _reshape(b: NodeMaker, args: list[Node]) -> Node:
     if shape.type.kind is Kind.REAL or len(shape.type.shape) > 1 or min(shape.flat, default=-1) < 0:
         raise Refused("the shape of `reshape` is one or several sizes")
     _need_vector("reshape", x)
-    lengths = tuple(int(n) for n in shape.flat)
+    lengths = tuple(map(int, shape.flat))
     if math.prod(lengths) != x.type.size:
         raise Refused(f"`reshape` cannot arrange {x.type.size} elements as {list(lengths)}", "E307")
     return b.structure("reshape", [x], lengths)
