@@ -126,13 +126,14 @@ class Transitions:
             SpecError: E705 where imitation is not installed.
         """
         types = need("imitation.data.types", EXTRA, "this")
-        return [
-            types.TrajectoryWithRew(
-                obs=types.DictObs(t.obs) if isinstance(t.obs, dict) else t.obs, acts=t.acts, rews=t.rews, infos=None,
-                terminal=t.terminated or t.truncated,
-            )
-            for t in self.trajectories
-        ]  # fmt: skip
+        found = []
+        for t in self.trajectories:
+            obs = t.obs
+            if isinstance(obs, dict):
+                obs = types.DictObs(obs)
+            ended = t.terminated or t.truncated
+            found.append(types.TrajectoryWithRew(obs=obs, acts=t.acts, rews=t.rews, infos=None, terminal=ended))
+        return found
 
 
 COLUMNS = ("obs", "acts", "rews", "next_obs", "terminated", "truncated", "episode", "time")

@@ -15,6 +15,7 @@ from typing import NoReturn
 import numpy as np
 
 from taskspec.base.diagnostics import Collector, suggest
+from taskspec.base.records import all_names
 from taskspec.lang import alternatives, dists, sets, types
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const, Node, Role, have_one_shape, reads
@@ -234,7 +235,7 @@ def _arguments(checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scop
 def _given(
     checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scope
 ) -> tuple[dict[str, s.Expr], Shape | None]:
-    names = [a.name for a in dist.arguments]
+    names = all_names(dist.arguments)
     _check_count(checker, expr, dist.signature, len(expr.args) <= len(names))
     given = dict(zip(names, expr.args, strict=False))
     shape = None

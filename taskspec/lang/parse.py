@@ -18,6 +18,7 @@ from typing import NoReturn
 
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.base.limits import Limits, how_to_raise, limits
+from taskspec.base.records import all_names
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import DISTS
 from taskspec.lang.operators import FUNCTIONS
@@ -120,7 +121,7 @@ MODULES = frozenset(
 """What others write before the dot of a function."""
 
 _OURS: Mapping[str, str] = {
-    name.lower(): f"{name}({', '.join(argument.name for argument in dist.arguments)})" for name, dist in DISTS.items()
+    name.lower(): f"{name}({', '.join(all_names(dist.arguments))})" for name, dist in DISTS.items()
 }
 _DRAWN: Mapping[str, str] = {
     **_OURS, "erlang": "Gamma(k, rate)", "chisquare": "Gamma(k / 2, 1 / 2)", "inversegamma": "1 / Gamma(a, rate)",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taskspec.base.arrays import Array
+from taskspec.base.records import all_names
 from taskspec.lang.ir import Read, Role, reads
 from taskspec.lang.types import Kind
 from taskspec.model.model import misused, refuse
@@ -51,7 +52,7 @@ class Expert:
         self.action: spaces.SpaceLayout = task.action_layout
         self.memory: ExpertMemory | None = task.annotations.memory if self.given is None else None
         self.is_expressed: bool = isinstance(task.annotations.expert, tuple) and self.given is None
-        needed = {c.name for c in task.state}
+        needed = set(all_names(task.state))
         if isinstance(task.annotations.expert, tuple) and self.is_expressed:
             needed &= {name for role, name in reads(task.annotations.expert) if role is Role.STATE}
         self.shown_by: dict[str, int] = _shown_by(task, needed)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from taskspec.base.diagnostics import Collector, Placed
+from taskspec.base.records import entries_by_name
 from taskspec.lang import interval
 from taskspec.lang.builder import Builder
 from taskspec.lang.interval import bounds, single
@@ -212,7 +213,7 @@ class Observed:
     def __init__(self, builder: Builder, state: Sequence[Component], reached: dict[str, Interval]) -> None:
         self.builder = builder
         self.reached = reached
-        self.components = {c.name: c for c in state}
+        self.components = entries_by_name(state)
 
     def state(self, c: Component) -> Component:
         """Return a state component that is observed as it is."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from taskspec.base.display import decimal, setting
+from taskspec.base.records import all_names
 from taskspec.lang.types import Domain, Kind
 from taskspec.task.parts import Component, Parameter, Soft, are_finite, counts_of
 from taskspec.task.spaces import SpaceLayout
@@ -124,7 +125,7 @@ def space(layout: SpaceLayout) -> dict[str, Any]:
         case "one_hot":
             return {"space": "Box", "shape": list(layout.shape), "low": 0.0, "high": 1.0}
         case "dict":
-            return {"space": "Dict", "keys": [c.name for c in layout.components]}
+            return {"space": "Dict", "keys": all_names(layout.components)}
         case "box":
             low = _bound(layout.low)
             high = _bound(layout.high)

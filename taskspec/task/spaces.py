@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from taskspec.base.records import dataclass
-from taskspec.lang.types import INT_MAX, Kind
+from taskspec.lang.types import INT_MAX, Kind, total_size
 from taskspec.task.parts import Component, Observation, SpaceKind, are_finite, counts_of
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) 
         case "discrete":
             return SpaceLayout(form, components)
         case "multi_discrete":
-            return SpaceLayout(form, components, (sum(c.type.size for c in components),))
+            return SpaceLayout(form, components, (total_size(components),))
         case "one_hot":
             return SpaceLayout(form, components, (sum(counts_of(components)),))
         case "dict":
@@ -199,7 +199,7 @@ def _box(components: tuple[Component, ...]) -> SpaceLayout:
     if len(components) == 1:
         shape = components[0].type.shape
     else:
-        shape = (sum(c.type.size for c in components),)
+        shape = (total_size(components),)
     low = tuple(single(v) for c in components for v in c.low)
     high = tuple(single(v) for c in components for v in c.high)
     return SpaceLayout("box", components, shape, low, high)

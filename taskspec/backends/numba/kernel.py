@@ -17,7 +17,7 @@ from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.operators.vectors import strided
-from taskspec.lang.types import INT_MAX, Kind
+from taskspec.lang.types import INT_MAX, Kind, total_size
 from taskspec.lang.variates import VARIATES
 from taskspec.task.task import Task
 
@@ -39,7 +39,7 @@ def suits(task: Task) -> bool:
     wide_draws = [n for n in nodes if isinstance(n, Draw) and VARIATES[n.base].sorts]
     largest = max([n.args[0].type.size for n in wide] + [n.type.shape[-1] for n in wide_draws], default=0)
     looped = sum(n.type.size - 1 for n in nodes if isinstance(n, Draw) and VARIATES[n.base].loop)
-    return sum(n.type.size for n in nodes) - looped <= ELEMENTS and largest <= WIDE
+    return total_size(nodes) - looped <= ELEMENTS and largest <= WIDE
 
 
 class KernelLane(LaneEmitter):
