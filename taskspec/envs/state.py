@@ -208,13 +208,6 @@ class LaneView:
 KNOWN = ("task", "state", "time", "observation_space", "action_space", "render_mode", "render", "get_keys_to_action")
 
 
-def of_lane(seen: Any, lane: int) -> Any:
-    """Return the observation of one lane from those of all."""
-    if isinstance(seen, dict):
-        return {name: part[lane] for name, part in seen.items()}
-    return seen[lane]
-
-
 def ask_lane(lane: LaneView, name: str, *args: Any, **options: Any) -> Any:
     """Return an attribute of a lane, or what a method of it gives.
 
