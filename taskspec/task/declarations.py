@@ -209,8 +209,8 @@ def _check_within(context: Context, name: str, value: Any, low: Any, high: Any, 
 # -- constants ------------------------------------------------------------------------------------------------
 
 
-def bind_constants(context: Context) -> None:
-    """Bind the constants, each worked out on first use."""
+def bind_constants(context: Context, resolve: bool = True) -> None:
+    """Bind the constants, each worked out on first use; then `resolve` those that were not used, for their mistakes."""
     seed = next((p.value for p in context.parameters if p.name == INSTANCE_SEED), None)
     scope = context.constant_scope()
     scope.used.add(INSTANCE_SEED)
@@ -218,7 +218,7 @@ def bind_constants(context: Context) -> None:
     for name in names:
         make = lambda n=name: _constant(context, n, scope, seed)  # noqa: E731
         context.constants[name] = context.lazy(name, make)
-    for name in names:
+    for name in names if resolve else ():
         context.resolve(context.constants[name], context.place("constants", name))
 
 

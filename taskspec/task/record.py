@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taskspec.base.display import decimal, setting
 from taskspec.base.records import all_names
@@ -12,6 +12,9 @@ from taskspec.lang.types import Domain, Kind
 from taskspec.task.parts import Component, Parameter, Soft, are_finite, counts_of
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
+
+if TYPE_CHECKING:
+    from taskspec.task.build import Outline
 
 _SETS = {Kind.BOOL: "𝔹", Kind.INT: "ℤ", Kind.REAL: "ℝ"}
 _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -84,7 +87,7 @@ def count(components: Sequence[Component]) -> int | None:
     return math.prod(counts_of(components))
 
 
-def size(task: Task) -> str:
+def size(task: Task | Outline) -> str:
     """Return states times actions, or the sets of their values: `21 × 2`, `ℝ⁵⁰ × 2`."""
     return f"{_extent(task.state)} × {_extent(task.action)}"
 
@@ -108,7 +111,7 @@ def _short(n: int) -> str:
     return f"{n // 10 ** (digits - 1) / 10:.1f}·10{str(digits).translate(_RAISED)}"
 
 
-def horizon(task: Task) -> str:
+def horizon(task: Task | Outline) -> str:
     if task.horizon is None:
         return "none"
     return f"{task.horizon:,}"
@@ -214,7 +217,7 @@ def _end(value: float) -> str:
     return decimal(value).replace(",", "")
 
 
-def settings(task: Task) -> str:
+def settings(task: Task | Outline) -> str:
     """Return the parameters and modifiers of a task: `L=10 B=2 + sticky=0.25`."""
     values = " ".join(f"{p.name}={setting(p.value)}" for p in task.parameters)
     return " ".join([*filter(None, [values]), *(f"+ {m}" for m in task.modifiers)])
