@@ -138,13 +138,13 @@ class Refused(Exception):
         self.hint = hint
 
 
-class Typed(Protocol):
+class Sized(Protocol):
     """A component, a node, or anything else that has a type."""
 
     @property
     def type(self) -> Type: ...
 
 
-def total_size(items: Iterable[Typed]) -> int:
+def total_size(items: Iterable[Sized]) -> int:
     """Return how many elements some values have together."""
     return sum(item.type.size for item in items)
