@@ -221,7 +221,7 @@ def expert(context: LintContext) -> Iterator[Doubt]:
 def _compares_expert(expr: s.Expr) -> bool:
     """Return whether a claim says that the expert is below the optimum."""
     if isinstance(expr, s.Logical):
-        return any(_compares_expert(part) for part in expr.operands)
+        return any(map(_compares_expert, expr.operands))
     if not isinstance(expr, s.Compare):
         return False
     names = {n.id for n in s.names(expr) if isinstance(n, s.Name)}

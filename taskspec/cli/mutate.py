@@ -69,13 +69,12 @@ def mutate(
             found = judgements(file.path, jobs or os.cpu_count() or 1, advance)
             judged += [(file.path, mutant, judgement) for mutant, judgement in found]
     if json:
-        write_json([
-            {
-                "path": str(path), "line": m.place.line, "column": m.place.column, "section": m.section,
-                "before": m.before, "after": m.after, "class": j.kind, "code": j.code, "message": j.message,
-            }
-            for path, m, j in judged
-        ])  # fmt: skip
+        records = []
+        for path, m, j in judged:
+            change = {"path": str(path), "line": m.place.line, "column": m.place.column, "section": m.section}
+            change |= {"before": m.before, "after": m.after}
+            records.append(change | {"class": j.kind, "code": j.code, "message": j.message})
+        write_json(records)
     else:
         _print(judged, classes)
     if strict and any(judgement.kind == ALWAYS for _, _, judgement in judged):

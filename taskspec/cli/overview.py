@@ -45,7 +45,7 @@ def list_tasks(
     if capability is not None:
         tasks = _isolating(capability, tasks)
     if json:
-        write_json([record(task) for task in tasks])
+        write_json(list(map(record, tasks)))
     else:
         _print_tasks(tasks)
     if problems:
@@ -56,7 +56,7 @@ def _isolating(capability: str, tasks: Sequence[Listed]) -> list[Listed]:
     """Return the tasks that isolate a capability, given by its first letters."""
     found = [task for task in tasks if _capability(task).startswith(capability)]
     if not found:
-        known = sorted({_capability(task) for task in tasks} - {""})
+        known = sorted(set(map(_capability, tasks)) - {""})
         hint = suggest(capability, known) or f"there are {', '.join(known)}"
         raise spec_error("E701", f"no task isolates '{capability}'", hint)
     return found

@@ -310,7 +310,7 @@ def _findings_table(found: FindingsResult) -> Columns:
     for each in found.results:
         outcomes = map(each.outcome, found.sets)
         table.add_row(each.name, each.entry.says, *(VisibleText(word, style=OUTCOMES[word]) for word in outcomes))
-    counts = [found.counts(name) for name in found.sets]
+    counts = list(map(found.counts, found.sets))
     for outcome, style in OUTCOMES.items():
         numbers = [str(count[outcome]) for count in counts]  # type: ignore[index]  # the same words
         table.add_row("", VisibleText(outcome, style=style), *numbers)

@@ -165,7 +165,7 @@ def _record(task: Task, policy: str, seed: int, summary: Summary, done: list[Epi
     return {
         "id": task.id,
         "parameters": task.values,
-        "modifiers": [str(m) for m in task.modifiers],
+        "modifiers": list(map(str, task.modifiers)),
         "policy": policy,
         "seed": seed,
         "content_hash": task.content_hash,

@@ -424,7 +424,7 @@ def _cluster(address: str) -> Iterator[_Site]:
             threads = client.nthreads()
         except OSError as error:
             raise _no_cluster(f"the cluster at {address!r} does not answer any more: {error}") from error
-        return AHEAD * max(1, sum(int(count) for count in threads.values()))
+        return AHEAD * max(1, sum(map(int, threads.values())))
 
     with _quiet(), client, client.get_executor(pure=False) as executor:
         try:
@@ -436,7 +436,7 @@ def _cluster(address: str) -> Iterator[_Site]:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Silence Dask, which prints a traceback for each call under way when a run is interrupted or its cluster lost."""
-    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client", "tornado.application")]
+    loggers = list(map(logging.getLogger, ("distributed", "distributed.client", "tornado.application")))
     levels = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL)

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, raise_if_errors
 from taskspec.base.limits import Limits, limits
+from taskspec.base.records import all_names
 from taskspec.lang.check import check_uncalled
 from taskspec.lang.ir import Role, reads
 from taskspec.lang.scope import FunctionDef
@@ -370,7 +371,7 @@ def build_varying(task: Task, names: Sequence[str]) -> Task:
 def _check(task: Task, name: str) -> None:
     found = next((p for p in task.parameters if p.name == name), None)
     if found is None:
-        known = ", ".join(p.name for p in task.parameters) or "none"
+        known = ", ".join(all_names(task.parameters)) or "none"
         raise SpecError([Diagnostic("E702", None, f"{task.name} has no parameter '{name}'", f"it has {known}")])
     if found.kind not in ("int", "real"):
         raise _error(f"parameter {name} is not a number, and cannot differ between lanes")

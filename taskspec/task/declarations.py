@@ -14,7 +14,7 @@ from taskspec.lang.calls import static_shape
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Const, Node, Role, have_one_shape, plain, reads
 from taskspec.lang.scope import Lazy, Poisoned, Scope, Value
-from taskspec.lang.types import BOOL, INT, INT_WIDEST, Domain, Kind, Refused, Type
+from taskspec.lang.types import BOOL, INT, INT_WIDEST, Domain, Kind, Refused, Type, total_size
 from taskspec.lang.variates import WordLayout, sampler
 from taskspec.source import Path
 from taskspec.task.context import Context, poison
@@ -162,7 +162,7 @@ def _default(context: Context, entry: Mapping[str, Any], path: Path, labels: Any
     kind = entry.get("type", "real")
     if kind == "choice":
         if value not in labels:
-            known = [str(label) for label in labels]
+            known = list(map(str, labels))
             message = f"the default '{value}' is not one of {', '.join(known)}"
             context.stop("E213", (*path, "default"), message, suggest(str(value), known))
         return value
@@ -307,7 +307,7 @@ def bind_components(context: Context, section: str) -> tuple[Component, ...]:
             if labels:
                 c = Component(name, Type(Kind.INT), (0.0,), (float(len(labels) - 1),), Domain(labels))
         found.append(c)
-    size = sum(c.type.size for c in found)
+    size = total_size(found)
     fits(context, size, context.merged.key_span((section,)), f"`{section}:`", int(section != "memory"))
     return tuple(found)
 

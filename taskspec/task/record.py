@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from taskspec.base.display import decimal, setting
+from taskspec.base.records import all_names
 from taskspec.lang.types import Domain, Kind
 from taskspec.task.parts import Component, Parameter, Soft, are_finite, counts_of
 from taskspec.task.spaces import SpaceLayout
@@ -37,12 +38,12 @@ def record(task: Task) -> dict[str, Any]:
         "title": spec.title,
         "summary": spec.summary,
         "capability": spec.capability,
-        "parameters": [parameter(p) for p in task.parameters],
-        "modifiers": [str(m) for m in task.modifiers],
+        "parameters": list(map(parameter, task.parameters)),
+        "modifiers": list(map(str, task.modifiers)),
         "states": count(task.state),
         "actions": count(task.action),
-        "state": [component(c) for c in task.state],
-        "action": [component(c) for c in task.action],
+        "state": list(map(component, task.state)),
+        "action": list(map(component, task.action)),
         "observation_space": space(task.observation_layout),
         "action_space": space(task.action_layout),
         "horizon": task.horizon,
@@ -127,7 +128,7 @@ def space(layout: SpaceLayout) -> dict[str, Any]:
         case "one_hot":
             return {"space": "Box", "shape": list(layout.shape), "low": 0.0, "high": 1.0}
         case "dict":
-            return {"space": "Dict", "keys": [c.name for c in layout.components]}
+            return {"space": "Dict", "keys": all_names(layout.components)}
         case "box":
             low = _bound(layout.low)
             high = _bound(layout.high)
@@ -157,7 +158,7 @@ def space_words(layout: SpaceLayout) -> str:
 
 def _listed(items: Sequence[Any]) -> str:
     if len(items) <= 6:
-        shown = [str(i) for i in items]
+        shown = list(map(str, items))
     else:
         shown = [*map(str, items[:5]), "…"]
     return ", ".join(shown)

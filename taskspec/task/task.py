@@ -297,7 +297,7 @@ class Task:
                 found[name] = plain(node.value)
             else:
                 kind = {Kind.BOOL: "bool", Kind.INT: "int64", Kind.REAL: "float64"}[node.type.kind]
-                found[name] = np.array([plain(v) for v in node.flat], kind).reshape(node.type.shape)
+                found[name] = np.array(list(map(plain, node.flat)), kind).reshape(node.type.shape)
                 found[name].flags.writeable = False
         return found
 
