@@ -161,6 +161,7 @@ def _bounds_record(bounds: PomdpBounds | None) -> dict[str, Any] | None:
 
 
 def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> None:
+    from taskspec.rollout.rollout import return_range
     from taskspec.task.record import settings
 
     out = console()
@@ -178,7 +179,12 @@ def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> Non
                 remark = f"{decimal(scores.gap, 6)} below the optimum"
         elif name != "expert" and value is None and scores.states is not None:  # otherwise the last line says why
             remark = scores.why_not_exact or ""
-        table.add_row(f"  {name}", *_return(value), remark)
+        shown = _return(value)
+        if name == "optimal" and value is None:
+            limit = return_range(task)[1]
+            if math.isfinite(limit):
+                shown = f"≤ {number(limit)}", "by the bounds of the reward"
+        table.add_row(f"  {name}", *shown, remark)
         if name == "optimal" and bounds is not None:
             remark = "given all observations and actions so far"
             table.add_row("  remembering", *_bound(bounds.remembering, remark, bounds.why_not))
@@ -204,6 +210,8 @@ def _return(value: Return | None) -> tuple[str, str]:
     mean, half = estimate(value.value, value.half)
     if not math.isfinite(value.value):
         return mean, f"({value.episodes:,} episodes)"
+    if not value.half:
+        return mean, f"in all of {value.episodes:,} episodes"
     return mean, f"± {half} (95 % CI, {value.episodes:,} episodes)"
 
 
