@@ -88,7 +88,8 @@ def unread(context: LintContext) -> Iterator[Doubt]:
     task = context.task
     is_state = task.observation.is_state
     nexts = by_name(task.state, task.process.next)
-    used = _followed(nexts, (task.process.reward, task.process.terminal))
+    measures = task.process.measures.values()
+    used = _followed(nexts, (task.process.reward, task.process.terminal, *measures))
     if not is_state:
         used |= _followed(nexts, task.observation.nodes)
     for c, first, following in zip(task.state, task.process.initial, task.process.next, strict=True):
@@ -185,7 +186,7 @@ def inert(context: LintContext) -> Iterator[Doubt]:
     """Yield a component of the action that changes nothing."""
     model = context.model
     task = context.task
-    read = reads((*task.process.next, task.process.reward, task.process.terminal))
+    read = reads(task.process.step_roots)
     for c in task.action:
         if c.is_finite and c.counts == (1,) * c.type.size:
             continue
