@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json as json_
 import math
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,7 +20,7 @@ from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.exact import Difficulty, PomdpBounds, Return, Score, Scores
+    from taskspec.exact import Difficulty, Outcome, PomdpBounds, Return, Score, Scores
     from taskspec.task.task import Task
 
 ReturnsFile = Annotated[
@@ -43,6 +45,15 @@ def solve(
             "--difficulty", help="Measures of difficulty from theory besides: `docs/difficulty.md` lists them."
         ),
     ] = False,
+    limit_measure: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--limit-measure", metavar="LIMIT", help="Also the best return within a limit on a measure: `cost<=1`."
+        ),
+    ] = None,
+    front: Annotated[
+        str | None, typer.Option("--front", metavar="MEASURE", help="Also the best return for each value of a measure.")
+    ] = None,
     output: Annotated[Path | None, options.file_option("--output", "-o", help="Save the scores to this file.")] = None,
     json: options.Json = False,
     limits: options.LimitsGiven = None,
@@ -50,7 +61,8 @@ def solve(
     """Compute optimal, expert, random and worst return.
 
     Exactly where the task has an exact model, else from episodes, with a confidence interval. Where observations hide
-    the state, also the best returns given observations alone: with memory, and without.
+    the state, also the best returns given observations alone: with memory, and without. Where the task has measures,
+    their expected sums under the same policies.
     """
     from taskspec import exact
     from taskspec.targets import beside, tasks_of
@@ -63,17 +75,27 @@ def solve(
             results = exact.Results(each)
             bounds = exact.pomdp_bounds(results)
             measures = exact.difficulty(results) if difficulty else None
+            within = exact.constrained_optimum(each, limit_measure) if limit_measure else None
+            corners = exact.pareto_front(each, front) if front else []
         if output is not None:
             scores.save(output if len(found) == 1 else beside(output, each))
         if json:
             record = scores.record() | {"yardsticks": _bounds_record(bounds)}
             if measures is not None:
                 record["difficulty"] = measures.record()
+            if within is not None:
+                record["within_limits"] = {"limits": limit_measure, **asdict(within)}
+            if front:
+                record["front"] = [asdict(corner) for corner in corners]
             records.append(record)
         else:
             _print_scores(each, scores, bounds)
             if measures is not None:
                 _print_difficulty(measures, scores.why_not_exact)
+            if within is not None:
+                _print_within(within, limit_measure or [])
+            if front:
+                _print_front(corners, front)
     if json:
         write_records(records)
 
@@ -184,11 +206,49 @@ def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> Non
             table.add_row("  remembering", *_bound(bounds.remembering, remark, bounds.why_not))
             table.add_row("  memoryless", *_bound(bounds.memoryless, "", bounds.why_not))
     out.print(table)
+    _print_measures(scores, out)
     ground = f"no exact model: {scores.why_not_exact}"
     if scores.states is not None:
         ground = f"from an exact model of {scores.states:,} states and {scores.actions:,} actions"
     out.print(f"  {ground}", style="quiet")
     _print_discount(task, out)
+
+
+def _print_measures(scores: Scores, out: Console) -> None:
+    """Print the expected sum of each measure under the policies whose returns are printed."""
+    if not scores.measures:
+        return
+    policies = ("optimal", "expert", "random", "worst")
+    table = Columns("  measure", *policies, right=(1, 2, 3, 4), fold=(0,), styles=("quiet",))
+    for name, under in scores.measures.items():
+        table.add_row(f"  {name}", *(_measured(under[policy]) for policy in policies))
+    out.print(table)
+
+
+def _measured(value: Return | None) -> str:
+    """Return a measure, with its confidence interval where it is an estimate."""
+    if value is None:
+        return ""
+    if not value.episodes:
+        return number(value.value, 6)
+    mean, half = estimate(value.value, value.half)
+    return f"{mean} ± {half}"
+
+
+def _print_within(found: Outcome, limits: Sequence[str]) -> None:
+    table = Columns("", "", "", right=(1,), fold=(2,), styles=("quiet", "title", "quiet"))
+    reached = ", ".join(f"{name} {number(value, 6)}" for name, value in found.measures.items())
+    table.add_row(f"  best with {' and '.join(limits)}", number(found.value, 8), f"linear program, {reached}")
+    console().print(table)
+
+
+def _print_front(corners: Sequence[Outcome], measure: str) -> None:
+    """Print the corners of a front, in columns."""
+    table = Columns(f"  {measure}", "best return", right=(0, 1))
+    for corner in corners:
+        table.add_row(f"  {number(corner.measures[measure], 6)}", number(corner.value, 8))
+    console().print(table)
+    console().print("  between two rows the best return is on the line from one to the other", style="quiet")
 
 
 def _return(value: Return | None) -> tuple[str, str]:

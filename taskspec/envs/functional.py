@@ -61,7 +61,9 @@ class TaskFuncEnv(_FuncEnv):
     def reward(self, state: FuncState, action: Any, next_state: FuncState, rng: Any, params: Any = None) -> Any:
         return next_state.paid
 
-    def transition_info(self, state: FuncState, action: Any, next_state: FuncState, params: Any = None) -> dict[str, Any]:
+    def transition_info(
+        self, state: FuncState, action: Any, next_state: FuncState, params: Any = None
+    ) -> dict[str, Any]:
         """Return the measures of a step, where the task has some."""
         if not next_state.measures:
             return {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,8 @@ class Scores:
     actions: int | None
     why_not_exact: str | None
     modifiers: tuple[str, ...]
+    measures: Mapping[str, Mapping[str, Return | None]] = field(default_factory=dict)
+    """The expected sum of each measure of the task under each of these policies."""
 
     @property
     def gap(self) -> float | None:
@@ -60,6 +62,11 @@ class Scores:
         for name, value in returns.items():
             if value is not None:
                 found[name] = asdict(value) | {"status": value.status}
+        for name, under in self.measures.items():
+            known = {which: value for which, value in under.items() if value is not None}
+            found["measures"][name] |= {
+                which: asdict(value) | {"status": value.status} for which, value in known.items()
+            }
         return found
 
     def rows(self) -> list[dict[str, Any]]:
@@ -130,5 +137,5 @@ def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) ->
         actions = model.n_actions
     return Scores(
         task.id, task.content_hash, task.values, results.optimal, results.random, results.worst, results.expert,
-        states, actions, results.why_not, tuple(map(str, task.modifiers)),
+        states, actions, results.why_not, tuple(map(str, task.modifiers)), results.measures,
     )  # fmt: skip

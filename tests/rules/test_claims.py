@@ -167,6 +167,7 @@ def test_everything_in_the_vocabulary_is_understood() -> None:
         "probability": "probability(s == 1, under=expert) == 1",
         "prefers": "prefers(optimal, a == go, at=s == 2 and t == T - 1)",
         "influences": "influences(a, s)",
+        "measure": "measure(steps, under=optimal) == 2",
         "abs": "abs(0 - optimal_return) == 1",
     }
     assert examples.keys() == FUNCTIONS.keys()

@@ -199,7 +199,13 @@ def compile_jax(task: Task) -> JaxProgram:
     given = list(open_names(task).values())
     lines = [f"def step({', '.join(['w', 't', *states, *actions, *given])}):", *indent(body)]
     first = n + 2 + len(task.process.measures)  # of the observation
-    results = [tuple_of(values[:n]), values[n], values[n + 1], tuple_of(values[n + 2 : first]), tuple_of(values[first:])]
+    results = [
+        tuple_of(values[:n]),
+        values[n],
+        values[n + 1],
+        tuple_of(values[n + 2 : first]),
+        tuple_of(values[first:]),
+    ]
     lines += indent([f"return {', '.join(results)}"])
     body, values = _emit(task, start, start_words, constants)
     lines += ["", "", f"def start({', '.join(['w', *given])}):", *indent(body)]
