@@ -6,7 +6,7 @@ import csv
 import json as json_
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,9 +20,11 @@ from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.exact import Difficulty, Outcome, PomdpBounds, Return, Score, Scores
+    from taskspec.exact import Difficulty, Outcome, PomdpBounds, Results, Return, Score, Scores
     from taskspec.task.task import Task
 
+MOST_CORNERS = 15
+"""Corners of a front that are printed, about."""
 ReturnsFile = Annotated[
     Path,
     typer.Argument(
@@ -74,30 +76,61 @@ def solve(
             scores = exact.scores(each, episodes, seed)
             results = exact.Results(each)
             bounds = exact.pomdp_bounds(results)
-            measures = exact.difficulty(results) if difficulty else None
-            within = exact.constrained_optimum(each, limit_measure) if limit_measure else None
-            corners = exact.pareto_front(each, front) if front else []
+            answers = Answers.of(results, difficulty, limit_measure or [], front)
         if output is not None:
             scores.save(output if len(found) == 1 else beside(output, each))
         if json:
-            record = scores.record() | {"yardsticks": _bounds_record(bounds)}
-            if measures is not None:
-                record["difficulty"] = measures.record()
-            if within is not None:
-                record["within_limits"] = {"limits": limit_measure, **asdict(within)}
-            if front:
-                record["front"] = [asdict(corner) for corner in corners]
-            records.append(record)
+            records.append(scores.record() | {"yardsticks": _bounds_record(bounds)} | answers.record())
         else:
             _print_scores(each, scores, bounds)
-            if measures is not None:
-                _print_difficulty(measures, scores.why_not_exact)
-            if within is not None:
-                _print_within(within, limit_measure or [])
-            if front:
-                _print_front(corners, front)
+            answers.show(scores)
     if json:
         write_records(records)
+
+
+@dataclass
+class Answers:
+    """What was asked for beside the returns: measures of difficulty, the best return within limits, a front."""
+
+    difficulty: Difficulty | None
+    limits: Sequence[str]
+    within: Outcome | None
+    measure: str | None
+    front: Sequence[Outcome]
+
+    @classmethod
+    def of(cls, results: Results, difficulty: bool, limits: Sequence[str], measure: str | None) -> Answers:
+        """Return the answers about a task."""
+        from taskspec import exact
+
+        found = cls(None, limits, None, measure, ())
+        if difficulty:
+            found.difficulty = exact.difficulty(results)
+        if limits:
+            found.within = exact.constrained_optimum(results.task, limits)
+        if measure is not None:
+            found.front = exact.pareto_front(results.task, measure)
+        return found
+
+    def record(self) -> dict[str, Any]:
+        """Return them as plain data for JSON."""
+        found: dict[str, Any] = {}
+        if self.difficulty is not None:
+            found["difficulty"] = self.difficulty.record()
+        if self.within is not None:
+            found["within_limits"] = {"limits": list(self.limits), **asdict(self.within)}
+        if self.front:
+            found["front"] = [asdict(corner) for corner in self.front]
+        return found
+
+    def show(self, scores: Scores) -> None:
+        """Print them below the returns."""
+        if self.difficulty is not None:
+            _print_difficulty(self.difficulty, scores.why_not_exact)
+        if self.within is not None:
+            _print_within(self.within, self.limits)
+        if self.measure is not None:
+            _print_front(self.front, self.measure)
 
 
 def score(
@@ -245,10 +278,16 @@ def _print_within(found: Outcome, limits: Sequence[str]) -> None:
 def _print_front(corners: Sequence[Outcome], measure: str) -> None:
     """Print the corners of a front, in columns."""
     table = Columns(f"  {measure}", "best return", right=(0, 1))
-    for corner in corners:
+    every = -(-len(corners) // MOST_CORNERS)
+    shown = [*corners[:-1:every], corners[-1]]
+    for corner in shown:
         table.add_row(f"  {number(corner.measures[measure], 6)}", number(corner.value, 8))
     console().print(table)
-    console().print("  between two rows the best return is on the line from one to the other", style="quiet")
+    if every == 1:
+        remark = "between two rows the best return is on the line from one to the other"
+    else:
+        remark = f"{len(shown)} of {len(corners)} corners; `--json` has all of them"
+    console().print(f"  {remark}", style="quiet")
 
 
 def _return(value: Return | None) -> tuple[str, str]:

@@ -36,6 +36,7 @@ from taskspec.soundness.soundness import examine as examine
 from taskspec.soundness.soundness import soundness as soundness
 
 __all__ = [
-    "Accepted", "Difficulty", "Expert", "Limit", "Model", "Outcome", "PomdpBounds", "Report", "Return", "Score", "Scores", "Soundness", "StaleScores",
-    "Verdict", "check", "constrained_optimum", "difficulty", "extract", "pareto_front", "pomdp_bounds", "score", "scores",
+    "Accepted", "Difficulty", "Expert", "Limit", "Model", "Outcome", "PomdpBounds", "Report", "Return", "Score",
+    "Scores", "Soundness", "StaleScores", "Verdict", "check", "constrained_optimum", "difficulty", "extract",
+    "pareto_front", "pomdp_bounds", "score", "scores",
 ]  # fmt: skip

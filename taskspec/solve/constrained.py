@@ -15,6 +15,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -103,7 +104,7 @@ def pareto_front(task: TaskLike, measure: str) -> list[Outcome]:
     last = program.end(measure, 1.0)
     points = [first, *_between(program, measure, first, last), last]
     corners = [first]
-    for point, after in zip(points[1:], points[2:], strict=False):
+    for point, after in pairwise(points[1:]):
         if _height(measure, corners[-1], after, point) > 0:
             corners.append(point)
     if _width(measure, first, last) > 0:

@@ -80,9 +80,9 @@ class TaskSource:
 class Process:
     """The decision process as core nodes, those of `initial` and `next` in the order of the state.
 
-    `next`, `reward`, `terminal` and `measures` read STATE, ACTION and TIME, `absorbing_reward` reads STATE and TIME; `initial` reads nothing:
-    each component's node contains those it depends on. `reset_draws` and `step_draws` are the draws that the sections of a reset
-    and of a step write, whether or not they are left in these nodes.
+    `next`, `reward`, `terminal` and `measures` read STATE, ACTION and TIME, `absorbing_reward` reads STATE and TIME; `initial`
+    reads nothing: each component's node contains those it depends on. `reset_draws` and `step_draws` are the draws that the
+    sections of a reset and of a step write, whether or not they are left in these nodes.
 
     A state is always in its space: an int that `raw_initial` or `raw_next` would give outside its range is moved to the nearest
     end in `initial` and `next`, which soundness reports (E403, E404).

@@ -347,7 +347,8 @@ class Functional:
     ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
         """Observation, state, reward, done and info of a step; an episode that ends begins anew (autoreset).
 
-        info holds "terminated", "truncated", "final_observation", that of the step itself, and "measures" where the task has some.
+        info holds "terminated", "truncated", "final_observation", that of the step itself, and "measures" where the
+        task has some.
         """
         observation, state, result = self.lanes_step(_lane(state), jnp.asarray(action)[..., None], params)
         info = {
