@@ -20,7 +20,7 @@ from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.exact import Difficulty, Outcome, PomdpBounds, Results, Return, Score, Scores
+    from taskspec.exact import Difficulty, Expectations, PomdpBounds, Results, Return, Score, Scores
     from taskspec.task.task import Task
 
 MOST_CORNERS = 15
@@ -90,13 +90,13 @@ def solve(
 
 @dataclass
 class Answers:
-    """What was asked for beside the returns: measures of difficulty, the best return within limits, a front."""
+    """Answers that are asked for beside the returns: measures of difficulty, the best return within limits, a front."""
 
     difficulty: Difficulty | None
     limits: Sequence[str]
-    within: Outcome | None
+    within: Expectations | None
     measure: str | None
-    front: Sequence[Outcome]
+    front: Sequence[Expectations]
 
     @classmethod
     def of(cls, results: Results, difficulty: bool, limits: Sequence[str], measure: str | None) -> Answers:
@@ -268,14 +268,14 @@ def _measured(value: Return | None) -> str:
     return f"{mean} ± {half}"
 
 
-def _print_within(found: Outcome, limits: Sequence[str]) -> None:
+def _print_within(found: Expectations, limits: Sequence[str]) -> None:
     table = Columns("", "", "", right=(1,), fold=(2,), styles=("quiet", "title", "quiet"))
     reached = ", ".join(f"{name} {number(value, 6)}" for name, value in found.measures.items())
     table.add_row(f"  best with {' and '.join(limits)}", number(found.value, 8), f"linear program, {reached}")
     console().print(table)
 
 
-def _print_front(corners: Sequence[Outcome], measure: str) -> None:
+def _print_front(corners: Sequence[Expectations], measure: str) -> None:
     """Print the corners of a front, in columns."""
     table = Columns(f"  {measure}", "best return", right=(0, 1))
     every = -(-len(corners) // MOST_CORNERS)

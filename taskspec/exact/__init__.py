@@ -27,7 +27,7 @@ from taskspec.scores.scores import Scores as Scores
 from taskspec.scores.scores import StaleScores as StaleScores
 from taskspec.scores.scores import scores as scores
 from taskspec.solve.constrained import Limit as Limit
-from taskspec.solve.constrained import Outcome as Outcome
+from taskspec.solve.constrained import Expectations as Expectations
 from taskspec.solve.constrained import constrained_optimum as constrained_optimum
 from taskspec.solve.constrained import pareto_front as pareto_front
 from taskspec.soundness.soundness import Soundness as Soundness
@@ -36,7 +36,7 @@ from taskspec.soundness.soundness import examine as examine
 from taskspec.soundness.soundness import soundness as soundness
 
 __all__ = [
-    "Accepted", "Difficulty", "Expert", "Limit", "Model", "Outcome", "PomdpBounds", "Report", "Return", "Score",
+    "Accepted", "Difficulty", "Expert", "Limit", "Model", "Expectations", "PomdpBounds", "Report", "Return", "Score",
     "Scores", "Soundness", "StaleScores", "Verdict", "check", "constrained_optimum", "difficulty", "extract",
     "pareto_front", "pomdp_bounds", "score", "scores",
 ]  # fmt: skip

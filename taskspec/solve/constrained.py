@@ -68,14 +68,14 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Expectations:
     """The expected return of a policy, and the expected sums of measures, by name."""
 
     value: float
     measures: Mapping[str, float]
 
 
-def constrained_optimum(task: TaskLike, limits: Sequence[Limit | str]) -> Outcome:
+def constrained_optimum(task: TaskLike, limits: Sequence[Limit | str]) -> Expectations:
     """Return the best return of all policies that keep limits on measures.
 
     Args:
@@ -90,7 +90,7 @@ def constrained_optimum(task: TaskLike, limits: Sequence[Limit | str]) -> Outcom
     return program.best(1.0, {}, kept)
 
 
-def pareto_front(task: TaskLike, measure: str) -> list[Outcome]:
+def pareto_front(task: TaskLike, measure: str) -> list[Expectations]:
     """Return the corners of the best return as a function of a measure, from its least to its largest expectation.
 
     Between two neighbours, the best return is on the line from one to the other. Found by weighing one against the other
@@ -112,7 +112,7 @@ def pareto_front(task: TaskLike, measure: str) -> list[Outcome]:
     return corners
 
 
-def _between(program: Occupancies, measure: str, a: Outcome, b: Outcome) -> Iterator[Outcome]:
+def _between(program: Occupancies, measure: str, a: Expectations, b: Expectations) -> Iterator[Expectations]:
     """Yield points of a front between two of its points, in order."""
     width = _width(measure, a, b)
     if width == 0:
@@ -124,7 +124,7 @@ def _between(program: Occupancies, measure: str, a: Outcome, b: Outcome) -> Iter
         yield from _between(program, measure, above, b)
 
 
-def _width(measure: str, a: Outcome, b: Outcome) -> float:
+def _width(measure: str, a: Expectations, b: Expectations) -> float:
     """Return by how much a measure grows between two points; 0 where that may be an error of the solver."""
     width = b.measures[measure] - a.measures[measure]
     if width <= CLOSE * (1.0 + abs(a.measures[measure])):
@@ -132,7 +132,7 @@ def _width(measure: str, a: Outcome, b: Outcome) -> float:
     return width
 
 
-def _height(measure: str, a: Outcome, b: Outcome, point: Outcome) -> float:
+def _height(measure: str, a: Expectations, b: Expectations, point: Expectations) -> float:
     """Return how far a point is above the line between two others; 0 where that may be an error of the solver."""
     along = (point.measures[measure] - a.measures[measure]) / (b.measures[measure] - a.measures[measure])
     height = point.value - (a.value + along * (b.value - a.value))
@@ -197,7 +197,7 @@ class Occupancies:
         """Return what one unit of each occupancy pays."""
         return np.concatenate([model.step(t).R[self._rows(t)] for t in range(len(self.levels))])
 
-    def best(self, weight: float, weights: Mapping[str, float], limits: Sequence[Limit]) -> Outcome:
+    def best(self, weight: float, weights: Mapping[str, float], limits: Sequence[Limit]) -> Expectations:
         """Return a policy of the largest weighted sum of the return and of measures, within limits.
 
         Args:
@@ -230,9 +230,9 @@ class Occupancies:
         if found.status != 0:
             refuse(f"the linear program is not solved: {found.message}")
         measures = {name: float(gain @ found.x) for name, gain in self.gains.items()}
-        return Outcome(float(self.gain @ found.x), measures)
+        return Expectations(float(self.gain @ found.x), measures)
 
-    def end(self, measure: str, sign: float) -> Outcome:
+    def end(self, measure: str, sign: float) -> Expectations:
         """Return the best policy among those with the largest measure (`sign` 1), or the smallest (-1)."""
         bound = self.best(0.0, {measure: sign}, ()).measures[measure]
         limit = Limit(measure, "<=", bound)
