@@ -1,4 +1,6 @@
-"""The contact sheet: every task's figure at three settings each, on light paper, on dark paper, and as without the green cones.
+"""The contact sheets of all tasks: figures at several settings, and pages as wide as a telephone.
+
+Both on light paper, on dark paper, and as without the green cones.
 
 python docs/contact.py build/contact.html
 """
@@ -16,6 +18,7 @@ from taskspec import registry
 from taskspec.base.files import write_text
 from taskspec.figures import Scene, scene, svg
 from taskspec.pages.render.html import gallery_style, page_style
+from taskspec.pages.write import gather_pages, write_pages
 from taskspec.task.task import Task
 
 SETTINGS: Mapping[str, tuple[Mapping[str, Any], ...]] = {
@@ -83,7 +86,36 @@ def _row(task: Task, words: str, drawn: Scene | None) -> str:
     return f"<tr><th>{escape(task.name)}<br>{escape(words)}</th>{cells}</tr>"
 
 
+PHONE = 390
+"""The width of a telephone's screen in pixels."""
+FRAMES = f"""
+iframe {{ width: {PHONE}px; height: 700px; border: 1px solid #8888; }}
+"""
+
+
+def page_sheet(ids: Iterable[str], folder: Path) -> str:
+    """Write the pages of tasks into a folder, and return the page that shows them in every look."""
+    tasks = [registry.load(name) for name in ids]
+    suite = gather_pages(tasks, "Contact sheet")
+    write_pages(suite, ["html"], folder)
+    rows = ""
+    for page in suite.pages:
+        frames = ""
+        text = (folder / f"{page.anchor}.html").read_text(encoding="utf-8")
+        write_text(folder / f"dark-{page.anchor}.html", text.replace("(prefers-color-scheme: dark)", "all"))
+        for look in LOOKS:
+            address = escape(f"{folder.name}/{'dark-' if look == 'dark' else ''}{page.anchor}.html")
+            frames += (
+                f'<iframe class="{look}" src="{address}" title="{escape(page.name)}, {look}" loading="lazy"></iframe>'
+            )
+        rows += f"<h2>{escape(page.name)}</h2>{frames}"
+    head = f'<meta charset="utf-8"><title>Pages</title><style>{STYLE}{FRAMES}</style>'
+    return f'<!doctype html><html lang="en"><head>{head}</head><body>{FILTER}{rows}</body></html>\n'
+
+
 if __name__ == "__main__":
     target = Path(sys.argv[1] if len(sys.argv) > 1 else "build/contact.html")
+    pages = target.with_name(f"{target.stem}-pages.html")
     write_text(target, sheet(drawn_names()))
-    sys.stdout.write(f"wrote {target}\n")
+    write_text(pages, page_sheet(drawn_names(), target.with_suffix("")))
+    sys.stdout.write(f"wrote {target} and {pages}\n")

@@ -18,7 +18,8 @@ import pytest
 from taskspec.base.diagnostics import TaskspecError, suggest
 from taskspec.base.display import count_of, plural
 from taskspec.base.files import safe_name
-from taskspec.exam.examining import Running, exam_id, examine, tasks_of
+from taskspec.exam.asked_tasks import exam_id, tasks_of
+from taskspec.exam.examining import SUITES, Running, examine
 from taskspec.exam.report import write
 from taskspec.exam.results import Exam
 from taskspec.exam.score_rows import listed
@@ -156,7 +157,9 @@ class ExamOutcome:
 
     def _asked(self) -> dict[str, Task]:
         """Return the tasks of the exam, by their names in results."""
-        return {exam_id(task): task for task in tasks_of(self._terms.get("suite", "derail"), self._terms.get("tasks"))}
+        suite = self._terms.get("suite")
+        suites = SUITES if suite is None else (suite,)
+        return {exam_id(task): task for task in tasks_of(suites, self._terms.get("tasks"))}
 
     def _command(self, tasks: Sequence[str]) -> str:
         """Return the command that examines the learner on some tasks again."""

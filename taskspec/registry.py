@@ -65,11 +65,12 @@ def shipped() -> dict[str, Entry]:
 
 def entries(folder: Path) -> Iterable[Entry]:
     """Yield the tasks of a suite's folder, in order of file and variant."""
+    suite = folder.resolve().name
     for path, text in _texts(folder):
         if scan.kind(text) == "taskspec":
             found = scan.scan(text)
             for name, variant in found.tasks:
-                yield Entry(folder.resolve().name, name, found.version, path, variant)
+                yield Entry(suite, name, found.version, path, variant)
 
 
 def files_in(folder: Path) -> list[tuple[Path, scan.Kind]]:
@@ -239,11 +240,11 @@ def document(path: str) -> Document:
 
     if path in _documents:
         known, states = _documents[path]
-        if states == [_state_of(file) for file in (path, *known.files)]:
+        if states == list(map(_state_of, (path, *known.files))):
             return known
     before = _state_of(path)
     found = read_file(path)
-    _documents[path] = (found, [before, *(_state_of(file) for file in found.files)])
+    _documents[path] = (found, [before, *map(_state_of, found.files)])
     return found
 
 

@@ -1,6 +1,6 @@
 """The page of public names, read from the source: what modules list in `__all__`, and what their docstrings say.
 
-Nothing is imported, so that the page is the same whatever extras are installed.
+Nothing is imported, so that the page is the same with any extras.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ PACKAGE = Path(taskspec.__file__).parent
 HEAD = """# Public names
 
 Generated from the source. These names, under these modules, are the public interface: what changes of them is in the
-changelog. A module without `__all__` is private, and so is a name that is not in it, whatever it is called.
+changelog. A module without `__all__` is private, and so is a name that is not in it.
 [The Python API](api.md) shows how they are used; `help(taskspec.load)` prints arguments, results and errors.
 """
 

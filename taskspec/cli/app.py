@@ -21,6 +21,7 @@ from taskspec.cli.help import Command, Commands
 from taskspec.cli.mutate import mutate
 from taskspec.cli.options import flowed
 from taskspec.cli.report import report
+from taskspec.cli.separate import freeze, separate
 from taskspec.cli.sweep import sweep
 
 READ = "Read tasks"
@@ -35,6 +36,7 @@ COMMANDS = (
     ("check", check, WRITE),
     ("mutate", mutate, WRITE),
     ("build", build, WRITE),
+    ("freeze", freeze, WRITE),
     ("schema", scaffold.schema, WRITE),
     ("run", running.run, USE),
     ("play", running.play, USE),
@@ -43,6 +45,7 @@ COMMANDS = (
     ("sweep", sweep, USE),
     ("exam", exam, USE),
     ("report", report, USE),
+    ("separate", separate, USE),
     ("demos", demos, USE),
     ("preferences", preferences, USE),
     ("docs", docs, PRINT),

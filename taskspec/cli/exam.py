@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +13,7 @@ from taskspec.base.display import count_of
 from taskspec.base.files import near, safe_name
 from taskspec.cli import options
 from taskspec.cli.console import misuse, say, write_json
-from taskspec.cli.progress import job_progress
+from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
     from taskspec.exam import Running
@@ -70,6 +69,13 @@ Probes = Annotated[
         "--probes/--no-probes", help="Whether to test if the learner uses rewards that are withheld; on by default."
     ),
 ]
+Laws = Annotated[
+    bool | None,
+    _option(
+        "--laws/--no-laws",
+        help="Whether to try all laws of learning, or none; those that the learner declares by default.",
+    ),
+]
 LearnsFrom = Annotated[
     list[str] | None,
     _option(
@@ -100,6 +106,7 @@ def exam(
     transitions: Transitions = None,
     twins: Twins = None,
     probes: Probes = None,
+    laws: Laws = None,
     learns_from: LearnsFrom = None,
     against: Against = None,
     output: Output = None,
@@ -138,7 +145,7 @@ def exam(
             raise misuse("an experiment names its learners itself", "give one experiment, or several learners")
         single = {
             "--suite": suite, "--tasks": tasks, "--learns-from": learns_from, "--against": against, "--within": within,
-            "--until-sure": until_sure or None,
+            "--until-sure": until_sure or None, "--laws": laws,
         }  # fmt: skip
         for option, value in single.items():
             if value is not None:
@@ -149,7 +156,7 @@ def exam(
         terms["tasks"] = _tasks(options.split_names(tasks))
     if learns_from is not None:
         terms["learns_from"] = options.split_names(learns_from)
-    terms |= {"suite": suite, "against": against, "within": _seconds(within), "until_sure": until_sure}
+    terms |= {"suite": suite, "against": against, "within": _seconds(within), "until_sure": until_sure, "laws": laws}
     if len(learners) == 1:
         _examine_one(learners[0], output, running, terms, json)
     else:
@@ -163,8 +170,8 @@ def _examine_one(learner: str, output: Path | None, running: Running, terms: dic
     from taskspec.exam.results import folder_name
 
     folder = output or Path("build/exams") / folder_name(learner)
-    with job_progress(learner) as progress:
-        found = examine(learner, **terms, out=folder, running=replace(running, progress=progress))
+    with progress(learner):
+        found = examine(learner, **terms, out=folder, running=running)
     if json:
         write_json(found)
     else:
@@ -189,9 +196,8 @@ def _examine_several(
     folder = output or Path("build/exams")
     exams = {}
     for learner in learners:
-        with job_progress(learner) as progress:
-            own = folder / folder_name(learner)
-            exams[learner] = examine(learner, **terms, out=own, running=replace(running, progress=progress))
+        with progress(learner):
+            exams[learner] = examine(learner, **terms, out=folder / folder_name(learner), running=running)
     found = compare(exams)
     if json:
         write_json({"exams": exams, "comparison": found})
@@ -210,7 +216,8 @@ def _examine_all(
     from taskspec.experiments import examine_all
 
     folder = output or Path("build/exams") / safe_name(written.experiment.name)
-    found = examine_all(written, folder, running=running, bar=job_progress, **terms)
+    with progress(written.experiment.name):
+        found = examine_all(written, folder, running=running, **terms)
     if json:
         write_json(found.exams)
     else:

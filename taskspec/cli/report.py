@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskspec.base.display import plural
 from taskspec.base.files import near, safe_name, write_text
 from taskspec.cli.console import Console, VisibleText, console, line, misuse, say, to_json, write_json
 from taskspec.cli.options import Json, folder_option, formats_option, split_names
@@ -129,10 +130,37 @@ def print_exam(exam: Mapping[str, Any], out: Console | None = None) -> None:
         out.print()
     for flag in shown.flags:
         out.print(line((flag.kind, "bad"), f"  {flag.words}"))
+    if exam.get("laws"):
+        out.print()
+        out.print(_laws(exam["laws"]))
     for text in shown.notes:
         out.print(VisibleText(text, style="quiet"))
     out.print()
     out.print(VisibleText(shown.costs, style="quiet"))
+
+
+def _laws(scores: Sequence[Mapping[str, Any]]) -> Columns:
+    """Return a row for each law: the tasks that it was tried on, and those where it is broken."""
+    from taskspec.rules.score_rules import short_name
+
+    table = Columns("law", "tasks", "broken", right=(1,), styles=("name", "quiet"), fold=(2,))
+    for law in dict.fromkeys(score["law"] for score in scores):
+        own = [score for score in scores if score["law"] == law]
+        tried = [score for score in own if score["error"] is None]
+        texts = []
+        for score in tried:
+            if score["broken"]:
+                name = short_name(score["task"])
+                texts.append(f"{name} {score['printed']:.2f} → {score['changed']:.2f} (p = {score['p_value']:.2g})")
+        if len(tried) < len(own):
+            errors = [score["error"].splitlines()[0] for score in own if score["error"] is not None]
+            texts.append(f"not tried on {plural(len(errors), 'task')}: {errors[0]}")
+        if texts:
+            text = VisibleText("; ".join(texts), style="warn")
+        else:
+            text = VisibleText("no", style="quiet")
+        table.add_row(law, str(len(tried)), text)
+    return table
 
 
 def _strips(shown: Card, width: int) -> Columns:
@@ -296,7 +324,7 @@ def _setups(exams: Sequence[Exam]) -> list[str]:
     """Return how results were obtained, in lines: one for each that differs."""
     from taskspec.exam.score_rows import duration
 
-    seeds = ", ".join(str(n) for n in sorted({len(exam["seeds"]) for exam in exams}))
+    seeds = ", ".join(map(str, sorted({len(exam["seeds"]) for exam in exams})))
     steps = ", ".join(f"{n:,}" for n in sorted({exam["steps"] for exam in exams}))
     spent = duration(sum(exam["cost"].get("seconds", 0.0) for exam in exams))
     lines = [f"{len(exams)} exams, of {seeds} seeds and {steps} steps each; {spent} of training"]
@@ -316,7 +344,7 @@ def _findings_table(found: FindingsResult) -> Columns:
     for each in found.results:
         outcomes = map(each.outcome, found.sets)
         table.add_row(each.name, each.entry.says, *(VisibleText(word, style=OUTCOMES[word]) for word in outcomes))
-    counts = [found.counts(name) for name in found.sets]
+    counts = list(map(found.counts, found.sets))
     for outcome, style in OUTCOMES.items():
         numbers = [str(count[outcome]) for count in counts]  # type: ignore[index]  # the same words
         table.add_row("", VisibleText(outcome, style=style), *numbers)

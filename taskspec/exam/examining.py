@@ -7,7 +7,7 @@ import shlex
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +22,12 @@ from taskspec.exam.case import ExamTerms
 from taskspec.exam.examinee import Examinee, learner_of
 from taskspec.exam.findings import diagnose
 from taskspec.exam.flags import check_comparable, flags
+from taskspec.exam.laws import LAWS, changed_tasks, law_flags, law_scores
 from taskspec.exam.learned import learned_flags
-from taskspec.exam.results import FORMAT, Exam, Examined, Score, read, write
+from taskspec.exam.results import FORMAT, Exam, Examined, LawScore, Score, read, write
 from taskspec.exam.trial import LearnerFailed, Row, Trial, baselines, key_of, run_trial, score
 from taskspec.exam.verdicts import verdicts
-from taskspec.jobs.running import JobProgress, run
+from taskspec.jobs.running import Running, run
 from taskspec.jobs.store import Job, Store
 from taskspec.modifiers import modify
 from taskspec.task.schema.experiments import ExamDocument
@@ -60,17 +61,6 @@ class Planned:
         return f"{self.task.instance_id}{kind}, seeds {self.trial.seeds[0]} to {self.trial.seeds[-1]}"
 
 
-@dataclass(frozen=True)
-class Running:
-    """How jobs are run: see `taskspec.jobs.running.run`."""
-
-    workers: int | None = None
-    cluster: str | None = None
-    seconds: float | None = None
-    retry: bool = False
-    progress: Callable[[JobProgress], None] | None = None
-
-
 LOOKS = (4, 17, 30)
 """Seeds after which an exam that goes on until it is sure looks at its results: all that fail, and all that pass, show at the
 first and at the second. Each look has an equal share of the risk, so that all together err as rarely as one."""
@@ -81,6 +71,7 @@ def examine(
     seeds: int | Iterable[int] | None = None, steps: int | None = None, transitions: int = 10_000, twins: int = 2,
     probes: bool = True, learns_from: Sequence[str] | None = None, against: Path | str | None = None,
     within: float | None = None, until_sure: bool = False, out: Path | str | None = None, running: Running | None = None,
+    laws: bool | None = None,
 ) -> Exam:  # fmt: skip
     """Examine a learner; the result is what `exam.json` holds.
 
@@ -100,6 +91,7 @@ def examine(
         until_sure: seeds are added until each capability is mastered or failed, at most 30: group-sequential, with 3 looks.
         out: a folder for `exam.json`, and for the results on the way to it, from which an exam that was stopped goes on.
         running: for a learner in other processes: how many, time limits, a cluster.
+        laws: whether all laws of learning are tried, or none; those that the learner declares unless given.
 
     Raises:
         SpecError: E710, E711, E713 for a learner or an option that cannot be; E701 for a task that is unknown.
@@ -136,7 +128,12 @@ def examine(
             check_comparable(baseline, str(against), hashes, {"steps": most, "transitions": transitions})
         measured = trials.measured(asked)
         found = _looked_at(trials, asked, numbers, measured, " and ".join(suites), until_sure)
+        declared = getattr(who.train, "obeys", ())
+        laws_found = _with_laws(trials, asked, _tried(laws, declared), found)
     found["flags"] = [*flags(found["tasks"], found["scores"], baseline), *learned_flags(found["scores"])]
+    if laws_found:
+        found["laws"] = laws_found
+        found["flags"] += law_flags(laws_found, declared)
     found["diagnoses"] = [each for name in suites for each in diagnose(found, name)]
     if folder is not None:
         write(found, folder)
@@ -189,6 +186,29 @@ def _looked_at(
         if not open_tasks:
             break
     return found
+
+
+def _tried(laws: bool | None, declared: Iterable[str]) -> Iterable[str]:
+    """Return the laws to try: those that the learner declares, all, or none."""
+    if laws is None:
+        return declared
+    if laws:
+        return LAWS
+    return ()
+
+
+def _with_laws(trials: _Trials, asked: Mapping[str, Task], laws: Iterable[str], found: Exam) -> list[LawScore]:
+    """Return the scores on the tasks of an exam as laws change them, beside those of the exam."""
+    changed = changed_tasks(asked, laws, exam_id)
+    if not changed:
+        return []
+    others = {each.name: each.changed for each in changed}
+    plan = trials.plan(others.values(), tuple(found["seeds"]), 0, False)
+    rows = trials.run(plan)
+    trials.twins = 0
+    measured = trials.measured(others)
+    about = {name: _examined(task, measured[name]) for name, task in others.items()}
+    return law_scores(changed, found, _exam(trials.who, "", plan, rows, about))
 
 
 # The plan, and the jobs that it consists of.
@@ -248,11 +268,7 @@ class _Trials:
             return [_trained_here(planned, self.who) for planned in plan]
         keys = [planned.trial.key for planned in plan]
         jobs = [Job(key, each.name, run_trial, (each.trial,)) for key, each in zip(keys, plan, strict=True)]
-        running = self.running
-        done = run(
-            jobs, self.store, workers=running.workers, cluster=running.cluster, seconds=running.seconds,
-            retry_failed=running.retry, progress=running.progress,
-        ).rows  # fmt: skip
+        done = run(jobs, self.store, self.running, self.who.name)
         rows = []
         for key, planned in zip(keys, plan, strict=True):
             result = done[key]
@@ -272,8 +288,8 @@ class _Trials:
             for task in tasks:
                 key = key_of("baselines and constants", task.content_hash, EPISODES, written())
                 jobs[task.content_hash] = Job(key, task.instance_id, baselines, (task, EPISODES, written()))
-        running = self.running
-        known = run(jobs.values(), self.store, workers=running.workers, cluster=running.cluster, retry_failed=True).rows
+        running = replace(self.running, seconds=None, retry=True)
+        known = run(jobs.values(), self.store, running, f"{self.who.name}: baselines")
         for job in jobs.values():
             if known[job.key].status != "done":
                 raise SpecError([Diagnostic("E713", None, f"{job.name} cannot be examined: {known[job.key].message}")])

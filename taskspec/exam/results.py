@@ -93,7 +93,7 @@ class CapabilityVerdict(MeanScore):
 class Flag(TypedDict):
     """Something that is wrong; with its size as a difference of scores, and the interval of that, where it has one."""
 
-    kind: Literal["twin", "regression", "changed", "peeks", "failed", "impossible", "values", "reward"]
+    kind: Literal["twin", "regression", "changed", "peeks", "failed", "impossible", "values", "reward", "law"]
     task: str
     message: str
     effect: float | None
@@ -108,6 +108,19 @@ Diagnosis = TypedDict(
     },
 )  # fmt: skip
 """The usual meaning of a pattern of scores: see `taskspec.exam.findings.diagnose`."""
+
+
+class LawScore(TypedDict):
+    """Mean scores on a task as printed and with the change of a law, and whether they differ; `error` says why not."""
+
+    law: str
+    task: str
+    modifier: str
+    error: str | None
+    printed: NotRequired[float]
+    changed: NotRequired[float]
+    p_value: NotRequired[float]
+    broken: NotRequired[bool]
 
 
 class Exam(TypedDict):
@@ -129,6 +142,7 @@ class Exam(TypedDict):
     flags: list[Flag]
     diagnoses: list[Diagnosis]
     cost: dict[str, float]
+    laws: NotRequired[list[LawScore]]
 
 
 def folder_name(learner: str) -> str:

@@ -1,4 +1,4 @@
-"""Charts as scenes: axes, ticks, lines, bands, marks, box plots, heat maps and legends; lengths in centimetres."""
+"""Charts as scenes: axes, ticks, lines, bands, marks and legends; lengths in centimetres."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -98,6 +98,12 @@ class Vectors:
                 raise CannotLearn(
                     "observations that are dicts are not vectors", "choose another `space` for the observation"
                 )
+
+    def unbounded(self) -> Vectors:
+        """Return the same vectors without bounds of a box, which are then not scaled by them."""
+        if self.counts:
+            return self
+        return replace(self, low=(-math.inf,) * self.size, high=(math.inf,) * self.size)
 
     @property
     def size(self) -> int:

@@ -114,7 +114,7 @@ class Reward:
 
     Attributes:
         inputs: what theta sees.
-        scaled: boxes whose bounds are all finite are scaled to [0, 1].
+        scaled: boxes whose bounds are all finite, and declared in the spec, are scaled to [0, 1].
         standardised: observations by a running mean and deviation of what was seen.
     """
 

@@ -11,7 +11,7 @@ from taskspec import draws
 from taskspec.base.limits import Limits
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
-from taskspec.lang.ir import Node, Role, reads
+from taskspec.lang.ir import Const, Node, Role, reads
 from taskspec.lang.types import BOOL, Kind
 from taskspec.modifiers.core import (
     MOST,
@@ -31,7 +31,7 @@ from taskspec.modifiers.core import (
     shows_the_state,
     with_state,
 )
-from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, as_well
+from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, as_well
 from taskspec.task.parts import Component, by_name
 from taskspec.task.reach import Observed, reach, saturated
 from taskspec.task.task import Task
@@ -178,6 +178,11 @@ def _absorbing(b: Builder, task: Task, given: Arguments) -> Task:
     return replace(ended, observation=task.observation)  # an absorbed state is observed as what it is
 
 
+def absorbing_pays_nothing(task: Task, given: Arguments) -> bool:
+    paid = task.process.absorbing_reward
+    return isinstance(paid, Const) and paid.value == 0
+
+
 def _horizon(b: Builder, task: Task, given: Arguments) -> Task:
     steps = given["steps"]
     longer = task.horizon is not None and steps > task.horizon
@@ -239,6 +244,8 @@ EPISODE_TABLE = (
         "absorbing", (), "Terminal states do not end the episode, but last until the horizon and pay the absorbing reward.",
         _absorbing,
         lambda task, given: "a terminal state lasts until the horizon, where it pays the absorbing reward, and ends no episode",
+        keeps="every policy's return", when=absorbing_pays_nothing, observed=always,
+        condition="the absorbing reward is 0",
         claims=True,
     ),
 )  # fmt: skip

@@ -104,6 +104,15 @@ def test_folders_are_found_however_they_are_written(
     assert FOLDERS[command].replace("OUT", str(out)) in done.out
 
 
+def test_list_shows_what_isolates_a_capability() -> None:
+    rows = Done("list", "--capability", "exploration", "--json")
+    found = {row["id"] for row in json.loads(rows.out)}
+    assert {"derail/Branching-v0", "bsuite/DeepSea-v0"} <= found
+    assert "derail/RiskyPath-v0" not in found
+    wrong = Done("list", "--capability", "explorasion")
+    assert "did you mean 'exploration'?" in wrong.err
+
+
 def test_list_json_says_what_a_program_needs() -> None:
     (task,) = Done("list", "derail/Branching-v0", "--json").data
     assert (task["states"], task["actions"], task["horizon"]) == (21, 2, 10)

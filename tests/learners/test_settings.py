@@ -57,11 +57,11 @@ def test_mistakes_have_a_code_and_a_place(text: str, code: str, line: int, says:
     assert says in str(raised.value)
 
 
-@pytest.mark.parametrize(("name", "family"), [("bcc", "paper"), ("bc", "papers")])
-def test_unknown_names_are_told(name: str, family: str) -> None:
+@pytest.mark.parametrize(("name", "family", "code"), [("bcc", "paper", "E725"), ("bc", "papers", "E713")])
+def test_unknown_names_have_a_code(name: str, family: str, code: str) -> None:
     with pytest.raises(SpecError) as raised:
         learner(name, family)
-    assert raised.value.diagnostics[0].code == "E713"
+    assert raised.value.diagnostics[0].code == code
 
 
 def test_the_page_lists_every_learner() -> None:

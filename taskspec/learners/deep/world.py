@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -58,6 +58,20 @@ Act = Callable[[AnyArray, AnyArray], AnyArray]
 """From observations (E, D) and noise (E, size) to actions (E, K)."""
 
 
+def declares_bounds(task: Task) -> bool:
+    """Return whether the spec gives bounds to every component of the observation; others are derived, and may be far too wide."""
+    data = task.source.merged.data
+    state = data.get("state") or {}
+    observed = data.get("observation") or {}
+    for component in task.observation.components:
+        entry = observed.get(component.name, component.name)
+        if isinstance(entry, str):
+            entry = state.get(entry)
+        if not isinstance(entry, Mapping) or entry.get("low") is None or entry.get("high") is None:
+            return False
+    return True
+
+
 @dataclass(frozen=True, eq=False)
 class World:
     """A task with its observations as vectors and its actions as distributions."""
@@ -75,7 +89,10 @@ class World:
         absorbs = absorb and ends and task.horizon is not None and task.ending == "terminate"
         program = compile_jax(modify(task, "absorbing") if absorbs else task)
         head = ActionHead(Vectors.of(program.action))
-        return cls(program.task, task.horizon, absorbs, Vectors.of(program.observation), head)
+        seen = Vectors.of(program.observation)
+        if not declares_bounds(program.task):
+            seen = seen.unbounded()
+        return cls(program.task, task.horizon, absorbs, seen, head)
 
     @property
     def may_end(self) -> bool:

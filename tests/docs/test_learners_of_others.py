@@ -1,0 +1,38 @@
+"""Learners of other libraries: the files of the page are short, and each learns where its package is installed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from taskspec.exam import Running, examine
+from tests.docs.test_snippets import DOCS
+
+LEARNERS = DOCS / "howto" / "learners"
+SHORT = ("sb3", "sb3_contrib_trpo", "cleanrl_style", "d3rlpy_bc")
+"""The files on the page; the others are for releases of a library before and after a repair."""
+CASES = [
+    ("sb3.py:ppo", "stable_baselines3", 3000), ("sb3.py:dqn", "stable_baselines3", 3000),
+    ("sb3.py:a2c", "stable_baselines3", 6000), ("sb3_contrib_trpo.py:train", "sb3_contrib", 3000),
+    ("cleanrl_style.py:train", "torch", 3000), ("d3rlpy_bc.py:train", "d3rlpy", 1), ("skrl_dqn.py:train", "skrl", 4000),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_examples_are_short(name: str) -> None:
+    lines = (LEARNERS / f"{name}.py").read_text(encoding="utf-8").splitlines()
+    body = [line for line in lines if line.strip() and not line.startswith(("import", "from", "@learns_from"))]
+    assert len(body) <= 12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("learner", "package", "steps"), CASES)
+def test_examples_learn(learner: str, package: str, steps: int, tmp_path: Path) -> None:
+    pytest.importorskip(package)
+    found = examine(
+        str(LEARNERS / learner), tasks=["RiskyPath"], seeds=1, steps=steps, transitions=500, twins=0, probes=False,
+        out=tmp_path, running=Running(1),
+    )  # fmt: skip
+    (score,) = found["scores"]
+    assert score["error"] is None and (score["deterministic"] or 0.0) > 0.95
