@@ -36,7 +36,7 @@ from taskspec.soundness.soundness import examine as examine
 from taskspec.soundness.soundness import soundness as soundness
 
 __all__ = [
-    "Accepted", "Difficulty", "Expert", "Limit", "Model", "Expectations", "PomdpBounds", "Report", "Return", "Score",
+    "Accepted", "Difficulty", "Expectations", "Expert", "Limit", "Model", "PomdpBounds", "Report", "Return", "Score",
     "Scores", "Soundness", "StaleScores", "Verdict", "check", "constrained_optimum", "difficulty", "extract",
     "pareto_front", "pomdp_bounds", "score", "scores",
 ]  # fmt: skip
