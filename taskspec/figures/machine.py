@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -43,7 +43,7 @@ MAX_TRANSITIONS = 20_000
 MAX_ACTIONS = 100
 MAX_CONSIDERED = 200_000
 """Outcomes that are looked at in one go: many more than a graph could show, and few enough to take a second."""
-FEW = 3  # as many states of one colour are always shown, and named where they are not, if there is room
+FEW = 3  # as many states are named in a note
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +73,15 @@ class Machine:
 
 def explore(task: Task) -> Machine | None:
     """Return the states that episodes visit; None if they are many, or if dynamics or rewards depend on the time."""
+    found = _explored(task)
+    if found is None:
+        return None
+    return replace(found, task=task)
+
+
+@lru_cache(maxsize=8)
+def _explored(task: Task) -> Machine | None:
+    """Explore a task once, for all its overlays; equal tasks may have other figure sections."""
     if not task.is_finite or any(
         isinstance(x, Read) and x.role is Role.TIME for x in walk((*task.process.next, task.process.reward))
     ):
@@ -222,11 +231,6 @@ class Captions:
     def fills(self) -> Mapping[int, Color]:
         """Colours of states; the last of several."""
         return {code: HIGHLIGHTS[name] for name, codes in self.marks.items() for code in codes}
-
-    @property
-    def kept(self) -> frozenset[int]:
-        """Coloured states that a graph must show: those of rare colours."""
-        return frozenset(c for codes in self.marks.values() if len(codes) <= FEW for c in codes)
 
     def unmarked(self, shown: Collection[int]) -> Iterator[str]:
         """Yield notes on what a figure of some states does not show of `figure: highlight:`."""

@@ -217,13 +217,6 @@ def fills(found: Scene) -> list[str]:
     return sorted(x.fill for x in shapes if x.fill in ("good", "bad", "end"))
 
 
-def test_an_elided_graph_keeps_what_is_highlighted() -> None:
-    found = ring(60, "{good: s == n - 1, bad: s == n // 2}")
-    assert "elided" in found.alt and fills(found) == ["bad", "good"]
-    assert "30" in [plain(x.text) for x in found.items if isinstance(x, Label)]
-    assert not any("Not shown" in note for note in found.notes)
-
-
 def test_highlighted_states_that_have_no_room_are_named() -> None:
     assert "Not shown: bad (11 states)." in ring(60, "{bad: s >= 20 and s <= 30}").notes
     assert "Not shown: bad (47 states)." in ring(60, "{bad: s > 1 and s < 59}").notes

@@ -98,8 +98,8 @@ def _figures(page: Page, scene: Scene | None) -> list[tuple[str, Markup]]:
     if scene is None:
         return []
     found = {"task": scene}
-    if page.facts.states is not None:
-        found |= layers(page.task)
+    if page.facts.model is not None:
+        found |= layers(page.task, page.facts.model)
     return [(_LAYERS[name], Markup(svg(each, css=True))) for name, each in found.items()]
 
 
