@@ -246,7 +246,7 @@ def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> Scene:
             items.append(Circle(spot.at, spot.half + 0.16, "accent" if v == present else None, None))
         items += _vertex(v, spot, plan, says, overlay)
     shown = [v for v in plan.spots if isinstance(v, int)]
-    notes = (*says.notes(plan.shows_loops, shown), *says.unmarked(shown))
+    notes = (*says.notes(plan.shows_loops), *says.unmarked(shown))
     if plan.drawing.elided and (overlay.values or overlay.policy or overlay.occupancy):
         notes += ("Results of the states left out are not shown.",)
     elided = ", elided" if plan.drawing.elided else ""

@@ -128,6 +128,8 @@ def table(settings: Sequence[tuple[str, Task, Facts]]) -> CellTable:
     """Return a row for each score, a column for each setting of the parameters; the other way round for many settings."""
     found = [dict(_scores(task, facts)) for _, task, facts in settings]
     names = list(dict.fromkeys(name for scores in found for name in scores))
+    if len(settings) == 1:
+        settings = [("", *settings[0][1:])]
     if len(settings) > MOST_COLUMNS:
         turned = zip(settings, found, strict=True)
         lines = tuple(((Text(head),), *(scores.get(name, ()) for name in names)) for (head, _, _), scores in turned)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any, assert_never
@@ -11,7 +11,6 @@ from typing import Any, assert_never
 from markupsafe import Markup
 
 from taskspec.base.bibliography import Reference
-from taskspec.base.display import ON_PAGES, visible
 from taskspec.pages import prose as p
 from taskspec.pages.sections import Section, SectionLine
 from taskspec.printers import tree as m
@@ -22,30 +21,6 @@ BREAK_AFTER = 34.0  # letters of a formula that is longer than a line on small s
 _SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
 
 
-def article(title: str, summary: p.Inlines, description: Iterable[p.Block], sections: Iterable[Section]) -> str:
-    """Return a page as one piece of HTML, for notebooks: no style, figure or references."""
-    writer = HtmlWriter({})
-    parts = [Markup("<h2>{}</h2><p>{}</p>").format(title, writer.prose(summary)), *map(writer.block, description)]
-    for section in sections:
-        found = writer.section(section)
-        if found["lead"]:
-            lines = [found["lead"], *found["lines"]]
-        else:
-            lines = found["lines"]
-        if section.table:
-            rows = [_row("th", section.table.header), *(_row("td", row) for row in found["rows"])]
-        else:
-            rows = []
-        parts.append(Markup("<h3>{}</h3>").format(section.title))
-        parts += [Markup("<p>{}</p>").format(line) for line in lines]
-        parts += [Markup("<table>{}</table>").format(Markup("").join(rows))] if rows else []
-    return visible(Markup("<article>{}</article>").format(Markup("").join(parts)), ON_PAGES)
-
-
-def _row(tag: str, cells: Iterable[str]) -> Markup:
-    return Markup("<tr>{}</tr>").format(Markup("").join(Markup(f"<{tag}>{{}}</{tag}>").format(c) for c in cells))
-
-
 @dataclass(frozen=True)
 class HtmlWriter:
     """Writes prose; sources that are known are cited by author and year."""
@@ -54,7 +29,7 @@ class HtmlWriter:
 
     def section(self, section: Section, settings: Sequence[str] = ()) -> dict[str, Any]:
         lines = [self.line(line, settings) for line in section.lines]
-        lead, rest = (lines[0], lines[1:]) if section.lead else (None, lines)
+        lead, rest = section.laid_out(lines)
         if section.table:
             rows = [[self.prose(cell) for cell in row] for row in section.table.rows]
         else:

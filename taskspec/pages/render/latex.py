@@ -115,7 +115,8 @@ class LatexWriter:
             return ""
         rows = [[self.cell(cell) for cell in row] for row in found.rows]
         heads = [rf"\taskspechead{{{escape(title)}}}" for title in found.header]
-        body = r" \\ ".join(" & ".join(row) for row in [heads, *rows])
+        lines = [heads, *rows] if any(found.header) else rows
+        body = r" \\ ".join(" & ".join(row) for row in lines)
         stacked = "".join(rf"\taskspecrow{{{_stacked(found.header, heads, row)}}}" for row in rows)
         return rf"\taskspectable{{{'l' * len(heads)}}}{{{body}}}{{{stacked}}}"
 
