@@ -304,7 +304,7 @@ def _is_matrix(table: Const, row: Node) -> bool:
 def _fold_function(b: Builder, node: Apply) -> Node:
     """Return a function of one look-up and constants as a look-up."""
     found = [a for a in node.args if not isinstance(a, Const)]
-    if len({id(a) for a in found}) != 1:
+    if len(set(map(id, found))) != 1:
         return node
     match found[0]:
         case Apply(op="index", args=(Const() as table, place)) as inner:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
-from taskspec.check.warning_context import SAME, SMALL, Doubt, LintContext
+from taskspec.check.warning_context import SAME, SMALL, Doubt, LintContext, followed_states
 from taskspec.lang import syntax as s
-from taskspec.lang.ir import Node, Role, draws, reads, walk
+from taskspec.lang.ir import Role, draws, reads
 from taskspec.model.extract import extract
-from taskspec.model.model import Model, differs, groups
-from taskspec.model.space import plain, shown, words
+from taskspec.model.model import Model, differs
+from taskspec.model.space import plain, words
 from taskspec.rollout.rollout import at_random, is_bounded
 from taskspec.scores.partial_observability import pomdp_bounds
 from taskspec.task.build import build
@@ -88,9 +87,9 @@ def unread(context: LintContext) -> Iterator[Doubt]:
     task = context.task
     is_state = task.observation.is_state
     nexts = by_name(task.state, task.process.next)
-    used = _followed(nexts, (task.process.reward, task.process.terminal))
+    used = followed_states(nexts, (task.process.reward, task.process.terminal))
     if not is_state:
-        used |= _followed(nexts, task.observation.nodes)
+        used |= followed_states(nexts, task.observation.nodes)
     for c, first, following in zip(task.state, task.process.initial, task.process.next, strict=True):
         if c.name in used or c.low == c.high:
             continue
@@ -109,24 +108,10 @@ def forgotten(context: LintContext) -> Iterator[Doubt]:
     if memory is None:
         return
     nexts = {c.name: node for c, node in zip(memory.components, memory.next, strict=True) if c.type.size}
-    used = _followed(nexts, task.annotations.expert_nodes, of_step=False)
+    used = followed_states(nexts, task.annotations.expert_nodes, of_step=False)
     for name in nexts:
         if name not in used:
             yield Doubt(context.key("memory", name), f"no action of the expert depends on '{name}'")
-
-
-def _followed(nexts: dict[str, Node], roots: tuple[Node, ...], of_step: bool = True) -> set[str]:
-    """Return components that some nodes depend on, at this step or later; nodes `of_step` may have next values in them."""
-    found: set[str] = set()
-    fresh = {name for role, name in reads(roots) if role is Role.STATE}
-    if of_step:
-        inside = {id(node) for node in walk(roots)}
-        fresh |= {name for name, node in nexts.items() if id(node) in inside}
-    while fresh:
-        found |= fresh
-        following = [nexts[name] for name in fresh if name in nexts]
-        fresh = {name for role, name in reads(following) if role is Role.STATE} - found
-    return found
 
 
 # -- rewards --------------------------------------------------------------------------------------
@@ -196,55 +181,6 @@ def inert(context: LintContext) -> Iterator[Doubt]:
             yield Doubt(context.key("action", c.name), message)
 
 
-def twins(context: LintContext) -> Iterator[Doubt]:
-    """Yield values of an action that do the same in every state of the exact model."""
-    model = context.model
-    if model is None:
-        return
-    for c in context.task.action:
-        if not c.is_finite or not c.type.is_scalar or not 2 < c.counts[0] <= FEW:
-            continue  # W505 is about two values that are the same
-        alike: list[list[int]] = []
-        effects = _effects(model, c)
-        for number in range(c.counts[0]):
-            known = next((group for group in alike if _are_same(effects[group[0]], effects[number])), None)
-            if known is None:
-                alike.append([number])
-            else:
-                known.append(number)
-        for group in alike:
-            names = [shown(c, np.asarray(int(c.low[0]) + number)) for number in group]
-            if len(names) > 1 and len(alike) > 1:  # if all do the same, W505 says so
-                message = f"{c.name} = {', '.join(names[:-1])} and {names[-1]} do the same in every state"
-                yield Doubt(context.key("action", c.name), message)
-
-
-def _effects(model: Model, c: Component) -> list[list[Any]]:
-    """Return the effects of each value of an action: rows of the model."""
-    table = groups(model, c.name)
-    acting = np.flatnonzero(model.acting)
-    steps = {id(step): step for step in model.steps}.values()
-    effects = []
-    for number in range(c.counts[0]):
-        rows = (table[:, number][:, None] * model.n_states + acting[None, :]).reshape(-1)
-        parts = []
-        for step in steps:
-            parts += [step.R[rows], *(matrix[rows] for matrix in step.matrices)]
-        effects.append(parts)
-    return effects
-
-
-def _are_same(one: list[Any], other: list[Any]) -> bool:
-    """Return whether effects are equal."""
-    for a, b in zip(one, other, strict=True):
-        gap = a - b
-        if not isinstance(gap, np.ndarray):
-            gap = gap.data
-        if len(gap) and np.abs(gap).max() > ROUNDING:
-            return False
-    return True
-
-
 # -- experts --------------------------------------------------------------------------------------
 
 
@@ -285,7 +221,7 @@ def expert(context: LintContext) -> Iterator[Doubt]:
 def _compares_expert(expr: s.Expr) -> bool:
     """Return whether a claim says that the expert is below the optimum."""
     if isinstance(expr, s.Logical):
-        return any(_compares_expert(part) for part in expr.operands)
+        return any(map(_compares_expert, expr.operands))
     if not isinstance(expr, s.Compare):
         return False
     names = {n.id for n in s.names(expr) if isinstance(n, s.Name)}

@@ -42,17 +42,12 @@ KINDS: tuple[WarningKind, ...] = (
     WarningKind("W505", model_warnings.inert),
     WarningKind("W506", spec_warnings.unused_names),
     WarningKind("W507", model_warnings.expert),
-    WarningKind("W509", spec_warnings.hidden_goal),
     WarningKind("W510", spec_warnings.moved),
     WarningKind("W516", spec_warnings.constant),
-    WarningKind("W517", spec_warnings.duplicate),
     WarningKind("W518", spec_warnings.hidden),
     WarningKind("W519", model_warnings.unread),
     WarningKind("W519", model_warnings.forgotten),
-    WarningKind("W520", model_warnings.twins),
     WarningKind("W522", spec_warnings.unproved_abstraction),
-    WarningKind("W524", spec_warnings.printed_alike),
-    WarningKind("W527", spec_warnings.foreign_letters),
 )
 
 
@@ -67,7 +62,6 @@ def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic
     collector = Collector()
     for kind in KINDS:
         for doubt in kind.find(context):
-            context.codes.add(kind.code)
             collector.add(kind.code, doubt.place, doubt.message, doubt.hint, doubt.notes)
     return collector.diagnostics
 
@@ -85,24 +79,26 @@ def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic]
     """Split diagnostics into those to report, and warnings that the task accepts."""
     reasons = task.spec.accept
     merged = merge(task.source.document, task.source.variant)
-    accepted = [
-        Accepted(each, reasons[each.code], merged.key_span(("accept", each.code)))
-        for each in found
-        if each.severity == "warning" and each.code in reasons
-    ]
-    aside = [each.warning for each in accepted]
-    return [each for each in found if each not in aside], accepted
+    left = []
+    accepted = []
+    for each in found:
+        if each.severity == "warning" and each.code in reasons:
+            accepted.append(Accepted(each, reasons[each.code], merged.key_span(("accept", each.code))))
+        else:
+            left.append(each)
+    return left, accepted
 
 
 def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) -> list[Diagnostic]:
     """Reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
-    reasons = task.spec.accept
     merged = merge(task.source.document, task.source.variant)
-    unneeded = [code for code in reasons if code not in {*unknown, *(each.warning.code for each in accepted)}]
-    return [
-        Diagnostic("W511", merged.key_span(("accept", code)), f"there is no {code} to accept", "remove this entry")
-        for code in unneeded
-    ]
+    needed = {each.warning.code for each in accepted}
+    found = []
+    for code in task.spec.accept:
+        if code not in needed and code not in unknown:
+            place = merged.key_span(("accept", code))
+            found.append(Diagnostic("W511", place, f"there is no {code} to accept", "remove this entry"))
+    return found
 
 
 # -- the report -----------------------------------------------------------------------------------
@@ -234,5 +230,5 @@ def _warnings(task: Task, results: Results) -> list[Diagnostic]:
     return found
 
 
-ELSEWHERE: tuple[str, ...] = ("W523",)
-"""Warnings about how a task is drawn."""
+ELSEWHERE: tuple[str, ...] = ("W523", "W524", "W527")
+"""Warnings about how a task is drawn and printed."""

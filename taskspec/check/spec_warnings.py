@@ -2,45 +2,36 @@
 
 from __future__ import annotations
 
-import itertools
 import re
-import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.check.warning_context import Doubt, LintContext
+from taskspec.check.warning_context import Doubt, LintContext, followed_states
 from taskspec.lang.batch import evaluate
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Node, Role, children, draws, reads, walk
 from taskspec.lang.scope import ClampedIndex
-from taskspec.lang.syntax import Name
 from taskspec.model.model import Model
 from taskspec.model.points import Samples, columns
 from taskspec.model.space import Reads, plain, words
 from taskspec.model.transitions import picked
-from taskspec.printers import plain as symbol_text
-from taskspec.printers.names import of_task
 from taskspec.rollout.rollout import visited
-from taskspec.solve.plans import optimal_plan
 from taskspec.soundness.phases import Check, CheckPhase, Examination, Violation
 from taskspec.soundness.soundness import in_words
-from taskspec.task.parts import Component
+from taskspec.task.parts import Component, by_name
 from taskspec.task.task import Task
 
-NAMED = ("parameters", "constants", "definitions", "noise")
+NAMED = {"parameters": "parameter", "constants": "constant", "definitions": "definition", "noise": "noise"}
+"""Sections of names that other sections use, and what each name is."""
 ROOTS = (
     "state", "action", "observation", "horizon", "terminal", "discount", "initial", "dynamics", "reward",
     "absorbing_reward", "memory", "expert", "abstraction", "symmetries",
 )  # fmt: skip
 PROSE = frozenset({"doc", "symbol", "symbols", "message"})
 INSTANCE_SEED = "instance_seed"
-_KINDS = {
-    "parameters": "parameter", "constants": "constant", "definitions": "definition", "noise": "noise", "state": "component",
-    "action": "action",
-}  # fmt: skip
 _WORD = re.compile(r"[^\W\d]\w*")
 
 
@@ -50,11 +41,11 @@ def unused_names(context: LintContext) -> Iterator[Doubt]:
     wanted = {INSTANCE_SEED, *_words((data.get("parameters") or {}).get("require"))}
     for section in ROOTS:
         wanted |= set(_words(data.get(section)))
-    used = followed(context.task, wanted, NAMED)
+    used = followed(context.task, wanted, tuple(NAMED))
     for section in NAMED:
         for name in data.get(section) or {}:
             if name != "require" and str(name).partition("(")[0].strip() not in used:
-                yield Doubt(context.key(section, name), f"nothing uses the {_KINDS[section]} '{name}'")
+                yield Doubt(context.key(section, name), f"nothing uses the {NAMED[section]} '{name}'")
 
 
 def mentioned(task: Task, section: str, name: str | None = None) -> set[str]:
@@ -65,7 +56,7 @@ def mentioned(task: Task, section: str, name: str | None = None) -> set[str]:
     return followed(task, set(_words(value)))
 
 
-def followed(task: Task, words: set[str], sections: Sequence[str] = NAMED[1:]) -> set[str]:
+def followed(task: Task, words: set[str], sections: Sequence[str] = tuple(NAMED)[1:]) -> set[str]:
     """Return some words, and every word of the entries of some sections that they name."""
     entries = {}
     for section in sections:
@@ -95,73 +86,6 @@ def _words(value: Any) -> Iterator[str]:
                 yield from _words(inner)
         case _:
             return
-
-
-def printed_alike(context: LintContext) -> Iterator[Doubt]:
-    """Yield two names with one symbol, or a name and a label; labels of different components may share theirs."""
-    notation = of_task(context.task)
-    printed = []
-    for section, written, name in _names(context):
-        printed.append((section, written, notation.symbol(name), f"the {_KINDS[section]} '{name}'"))
-    printed += [
-        ("observation", name, notation.symbol(name), f"the observation '{name}'") for name in _observed(context)
-    ]
-    names = len(printed)
-    for section, components in (("state", context.task.state), ("action", context.task.action)):
-        for c in components:
-            for label, tree in notation.labels.get(c.name, {}).items():
-                printed.append((section, c.name, tree, f"the label '{label}' of '{c.name}'"))
-    seen = {"R": "the reward"}
-    if context.task.discount != 1:
-        seen["γ"] = "the discount"
-    for i, (section, written, tree, what) in enumerate(printed):
-        symbol = symbol_text(tree)
-        if symbol in seen:
-            message = f"pages print `{symbol}` for {seen[symbol]} and for {what}"
-            hint = "give one of them another `symbol`, or labels other `symbols`"
-            yield Doubt(context.key(section, written), message, hint)
-        elif i < names:
-            seen[symbol] = what
-
-
-def _observed(context: LintContext) -> Iterator[str]:
-    """Yield observations with the name of something else that is no part of the state."""
-    written = context.task.source.surface.sections.get("observation")
-    for name, expr in written.items() if isinstance(written, dict) else ():
-        if name not in context.task.spec.state and not (isinstance(expr, Name) and expr.written == name):
-            yield name
-
-
-ALIKE = str.maketrans(
-    "\u0430\u0435\u043e\u0440\u0441\u0443\u0445\u0455\u0456\u0458\u04bb\u051b\u051d\u0501"  # Cyrillic, small
-    "\u0410\u0412\u0415\u041a\u041c\u041d\u041e\u0420\u0421\u0422\u0423\u0425\u0405\u0406\u0408"  # and capital
-    "\u03bf\u0391\u0392\u0395\u0396\u0397\u0399\u039a\u039c\u039d\u039f\u03a1\u03a4\u03a5\u03a7\u0585",  # Greek; Armenian
-    "aeopcyxsijhqwdABEKMHOPCTYXSIJoABEZHIKMNOPTYXo",
-)
-"""Letters of other alphabets, and the Latin letters that they look like."""
-
-
-def foreign_letters(context: LintContext) -> Iterator[Doubt]:
-    """Yield a name that looks like one in Latin letters."""
-    names = [((section, written), name) for section, written, name in _names(context)]
-    for section, components in (("state", context.task.state), ("action", context.task.action)):
-        labels = [((section, c.name), str(label)) for c in components if c.domain for label in c.domain.labels]
-        names += labels
-    for place, name in names:
-        latin = name.translate(ALIKE)
-        if latin != name and latin.isascii():
-            letter = next(a for a, b in zip(name, latin, strict=True) if a != b)
-            message = f"'{name}' is not '{latin}': its '{letter}' is {unicodedata.name(letter)}, U+{ord(letter):04X}"
-            yield Doubt(context.key(*place), message, "write it in Latin letters, here and where it is used")
-
-
-def _names(context: LintContext) -> Iterator[tuple[str, str, str]]:
-    """Yield every name: the section that declares it, the key there, and the name."""
-    spec = context.task.spec
-    parts = (spec.parameters.entries, spec.constants, spec.definitions, spec.noise, spec.state, spec.action)
-    for section, declared in zip(_KINDS, parts, strict=True):
-        for written in declared:
-            yield section, written, written.partition("(")[0].strip()
 
 
 # -- indices --------------------------------------------------------------------------------------
@@ -259,41 +183,6 @@ def _bare(node: Node) -> Node:
     return node
 
 
-def hidden_goal(context: LintContext) -> Iterator[Doubt]:
-    """Yield the observation if first states look the same and have no best action in common."""
-    model = context.model
-    if model is None or context.task.observation.is_state:
-        return
-    first = np.flatnonzero(model.start > 0)
-    seen = _first_observations(model, first)
-    if seen is None or len(np.unique(seen, axis=0)) == len(first) or context.results.optimal is None:
-        return
-    best = optimal_plan(model)(0)[:, first] > 0
-    _, groups = np.unique(seen, axis=0, return_inverse=True)
-    for group in range(int(groups.max()) + 1):
-        members = np.flatnonzero(groups.reshape(-1) == group)
-        if not best[:, members].all(axis=1).any():
-            pairs = itertools.combinations(members.tolist(), 2)
-            apart = (pair for pair in pairs if not (best[:, pair[0]] & best[:, pair[1]]).any())
-            one, other = (model.state_name(int(first[m])) for m in next(apart, members[:2].tolist()))
-            message = f"episodes begin in {one} and in {other}; both look the same to the agent, and no action is best in both"
-            yield Doubt(context.merged.span(("observation",)), message)
-            return
-
-
-def _first_observations(model: Model, first: Array) -> Array | None:
-    """Return the observations of first states (N, elements); None if they have noise on the state."""
-    rows = [np.zeros((1, len(first)))]
-    given = picked(model.reads(0), first)
-    for node in model.task.observation.nodes:
-        if draws([node]) and reads([node]):
-            return None
-        if not draws([node]):  # noise alone carries no information
-            (value,) = evaluate([node], given)
-            rows.append(np.broadcast_to(value, (*value.shape[:-1], len(first))).reshape(-1, len(first)))
-    return np.concatenate(rows).T.astype(np.float64)
-
-
 def constant(context: LintContext) -> Iterator[Doubt]:
     """Yield a part of the observation that is always the same."""
     for c, node in _shown(context):
@@ -301,21 +190,6 @@ def constant(context: LintContext) -> Iterator[Doubt]:
         if values is not None and _is_constant(values):
             value = words(plain(c, values[..., 0]))
             yield Doubt(context.key("observation", c.name), f"'{c.name}' is {value} in every observation")
-
-
-def duplicate(context: LintContext) -> Iterator[Doubt]:
-    """Yield two parts of the observation that show the same."""
-    known: dict[object, str] = {}
-    for c, node in _shown(context):
-        values = _values(node, context.model)
-        key: object = id(_bare(node))
-        if values is not None:
-            if _is_constant(values):
-                continue
-            key = (values.shape, values.astype(np.float64).tobytes())
-        first = known.setdefault(key, c.name)
-        if first != c.name:
-            yield Doubt(context.key("observation", c.name), f"'{c.name}' is the same as '{first}'")
 
 
 def _shown(context: LintContext) -> list[tuple[Component, Node]]:
@@ -340,20 +214,21 @@ def _is_constant(values: Array) -> bool:
 
 
 def hidden(context: LintContext) -> Iterator[Doubt]:
-    """Yield a component of the state that the reward depends on and the observation says nothing about."""
+    """Yield a component of the state that rewards depend on, at once or later, and the observation says nothing about."""
     task = context.task
     model = context.model
-    if task.observation.is_state or "W509" in context.codes:
+    if task.observation.is_state:
         return
     known = {}
     if model is not None and model.acting.any():
         known = model.states.decode(model.codes[model.acting])
-    paid = mentioned(task, "reward") - mentioned(task, "observation")
+    paid = followed_states(by_name(task.state, task.process.next), (task.process.reward,))
+    paid -= mentioned(task, "observation")
     for c in task.state:
         values = known.get((Role.STATE, c.name))
         varies = values is None or not _is_constant(values)
         if c.name in paid and c.low != c.high and varies:
-            message = f"the reward depends on '{c.name}', which the observation does not show"
+            message = f"rewards depend on '{c.name}', which the observation does not show"
             yield Doubt(context.key("observation"), message)
 
 

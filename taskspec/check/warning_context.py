@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Placed, Span
+from taskspec.lang.ir import Node, Role, reads, walk
 from taskspec.model.model import Model
 from taskspec.scores.returns import Results
 from taskspec.task.merge import Merged, merge
@@ -33,14 +34,13 @@ class Doubt:
 
 @dataclass(frozen=True)
 class LintContext:
-    """A task with its results, and the codes of warnings that were given already.
+    """A task with its results.
 
     `model` is None unless the task itself, not a stand-in, has one of moderate size.
     """
 
     task: Task
     results: Results
-    codes: set[str] = field(default_factory=set)
 
     @cached_property
     def model(self) -> Model | None:
@@ -84,3 +84,17 @@ class LintContext:
         if model is None or paid is None or not np.isfinite(paid).all() or paid[1] - paid[0] > SAME:
             return False
         return all(step.P_end is None for step in model.steps) or abs(paid[0]) <= SAME
+
+
+def followed_states(nexts: dict[str, Node], roots: tuple[Node, ...], of_step: bool = True) -> set[str]:
+    """Return components that some nodes depend on, at this step or later; nodes `of_step` may have next values in them."""
+    found: set[str] = set()
+    fresh = {name for role, name in reads(roots) if role is Role.STATE}
+    if of_step:
+        inside = set(map(id, walk(roots)))
+        fresh |= {name for name, node in nexts.items() if id(node) in inside}
+    while fresh:
+        found |= fresh
+        following = [nexts[name] for name in fresh if name in nexts]
+        fresh = {name for role, name in reads(following) if role is Role.STATE} - found
+    return found

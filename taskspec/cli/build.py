@@ -118,7 +118,7 @@ def _write(tasks: Sequence[Task], results: _Results, folder: Path) -> Iterator[t
     from taskspec.task.schema.export import json_schema
 
     yield _json(folder / "schema.json", json_schema()), "JSON Schema of specs, for editors"
-    index = {"taskspec": __version__, "tasks": [record(task) for task in tasks]}
+    index = {"taskspec": __version__, "tasks": list(map(record, tasks))}
     yield _json(folder / "tasks.json", index), f"{len(tasks)} tasks with spaces, parameters and content hashes"
     for task in tasks:
         path = folder / "source" / safe_name(task.source.suite or "tasks") / f"{safe_name(task.name)}.py"

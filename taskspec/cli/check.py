@@ -113,10 +113,17 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
 def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:
     """Return the report of `examine` with the results that it rests on, which may be large."""
     from taskspec import exact
-    from taskspec.figures import undrawn
 
     wanted = sense and defaults
-    return exact.check(task, ranges=wanted, with_warnings=sense, claims=wanted, beside=undrawn if sense else None)
+    return exact.check(task, ranges=wanted, with_warnings=sense, claims=wanted, beside=_looks if sense else None)
+
+
+def _looks(task: Task) -> list[Diagnostic]:
+    """Return warnings about how a task is drawn and printed."""
+    from taskspec.figures import undrawn
+    from taskspec.printers.look_alikes import look_alikes
+
+    return [*undrawn(task), *look_alikes(task)]
 
 
 def check_other(path: Path, kind: Kind) -> FileReport:

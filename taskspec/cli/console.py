@@ -146,7 +146,7 @@ def _finite(data: Any) -> Any:
         case dict():
             return {str(key): _finite(value) for key, value in data.items()}
         case list() | tuple():
-            return [_finite(item) for item in data]
+            return list(map(_finite, data))
         case float() if data != data or abs(data) == float("inf"):
             return str(data)
         case _:

@@ -93,7 +93,7 @@ def _body(expr: s.Expr) -> RenderableType:
             cases = [[written(value), f"if {written(condition)}"] for condition, value in branches]
             return _rows([*cases, [written(otherwise), "otherwise"]], ["", ""])
         case s.Table(by=by, rows=rows):
-            return _rows([*_table_rows(rows, len(by))], [*(written(column) for column in by), ""])
+            return _rows([*_table_rows(rows, len(by))], [*map(written, by), ""])
         case _:
             return _colored(written(expr))
 

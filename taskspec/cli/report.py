@@ -324,7 +324,7 @@ def _setups(exams: Sequence[Exam]) -> list[str]:
     """Return how results were obtained, in lines: one for each that differs."""
     from taskspec.exam.score_rows import duration
 
-    seeds = ", ".join(str(n) for n in sorted({len(exam["seeds"]) for exam in exams}))
+    seeds = ", ".join(map(str, sorted({len(exam["seeds"]) for exam in exams})))
     steps = ", ".join(f"{n:,}" for n in sorted({exam["steps"] for exam in exams}))
     spent = duration(sum(exam["cost"].get("seconds", 0.0) for exam in exams))
     lines = [f"{len(exams)} exams, of {seeds} seeds and {steps} steps each; {spent} of training"]
@@ -344,7 +344,7 @@ def _findings_table(found: FindingsResult) -> Columns:
     for each in found.results:
         outcomes = map(each.outcome, found.sets)
         table.add_row(each.name, each.entry.says, *(VisibleText(word, style=OUTCOMES[word]) for word in outcomes))
-    counts = [found.counts(name) for name in found.sets]
+    counts = list(map(found.counts, found.sets))
     for outcome, style in OUTCOMES.items():
         numbers = [str(count[outcome]) for count in counts]  # type: ignore[index]  # the same words
         table.add_row("", VisibleText(outcome, style=style), *numbers)

@@ -134,7 +134,7 @@ def _from_json(text: str) -> list[float]:
     data = json_.loads(text)
     if isinstance(data, dict):
         data = data["returns"]
-    return [float(value) for value in data]
+    return list(map(float, data))
 
 
 def _from_csv(text: str) -> list[float]:

@@ -10,9 +10,10 @@ import typer
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.files import near, write_text
+from taskspec.base.limits import tell
 from taskspec.cli import options
 from taskspec.cli.console import console, line, misuse, say, write_json
-from taskspec.cli.progress import ProgressLine, is_terminal
+from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
     from taskspec.experiments.separate import Separation
@@ -64,22 +65,13 @@ def separate(
 
     if not minutes > 0:
         raise misuse(f"--minutes is a number above 0, not {minutes:g}")
-    display = ProgressLine("searching")
-
-    def progress(words: str) -> None:
-        display.show(words)
-        if not is_terminal():
-            say(words, err=True)
-
     opponent = None if second is None else contestant(second)
     search = Search(
         experiments.read(family), contestant(first), opponent, seed=seed, steps=steps, minutes=minutes, workers=jobs,
-        progress=progress,
+        progress=tell,
     )  # fmt: skip
-    try:
+    with progress("searching"):
         found = search.run()
-    finally:
-        display.clear()
     _report(found, family, output, json)
 
 
@@ -105,12 +97,13 @@ def _report(found: Separation, family: str, output: Path, json: bool) -> None:
     width = max(len(found.worse), len(found.better))
     for name, (mean, low, high) in zip((found.worse, found.better), found.intervals, strict=True):
         out.print(line(f"  {name:{width}}  {mean:5.2f}  [{low:.2f}, {high:.2f}]"))
-    counts = f"{len(found.scores[0])} fresh seeds, p = {found.p_value:.2g}; {found.tried} tasks tried"
+    out.print(
+        line((f"  {len(found.scores[0])} fresh seeds, p = {found.p_value:.2g}; {found.tried} tasks tried", "quiet"))
+    )
     if len(found.path) > 1:
-        counts += f", shrunk from {found.path[0]}"
+        out.print(line((f"  shrunk from {found.path[0]}", "quiet")))
     if not found.is_complete:
-        counts += "; the search did not end"
-    out.print(line((f"  {counts}", "quiet")))
+        out.print(line(("  the search was stopped before it ended", "quiet")))
     if isinstance(found.task, FrozenTask):
         text = finding(found, family).spec()
         write_text(output, text)

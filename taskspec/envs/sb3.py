@@ -18,9 +18,10 @@ from taskspec import draws
 from taskspec.backends import backend_table
 from taskspec.backends.backend_table import BackendName
 from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Options
+from taskspec.base.arrays import part_at
 from taskspec.base.extras import need
 from taskspec.envs.options import ActionError, NotRunningError, positive, seed_of, uncopied
-from taskspec.envs.state import RENDER_MODES, LaneView, ask_lane, lane_render_mode, of_lane, refuse_to_set
+from taskspec.envs.state import RENDER_MODES, LaneView, ask_lane, lane_render_mode, refuse_to_set
 from taskspec.envs.window import Frames
 from taskspec.model.model import misused
 from taskspec.policies.experts import Expert
@@ -98,7 +99,7 @@ class Sb3VecEnv(VecEnv):
         if ended:
             final = b.final.view(copy=True)
             for lane in np.flatnonzero(b.ended).tolist():
-                last = of_lane(final, lane)
+                last = part_at(final, lane)
                 if isinstance(last, dict):
                     last = {name: np.asarray(part) for name, part in last.items()}
                 else:

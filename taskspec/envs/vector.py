@@ -18,7 +18,7 @@ from taskspec import draws
 from taskspec.backends import backend_table
 from taskspec.backends.backend_table import BackendName
 from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Mode, Options
-from taskspec.base.arrays import Array
+from taskspec.base.arrays import Array, part_at
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import install_package
 from taskspec.envs.env import Environment
@@ -40,7 +40,6 @@ from taskspec.envs.state import (
     LaneView,
     ask_lane,
     lane_render_mode,
-    of_lane,
     refuse_to_set,
     state_rows,
     states,
@@ -243,7 +242,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         final = b.final.view(copy=True)
         rows = np.full(self.num_envs, None, dtype=object)  # as Gymnasium's own environments give them
         for lane in np.flatnonzero(b.ended).tolist():
-            rows[lane] = of_lane(final, lane)
+            rows[lane] = part_at(final, lane)
         return {"final_obs": rows, "_final_obs": b.ended.copy(), "final_info": {}, "_final_info": b.ended.copy()}
 
     # -- seeds ----------------------------------------------------------------------------------------------------

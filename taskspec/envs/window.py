@@ -57,7 +57,7 @@ def labels(c: Component, value: Any) -> Any:
 
 def text(task: Task, state: dict[str, Any], time: int) -> str:
     """Return one line a component, and the time."""
-    width = max(len(name) for name in state)
+    width = max(map(len, state))
     lines = [heading(task, time)]
     for name, value in state.items():
         shown = visible(str(value), keep="")

@@ -47,13 +47,13 @@ def seeds_and_steps(
         raise SpecError([Diagnostic("E713", None, message, "more time, or fewer tasks or twins")])
     if is_fixed or per_step == 0:
         return seeds, most
-    steps = (left / (seeds * runs) - start) / per_step
-    return seeds, max(fewest, min(most, _rounded(steps)))
+    affordable = (left / (seeds * runs) - start) / per_step
+    return seeds, max(fewest, min(most, _rounded(affordable)))
 
 
 def _rounded(number: float) -> int:
     """Return a number rounded down to two digits."""
     if number < 1:
         return 1
-    unit = 10 ** max(0, math.floor(math.log10(number)) - 1)
+    unit = int(10 ** max(0, math.floor(math.log10(number)) - 1))
     return int(number // unit) * unit

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
 
 import numpy as np
 
-from taskspec.base.arrays import Array
+from taskspec.base.arrays import Array, part_at
 from taskspec.base.diagnostics import TaskspecError
 from taskspec.data import Demonstrations, demonstrations
-from taskspec.data.episodes import mapped
 from taskspec.data.preferences import WORDS, Teacher, return_ends
 from taskspec.envs.metered import Metered
 from taskspec.exam.curves import EpisodeReturns, TrainingReturns
@@ -143,8 +142,8 @@ class Oracle:
     def _value(self, trajectory: Any) -> float:
         obs = trajectory.obs
         discount = self.task.discount
-        before = mapped(obs, lambda seen: seen[:-1])
-        keys = self._keys(before, trajectory.acts, mapped(obs, lambda seen: seen[1:]))
+        before = part_at(obs, slice(-1))
+        keys = self._keys(before, trajectory.acts, part_at(obs, slice(1, None)))
         try:
             rewards = [self.rewards[key] if key in self.rewards else self.older[key] for key in keys]
         except KeyError:

@@ -144,8 +144,10 @@ def _of_model(model: Model, last: int | None) -> FrozenTask:
     for s in visited:
         by_action = []
         for a in range(model.n_actions):
-            outcomes = found[s, a].items()
-            by_action.append(tuple(FrozenOutcome(p, reached[to], paid / p, to[1]) for to, (p, paid) in outcomes))
+            row_outcomes = []
+            for to, (probability, total) in found[s, a].items():
+                row_outcomes.append(FrozenOutcome(probability, reached[to], total / probability, to[1]))
+            by_action.append(tuple(row_outcomes))
         rows.append(tuple(by_action))
     for s in copies:
         rows.append(((FrozenOutcome(1.0, reached[s, True], 0.0, False),),) * model.n_actions)

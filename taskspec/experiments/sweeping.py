@@ -6,7 +6,7 @@ import csv
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from io import StringIO
@@ -24,7 +24,7 @@ from taskspec.exact import Results, Return
 from taskspec.experiments.experiment_file import COLUMNS, RETURNS, SPEEDS, ExperimentFile
 from taskspec.experiments.instances import Expanded, Instance, expand
 from taskspec.jobs.code_hash import code_hash
-from taskspec.jobs.running import JobProgress, run
+from taskspec.jobs.running import Running, run
 from taskspec.jobs.store import Job, JobResult, Store
 from taskspec.modifiers import modify
 from taskspec.policies.files import is_function, place_of
@@ -254,21 +254,14 @@ def sweep(
     store: Path,
     *,
     expanded: Expanded | None = None,
-    workers: int | None = None,
-    cluster: str | None = None,
-    seconds: float | None = None,
-    retry: bool = False,
-    progress: Callable[[JobProgress], None] | None = None,
+    running: Running | None = None,
 ) -> Swept:
     """Measure every instance that has no result in the store yet.
 
     Args:
         store: the SQLite file of the results; it is made, or gone on with.
         expanded: the instances, where they are known already.
-        workers: processes; as many as there are processors unless given.
-        cluster: the address of a Dask scheduler, `tcp://...`, to which the jobs are handed instead.
-        seconds: the longest that one instance may take.
-        retry: whether instances that failed before are tried again.
+        running: how many processes, time limits, a cluster.
 
     Raises:
         SpecError: with every mistake in the experiment; E705 without an extra.
@@ -278,16 +271,8 @@ def sweep(
     wanted = wanted_of(written.experiment)
     jobs = {i.id: _job(i, wanted) for i in found.instances if i.problem is None}
     with Store(store) as kept:
-        done = run(
-            jobs.values(),
-            kept,
-            workers=workers,
-            cluster=cluster,
-            seconds=seconds,
-            retry_failed=retry,
-            progress=progress,
-        )
-        rows = tuple(_row(i, jobs.get(i.id), done.rows, kept) for i in found.instances)
+        done = run(jobs.values(), kept, running or Running(), written.experiment.name)
+        rows = tuple(_row(i, jobs.get(i.id), done, kept) for i in found.instances)
     return Swept(written.experiment, rows)
 
 

@@ -352,7 +352,7 @@ def _key(checker: BaseChecker, expr: s.Expr, column: _Column, scope: Scope) -> i
     if foreign or node.type.kind is Kind.REAL or not column.ends[0] <= int(node.value) <= column.ends[1]:
         hint = None
         if column.values is not None:
-            shown = ", ".join(column.shown(v) for v in column.values[:6])
+            shown = ", ".join(map(column.shown, column.values[:6]))
             hint = f"its values are {shown}" + ", ..." * (len(column.values) > 6)
         checker.fail("E313", expr, f"'{node.value}' is not a value of this column", hint)
     return int(node.value)

@@ -19,7 +19,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.check.report import check
 from taskspec.lang.batch import evaluate
 from taskspec.lang.interval import NormalForms
-from taskspec.lang.ir import Read, Role, draws, reads
+from taskspec.lang.ir import Read, Role, draw_sites, draws, reads
 from taskspec.lang.variates import VARIATES
 from taskspec.model.extract import extract
 from taskspec.model.model import Model
@@ -124,14 +124,15 @@ def _are_same_everywhere(one: Task, other: Task) -> bool:
         return False
     for values in cases(one):
         try:
-            pair = [
-                build(task.source.document, task.source.variant, values, task.source.suite) for task in (one, other)
-            ]
+            if not same_task(_with(one, values), _with(other, values)):
+                return False
         except SpecError:
             return False
-        if not same_task(*pair):
-            return False
     return True
+
+
+def _with(task: Task, values: Mapping[str, Any]) -> Task:
+    return build(task.source.document, task.source.variant, values, task.source.suite)
 
 
 def judgements(
@@ -227,12 +228,12 @@ def _have_same_episodes(one: Task, other: Task, forms: NormalForms) -> bool:
     """
     for task in (one, other):
         steps = (*task.process.next, task.process.reward, task.process.terminal)
-        seen = {d.site for d in draws(task.observation.nodes)}
+        seen = draw_sites(task.observation.nodes)
         for draw in draws((*task.process.initial, *steps)):
             outcomes = VARIATES[draw.base].outcomes
             if outcomes is None or outcomes.tail:
                 return False
-        if seen & {d.site for d in draws(steps)}:
+        if seen & draw_sites(steps):
             return False
     if forms.all([one.process.absorbing_reward]) != forms.all([other.process.absorbing_reward]):
         return False

@@ -175,7 +175,8 @@ def _rate_quantiles(successes: int, count: int, levels: Array) -> Array:
         low = special.betaincinv(successes, count - successes + 1, levels)
     if successes < count:
         high = special.betaincinv(successes + 1, count - successes, levels)
-    return np.where(levels < 0.5, low, high)
+    quantiles: Array = np.where(levels < 0.5, low, high)
+    return quantiles
 
 
 def _mean_quantiles(values: Array, levels: Array) -> Array:
@@ -222,7 +223,8 @@ def _median_quantiles(values: Array, levels: Array) -> Array:
         return np.full_like(levels, np.nan)
     tails = np.minimum(levels, 1 - levels)
     rank = np.clip(np.searchsorted(below, tails, side="right") - 1, 0, (count - 1) // 2)
-    return np.where(levels < 0.5, values[rank], values[count - 1 - rank])
+    quantiles: Array = np.where(levels < 0.5, values[rank], values[count - 1 - rank])
+    return quantiles
 
 
 # -- significance -----------------------------------------------------------------------------------------------------

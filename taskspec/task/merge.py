@@ -186,7 +186,7 @@ def _claims(
     for i, claim in enumerate(data.get("claims") or []):
         if statement(claim) not in dropped:
             found.append((claim, _place(moved, document, ("claims", i))))
-    unknown = set(dropped) - {statement(claim) for claim in data.get("claims") or []}
+    unknown = set(dropped) - set(map(statement, data.get("claims") or []))
     found += [(claim, (document, (*start, "claims", "add", i))) for i, claim in enumerate(over.get("add") or ())]
     _move(moved, ("claims",), here)
     moved |= {("claims", i): place for i, (_, place) in enumerate(found)}

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from taskspec.base.diagnostics import suggest
 from taskspec.base.limits import count, how_to_raise, limits
+from taskspec.base.records import all_names, entries_by_name
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.parse import parse_into
@@ -45,8 +46,8 @@ def parse_sections(context: Context) -> None:
 def initial_values(context: Context, names: Names) -> list[Node]:
     """Return nodes of the first state, in order; later lines see earlier ones."""
     scope = names.initial_scope()
-    _check_names(context, "initial", [c.name for c in context.state])
-    components = {c.name: c for c in context.state}
+    _check_names(context, "initial", all_names(context.state))
+    components = entries_by_name(context.state)
     found: dict[str, Node] = {}
     for name, expr in context.exprs["initial"].items():
         c = components.get(name)
@@ -272,7 +273,7 @@ def by_component(
     context: Context, path: Path, exprs: Mapping[str, s.Expr | None], scope: Scope, is_whole: bool
 ) -> tuple[Node, ...] | None:
     """Return a value for each action component, None for a broken one (and reported); `is_whole` where all must be given."""
-    known = [c.name for c in context.action]
+    known = all_names(context.action)
     for name in exprs:
         if name not in known:
             message = f"there is no action component '{name}'"

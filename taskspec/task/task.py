@@ -141,6 +141,12 @@ class Annotations:
                 yield from part.nodes
 
 
+def task_id(suite: str, name: str, version: int) -> str:
+    """Return `suite/Name-vN`."""
+    prefix = f"{suite}/" if suite else ""
+    return f"{prefix}{name}-v{version}"
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
     """One task with its parameters bound: what was written, spaces, the process, and what is stated about it.
@@ -207,8 +213,7 @@ class Task:
     @property
     def id(self) -> str:
         """`suite/Name-vN`, the id under which a shipped task is registered with Gymnasium."""
-        prefix = f"{self.source.suite}/" if self.source.suite else ""
-        return f"{prefix}{self.name}-v{self.source.version}"
+        return task_id(self.source.suite, self.name, self.source.version)
 
     @property
     def instance_id(self) -> str:
@@ -292,7 +297,7 @@ class Task:
                 found[name] = plain(node.value)
             else:
                 kind = {Kind.BOOL: "bool", Kind.INT: "int64", Kind.REAL: "float64"}[node.type.kind]
-                found[name] = np.array([plain(v) for v in node.flat], kind).reshape(node.type.shape)
+                found[name] = np.array(list(map(plain, node.flat)), kind).reshape(node.type.shape)
                 found[name].flags.writeable = False
         return found
 

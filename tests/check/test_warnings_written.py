@@ -61,45 +61,11 @@ def test_the_spec_that_is_changed_has_no_fault() -> None:
     assert codes({}) == []
 
 
-TABLE = {"by": "a", "rows": {"stay": "s", "go": "min(s + 1, n)", "else": "s"}}
-FINITE: dict[str, Any] = {
-    "parameters": {"n": PARTS["parameters"]["n"]},
-    "state": {"s": PARTS["state"]["s"]},
-    "initial": {"s": 0},
-    "dynamics": {"s'": "clip(s + a, 0, n)"},
-    "reward": "s' == n and s < n",
-}
 FAULTS: dict[str, tuple[str, dict[str, Any]]] = {
     "constant observed": ("W516", {"observation": {"s": "s", "v": "v", "n": "n"}}),
-    "duplicate observed": ("W517", {"observation": {"s": "s", "v": "v", "o": "s"}}),
-    "duplicate by its values": (
-        "W517",
-        {
-            "state": {"s": {"type": "int", "low": 0, "high": 3}},
-            "initial": {"s": 0},
-            "dynamics": {"s'": "clip(s + a, 0, 3)"},
-            "parameters": {},
-            "horizon": 6,
-            "reward": "s' == 3 and s < 3",
-            "observation": {"s": "s", "o": "min(s, 3)"},
-        },
-    ),
     "hidden from the observation": ("W518", {"observation": {"s": "s", "r": "r"}}),
     "neither seen nor used": ("W519", {"observation": {"s": "s", "v": "v"}, "reward": "(s' == n and s < n) * v[0]"}),
     "drawn for nothing": ("W519", {"reward": "s' == n and s < n"} | moves("r + dx * s / 2")),
-    "two labels of one value": (
-        "W520",
-        FINITE | {"action": {"a": {"type": "choice", "values": {"stay": 0, "go": 1, "run": 1}}}},
-    ),
-    "two ints of an action": (
-        "W520",
-        FINITE
-        | {
-            "action": {"a": {"type": "int", "low": 0, "high": 3}},
-            "dynamics": {"s'": "clip(s + (a == 1) - (a == 2), 0, n)"},
-        },
-    ),
-    "two labels in a table": ("W520", FINITE | {"dynamics": {"s'": TABLE}}),
 }
 
 
@@ -116,12 +82,6 @@ LOOKALIKES: dict[str, dict[str, Any]] = {
     "no range at all": vector(),
     "a range that longer episodes use": {"state": PARTS["state"] | {"r": {"type": "real", "low": 0, "high": 50}}}
     | moves("min(r + dx * v[0], 50)"),
-    "ints that differ in one state": FINITE
-    | {
-        "action": {"a": {"type": "int", "low": 0, "high": 3}},
-        "dynamics": {"s'": "clip(s + (a == 1) - (a == 2) + (a == 3 and s == 1), 0, n)"},
-    },
-    "labels that differ in one state": FINITE | {"dynamics": {"s'": "clip(s + (a if s != 1 else abs(a)), 0, n)"}},
 }
 
 

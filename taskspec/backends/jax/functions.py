@@ -18,6 +18,7 @@ from taskspec.backends.jax.program import JaxProgram, State, StepResult, acted, 
 from taskspec.base.arrays import AnyArray
 from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error, suggest
 from taskspec.base.extras import need
+from taskspec.base.records import all_names, entries_by_name
 from taskspec.lang.types import INT_MAX
 from taskspec.registry import load
 from taskspec.task.build import build_varying
@@ -172,7 +173,7 @@ class OpenParameters:
     def of(cls, task: Task, varying: tuple[Parameter, ...]) -> OpenParameters:
         """Return those of a task that is built with them open."""
         messages = tuple(message for _, message in task.process.required)
-        bound = tuple(p.name for p in task.parameters if p.name not in {open_one.name for open_one in varying})
+        bound = tuple(p.name for p in task.parameters if p.name not in all_names(varying))
         if not messages:
             return cls(varying, bound)
         return cls(varying, bound, repr(task.process.required), messages, compile_required(task))
@@ -229,7 +230,7 @@ class OpenParameters:
 @lru_cache(maxsize=256)
 def _params(opened: OpenParameters) -> Any:
     """Return the class: the same for the same parameters, as JAX compares the classes of pytrees."""
-    known = {p.name: p for p in opened.varying}
+    known = entries_by_name(opened.varying)
     base = namedtuple("Params", ("max_steps_in_episode", *known))  # type: ignore[misc]
 
     class Params(base):
@@ -257,7 +258,7 @@ def _refused(name: str, opened: OpenParameters) -> Diagnostic:
             "E713", None, "max_steps_in_episode is the horizon of the task", "for another horizon, load another task"
         )
     if name not in opened.bound:
-        known = [*(p.name for p in opened.varying), *opened.bound]
+        known = [*all_names(opened.varying), *opened.bound]
         hint = suggest(name, known) or (f"it has {', '.join(known)}" if known else None)
         return Diagnostic("E702", None, f"the task has no parameter '{name}'", hint)
     hint = (
@@ -379,7 +380,7 @@ class Functional:
         Raises:
             SpecError: E713, for observations or actions that are not finite.
         """
-        names = [p.name for p in self._open.varying]
+        names = all_names(self._open.varying)
         functions = Functional(_one_hot(self.task), names) if one_hot else self
         return Gymnax(functions, flat_actions)
 

@@ -14,6 +14,7 @@ from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
 from taskspec.backends.numpy.step import never
 from taskspec.backends.source_text import indent, literal, without_unused
 from taskspec.backends.vector_program import Mode
+from taskspec.base.records import all_names
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Role
 from taskspec.lang.operators import OPERATORS
@@ -282,7 +283,7 @@ def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     arguments = ["n", "actions", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
     text = [
         "@apart",
-        f"def advance({', '.join([*arguments, *(r.name for r in rows)])}):",
+        f"def advance({', '.join([*arguments, *all_names(rows)])}):",
         *indent(["count = 0", "for j in range(n):"]),
         *indent([f"t = {time}", *_read_actions(p), *loads, *body], 2),
         *indent(["    count += i64(e)", "return count"]),
@@ -306,7 +307,7 @@ def _results(
     first_state = _stores(p, start)
     first_seen = _observed(start)
     constant = without_unused(start.lane.lines, [*first_state.values(), *first_seen.values()])
-    renamed = [_renamed(line) for line in constant]
+    renamed = list(map(_renamed, constant))
     again = ["time[j] = i64(select(e, 0, t + 1))", "episodes[j] = u32(episodes[j] + u32(e))"]
     stores = [f"{row.name}[j] = select(e, {_renamed(first_state[row])}, {value})" for row, value in state.items()]
     for row in first_state:
@@ -338,7 +339,7 @@ def begin(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     used = list(dict.fromkeys([*in_rows, *state, *(rows[name] for name in seen)]))
     text = [
         "@inner",
-        f"def begin({', '.join(['m', 'lanes', 'time', 'episodes', *(r.name for r in used)])}):",
+        f"def begin({', '.join(['m', 'lanes', 'time', 'episodes', *all_names(used)])}):",
         *indent(["for i in range(m):"]),
         *indent(["j = u64(lanes[i])", *loads, *body], 2),
     ]
@@ -436,7 +437,7 @@ def _step(p: Program, rows: Sequence[MemoryRow], shown: Shown) -> list[str]:
     body = [*body, f"part = {_actions(p, 'first')}"]
     body += _fill(p, p.step_words, "step_words(n", "k0, k1, steps", "n")
     arguments = ["n", "part", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
-    body += [f"count = advance({', '.join([*arguments, *(r.name for r in rows)])})"]
+    body += [f"count = advance({', '.join([*arguments, *all_names(rows)])})"]
     for row, (number, size) in shown.items():
         place = f"i64({p.width}), i64({number}), i64({size}), {p.memory.at('seen0')}, i64({row})"
         body.append(f"show(n, {p.memory.at('reals')}, {place}, every, first)")
@@ -473,7 +474,7 @@ def _keep(p: Program) -> list[str]:
 
 def _begin_again(p: Program, rows: Sequence[MemoryRow], shown: Shown) -> list[str]:
     lines = _fill(p, p.reset_words, "reset_words(late, lanes", "k0, k1, episodes", "late")
-    lines.append(f"begin({', '.join(['late', 'lanes', 'time', 'episodes', *(r.name for r in rows)])})")
+    lines.append(f"begin({', '.join(['late', 'lanes', 'time', 'episodes', *all_names(rows)])})")
     for row, (number, size) in shown.items():
         place = f"i64({p.width}), i64({number}), i64({size}), {p.memory.at('seen0')}, i64({row})"
         lines.append(f"show_some(late, lanes, {p.memory.at('reals')}, {place}, every, first, n)")

@@ -259,7 +259,7 @@ def increasing(function: Callable[[float], float], ulps: int = 0) -> Bounds:
     """Bound an increasing function of reals, which libraries compute to within `ulps`."""
 
     def rule(args: Args, node: Apply) -> Interval:
-        low, high = (function(x) for x in args[0][:2])
+        low, high = map(function, args[0][:2])
         for _ in range(ulps):
             low = math.nextafter(low, -INF)
             high = math.nextafter(high, INF)
@@ -312,7 +312,7 @@ def power(args: Args, node: Apply) -> Interval:
         if wider == edge:
             return edge
         edge = wider
-        if max(abs(v) for v in edge) > HUGE:
+        if max(map(abs, edge)) > HUGE:
             return (0 if args[0].low >= 0 else -beyond), beyond
     return edge
 

@@ -2,6 +2,7 @@
 
     python -m tests.verification.exam_study                    # the study, and the page
     python -m tests.verification.exam_study --learner replay   # of one learner; no page
+    python -m tests.verification.exam_study --held            # the page, from the exams that were held so far
     python -m tests.verification.exam_study --baselines        # keep the results of right versions beside the specs
 
 What was done is read again, from build/exam_study, as long as no learner has changed.
@@ -27,6 +28,7 @@ def main() -> None:
     )
     parser.add_argument("--learner", choices=exams.TERMS, action="append", help="default: all of them; else no page")
     parser.add_argument("--right", type=int, default=len(exams.OF_RIGHT_ONES), help="exams of each right version")
+    parser.add_argument("--held", action="store_true", help="only exams that were held before; writes the page")
     parser.add_argument("--baselines", action="store_true", help="keep the results of the right versions")
     given = parser.parse_args()
     learners = given.learner or list(exams.TERMS)
@@ -37,12 +39,16 @@ def main() -> None:
     begin = time.perf_counter()
     wrong: list[tuple[Bug, Found]] = []
     for bug in exams.chosen(bugs(), learners):
+        if given.held and not exams.is_held(f"{bug.learner}-{bug.name}"):
+            continue
         found = exams.found(exams.wrong(bug), bug.learner)
         wrong.append((bug, found))
         progress(begin, bug.learner, bug.what, found, found.cause(bug))
     right: dict[tuple[str, int], Found] = {}
     for learner in learners:
         for first in exams.OF_RIGHT_ONES[: given.right]:
+            if given.held and not exams.is_held(f"{learner}-right-{first}"):
+                continue
             found = exams.found(exams.right(learner, first), learner)
             right[learner, first] = found
             progress(begin, learner, f"right, seeds from {first}", found, "")

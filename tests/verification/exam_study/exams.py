@@ -51,7 +51,6 @@ TERMS = {
     "actor_critic": Terms(12_800, (), twins=0, is_shipped=False),
     "traces": Terms(3_000, (), twins=0, is_shipped=False),
 }
-REWARD_LEARNERS = ("q_learning", "ppo", "replay", "actor_critic", "traces")
 
 
 @dataclass(frozen=True)
@@ -93,6 +92,11 @@ def examined(learner: str, train: Any, first: int, folder: Path, shipped: bool =
         train, suite="derail" if shipped else "probes", tasks=tasks, seeds=range(first, first + SEEDS), steps=terms.steps,
         transitions=TRANSITIONS, twins=terms.twins, out=folder,
     )  # fmt: skip
+
+
+def is_held(name: str) -> bool:
+    """Return whether an exam was held before."""
+    return (BUILD / content() / name / "exam.json").exists()
 
 
 def shipped(learner: str) -> Exam:

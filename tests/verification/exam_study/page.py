@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from tests.verification.exam_study.bugs import Bug
+from tests.verification.exam_study.bugs import Bug, bugs
 from tests.verification.exam_study.exams import OF_BUGS, PARTS, ROOT, SEEDS, TERMS, Found
 
 PAGE = ROOT / "docs/exam_study.md"
@@ -23,7 +23,7 @@ of DERAIL and on the probes, against stored results of the right version (`--aga
 {summary}
 
 The first mistakes were known when operators, probes and diagnoses were written. The new ones were written afterwards, and
-nothing was adjusted to their results.
+nothing was adjusted to their results. An earlier exam, of DERAIL and its scores alone, flagged 39 of the 55 first mistakes.
 
 | part of the exam | what counts |
 |---|---|
@@ -41,7 +41,8 @@ python -m tests.verification.exam_study
 ```
 
 The learners are in `tests/verification/exam_study/learners`, the mistakes in `bugs.yaml` and `new_bugs.yaml` beside them. Steps
-of training: {steps}.
+of training:
+{steps}.
 """
 HEAD = f"| mistake | {' | '.join(PARTS)} | named | cause |\n|---|---|---|---|---|---|---|"
 
@@ -51,6 +52,11 @@ def written(wrong: Sequence[tuple[Bug, Found]], right: Mapping[tuple[str, int], 
     parts = [_summary(wrong, right)]
     for learner, title in NAMES.items():
         rows = [_row(bug, found) for bug, found in wrong if bug.learner == learner]
+        missing = sum(bug.learner == learner for bug in bugs()) - len(rows)
+        if missing:
+            parts.append(
+                f"## {title}: {missing} mistakes not examined\n\nThey are written down, and wait for the next run."
+            )
         if rows:
             parts.append("\n".join([f"## {title}", "", HEAD, *rows]))
     parts.append(_missed(wrong))
@@ -69,7 +75,7 @@ def _summary(wrong: Sequence[tuple[Bug, Found]], right: Mapping[tuple[str, int],
         rows.append([f"cause named: {cause}", *(_share([f.cause(bug) == cause for bug, f in g]) for g in groups)])
     alarms = sum(found.is_flagged for found in right.values())
     rows.append(["right versions flagged", "", "", f"{alarms} of {len(right)}"])
-    steps = ", ".join(f"{terms.steps:,} ({NAMES[learner]})" for learner, terms in TERMS.items())
+    steps = ",\n".join(f"{terms.steps:,} ({NAMES[learner]})" for learner, terms in TERMS.items())
     summary = "\n".join(f"| {' | '.join(row)} |" for row in rows)
     return TEXT.format(seeds=SEEDS, summary=summary, steps=steps)
 
