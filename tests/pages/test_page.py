@@ -164,7 +164,9 @@ def test_a_claim_about_the_defaults_is_not_called_false_elsewhere() -> None:
     task = registry.load("derail/NoisyObs-v0")
     stated = page(task, gather(task), [{"M": 3}]).section("scores")
     assert stated is not None and stated.table is not None
-    assert ["optimal return = 12", "proved", "not for these values"] in [[*map(words, row)] for row in stated.table.rows]
+    assert ["optimal return = 12", "proved", "not for these values"] in [
+        [*map(words, row)] for row in stated.table.rows
+    ]
 
 
 def test_a_name_that_no_task_has_a_parameter_for_is_refused(tmp_path: Path) -> None:
