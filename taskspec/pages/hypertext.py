@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from html import escape
+from pathlib import Path
 from typing import Any, assert_never
 
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from taskspec.base.bibliography import Reference
+from taskspec.base.display import ON_PAGES, visible
 from taskspec.pages import prose as p
 from taskspec.pages.sections import Section, SectionLine
 from taskspec.printers import tree as m
@@ -21,11 +25,37 @@ BREAK_AFTER = 34.0  # letters of a formula that is longer than a line on small s
 _SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
 
 
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+@lru_cache(maxsize=1)
+def html_environment() -> Environment:
+    """Return the environment for HTML, which escapes all that is not marked as markup."""
+    return Environment(
+        loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
+    )  # fmt: skip
+
+
 @dataclass(frozen=True)
 class HtmlWriter:
     """Writes prose; sources that are known are cited by author and year."""
 
     references: Mapping[str, Reference]
+
+    def words(
+        self,
+        summary: p.Inlines,
+        description: Iterable[p.Block],
+        sections: Iterable[Section],
+        settings: Sequence[str] = (),
+    ) -> dict[str, Any]:
+        """Return what templates show of a page."""
+        return {
+            "summary": self.prose(summary),
+            "description": [self.block(b) for b in description],
+            "sections": [self.section(s, settings) for s in sections],
+        }
 
     def section(self, section: Section, settings: Sequence[str] = ()) -> dict[str, Any]:
         lines = [self.line(line, settings) for line in section.lines]
@@ -101,6 +131,12 @@ class HtmlWriter:
                 return Markup(f"<{tag}>{{}}</{tag}>").format(inner)
             case _:
                 return Markup("<pre>{}</pre>").format(block.text)
+
+
+def article(heading: str, summary: p.Inlines, description: Iterable[p.Block], sections: Iterable[Section]) -> str:
+    """Return a page for notebooks, without style, figure or references."""
+    words = HtmlWriter({}).words(summary, description, sections)
+    return visible(html_environment().get_template("article.html").render(heading=heading, **words), ON_PAGES)
 
 
 def formula(math: m.Math, display: bool = False) -> Markup:

@@ -59,8 +59,8 @@ class Page:
 
     def _repr_html_(self) -> str:
         """Return the page for notebooks."""
-        html = need("taskspec.pages.render.html", "docs", "a page in a notebook")
-        found: str = html.article(self)
+        hypertext = need("taskspec.pages.hypertext", "docs", "a page in a notebook")
+        found: str = hypertext.article(f"{self.name} {self.title}", self.summary, self.description, self.sections)
         return found
 
 

@@ -15,9 +15,9 @@ from taskspec.base.display import ON_PAGES, visible
 from taskspec.base.extras import need
 from taskspec.figures import Scene, layers, svg
 from taskspec.pages.facts import lines as score_lines
-from taskspec.pages.hypertext import HtmlWriter
+from taskspec.pages.hypertext import HtmlWriter, html_environment
 from taskspec.pages.page import Page
-from taskspec.pages.render.suite import Suite, html_environment, notation
+from taskspec.pages.render.suite import Suite, notation
 
 _LAYERS = {
     "task": "task", "values": "best returns", "policy": "best actions", "expert": "expert", "occupancy": "visits",
@@ -76,30 +76,16 @@ def page_of(template: str, **values: Any) -> str:
 
 
 def _page(suite: Suite, page: Page) -> dict[str, Any]:
-    writer = HtmlWriter(suite.cited)
     scene = suite.scenes.get(page.anchor)
+    titles = [each.title for each in page.settings]
     return {
-        **_words(writer, page),
+        "page": page,
+        **HtmlWriter(suite.cited).words(page.summary, page.description, page.sections, titles),
         "figures": _figures(page, scene),
         "caption": scene.caption if scene else "",
         "others": [(each.caption, Markup(svg(each.scene, css=True))) for each in suite.others(page)],
         "source": _highlighted(page.source_text),
     }
-
-
-def _words(writer: HtmlWriter, page: Page) -> dict[str, Any]:
-    titles = [each.title for each in page.settings]
-    return {
-        "page": page,
-        "summary": writer.prose(page.summary),
-        "description": [writer.block(b) for b in page.description],
-        "sections": [writer.section(s, titles) for s in page.sections],
-    }
-
-
-def article(page: Page) -> str:
-    """Return a page for notebooks, without style, figure or references."""
-    return visible(html_environment().get_template("article.html").render(**_words(HtmlWriter({}), page)), ON_PAGES)
 
 
 def _figures(page: Page, scene: Scene | None) -> list[tuple[str, Markup]]:
