@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import json as json_
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import decimal, estimate, number
 from taskspec.cli import options
 from taskspec.cli.console import Console, console, line, write_json, write_records
@@ -92,6 +89,7 @@ def score(
     A score below -1 counts as -1, as in the paper that the derail suite comes from.
     """
     from taskspec import exact
+    from taskspec.scores.scores import read_returns
     from taskspec.targets import task_of
 
     found = task_of(task, variant, parameters or [], modifiers or [])
@@ -106,47 +104,6 @@ def score(
         })  # fmt: skip
     else:
         _print_score(found, result)
-
-
-# -- returns ------------------------------------------------------------------------------------------------------
-
-
-def read_returns(path: Path) -> list[float]:
-    """Return returns of episodes from a file: a JSON list, or `returns` of a JSON object; or CSV, in the first column or
-    in `r`.
-    """
-    if not path.exists():
-        raise spec_error("E710", f"there is no file '{path}'")
-    text = path.read_text(encoding="utf-8", errors="replace")
-    try:
-        values = _from_json(text) if path.suffix == ".json" else _from_csv(text)
-    except (ValueError, TypeError, KeyError, IndexError):
-        values = []
-    if not values:
-        raise spec_error("E711", f"'{path}' contains no returns", "a JSON list of numbers, or one number per line")
-    for i, value in enumerate(values, 1):
-        if math.isnan(value):
-            raise spec_error("E711", f"return number {i} of '{path}' is nan")
-    return values
-
-
-def _from_json(text: str) -> list[float]:
-    data = json_.loads(text)
-    if isinstance(data, dict):
-        data = data["returns"]
-    return list(map(float, data))
-
-
-def _from_csv(text: str) -> list[float]:
-    """Return the column `r` or `return`, else the first one; comments start with `#`."""
-    rows = list(csv.reader(line for line in text.splitlines() if line.strip() and not line.startswith("#")))
-    header = [cell.strip().lower() for cell in rows[0]]
-    column = next((header.index(name) for name in ("r", "return", "returns", "score") if name in header), 0)
-    try:
-        float(rows[0][column])
-    except ValueError:
-        del rows[0]
-    return [float(row[column]) for row in rows]
 
 
 # -- output -------------------------------------------------------------------------------------------------------
