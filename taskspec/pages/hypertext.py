@@ -5,36 +5,22 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from html import escape
-from pathlib import Path
 from typing import Any, assert_never
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from taskspec.base.bibliography import Reference
 from taskspec.base.display import ON_PAGES, visible
 from taskspec.pages import prose as p
 from taskspec.pages.sections import Section, SectionLine
+from taskspec.pages.templating import html_environment
 from taskspec.printers import tree as m
 from taskspec.printers.markup import mathml
 from taskspec.printers.text import plain
 
 BREAK_AFTER = 34.0  # letters of a formula that is longer than a line on small screens
 _SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
-
-
-TEMPLATES = Path(__file__).parent / "templates"
-
-
-@lru_cache(maxsize=1)
-def html_environment() -> Environment:
-    """Return the environment for HTML, which escapes all that is not marked as markup."""
-    return Environment(
-        loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
 
 
 @dataclass(frozen=True)

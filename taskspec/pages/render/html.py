@@ -15,9 +15,10 @@ from taskspec.base.display import ON_PAGES, visible
 from taskspec.base.extras import need
 from taskspec.figures import Scene, layers, svg
 from taskspec.pages.facts import lines as score_lines
-from taskspec.pages.hypertext import HtmlWriter, html_environment
+from taskspec.pages.hypertext import HtmlWriter
 from taskspec.pages.page import Page
 from taskspec.pages.render.suite import Suite, notation
+from taskspec.pages.templating import html_environment
 
 _LAYERS = {
     "task": "task", "values": "best returns", "policy": "best actions", "expert": "expert", "occupancy": "visits",

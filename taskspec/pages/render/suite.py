@@ -1,18 +1,15 @@
-"""What renderers work on: pages with figures and references, the paragraph on notation, and templates."""
+"""What renderers work on: pages with figures and references, and the paragraph on notation."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from functools import cached_property
 
 from taskspec.base.bibliography import Reference
 from taskspec.figures import Scene
 from taskspec.pages.equations import LETTERS, Writing
-from taskspec.pages.hypertext import TEMPLATES
 from taskspec.pages.page import Page, Setting, anchor
 from taskspec.pages.prose import Formula, Inline, Inlines, Mark, inlines
 from taskspec.printers import tree as m
@@ -20,22 +17,6 @@ from taskspec.printers.idioms import IF
 from taskspec.printers.markup import latex
 from taskspec.printers.text import plain
 from taskspec.task.merge import lineage
-
-# -- templates, which only lay out what renderers have escaped
-
-
-@lru_cache(maxsize=1)
-def text_environment() -> Environment:
-    """Return the environment for LaTeX and Markdown, with marks that neither uses; values have been escaped before."""
-    return Environment(
-        loader=FileSystemLoader(TEMPLATES), autoescape=False, undefined=StrictUndefined,
-        block_start_string="<%", block_end_string="%>", variable_start_string="<<", variable_end_string=">>",
-        comment_start_string="<#", comment_end_string="#>",
-        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
-
-
-# -- pages with figures and references
 
 
 @dataclass(frozen=True, slots=True)
