@@ -26,8 +26,8 @@ from taskspec.scores.returns import normalised as normalised
 from taskspec.scores.scores import Scores as Scores
 from taskspec.scores.scores import StaleScores as StaleScores
 from taskspec.scores.scores import scores as scores
-from taskspec.solve.constrained import Limit as Limit
 from taskspec.solve.constrained import Expectations as Expectations
+from taskspec.solve.constrained import Limit as Limit
 from taskspec.solve.constrained import constrained_optimum as constrained_optimum
 from taskspec.solve.constrained import pareto_front as pareto_front
 from taskspec.soundness.soundness import Soundness as Soundness
