@@ -250,12 +250,14 @@ def _have_same_episodes(one: Task, other: Task, forms: NormalForms) -> bool:
 
 def _have_same_observations(model: Model, other: Task, forms: NormalForms) -> bool:
     """Return whether every state looks the same at every time; observations that draw must have the same form."""
-    pairs = list(zip(model.task.observation.nodes, other.observation.nodes, strict=True))
-    drawn = [pair for pair in pairs if draws(pair)]
-    if forms.all([a for a, _ in drawn]) != forms.all([b for _, b in drawn]):
-        return False
-    own = [a for a, b in pairs if not draws((a, b))]
-    others = [b for a, b in pairs if not draws((a, b))]
+    own = []
+    others = []
+    for a, b in zip(model.task.observation.nodes, other.observation.nodes, strict=True):
+        if not draws((a, b)):
+            own.append(a)
+            others.append(b)
+        elif forms.all([a]) != forms.all([b]):
+            return False
     times = 1
     if TIME in reads([*own, *others]):
         times = (model.horizon or MOST) + 1
