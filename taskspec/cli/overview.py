@@ -163,7 +163,7 @@ def explain(code: CodeArgument = None, json: options.Json = False) -> None:
     """Explain an error or a warning, such as E302, with an example."""
     found = list(CODES.values()) if code is None else [_find(code)]
     if json:
-        write_json([_record(each) for each in found])
+        write_json([_code_record(each) for each in found])
     elif code is None:
         _print_codes(found)
     else:
@@ -192,7 +192,7 @@ def _explain(code: Code) -> None:
         say(code.explanation)
 
 
-def _record(c: Code) -> dict[str, str]:
+def _code_record(c: Code) -> dict[str, str]:
     return {"code": c.code, "slug": c.slug, "severity": c.severity, "title": c.title, "explanation": c.explanation}
 
 

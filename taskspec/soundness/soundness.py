@@ -245,8 +245,8 @@ def cases(task: Task) -> list[dict[str, Any]]:
     for name, values in ends.items():
         tried += [{name: value} for value in values]
     distinct: dict[str, dict[str, Any]] = {}
-    for values in tried:
-        changed = {name: value for name, value in values.items() if value != task.values[name]}
+    for case in tried:
+        changed = {name: value for name, value in case.items() if value != task.values[name]}
         if changed:
             distinct.setdefault(repr(changed), task.given | changed)
     return list(distinct.values())[:MAX_CASES]

@@ -141,7 +141,7 @@ def _loop(p: Program, roots: Sequence[Node], words: WordLayout, at: str, acting:
     for i, c in enumerate(p.task.action if acting else ()):
         names[Role.ACTION, c.name] = LaneValue([f"a_{i}_{k}" for k in range(c.type.size)])
     numbers = {}
-    reals = {}
+    reals: dict[int, Sequence[str]] = {}
     for draw in words.draws:
         first = words.first[draw.site]
         places = range(first, first + words_of(draw))
