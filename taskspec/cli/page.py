@@ -203,6 +203,7 @@ def _equations(task: Task) -> Iterator[RenderableType]:
         blocks[key] = _named(sections.get(key) or {})
     for key in ("reward", "terminal", "absorbing_reward"):
         blocks[key.replace("_", " ")] = _named({"": sections.get(key)})
+    blocks["measures"] = _named(sections.get("measures") or {})
     blocks["horizon"] = [("", _horizon(task))]
     if task.discount != 1:
         blocks["discount"] = [("", f"{task.discount:g}")]

@@ -96,6 +96,10 @@ class Sb3VecEnv(VecEnv):
             raise NotRunningError("E707: step() before the first reset(); call reset() first") from None
         b = self._engine.buffers
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if b.measures:
+            for lane, info in enumerate(infos):
+                values = (float(value[lane]) for value in b.measures)
+                info["measures"] = dict(zip(self.task.process.measures, values, strict=True))
         if ended:
             final = b.final.view(copy=True)
             for lane in np.flatnonzero(b.ended).tolist():

@@ -170,7 +170,10 @@ def _absorbing(b: Builder, task: Task, given: Arguments) -> Task:
 
     flag = Component(name, BOOL, (0,), (1,), doc="whether the episode has ended")
     changed = task.with_process(
-        next=held(task.process.next), raw_next=held(task.process.raw_next), terminal=b.scalar(False)
+        next=held(task.process.next),
+        raw_next=held(task.process.raw_next),
+        terminal=b.scalar(False),
+        measures={name: b.apply("where", over, b.scalar(0.0), node) for name, node in task.process.measures.items()},
     )
     changed = paying(b, changed, b.apply("where", over, task.process.absorbing_reward, task.process.reward))
     ended = with_state(changed, [AddedState(flag, b.scalar(False), b.apply("or", over, task.process.terminal))])

@@ -100,6 +100,11 @@ class Program:
             kind = _ARRAYS[c.type.kind]
             self.memory.at(f"s{i}")
             self.states.append([MemoryRow(f"s{i}_{k}", f"s{i}", k, kind) for k in range(c.type.size)])
+        self.measures = [
+            MemoryRow(f"measure{i}", f"measure{i}", 0, "f64s") for i in range(len(self.task.process.measures))
+        ]
+        for row in self.measures:
+            self.memory.at(row.array)
         self.seen: dict[str, MemoryRow] = {}  # by number of the part and of the row
         self.final: dict[str, MemoryRow] = {}
         for i, part in enumerate(self.observation.parts):
@@ -272,15 +277,19 @@ def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     seen = _observed(loop)
     reward = loop.lane.assign(f"f64({(loop.values[n].atoms or ['0'])[0]})")
     terminal = (loop.values[n + 1].atoms or ["False"])[0]
+    measures = [
+        loop.lane.assign(f"f64({(value.atoms or ['0'])[0]})") for value in loop.values[n + 2 : n + 2 + len(p.measures)]
+    ]
     results, stores, out_rows = _results(p, loop, state, seen)
-    lines = without_unused(loop.lane.lines, [*state.values(), *seen.values(), reward, terminal])
+    lines = without_unused(loop.lane.lines, [*state.values(), *seen.values(), reward, terminal, *measures])
     late = "False" if p.task.horizon is None else f"(t + 1 >= {p.task.horizon})"
     either = "late" if never(p.task.process.terminal) else f"late | {terminal}"
     ending = [f"late = {late}", f"e = {either}", "steps[j] = u32(steps[j] + u32(1))"]
     ending += [f"terminated[j] = {terminal}", "truncated[j] = late", "ended[j] = e"]
-    body = [*lines, f"reward[j] = {reward}", *ending, *results, *stores]
+    paid = [f"{row.name}[j] = {value}" for row, value in zip(p.measures, measures, strict=True)]
+    body = [*lines, f"reward[j] = {reward}", *paid, *ending, *results, *stores]
     loads, in_rows = _loads(p, p.step_words, "\n".join(body), "j")
-    rows = list(dict.fromkeys([*in_rows, *out_rows]))
+    rows = list(dict.fromkeys([*in_rows, *out_rows, *p.measures]))
     time = "i32(time[j])"
     if p.task.horizon is None:
         time = f"i32(min(time[j], {INT_MAX}))"
