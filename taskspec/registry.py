@@ -240,11 +240,11 @@ def document(path: str) -> Document:
 
     if path in _documents:
         known, states = _documents[path]
-        if states == [_state_of(file) for file in (path, *known.files)]:
+        if states == list(map(_state_of, (path, *known.files))):
             return known
     before = _state_of(path)
     found = read_file(path)
-    _documents[path] = (found, [before, *(_state_of(file) for file in found.files)])
+    _documents[path] = (found, [before, *map(_state_of, found.files)])
     return found
 
 

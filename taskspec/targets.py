@@ -6,10 +6,10 @@ A document is read once, however many tasks it defines.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from taskspec import registry
 from taskspec.base import ids
@@ -18,8 +18,10 @@ from taskspec.base.files import near, safe_name
 from taskspec.source import Document, scan
 
 if TYPE_CHECKING:
+    from taskspec.task.build import Outline
     from taskspec.task.task import Task
 
+T = TypeVar("T")
 OTHERS: tuple[scan.Kind, ...] = ("experiment", "exam", "findings")
 """Kinds of files that are no specs."""
 
@@ -245,8 +247,30 @@ def task_in(file: File, variant: str | None) -> Task:
     return modify(build(_document(str(file.path)), variant, file.parameters, file.suite), *file.modifiers)
 
 
+def outline_in(file: File, variant: str | None) -> Task | Outline:
+    """Return the outline of one task of a file, or the task itself where modifiers change it.
+
+    Raises:
+        SpecError: with every mistake in what is declared.
+    """
+    from taskspec.task.build import outline
+
+    if file.modifiers:
+        return task_in(file, variant)
+    return outline(_document(str(file.path)), variant, file.parameters, file.suite)
+
+
 def tasks_in(files: Iterable[File]) -> Iterator[Task | SpecError]:
     """Yield the tasks of files in order, with the error in place of those that cannot be built."""
+    return _each_in(files, task_in)
+
+
+def outlines_in(files: Iterable[File]) -> Iterator[Task | Outline | SpecError]:
+    """Yield the outlines of the tasks of files in order, with the error in place of those that have none."""
+    return _each_in(files, outline_in)
+
+
+def _each_in(files: Iterable[File], read: Callable[[File, str | None], T]) -> Iterator[T | SpecError]:
     for file in files:
         try:
             variants = variants_of(file)
@@ -255,6 +279,6 @@ def tasks_in(files: Iterable[File]) -> Iterator[Task | SpecError]:
             yield error
         for variant in variants:
             try:
-                yield task_in(file, variant)
+                yield read(file, variant)
             except SpecError as error:
                 yield error

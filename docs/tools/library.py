@@ -28,6 +28,7 @@ SUITES = {
 """Headings of the suites of the library."""
 PARITY = "tests/envs/test_gymnasium_parity.py"
 ORIGINALS = "tests/tasks/test_written_by_others.py"
+BSUITE = "tests/tasks/test_bsuite.py"
 COMPARED = {
     "toy_text/FrozenLake": ("Gymnasium's FrozenLake-v1", "every state, action and outcome; episodes", PARITY),
     "toy_text/Taxi": ("Gymnasium's Taxi-v3", "every state and action; the distribution of starts", PARITY),
@@ -42,7 +43,14 @@ COMPARED = {
     "planning/Life": ("the rules in NumPy", "random boards", ORIGINALS),
     "planning/LightsOut": ("linear algebra over two elements", "solvable boards", ORIGINALS),
     "planning/TicTacToe": ("minimax in Python", "all positions", ORIGINALS),
-    "bsuite/Catch": ("the rules in Python", "episodes", ORIGINALS),
+    "bsuite/Bandit": ("bsuite 0.3.6", "rewards of all arms", BSUITE),
+    "bsuite/CartPole": ("bsuite 0.3.6", "10,000 steps", BSUITE),
+    "bsuite/Catch": ("bsuite 0.3.6", "10,000 steps", BSUITE),
+    "bsuite/DeepSea": ("bsuite 0.3.6", "1,000 episodes", BSUITE),
+    "bsuite/DiscountingChain": ("bsuite 0.3.6", "10,000 steps for each order", BSUITE),
+    "bsuite/MemoryLength": ("bsuite 0.3.6", "10,000 steps at three sizes", BSUITE),
+    "bsuite/MountainCar": ("bsuite 0.3.6", "10,000 steps", BSUITE),
+    "bsuite/Umbrella": ("bsuite 0.3.6", "10,000 steps, without the random rewards and bits", BSUITE),
 }
 """What tests compare a task with, how, and the file of the test."""
 

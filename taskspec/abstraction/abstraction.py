@@ -13,6 +13,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector
+from taskspec.base.records import all_names
 from taskspec.lang.batch import evaluate
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node
@@ -40,7 +41,7 @@ class Abstraction:
         """Return the mapped state, (*shape, lanes)."""
         lanes = next(iter(state.values())).shape[-1]
         values = evaluate(self.nodes, reads_of(state, {}, 0))
-        names = (c.name for c in self.stand_in.state)
+        names = all_names(self.stand_in.state)
         return {n: np.broadcast_to(v, (*v.shape[:-1], lanes)) for n, v in zip(names, values, strict=True)}
 
 

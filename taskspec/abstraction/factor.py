@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from taskspec.abstraction.abstraction import Abstraction
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, draws, reads, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, draw_sites, reads, walk
 from taskspec.lang.operators import Elements, entry_of
 from taskspec.lang.types import Kind, Type
 from taskspec.task.parts import Component, by_name
@@ -136,7 +136,7 @@ class _Factoring:
                 found.append(b.draw("permutation", (), Type(Kind.INT, c.type.shape)))
                 continue
             (start,) = self.normal.form([self._over(node, first)])
-            if sites & {d.site for d in draws([start])}:
+            if sites & draw_sites([start]):
                 raise Unfactored(f"'{c.name}' starts from what its ranks are drawn from")
             found.append(start)
         return found

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskspec.abstraction.abstraction import in_words
+from taskspec.base.records import all_names
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.model.points import SAMPLES, sampled
@@ -76,7 +77,7 @@ def _of_actions(task: Task, symmetry: Symmetry) -> str | None:
 def _returning(symmetry: Symmetry, part: MapPart) -> str | None:
     """Return the reason for which a part of a map of observations may not be one-to-one; None if random points return."""
     nodes: dict[str, Node] = {symmetry.components[i].name: symmetry.observation[i] for i in part.outputs}
-    names = [c.name for c in part.inputs]
+    names = all_names(part.inputs)
     if not names:
         return "it shows a value that is not finite"
     if sorted(nodes) != sorted(names) or any(nodes[c.name].type.shape != c.type.shape for c in part.inputs):

@@ -178,7 +178,7 @@ class ArrayForm:
         ufunc = UFUNCS.get(template)
         if ufunc is None or self.scratch is None or are_constant(node.args):
             return self._assign(template.format(*args))
-        args = [self._operand(a) for a in node.args]
+        args = list(map(self._operand, node.args))
         out = self._buffer(node)
         if ufunc in ("minimum", "maximum"):  # these two insist
             keyword = "out="

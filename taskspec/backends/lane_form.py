@@ -77,7 +77,7 @@ class LaneEmitter:
         for node in order:
             value = self._node(node)
             if value.atoms is not None and uses[id(node)] > 1:
-                value.atoms = [self.assign(a) for a in value.atoms]
+                value.atoms = list(map(self.assign, value.atoms))
             self.values[id(node)] = value
         return [self.values[id(root)] for root in roots]
 
@@ -140,7 +140,7 @@ class LaneEmitter:
     def scalar_of(self, node: Node) -> str:
         """Return the name of a number that may not be a direct argument; it was emitted with the others."""
         value = self.values[id(node)]
-        value.atoms = [self.assign(a) for a in self.atoms(node)]
+        value.atoms = list(map(self.assign, self.atoms(node)))
         return value.atoms[0]
 
     def argument(self, draw: Draw) -> list[str]:
@@ -180,7 +180,7 @@ class LaneEmitter:
         template = self._template(node, entry)
         if node.type.size > self.unrolled and any(self.values[id(a)].atoms is None for a in node.args):
             return self._loop(node, template)
-        columns = [self.atoms(arg) for arg in node.args]
+        columns = list(map(self.atoms, node.args))
         for i, arg in enumerate(node.args):
             if node.type.shape and not arg.type.shape:
                 columns[i] = [self.assign(columns[i][0])] * node.type.size
@@ -274,7 +274,7 @@ class LaneEmitter:
         form = VARIATES[node.base].lane
         if form is not None:
             return LaneValue(form(self, node, words))
-        given = tuple_of([self.packed(a) for a in node.args])
+        given = tuple_of(list(map(self.packed, node.args)))
         drawn = self.assign(f"{self.constant(one(node))}({given}, {tuple_of(words)})")
         if node.type.shape:
             return LaneValue(packed=drawn)

@@ -65,7 +65,7 @@ class Invariants:
     def of(cls, b: Builder, task: Task, rows: bool) -> Invariants:
         """`rows`: whether observations are float32 arrays, which can be kept and copied."""
         frozen = frozen_components(task)
-        roots = (*task.process.next, task.process.reward, task.process.terminal)
+        roots = task.process.step_roots
         everything = (*roots, *task.next_observation)
 
         def is_fixed(node: Node) -> bool:
@@ -304,7 +304,7 @@ def _is_matrix(table: Const, row: Node) -> bool:
 def _fold_function(b: Builder, node: Apply) -> Node:
     """Return a function of one look-up and constants as a look-up."""
     found = [a for a in node.args if not isinstance(a, Const)]
-    if len({id(a) for a in found}) != 1:
+    if len(set(map(id, found))) != 1:
         return node
     match found[0]:
         case Apply(op="index", args=(Const() as table, place)) as inner:

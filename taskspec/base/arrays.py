@@ -1,10 +1,12 @@
-"""Types of arrays.
+"""Types of arrays, and observations that are one array or several.
 
 Shapes stand in docstrings, one letter an axis: S states, A actions, T times, K features, N lanes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -13,3 +15,35 @@ Array = np.ndarray[Any, Any]
 """An array of NumPy."""
 AnyArray = Any
 """An array of NumPy or of JAX."""
+
+
+# Observations are one array, or a dict of arrays.
+
+
+def map_parts(function: Callable[..., Any], *values: Any) -> Any:
+    """Return a function of some arrays, or of the arrays of each name where they are dicts."""
+    first = values[0]
+    if not isinstance(first, Mapping):
+        return function(*values)
+    return {name: function(*(value[name] for value in values)) for name in first}
+
+
+def parts_of(value: Any) -> list[Any]:
+    """Return the arrays of a dict of them, or the only array."""
+    if isinstance(value, Mapping):
+        return list(value.values())
+    return [value]
+
+
+def part_at(value: Any, index: Any) -> Any:
+    """Return the elements at an index of the first axis, of an array or of each in a dict."""
+    return map_parts(itemgetter(index), value)
+
+
+def end_to_end(values: Sequence[Any]) -> Any:
+    """Return arrays, or dicts of arrays, one after the other."""
+    return map_parts(_concatenated, *values)
+
+
+def _concatenated(*parts: Any) -> Any:
+    return np.concatenate(parts)

@@ -252,7 +252,7 @@ def render(
         case "json":
             return visible_json(records(diagnostics))
         case "github":
-            return "\n".join(_github(each) for each in diagnostics)
+            return "\n".join(map(_github, diagnostics))
     raise ValueError(f"unknown format {format!r}: one of 'text', 'json', 'github'")
 
 

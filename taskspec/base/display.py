@@ -28,9 +28,21 @@ def visible(text: str, keep: str = "\n") -> str:
     return text
 
 
+def json_data(data: Any) -> Any:
+    """Return data as JSON can hold it: keys and numbers that are not finite as text."""
+    match data:
+        case dict():
+            return {str(key): json_data(value) for key, value in data.items()}
+        case list() | tuple():
+            return [json_data(item) for item in data]
+        case float() if not math.isfinite(data):
+            return str(data)
+    return data
+
+
 def visible_json(data: Any) -> str:
-    """Return data as JSON with hidden characters as escapes."""
-    text = json.dumps(data, indent=2, ensure_ascii=False, default=str)
+    """Return data as JSON, as `json_data` has it, with hidden characters as escapes."""
+    text = json.dumps(json_data(data), indent=2, ensure_ascii=False, default=str)
     if text.replace("\n", "").isprintable():
         return text
     return "".join(json.dumps(c)[1:-1] if c != "\n" and _is_hidden(c) else c for c in text)

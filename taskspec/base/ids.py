@@ -48,7 +48,7 @@ def parse(text: str) -> InstanceId:
         if name in values:
             raise spec_error("E713", f"'{text}' gives '{name}' twice")
         values[name] = read_value(unquote(value))
-    modifiers = (unquote(part) for part in found["modifiers"].split("+")[1:])
+    modifiers = map(unquote, found["modifiers"].split("+")[1:])
     return InstanceId(found["name"], values, tuple(modifiers))
 
 

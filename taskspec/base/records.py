@@ -1,10 +1,11 @@
-"""Frozen data classes like those of `dataclasses`, made in a fifth of the time."""
+"""Frozen data classes like those of `dataclasses`, made in a fifth of the time; entries of tables by their names."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass
@@ -91,3 +92,23 @@ def _values(self: Any) -> list[Any]:
 def _set_state(self: Any, state: list[Any]) -> None:
     for field, value in zip(dataclasses.fields(self), state, strict=True):
         object.__setattr__(self, field.name, value)
+
+
+class Named(Protocol):
+    """An entry of a table, or anything else that has a name."""
+
+    @property
+    def name(self) -> str: ...
+
+
+Entry = TypeVar("Entry", bound=Named)
+
+
+def all_names(entries: Iterable[Named]) -> list[str]:
+    """Return the names of entries, in order."""
+    return [entry.name for entry in entries]
+
+
+def entries_by_name(entries: Iterable[Entry]) -> dict[str, Entry]:
+    """Return entries by their names."""
+    return {entry.name: entry for entry in entries}

@@ -84,10 +84,10 @@ def finding(report: Report, examples: int) -> Finding:
     how = f"{method.points:,} samples"
     if method.exact:
         how = f"all {method.points:,} points" if method.points else "bounds"
-    claims = tuple(
-        {"claim": v.claim.text, "parameters": dict(v.parameters), "status": v.status, "detail": v.detail, "episodes": v.episodes}
-        for v in report.verdicts
-    )  # fmt: skip
+    claims = []
+    for v in report.verdicts:
+        record = {"claim": v.claim.text, "parameters": dict(v.parameters), "status": v.status, "detail": v.detail}
+        claims.append(record | {"episodes": v.episodes})
     symmetries = []
     for each in report.symmetries:
         status = "false"
@@ -98,7 +98,7 @@ def finding(report: Report, examples: int) -> Finding:
         )
     return Finding(
         report.diagnostics, how, str(method), len(report.cases), report.skipped, report.accepted, examples,
-        len(report.wrong_examples), claims, tuple(symmetries),
+        len(report.wrong_examples), tuple(claims), tuple(symmetries),
     )  # fmt: skip
 
 

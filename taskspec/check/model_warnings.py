@@ -87,7 +87,8 @@ def unread(context: LintContext) -> Iterator[Doubt]:
     task = context.task
     is_state = task.observation.is_state
     nexts = by_name(task.state, task.process.next)
-    used = followed_states(nexts, (task.process.reward, task.process.terminal))
+    measures = task.process.measures.values()
+    used = followed_states(nexts, (task.process.reward, task.process.terminal, *measures))
     if not is_state:
         used |= followed_states(nexts, task.observation.nodes)
     for c, first, following in zip(task.state, task.process.initial, task.process.next, strict=True):
@@ -170,7 +171,7 @@ def inert(context: LintContext) -> Iterator[Doubt]:
     """Yield a component of the action that changes nothing."""
     model = context.model
     task = context.task
-    read = reads((*task.process.next, task.process.reward, task.process.terminal))
+    read = reads(task.process.step_roots)
     for c in task.action:
         if c.is_finite and c.counts == (1,) * c.type.size:
             continue
@@ -221,7 +222,7 @@ def expert(context: LintContext) -> Iterator[Doubt]:
 def _compares_expert(expr: s.Expr) -> bool:
     """Return whether a claim says that the expert is below the optimum."""
     if isinstance(expr, s.Logical):
-        return any(_compares_expert(part) for part in expr.operands)
+        return any(map(_compares_expert, expr.operands))
     if not isinstance(expr, s.Compare):
         return False
     names = {n.id for n in s.names(expr) if isinstance(n, s.Name)}

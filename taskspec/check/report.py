@@ -79,24 +79,26 @@ def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic]
     """Split diagnostics into those to report, and warnings that the task accepts."""
     reasons = task.spec.accept
     merged = merge(task.source.document, task.source.variant)
-    accepted = [
-        Accepted(each, reasons[each.code], merged.key_span(("accept", each.code)))
-        for each in found
-        if each.severity == "warning" and each.code in reasons
-    ]
-    aside = [each.warning for each in accepted]
-    return [each for each in found if each not in aside], accepted
+    left = []
+    accepted = []
+    for each in found:
+        if each.severity == "warning" and each.code in reasons:
+            accepted.append(Accepted(each, reasons[each.code], merged.key_span(("accept", each.code))))
+        else:
+            left.append(each)
+    return left, accepted
 
 
 def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) -> list[Diagnostic]:
     """Reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
-    reasons = task.spec.accept
     merged = merge(task.source.document, task.source.variant)
-    unneeded = [code for code in reasons if code not in {*unknown, *(each.warning.code for each in accepted)}]
-    return [
-        Diagnostic("W511", merged.key_span(("accept", code)), f"there is no {code} to accept", "remove this entry")
-        for code in unneeded
-    ]
+    needed = {each.warning.code for each in accepted}
+    found = []
+    for code in task.spec.accept:
+        if code not in needed and code not in unknown:
+            place = merged.key_span(("accept", code))
+            found.append(Diagnostic("W511", place, f"there is no {code} to accept", "remove this entry"))
+    return found
 
 
 # -- the report -----------------------------------------------------------------------------------

@@ -91,7 +91,7 @@ def followed_states(nexts: dict[str, Node], roots: tuple[Node, ...], of_step: bo
     found: set[str] = set()
     fresh = {name for role, name in reads(roots) if role is Role.STATE}
     if of_step:
-        inside = {id(node) for node in walk(roots)}
+        inside = set(map(id, walk(roots)))
         fresh |= {name for name, node in nexts.items() if id(node) in inside}
     while fresh:
         found |= fresh

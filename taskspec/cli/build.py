@@ -11,18 +11,18 @@ import typer
 
 from taskspec.base import __version__
 from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.display import visible_json
 from taskspec.base.extras import install, is_installed
 from taskspec.base.files import safe_name, write_text
 from taskspec.base.limits import tell, telling
-from taskspec.cli.check import mark, reported, verdict
-from taskspec.cli.console import console, fail, line, print_diagnostics, say, to_json
+from taskspec.cli.check import print_reports, reported, verdict
+from taskspec.cli.console import console, fail, line, say
 from taskspec.cli.docs import has_scores
 from taskspec.cli.options import LimitsGiven, Targets, folder_option
 from taskspec.cli.progress import progress
-from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.check.file_checks import Checked, Finding
+    from taskspec.check.file_checks import Finding
     from taskspec.pages.facts import Facts
     from taskspec.task.task import Task
 
@@ -53,19 +53,15 @@ def build(
         reports = [check_file(file, results.examine) for file in files]
     problems = [d for report in reports for d in report.diagnostics]
     errors, warnings = counts(problems)
-    print_diagnostics(problems, err=False)
-    if problems:
-        say("")
-    checked = [each for report in reports for each in report.tasks]
+    print_reports(reports, problems)
     out = console(wide=True)
-    out.print(_table(checked))
-    out.print()
     out.print(verdict(reports, errors, warnings, time.perf_counter() - start))
     if errors:
         say("nothing was written", err=True)
         raise typer.Exit(1)
     with progress("write"):
-        written = list(_write([each.task for each in checked if each.task is not None], results, output))
+        tasks = [each.task for report in reports for each in report.tasks if each.task is not None]
+        written = list(_write(tasks, results, output))
     for path, what in written:
         out.print(line("wrote ", (str(path), "name"), (f"  {what}", "quiet")))
     if results.problems:
@@ -96,20 +92,6 @@ class _Results:
         return finding(report, len(task.annotations.examples))
 
 
-def _table(checked: Sequence[Checked]) -> Columns:
-    """Return every task with its size and how it was checked."""
-    from taskspec.task.record import horizon, size
-
-    headers = ("", "task", "size", "horizon", "validated by", "claims")
-    table = Columns(*headers, right=(2, 3), styles=("", "name"), names=1, spare=(3, 2))
-    for each in checked:
-        numbers = ("", "")
-        if each.task is not None:
-            numbers = (size(each.task), horizon(each.task))
-        table.add_row(mark(each.diagnostics), each.title, *numbers, each.finding.how, each.finding.claims_words)
-    return table
-
-
 def _write(tasks: Sequence[Task], results: _Results, folder: Path) -> Iterator[tuple[Path, str]]:
     """Write everything that comes from tasks, and yield each path with a word on what it is."""
     from taskspec.backends.scalar import compile_scalar
@@ -118,7 +100,7 @@ def _write(tasks: Sequence[Task], results: _Results, folder: Path) -> Iterator[t
     from taskspec.task.schema.export import json_schema
 
     yield _json(folder / "schema.json", json_schema()), "JSON Schema of specs, for editors"
-    index = {"taskspec": __version__, "tasks": [record(task) for task in tasks]}
+    index = {"taskspec": __version__, "tasks": list(map(record, tasks))}
     yield _json(folder / "tasks.json", index), f"{len(tasks)} tasks with spaces, parameters and content hashes"
     for task in tasks:
         path = folder / "source" / safe_name(task.source.suite or "tasks") / f"{safe_name(task.name)}.py"
@@ -136,5 +118,5 @@ def _write(tasks: Sequence[Task], results: _Results, folder: Path) -> Iterator[t
 
 
 def _json(path: Path, data: Any) -> Path:
-    write_text(path, to_json(data) + "\n")
+    write_text(path, visible_json(data) + "\n")
     return path

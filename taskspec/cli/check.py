@@ -77,7 +77,7 @@ def check(
             say(render(problems, "github"))
         console(err=True).print(verdict(reports, errors, warnings, seconds))
     else:
-        _print_text(reports, problems)
+        print_reports(reports, problems)
         console(wide=True).print(verdict(reports, errors, warnings, seconds))
     if errors or (strict and warnings):
         raise typer.Exit(1)
@@ -149,7 +149,7 @@ def check_other(path: Path, kind: Kind) -> FileReport:
 # -- text ---------------------------------------------------------------------------------------------------------
 
 
-def _print_text(reports: Sequence[FileReport], problems: Sequence[Diagnostic]) -> None:
+def print_reports(reports: Sequence[FileReport], problems: Sequence[Diagnostic]) -> None:
     """Print problems, what was checked and how, and what was left out and why, each reason once."""
     print_diagnostics(problems, err=False)
     out = console(wide=True)
@@ -177,7 +177,7 @@ def _table(reports: Sequence[FileReport]) -> Columns:
         headers = [""] * len(headers)
     table = Columns("", "", *headers, names=1, spare=range(len(headers) + 1, 2, -1))
     for report in reports:
-        table.add_row(mark(report.diagnostics), VisibleText(report.path, style="title"))
+        table.add_row(_mark(report.diagnostics), VisibleText(report.path, style="title"))
         if report.kind != "taskspec":
             table.add_row("", VisibleText(f"  {plural(report.entries, ENTRIES[report.kind])}", style="quiet"))
         for each in report.tasks:
@@ -190,11 +190,11 @@ def _table(reports: Sequence[FileReport]) -> Columns:
                 "symmetries": found.symmetries_words,
             }
             name = VisibleText(f"  {each.title}", style="name")
-            table.add_row(mark(each.diagnostics), name, *(cells[header] for header in shown if shown[header]))
+            table.add_row(_mark(each.diagnostics), name, *(cells[header] for header in shown if shown[header]))
     return table
 
 
-def mark(diagnostics: Sequence[Diagnostic]) -> VisibleText:
+def _mark(diagnostics: Sequence[Diagnostic]) -> VisibleText:
     """Return a sign for errors, for warnings, for neither."""
     severities = {each.severity for each in diagnostics}
     if "error" in severities:

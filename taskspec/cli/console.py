@@ -128,29 +128,13 @@ def line(*parts: tuple[str, str] | str) -> VisibleText:
 
 
 def write_json(data: Any) -> None:
-    """Print data as JSON; infinities, which JSON cannot hold, become text."""
-    say(to_json(data))
+    """Print data as JSON."""
+    say(visible_json(data))
 
 
 def write_records(records: Sequence[Any]) -> None:
     """Print the records of several tasks as a JSON list, or that of one task alone."""
     write_json(records[0] if len(records) == 1 else list(records))
-
-
-def to_json(data: Any) -> str:
-    return visible_json(_finite(data))
-
-
-def _finite(data: Any) -> Any:
-    match data:
-        case dict():
-            return {str(key): _finite(value) for key, value in data.items()}
-        case list() | tuple():
-            return [_finite(item) for item in data]
-        case float() if data != data or abs(data) == float("inf"):
-            return str(data)
-        case _:
-            return data
 
 
 # -- errors -------------------------------------------------------------------------------------------------------

@@ -94,7 +94,7 @@ def docs(
     if not written:  # of figures alone, as every task has a page
         raise spec_error("E713", "there is no figure to write", HINT)
     if json:
-        write_json([str(path) for path in written])
+        write_json(list(map(str, written)))
     else:
         count = len({task.id for task in tasks})
         say(f"wrote {plural(len(written), 'file')} on {plural(count, 'task')} to {near(output)}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +13,7 @@ from taskspec.base.display import count_of
 from taskspec.base.files import near, safe_name
 from taskspec.cli import options
 from taskspec.cli.console import misuse, say, write_json
-from taskspec.cli.progress import job_progress
+from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
     from taskspec.exam import Running
@@ -171,8 +170,8 @@ def _examine_one(learner: str, output: Path | None, running: Running, terms: dic
     from taskspec.exam.results import folder_name
 
     folder = output or Path("build/exams") / folder_name(learner)
-    with job_progress(learner) as progress:
-        found = examine(learner, **terms, out=folder, running=replace(running, progress=progress))
+    with progress(learner):
+        found = examine(learner, **terms, out=folder, running=running)
     if json:
         write_json(found)
     else:
@@ -197,9 +196,8 @@ def _examine_several(
     folder = output or Path("build/exams")
     exams = {}
     for learner in learners:
-        with job_progress(learner) as progress:
-            own = folder / folder_name(learner)
-            exams[learner] = examine(learner, **terms, out=own, running=replace(running, progress=progress))
+        with progress(learner):
+            exams[learner] = examine(learner, **terms, out=folder / folder_name(learner), running=running)
     found = compare(exams)
     if json:
         write_json({"exams": exams, "comparison": found})
@@ -218,7 +216,8 @@ def _examine_all(
     from taskspec.experiments import examine_all
 
     folder = output or Path("build/exams") / safe_name(written.experiment.name)
-    found = examine_all(written, folder, running=running, bar=job_progress, **terms)
+    with progress(written.experiment.name):
+        found = examine_all(written, folder, running=running, **terms)
     if json:
         write_json(found.exams)
     else:

@@ -13,6 +13,7 @@ from typer.core import TyperCommand, TyperGroup
 from taskspec.base.diagnostics import Diagnostic
 from taskspec.base.limits import limits
 from taskspec.cli.console import fail, reported, say
+from taskspec.cli.tables import Columns
 
 FIRST = """\
 First commands:
@@ -118,22 +119,12 @@ def _print_rows(out: Any, rows: Iterable[tuple[str, str]]) -> None:
     """Print explanations beside what they explain, or below it where that is long."""
     from rich.markup import render
     from rich.padding import Padding
-    from rich.text import Text
 
     for written, words in rows:
-        text = render(words)
-        name = Text(f"  {written}", style="name")
         if len(written) > LEFT - 4:
-            out.print(name)
-            out.print(Padding(text, (0, 0, 0, LEFT)))
+            out.print(f"  {written}", style="name")
+            out.print(Padding(render(words), (0, 0, 0, LEFT)))
             continue
-        lines = list(_wrapped(out, text))
-        for i, piece in enumerate(lines):
-            head = name if i == 0 else Text()
-            out.print(Text.assemble(head, " " * (LEFT - len(head)), piece))
-
-
-def _wrapped(out: Any, text: Any) -> Iterator[Any]:
-    """Yield the lines of a text, in the room right of the column of names."""
-    lines = text.wrap(out, max(out.width - LEFT, 20))
-    yield from lines or [text]
+        table = Columns("", "", fold=(1,), styles=("name",), gap=0, widths={0: LEFT})
+        table.add_row(f"  {written}", render(words))
+        out.print(table)

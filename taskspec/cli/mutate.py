@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taskspec.base.diagnostics import spec_error
+from taskspec.base.limits import tell
 from taskspec.cli.console import console, line, write_json
 from taskspec.cli.options import Jobs, Json, Targets, checked_choice
-from taskspec.cli.progress import counter
+from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
@@ -56,18 +57,24 @@ def mutate(
             raise spec_error("E713", message, f"taskspec mutate {file.path}")
     total = sum(1 for file in files for _ in mutants(read_file(file.path)))
     judged: list[Judged] = []
-    with counter("changing", total) as advance:
+    done = 0
+
+    def advance() -> None:
+        nonlocal done
+        done += 1
+        tell(f"changing {done}/{total}", done / total)
+
+    with progress("changing"):
         for file in files:
             found = judgements(file.path, jobs or os.cpu_count() or 1, advance)
             judged += [(file.path, mutant, judgement) for mutant, judgement in found]
     if json:
-        write_json([
-            {
-                "path": str(path), "line": m.place.line, "column": m.place.column, "section": m.section,
-                "before": m.before, "after": m.after, "class": j.kind, "code": j.code, "message": j.message,
-            }
-            for path, m, j in judged
-        ])  # fmt: skip
+        records = []
+        for path, m, j in judged:
+            change = {"path": str(path), "line": m.place.line, "column": m.place.column, "section": m.section}
+            change |= {"before": m.before, "after": m.after}
+            records.append(change | {"class": j.kind, "code": j.code, "message": j.message})
+        write_json(records)
     else:
         _print(judged, classes)
     if strict and any(judgement.kind == ALWAYS for _, _, judgement in judged):

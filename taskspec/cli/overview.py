@@ -8,14 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskspec.base.diagnostics import CLASSES, CODES, Code, Diagnostic, SpecError, spec_error, suggest
-from taskspec.base.display import visible
+from taskspec.base.diagnostics import CLASSES, CODES, Code, SpecError, spec_error, suggest
+from taskspec.base.display import plural, visible
 from taskspec.cli import options
 from taskspec.cli.console import VisibleText, colored, console, fail, line, say, write_json, write_records
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
+    from taskspec.task.build import Outline
     from taskspec.task.task import Task
+
+    Listed = Task | Outline
 
 WIDE = 110
 """From this width on, rows have room for the capability, which is a heading otherwise."""
@@ -32,41 +35,38 @@ def list_tasks(
 
     The size is states × actions, and tasks are grouped by the capability that they isolate.
     """
-    from taskspec.targets import files_of, tasks_in
+    from taskspec.targets import files_of, outlines_in, tasks_in
     from taskspec.task.record import record
 
-    tasks: list[Task] = []
-    problems: list[Diagnostic] = []
-    for found in tasks_in(files_of(targets or [])):
-        if isinstance(found, SpecError):
-            problems += found.diagnostics
-        else:
-            tasks.append(found)
+    files = files_of(targets or [])
+    found = list(tasks_in(files) if json else outlines_in(files))
+    tasks: list[Any] = [each for each in found if not isinstance(each, SpecError)]
+    problems = [problem for each in found if isinstance(each, SpecError) for problem in each.diagnostics]
     if capability is not None:
         tasks = _isolating(capability, tasks)
     if json:
-        write_json([record(task) for task in tasks])
+        write_json(list(map(record, tasks)))
     else:
         _print_tasks(tasks)
     if problems:
         fail(problems)
 
 
-def _isolating(capability: str, tasks: Sequence[Task]) -> list[Task]:
+def _isolating(capability: str, tasks: Sequence[Listed]) -> list[Listed]:
     """Return the tasks that isolate a capability, given by its first letters."""
     found = [task for task in tasks if _capability(task).startswith(capability)]
     if not found:
-        known = sorted({_capability(task) for task in tasks} - {""})
+        known = sorted(set(map(_capability, tasks)) - {""})
         hint = suggest(capability, known) or f"there are {', '.join(known)}"
         raise spec_error("E701", f"no task isolates '{capability}'", hint)
     return found
 
 
-def _capability(task: Task) -> str:
-    return visible(task.spec.capability or "")
+def _capability(task: Listed) -> str:
+    return visible(task.capability or "")
 
 
-def _print_tasks(tasks: Sequence[Task]) -> None:
+def _print_tasks(tasks: Sequence[Listed]) -> None:
     """Print a row for each task, those that isolate the same thing side by side, in order of first mention."""
     order: dict[str, int] = {}
     for task in tasks:
@@ -75,11 +75,10 @@ def _print_tasks(tasks: Sequence[Task]) -> None:
     out = console(wide=True)
     out.print(_task_table(ordered, out.width))
     if out.is_terminal:
-        files = len({task.source.document.origin.name for task in tasks})
-        out.print(f"\n{len(tasks)} tasks in {files} specs; `taskspec show ID` shows one", style="quiet")
+        out.print(f"\n{plural(len(tasks), 'task')}; `taskspec show ID` shows one", style="quiet")
 
 
-def _task_table(tasks: Sequence[Task], width: int) -> Columns:
+def _task_table(tasks: Sequence[Listed], width: int) -> Columns:
     from taskspec.task.record import horizon, settings, size
 
     if width < WIDE:
@@ -94,7 +93,7 @@ def _task_table(tasks: Sequence[Task], width: int) -> Columns:
         styles=("name", "", "", "", "", "quiet"), names=0, spare=(5,),
     )  # fmt: skip
     for task in tasks:
-        summary = visible(task.spec.summary or "") if width >= WIDEST else ""
+        summary = visible(task.summary) if width >= WIDEST else ""
         table.add_row(task.id, _capability(task), settings(task), size(task), horizon(task), summary)
     return table
 
@@ -164,10 +163,7 @@ def explain(code: CodeArgument = None, json: options.Json = False) -> None:
     """Explain an error or a warning, such as E302, with an example."""
     found = list(CODES.values()) if code is None else [_find(code)]
     if json:
-        write_json([
-            {"code": c.code, "slug": c.slug, "severity": c.severity, "title": c.title, "explanation": c.explanation}
-            for c in found
-        ])  # fmt: skip
+        write_json([_code_record(each) for each in found])
     elif code is None:
         _print_codes(found)
     else:
@@ -194,6 +190,10 @@ def _explain(code: Code) -> None:
         out.print(Markdown(code.explanation, code_theme="ansi_dark"))
     else:
         say(code.explanation)
+
+
+def _code_record(c: Code) -> dict[str, str]:
+    return {"code": c.code, "slug": c.slug, "severity": c.severity, "title": c.title, "explanation": c.explanation}
 
 
 def _print_codes(codes: Sequence[Code]) -> None:

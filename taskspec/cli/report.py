@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskspec.base.display import plural
+from taskspec.base.display import plural, visible_json
 from taskspec.base.files import near, safe_name, write_text
-from taskspec.cli.console import Console, VisibleText, console, line, misuse, say, to_json, write_json
+from taskspec.cli.console import Console, VisibleText, console, line, misuse, say, write_json
 from taskspec.cli.options import Json, folder_option, formats_option, split_names
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.exam import Exam
     from taskspec.exam.card import Card
     from taskspec.exam.comparison import LearnersComparison
     from taskspec.exam.findings import FindingsResult
@@ -73,8 +72,10 @@ def report(
         return
     exams = [read(place) for folder in folders for place in _exams_in(folder)]
     if len(exams) == 1:
-        own = folders[0] if folders[0].is_dir() else folders[0].parent
-        written = write(exams[0], output or own, split_names(format))
+        (place,) = _exams_in(folders[0])
+        if not place.is_dir():  # an exam that comes with a suite
+            place = Path("build/report")
+        written = write(exams[0], output or place, split_names(format))
     else:
         learners = {exam["learner"]: exam for exam in exams}
         if len(learners) < len(exams):
@@ -92,10 +93,10 @@ def report(
 
 
 def _exams_in(folder: Path) -> list[Path]:
-    """Return the folders with an exam, where there are some below this one; else this one."""
+    """Return the folders with an exam, where there are some below this one; else what was given."""
     from taskspec.exam.results import NAMES
 
-    if not folder.is_dir():
+    if folder.is_file():
         return [folder.parent]
     below = {path.parent for name in NAMES for path in folder.rglob(name)}
     return sorted(below) or [folder]
@@ -165,11 +166,9 @@ def _laws(scores: Sequence[Mapping[str, Any]]) -> Columns:
 
 def _strips(shown: Card, width: int) -> Columns:
     """Return a row for each task that needs a look: a strip, its scores, and the seeds that pass."""
-    from taskspec.exam.score_rows import FIXED, FORMS, PUBLISHED, SAMPLED, SIGNS
+    from taskspec.exam.score_rows import FIXED, PUBLISHED, SAMPLED, forms_of
 
-    forms = [form for form in FORMS if any(row.forms[form].words for row in shown.rows)]
-    if all(row.drawn.words in ("", row.printed.words) for row in shown.rows):
-        forms.remove(SAMPLED)
+    forms = forms_of(shown.rows)
     heads = [form.replace(" ", "\n") for form in forms]
     names = max((len(row.name) for row in shown.rows), default=0)
     taken = 5 + names + sum(2 + max(map(len, head.split())) for head in heads) + 7
@@ -185,10 +184,8 @@ def _strips(shown: Card, width: int) -> Columns:
     )  # fmt: skip
     for row in shown.rows:
         style = GRADES.get(row.grade or "fails", "bad")
-        sign = SIGNS[row.grade] if row.grade else "✗"
         numbers = [VisibleText(row.forms[form].words, style=style if form == PUBLISHED else "") for form in forms]
-        passed = f"{row.printed.passed}/{len(row.printed.scores)}" if row.printed.scores else ""
-        table.add_row(VisibleText(sign, style=style), row.name, _strip(row, marks, style), *numbers, passed)
+        table.add_row(VisibleText(row.sign, style=style), row.name, _strip(row, marks, style), *numbers, row.passed)
     return table
 
 
@@ -290,13 +287,13 @@ def print_matrix(exams: Mapping[str, Mapping[str, Any]]) -> None:
 def _report_findings(suite: str, folders: Sequence[Path], output: Path, json: bool) -> None:
     """Evaluate a suite's findings, show them, and write them as a page and as JSON data."""
     from taskspec.exam import read
-    from taskspec.exam.findings import evaluate, html, markdown
+    from taskspec.exam.findings import evaluate, html, markdown, sets_of, setups
 
     places = dict.fromkeys(place.resolve() for folder in folders for place in _exams_in(folder))
     exams = {place: read(place) for place in places}
-    found = evaluate(suite, _merged(exams))
-    how = _setups(list(exams.values()))
-    texts = {"md": markdown(found, how), "html": html(found, how), "json": to_json(found.data) + "\n"}
+    found = evaluate(suite, sets_of(exams))
+    how = setups(list(exams.values()))
+    texts = {"md": markdown(found, how), "html": html(found, how), "json": visible_json(found.data) + "\n"}
     for suffix, text in texts.items():
         write_text(output / f"findings.{suffix}", text)
     if json:
@@ -307,44 +304,13 @@ def _report_findings(suite: str, folders: Sequence[Path], output: Path, json: bo
         say(f"wrote {near(output / f'findings.{suffix}')}")
 
 
-def _merged(exams: Mapping[Path, Exam]) -> dict[str, dict[str, dict[str, Any]]]:
-    """Return all scores by set, which is the folder of an exam's folder, and learner, whose exams may be about other tasks."""
-    found: dict[str, dict[str, dict[str, Any]]] = {}
-    for place, exam in exams.items():
-        known = found.setdefault(place.parent.name, {}).setdefault(place.name, {"tasks": {}, "scores": []})
-        for task in exam["tasks"]:
-            if task in known["tasks"]:
-                raise misuse(f"two exams of {place.parent.name}/{place.name} are about {task}")
-        known["tasks"] |= exam["tasks"]
-        known["scores"] += exam["scores"]
-    return found
-
-
-def _setups(exams: Sequence[Exam]) -> list[str]:
-    """Return how results were obtained, in lines: one for each that differs."""
-    from taskspec.exam.score_rows import duration
-
-    seeds = ", ".join(str(n) for n in sorted({len(exam["seeds"]) for exam in exams}))
-    steps = ", ".join(f"{n:,}" for n in sorted({exam["steps"] for exam in exams}))
-    spent = duration(sum(exam["cost"].get("seconds", 0.0) for exam in exams))
-    lines = [f"{len(exams)} exams, of {seeds} seeds and {steps} steps each; {spent} of training"]
-    lines += [f"by `{exam['command']}`" for exam in exams if exam["command"]]
-    lines += [f"with {_listed(exam['versions'])}" for exam in exams]
-    lines += [f"on {_listed(exam['machine'])}" for exam in exams]
-    return list(dict.fromkeys(lines))
-
-
-def _listed(facts: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key} {value}" for key, value in facts.items())
-
-
 def _findings_table(found: FindingsResult) -> Columns:
     """Return a row for each finding: what it says, and what became of it with each set of results."""
     table = Columns("", "the paper says", *found.sets, fold=(1,), styles=("name",), names=1)
     for each in found.results:
         outcomes = map(each.outcome, found.sets)
         table.add_row(each.name, each.entry.says, *(VisibleText(word, style=OUTCOMES[word]) for word in outcomes))
-    counts = [found.counts(name) for name in found.sets]
+    counts = list(map(found.counts, found.sets))
     for outcome, style in OUTCOMES.items():
         numbers = [str(count[outcome]) for count in counts]  # type: ignore[index]  # the same words
         table.add_row("", VisibleText(outcome, style=style), *numbers)

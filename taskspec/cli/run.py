@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.base.display import decimal, estimate
+from taskspec.base.limits import tell
 from taskspec.cli import options
 from taskspec.cli.console import VisibleText, console, line, misuse, say, write_records
-from taskspec.cli.progress import counter, progress
+from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
@@ -122,10 +123,10 @@ def _episodes(
         if kind:
             return list(running)
         done = []
-        with counter("episodes", count) as advance:
+        with progress("episodes"):
             for episode in running:
                 done.append(episode)
-                advance()
+                tell(f"episodes {len(done)}/{count}", len(done) / count)
         return done
     finally:
         env.close()
@@ -164,7 +165,7 @@ def _record(task: Task, policy: str, seed: int, summary: Summary, done: list[Epi
     return {
         "id": task.id,
         "parameters": task.values,
-        "modifiers": [str(m) for m in task.modifiers],
+        "modifiers": list(map(str, task.modifiers)),
         "policy": policy,
         "seed": seed,
         "content_hash": task.content_hash,

@@ -9,8 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from taskspec.base.diagnostics import spec_error
+from taskspec.base.display import visible_json
 from taskspec.base.files import write_text
-from taskspec.cli.console import misuse, say, to_json
+from taskspec.cli.console import misuse, say
 from taskspec.cli.options import file_option
 
 SCAFFOLD = """\
@@ -116,7 +117,7 @@ def schema(
     for model, wanted in asked.items():
         if wanted:
             schema = document_schema(model)
-    text = to_json(schema)
+    text = visible_json(schema)
     if output is None:
         say(text)
         return

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import json as json_
 import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import decimal, estimate, number
 from taskspec.cli import options
 from taskspec.cli.console import Console, console, line, write_json, write_records
@@ -18,9 +17,11 @@ from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.exact import Difficulty, PomdpBounds, Return, Score, Scores
+    from taskspec.exact import Difficulty, Expectations, PomdpBounds, Results, Return, Score, Scores
     from taskspec.task.task import Task
 
+MOST_CORNERS = 15
+"""Corners of a front that are printed, about."""
 ReturnsFile = Annotated[
     Path,
     typer.Argument(
@@ -43,6 +44,15 @@ def solve(
             "--difficulty", help="Measures of difficulty from theory besides: `docs/difficulty.md` lists them."
         ),
     ] = False,
+    limit_measure: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--limit-measure", metavar="LIMIT", help="Also the best return within a limit on a measure: `cost<=1`."
+        ),
+    ] = None,
+    front: Annotated[
+        str | None, typer.Option("--front", metavar="MEASURE", help="Also the best return for each value of a measure.")
+    ] = None,
     output: Annotated[Path | None, options.file_option("--output", "-o", help="Save the scores to this file.")] = None,
     json: options.Json = False,
     limits: options.LimitsGiven = None,
@@ -50,7 +60,8 @@ def solve(
     """Compute optimal, expert, random and worst return.
 
     Exactly where the task has an exact model, else from episodes, with a confidence interval. Where observations hide
-    the state, also the best returns given observations alone: with memory, and without.
+    the state, also the best returns given observations alone: with memory, and without. Where the task has measures,
+    their expected sums under the same policies.
     """
     from taskspec import exact
     from taskspec.targets import beside, tasks_of
@@ -62,20 +73,61 @@ def solve(
             scores = exact.scores(each, episodes, seed)
             results = exact.Results(each)
             bounds = exact.pomdp_bounds(results)
-            measures = exact.difficulty(results) if difficulty else None
+            answers = Answers.of(results, difficulty, limit_measure or [], front)
         if output is not None:
             scores.save(output if len(found) == 1 else beside(output, each))
         if json:
-            record = scores.record() | {"yardsticks": _bounds_record(bounds)}
-            if measures is not None:
-                record["difficulty"] = measures.record()
-            records.append(record)
+            records.append(scores.record() | {"yardsticks": _bounds_record(bounds)} | answers.record())
         else:
             _print_scores(each, scores, bounds)
-            if measures is not None:
-                _print_difficulty(measures, scores.why_not_exact)
+            answers.show(scores)
     if json:
         write_records(records)
+
+
+@dataclass
+class Answers:
+    """Answers that are asked for beside the returns: measures of difficulty, the best return within limits, a front."""
+
+    difficulty: Difficulty | None
+    limits: Sequence[str]
+    within: Expectations | None
+    measure: str | None
+    front: Sequence[Expectations]
+
+    @classmethod
+    def of(cls, results: Results, difficulty: bool, limits: Sequence[str], measure: str | None) -> Answers:
+        """Return the answers about a task."""
+        from taskspec import exact
+
+        found = cls(None, limits, None, measure, ())
+        if difficulty:
+            found.difficulty = exact.difficulty(results)
+        if limits:
+            found.within = exact.constrained_optimum(results.task, limits)
+        if measure is not None:
+            found.front = exact.pareto_front(results.task, measure)
+        return found
+
+    def record(self) -> dict[str, Any]:
+        """Return them as plain data for JSON."""
+        found: dict[str, Any] = {}
+        if self.difficulty is not None:
+            found["difficulty"] = self.difficulty.record()
+        if self.within is not None:
+            found["within_limits"] = {"limits": list(self.limits), **asdict(self.within)}
+        if self.front:
+            found["front"] = [asdict(corner) for corner in self.front]
+        return found
+
+    def show(self, scores: Scores) -> None:
+        """Print them below the returns."""
+        if self.difficulty is not None:
+            _print_difficulty(self.difficulty, scores.why_not_exact)
+        if self.within is not None:
+            _print_within(self.within, self.limits)
+        if self.measure is not None:
+            _print_front(self.front, self.measure)
 
 
 def score(
@@ -92,6 +144,7 @@ def score(
     A score below -1 counts as -1, as in the paper that the derail suite comes from.
     """
     from taskspec import exact
+    from taskspec.scores.scores import read_returns
     from taskspec.targets import task_of
 
     found = task_of(task, variant, parameters or [], modifiers or [])
@@ -108,47 +161,6 @@ def score(
         _print_score(found, result)
 
 
-# -- returns ------------------------------------------------------------------------------------------------------
-
-
-def read_returns(path: Path) -> list[float]:
-    """Return returns of episodes from a file: a JSON list, or `returns` of a JSON object; or CSV, in the first column or
-    in `r`.
-    """
-    if not path.exists():
-        raise spec_error("E710", f"there is no file '{path}'")
-    text = path.read_text(encoding="utf-8", errors="replace")
-    try:
-        values = _from_json(text) if path.suffix == ".json" else _from_csv(text)
-    except (ValueError, TypeError, KeyError, IndexError):
-        values = []
-    if not values:
-        raise spec_error("E711", f"'{path}' contains no returns", "a JSON list of numbers, or one number per line")
-    for i, value in enumerate(values, 1):
-        if math.isnan(value):
-            raise spec_error("E711", f"return number {i} of '{path}' is nan")
-    return values
-
-
-def _from_json(text: str) -> list[float]:
-    data = json_.loads(text)
-    if isinstance(data, dict):
-        data = data["returns"]
-    return [float(value) for value in data]
-
-
-def _from_csv(text: str) -> list[float]:
-    """Return the column `r` or `return`, else the first one; comments start with `#`."""
-    rows = list(csv.reader(line for line in text.splitlines() if line.strip() and not line.startswith("#")))
-    header = [cell.strip().lower() for cell in rows[0]]
-    column = next((header.index(name) for name in ("r", "return", "returns", "score") if name in header), 0)
-    try:
-        float(rows[0][column])
-    except ValueError:
-        del rows[0]
-    return [float(row[column]) for row in rows]
-
-
 # -- output -------------------------------------------------------------------------------------------------------
 
 
@@ -161,6 +173,7 @@ def _bounds_record(bounds: PomdpBounds | None) -> dict[str, Any] | None:
 
 
 def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> None:
+    from taskspec.rollout.rollout import return_range
     from taskspec.task.record import settings
 
     out = console()
@@ -178,17 +191,66 @@ def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> Non
                 remark = f"{decimal(scores.gap, 6)} below the optimum"
         elif name != "expert" and value is None and scores.states is not None:  # otherwise the last line says why
             remark = scores.why_not_exact or ""
-        table.add_row(f"  {name}", *_return(value), remark)
+        shown = _return(value)
+        if name == "optimal" and value is None:
+            limit = return_range(task)[1]
+            if math.isfinite(limit):
+                shown = f"≤ {number(limit)}", "by the bounds of the reward"
+        table.add_row(f"  {name}", *shown, remark)
         if name == "optimal" and bounds is not None:
             remark = "given all observations and actions so far"
             table.add_row("  remembering", *_bound(bounds.remembering, remark, bounds.why_not))
             table.add_row("  memoryless", *_bound(bounds.memoryless, "", bounds.why_not))
     out.print(table)
+    _print_measures(scores, out)
     ground = f"no exact model: {scores.why_not_exact}"
     if scores.states is not None:
         ground = f"from an exact model of {scores.states:,} states and {scores.actions:,} actions"
     out.print(f"  {ground}", style="quiet")
     _print_discount(task, out)
+
+
+def _print_measures(scores: Scores, out: Console) -> None:
+    """Print the expected sum of each measure under the policies whose returns are printed."""
+    if not scores.measures:
+        return
+    policies = ("optimal", "expert", "random", "worst")
+    table = Columns("  measure", *policies, right=(1, 2, 3, 4), fold=(0,), styles=("quiet",))
+    for name, under in scores.measures.items():
+        table.add_row(f"  {name}", *(_measured(under[policy]) for policy in policies))
+    out.print(table)
+
+
+def _measured(value: Return | None) -> str:
+    """Return a measure, with its confidence interval where it is an estimate."""
+    if value is None:
+        return ""
+    if not value.episodes:
+        return number(value.value, 6)
+    mean, half = estimate(value.value, value.half)
+    return f"{mean} ± {half}"
+
+
+def _print_within(found: Expectations, limits: Sequence[str]) -> None:
+    table = Columns("", "", "", right=(1,), fold=(2,), styles=("quiet", "title", "quiet"))
+    reached = ", ".join(f"{name} {number(value, 6)}" for name, value in found.measures.items())
+    table.add_row(f"  best with {' and '.join(limits)}", number(found.value, 8), f"linear program, {reached}")
+    console().print(table)
+
+
+def _print_front(corners: Sequence[Expectations], measure: str) -> None:
+    """Print the corners of a front, in columns."""
+    table = Columns(f"  {measure}", "best return", right=(0, 1))
+    every = -(-len(corners) // MOST_CORNERS)
+    shown = [*corners[:-1:every], corners[-1]]
+    for corner in shown:
+        table.add_row(f"  {number(corner.measures[measure], 6)}", number(corner.value, 8))
+    console().print(table)
+    if every == 1:
+        remark = "between two rows the best return is on the line from one to the other"
+    else:
+        remark = f"{len(shown)} of {len(corners)} corners; `--json` has all of them"
+    console().print(f"  {remark}", style="quiet")
 
 
 def _return(value: Return | None) -> tuple[str, str]:
@@ -204,6 +266,8 @@ def _return(value: Return | None) -> tuple[str, str]:
     mean, half = estimate(value.value, value.half)
     if not math.isfinite(value.value):
         return mean, f"({value.episodes:,} episodes)"
+    if not value.half:
+        return mean, f"in all of {value.episodes:,} episodes"
     return mean, f"± {half} (95 % CI, {value.episodes:,} episodes)"
 
 

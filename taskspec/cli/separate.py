@@ -10,9 +10,10 @@ import typer
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.files import near, write_text
+from taskspec.base.limits import tell
 from taskspec.cli import options
 from taskspec.cli.console import console, line, misuse, say, write_json
-from taskspec.cli.progress import ProgressLine, is_terminal
+from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
     from taskspec.experiments.separate import Separation
@@ -64,22 +65,13 @@ def separate(
 
     if not minutes > 0:
         raise misuse(f"--minutes is a number above 0, not {minutes:g}")
-    display = ProgressLine("searching")
-
-    def progress(words: str) -> None:
-        display.show(words)
-        if not is_terminal():
-            say(words, err=True)
-
     opponent = None if second is None else contestant(second)
     search = Search(
         experiments.read(family), contestant(first), opponent, seed=seed, steps=steps, minutes=minutes, workers=jobs,
-        progress=progress,
+        progress=tell,
     )  # fmt: skip
-    try:
+    with progress("searching"):
         found = search.run()
-    finally:
-        display.clear()
     _report(found, family, output, json)
 
 

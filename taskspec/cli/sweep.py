@@ -12,7 +12,7 @@ from taskspec.base.display import decimal, estimate
 from taskspec.base.files import near, safe_name
 from taskspec.cli import options
 from taskspec.cli.console import VisibleText, console, line, say, write_json
-from taskspec.cli.progress import job_progress
+from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ def sweep(
     from taskspec import experiments
     from taskspec.experiments import picture
     from taskspec.experiments.sweeping import WRITERS
+    from taskspec.jobs.running import Running
     from taskspec.targets import settings
 
     wanted = options.checked_choices("--format", format or ["json,csv,svg"], FORMATS)
@@ -67,11 +68,9 @@ def sweep(
     found = experiments.expand(written, settings(parameters) if parameters else ())
     found.raise_if_wrong()
     name = safe_name(written.experiment.name)
-    with job_progress(written.experiment.name) as progress:
-        swept = experiments.sweep(
-            written, output / f"{name}.sqlite", expanded=found, workers=jobs, cluster=cluster, seconds=time_limit, retry=retry,
-            progress=progress,
-        )  # fmt: skip
+    running = Running(jobs, cluster, time_limit, retry)
+    with progress(written.experiment.name):
+        swept = experiments.sweep(written, output / f"{name}.sqlite", expanded=found, running=running)
     files = [output / f"{name}.{kind}" for kind in wanted]
     for kind, path in zip(wanted, files, strict=True):
         if kind in PICTURES:

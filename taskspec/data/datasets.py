@@ -19,6 +19,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error, suggest
 from taskspec.base.extras import need
 from taskspec.base.files import whole, whole_folder
+from taskspec.base.records import entries_by_name
 from taskspec.data.episodes import COLUMNS, Demonstrations, Trajectory, Transitions, columns
 from taskspec.data.preferences import Preferences
 from taskspec.making import made_by
@@ -235,15 +236,13 @@ def _write_parquet(path: Path, data: Data) -> None:
     write_table(path, table, {**data.metadata, "shapes": {name: value.shape[1:] for name, value in table.items()}})
 
 
-FORMATS = {
-    each.name: each
-    for each in (
-        Format("npz", ".npz", "arrays of NumPy", _write_npz, _read_npz),
-        Format("parquet", ".parquet", "a table, a row for each transition", _write_parquet, read_table),
-        Format("imitation", "", "a folder, for `imitation.data.serialize.load`", _write_imitation),
-        Format("minari", "", "a folder, for `minari.MinariDataset`", _write_minari),
-    )
-}
+_FORMATS = (
+    Format("npz", ".npz", "arrays of NumPy", _write_npz, _read_npz),
+    Format("parquet", ".parquet", "a table, a row for each transition", _write_parquet, read_table),
+    Format("imitation", "", "a folder, for `imitation.data.serialize.load`", _write_imitation),
+    Format("minari", "", "a folder, for `minari.MinariDataset`", _write_minari),
+)
+FORMATS = entries_by_name(_FORMATS)
 """The formats by name."""
 
 

@@ -19,7 +19,7 @@ from taskspec import draws
 from taskspec.backends.numpy import NumpyEngine
 from taskspec.backends.vector_program import BadActionError, Options
 from taskspec.base import __version__
-from taskspec.base.arrays import Array
+from taskspec.base.arrays import Array, end_to_end, map_parts, part_at, parts_of
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need
 from taskspec.base.limits import tell
@@ -105,7 +105,7 @@ class Transitions:
         return tuple(self._trajectory(int(a), int(b)) for a, b in zip(self.starts, ends, strict=True))
 
     def _trajectory(self, first: int, end: int) -> Trajectory:
-        obs = joined([mapped(self.obs, lambda a: a[first:end]), mapped(self.next_obs, lambda a: a[end - 1 : end])])
+        obs = end_to_end([part_at(self.obs, slice(first, end)), part_at(self.next_obs, slice(end - 1, end))])
         over = bool(self.terminated[end - 1]), bool(self.truncated[end - 1])
         return Trajectory(obs, self.acts[first:end], self.rews[first:end], *over)
 
@@ -117,7 +117,7 @@ class Transitions:
 
     def rows(self, indices: Array) -> Transitions:
         """Return some of the transitions (indices, or a mask)."""
-        return Transitions(**{name: mapped(value, lambda a: a[indices]) for name, value in columns(self).items()})
+        return Transitions(**{name: part_at(value, indices) for name, value in columns(self).items()})
 
     def imitation(self) -> list[Any]:
         """Return the trajectories as imitation's `TrajectoryWithRew`.
@@ -126,13 +126,14 @@ class Transitions:
             SpecError: E705 where imitation is not installed.
         """
         types = need("imitation.data.types", EXTRA, "this")
-        return [
-            types.TrajectoryWithRew(
-                obs=types.DictObs(t.obs) if isinstance(t.obs, dict) else t.obs, acts=t.acts, rews=t.rews, infos=None,
-                terminal=t.terminated or t.truncated,
-            )
-            for t in self.trajectories
-        ]  # fmt: skip
+        found = []
+        for t in self.trajectories:
+            obs = t.obs
+            if isinstance(obs, dict):
+                obs = types.DictObs(obs)
+            ended = t.terminated or t.truncated
+            found.append(types.TrajectoryWithRew(obs=obs, acts=t.acts, rews=t.rews, infos=None, terminal=ended))
+        return found
 
 
 COLUMNS = ("obs", "acts", "rews", "next_obs", "terminated", "truncated", "episode", "time")
@@ -146,21 +147,7 @@ def columns(data: Transitions) -> dict[str, Any]:
 def concatenated(parts: Iterable[Transitions]) -> Transitions:
     """Return transitions one after the other; at least one part."""
     held = list(parts)
-    return Transitions(**{name: joined([getattr(part, name) for part in held]) for name in COLUMNS})
-
-
-def joined(parts: list[Any]) -> Any:
-    """Return arrays, or dicts of arrays, one after the other."""
-    if isinstance(parts[0], dict):
-        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return np.concatenate(parts)
-
-
-def mapped(value: Any, function: Callable[[Array], Array]) -> Any:
-    """Return a function of an array, or of each in a dict of arrays."""
-    if isinstance(value, Mapping):
-        return {name: function(part) for name, part in value.items()}
-    return function(value)
+    return Transitions(**{name: end_to_end([getattr(part, name) for part in held]) for name in COLUMNS})
 
 
 # Episodes of a policy, recorded: many at once, in several processes, and the same whatever their number.
@@ -285,9 +272,8 @@ def _shown(actions: Any) -> str:
 
 def _after(seen: Any, final: Any, ended: Array) -> Any:
     """Return the observations that a step leads to: where an episode has ended, its last one."""
-    if isinstance(seen, dict):
-        return {name: _after(seen[name], final[name], ended) for name in seen}
-    seen[ended] = final[ended]
+    for part, last in zip(parts_of(seen), parts_of(final), strict=True):
+        part[ended] = last[ended]
     return seen
 
 
@@ -303,17 +289,15 @@ class _Tape:
 
     def transitions(self, first: int) -> Transitions:
         """Return the transitions lane by lane; the lanes' episodes are numbered from `first`."""
-        *kept, running = (_stacked([row[i] for row in self.rows]) for i in range(7))
-        seen, actions, rewards, after, terminated, truncated = (mapped(each, lambda a: a[running]) for each in kept)
+        *kept, running = (map_parts(_stacked, *steps) for steps in zip(*self.rows, strict=True))
+        seen, actions, rewards, after, terminated, truncated = (part_at(each, running) for each in kept)
         lane, time = np.nonzero(running)
         return Transitions(seen, actions, rewards, after, terminated, truncated, lane + first, time)
 
 
-def _stacked(steps: list[Any]) -> Any:
-    """Return arrays (lanes, *shape) of each step as one (lanes, steps, *shape); dicts of arrays as a dict of them."""
-    if isinstance(steps[0], dict):
-        return {name: _stacked([step[name] for step in steps]) for name in steps[0]}
-    return np.stack([np.asarray(step) for step in steps], axis=1)
+def _stacked(*steps: Any) -> Array:
+    """Return arrays (lanes, *shape) of each step as one (lanes, steps, *shape)."""
+    return np.stack(steps, axis=1)
 
 
 def _refuse_endless(task: Task, acting: TaskPolicy) -> NoReturn:
@@ -395,7 +379,7 @@ def described(task: Task, kind: str, acting: TaskPolicy, seed: int) -> dict[str,
     return {
         "kind": kind, "id": task.id, "instance": task.instance_id,
         "variant": task.source.variant, "parameters": dict(task.values),
-        "modifiers": [str(m) for m in task.modifiers], "horizon": task.horizon, "discount": task.discount,
+        "modifiers": list(map(str, task.modifiers)), "horizon": task.horizon, "discount": task.discount,
         "content_hash": task.content_hash, "policy": acting.name, "seed": seed, "return": told,
         "versions": {"taskspec": __version__, "numpy": np.__version__},
     }  # fmt: skip

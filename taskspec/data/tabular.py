@@ -12,10 +12,10 @@ import numpy as np
 from taskspec.abstraction.abstraction import abstraction
 from taskspec.backends.numpy import write
 from taskspec.backends.vector_program import Values
-from taskspec.base.arrays import Array
+from taskspec.base.arrays import Array, map_parts, parts_of
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need
-from taskspec.data.episodes import EXTRA, Seen, mapped
+from taskspec.data.episodes import EXTRA, Seen
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Role, draws, reads
 from taskspec.model.extract import extract
@@ -101,7 +101,7 @@ class Tabular:
         values = evaluate(nodes, self.model.reads())
         flats = [np.broadcast_to(v, (*v.shape[:-1], self.n_states)) for v in values]
         write(layout, held.segments(), flats, np.arange(self.n_states))
-        found: Seen = mapped(held.view(), np.array)
+        found: Seen = map_parts(np.array, held.view())
         return found
 
     @cached_property
@@ -113,7 +113,7 @@ class Tabular:
         """
         layout = self.task.observation_layout
         seen = self.observations
-        parts = [part.reshape(self.n_states, -1) for part in (seen.values() if isinstance(seen, dict) else [seen])]
+        parts = [part.reshape(self.n_states, -1) for part in parts_of(seen)]
         if layout.form in ("discrete", "multi_discrete"):
             each = zip(parts[0].T, layout.counts, _lowest(layout), strict=True)
             parts = [np.eye(count)[column - low] for column, count, low in each]
@@ -132,7 +132,7 @@ class Tabular:
                 name = self.model.state_name(i)
                 message = f"{twin} and {name} look alike in {self.task.id}"
                 raise LookAlike([Diagnostic("E713", None, message, "give `occupancy()` instead")])
-        found = [known.get(row) for row in _rows(observations)]
+        found = list(map(known.get, _rows(observations)))
         if None in found:
             misused(f"observation {found.index(None)} is not one of {self.task.id}")
         return np.array(found, np.int64)
@@ -254,9 +254,11 @@ def _inside(model: Model) -> tuple[Sparse, Array]:
 
 def _rows(observations: Any) -> list[bytes]:
     """Return observations (N, *shape), or a dict of them, one by one, as keys."""
-    parts = observations.values() if isinstance(observations, dict) else [observations]
-    held = [np.asarray(part, np.float64) for part in parts]
-    return [b"".join(part[i].tobytes() for part in held) for i in range(len(held[0]))]
+    held = [np.asarray(part, np.float64) for part in parts_of(observations)]
+    found = []
+    for row in zip(*held, strict=True):
+        found.append(b"".join(number.tobytes() for number in row))
+    return found
 
 
 def _lowest(layout: SpaceLayout) -> Sequence[int]:

@@ -9,7 +9,7 @@ import gymnasium
 import gymnasium.vector
 import numpy as np
 
-from taskspec.base.arrays import Array
+from taskspec.base.arrays import Array, map_parts
 from taskspec.envs.env import Environment
 from taskspec.envs.options import positive
 from taskspec.envs.vector import VectorEnvironment
@@ -123,6 +123,4 @@ class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
 def _batch(seen: Any) -> Any:
     """Return an observation as a batch of one."""
-    if isinstance(seen, dict):
-        return {name: [part] for name, part in seen.items()}
-    return [seen]
+    return map_parts(lambda part: [part], seen)

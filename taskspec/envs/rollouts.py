@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taskspec.base.arrays import Array
+from taskspec.base.arrays import Array, map_parts
 from taskspec.lang.batch import DTYPES
 from taskspec.lang.types import BOOLEAN_LABELS, Kind
 from taskspec.policies.adapters import ObservationPolicy, policy_of
@@ -61,12 +61,14 @@ def policy_for(name: str, env: Environment, seed: int) -> Act:
 _RUNNING = np.ones(1, np.bool_)
 
 
+def _row(part: Any) -> Array:
+    """Return an observation, or a part of it, as a batch of one."""
+    return np.asarray(part)[None]
+
+
 def _by_observation(policy: ObservationPolicy, env: Environment, draws: SharedDraws) -> Act:
     def act(observation: Any) -> Any:
-        if isinstance(observation, dict):
-            observations: Any = {name: np.asarray(part)[None] for name, part in observation.items()}
-        else:
-            observations = np.asarray(observation)[None]
+        observations = map_parts(_row, observation)
         batch = EpisodeBatch(env.time, {}, observations, draws, _RUNNING)
         return observation_of(np.asarray(policy.act(batch)), 0)
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import suggest
+from taskspec.base.records import all_names
 from taskspec.envs import window
 from taskspec.envs.options import LaneError, NotRunningError, StateError, one_of
 from taskspec.lang.types import Domain, Kind
@@ -42,7 +43,7 @@ def flat_state(task: Task, override: Mapping[str, Any], values: tuple[Any, ...])
     Raises:
         StateError: for a component that does not exist or a value outside its domain.
     """
-    names = [c.name for c in task.state]
+    names = all_names(task.state)
     if not isinstance(override, Mapping):
         raise StateError(f"E709: a state gives values by component, as in {{{names[0]!r}: ...}}, not {override!r}")
     for name in override:
@@ -151,6 +152,17 @@ def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str,
     return infos
 
 
+def masked(measures: Mapping[str, Array], lanes: Array) -> dict[str, Any]:
+    """Return measures (N,) by name as Gymnasium's vector environments have them: with masks, bool (N,), and 0 in other lanes."""
+    if not lanes.any():
+        return {}
+    infos: dict[str, Any] = {}
+    for name, values in measures.items():
+        infos[name] = np.where(lanes, values, 0.0)
+        infos[f"_{name}"] = lanes.copy()
+    return {"measures": infos, "_measures": lanes.copy()}
+
+
 if TYPE_CHECKING:
     from taskspec.backends.vector_program import Engine
 
@@ -205,13 +217,6 @@ class LaneView:
 
 
 KNOWN = ("task", "state", "time", "observation_space", "action_space", "render_mode", "render", "get_keys_to_action")
-
-
-def of_lane(seen: Any, lane: int) -> Any:
-    """Return the observation of one lane from those of all."""
-    if isinstance(seen, dict):
-        return {name: part[lane] for name, part in seen.items()}
-    return seen[lane]
 
 
 def ask_lane(lane: LaneView, name: str, *args: Any, **options: Any) -> Any:

@@ -57,7 +57,7 @@ def labels(c: Component, value: Any) -> Any:
 
 def text(task: Task, state: dict[str, Any], time: int) -> str:
     """Return one line a component, and the time."""
-    width = max(len(name) for name in state)
+    width = max(map(len, state))
     lines = [heading(task, time)]
     for name, value in state.items():
         shown = visible(str(value), keep="")
@@ -198,7 +198,7 @@ def actions(task: Task) -> list[Any]:
     ranges = [range(start, start + n) for start, n in zip(layout.starts, layout.counts, strict=True)]
     if layout.form == "discrete":
         return list(ranges[0])
-    return [np.array(each, np.int64) for each in itertools.product(*(range(len(r)) for r in ranges))]
+    return [np.array(each, np.int64) for each in itertools.product(*map(range, layout.counts))]
 
 
 def keys_to_action(task: Task) -> dict[tuple[int, ...], Any]:

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from taskspec.exam.case import Case as Case
     from taskspec.exam.case import NotGranted as NotGranted
     from taskspec.exam.case import learns_from as learns_from
-    from taskspec.exam.examining import Running as Running
     from taskspec.exam.examining import examine as examine
     from taskspec.exam.laws import obeys as obeys
     from taskspec.exam.learned import Learned as Learned
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from taskspec.exam.results import read as read
     from taskspec.exam.starc import RewardDistance as RewardDistance
     from taskspec.exam.starc import reward_distance as reward_distance
+    from taskspec.jobs.running import Running as Running
     from taskspec.learners import CannotLearn as CannotLearn
 
 __getattr__ = on_demand(__name__, {
@@ -26,7 +26,7 @@ __getattr__ = on_demand(__name__, {
     "Case": "taskspec.exam.case",
     "NotGranted": "taskspec.exam.case",
     "learns_from": "taskspec.exam.case",
-    "Running": "taskspec.exam.examining",
+    "Running": "taskspec.jobs.running",
     "examine": "taskspec.exam.examining",
     "Learned": "taskspec.exam.learned",
     "obeys": "taskspec.exam.laws",

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
 
 import numpy as np
 
-from taskspec.base.arrays import Array
+from taskspec.base.arrays import Array, part_at
 from taskspec.base.diagnostics import TaskspecError
 from taskspec.data import Demonstrations, demonstrations
-from taskspec.data.episodes import mapped
 from taskspec.data.preferences import WORDS, Teacher, return_ends
 from taskspec.envs.metered import Metered
 from taskspec.exam.curves import EpisodeReturns, TrainingReturns
@@ -24,8 +23,8 @@ from taskspec.task.task import Task
 if TYPE_CHECKING:
     from taskspec.envs.metered import MeteredVector
 
-_EXPERT = ("expert", "memory", "claims", "examples")
-"""Sections of a spec that say what an expert does, and what it earns."""
+_WITHHELD = ("expert", "memory", "claims", "examples", "measures")
+"""Sections of a spec that no learner sees: what an expert does and earns, and what is measured beside the reward."""
 _REWARD = ("reward", "absorbing_reward")
 """Sections of a spec that say what is paid."""
 
@@ -39,7 +38,7 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
         learns_from: what is granted; without "reward", what is paid is not that of the task.
         sign: what rewards are multiplied by that are not granted.
     """
-    names = _EXPERT if "reward" in learns_from else (*_EXPERT, *_REWARD)
+    names = _WITHHELD if "reward" in learns_from else (*_WITHHELD, *_REWARD)
     document = _document(task.source.document, names)
     builder = task.new_builder()
     reward = task.process.reward
@@ -66,7 +65,7 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
         ),
         content_hash=hashlib.sha256(changed.encode()).hexdigest(),
     )
-    found = task.with_process(reward=reward, absorbing_reward=absorbing_reward)
+    found = task.with_process(reward=reward, absorbing_reward=absorbing_reward, measures={})
     found = found.with_annotations(expert=None, memory=None, claims=(), examples=())
     return replace(found, source=source, written_as=as_written)
 
@@ -143,8 +142,8 @@ class Oracle:
     def _value(self, trajectory: Any) -> float:
         obs = trajectory.obs
         discount = self.task.discount
-        before = mapped(obs, lambda seen: seen[:-1])
-        keys = self._keys(before, trajectory.acts, mapped(obs, lambda seen: seen[1:]))
+        before = part_at(obs, slice(-1))
+        keys = self._keys(before, trajectory.acts, part_at(obs, slice(1, None)))
         try:
             rewards = [self.rewards[key] if key in self.rewards else self.older[key] for key in keys]
         except KeyError:

@@ -7,7 +7,7 @@ import shlex
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ from taskspec.exam.learned import learned_flags
 from taskspec.exam.results import FORMAT, Exam, Examined, LawScore, Score, read, write
 from taskspec.exam.trial import LearnerFailed, Row, Trial, baselines, key_of, run_trial, score
 from taskspec.exam.verdicts import verdicts
-from taskspec.jobs.running import JobProgress, run
+from taskspec.jobs.running import Running, run
 from taskspec.jobs.store import Job, Store
 from taskspec.modifiers import modify
 from taskspec.task.schema.experiments import ExamDocument
@@ -59,17 +59,6 @@ class Planned:
         if self.trial.negated:
             kind = " negated"
         return f"{self.task.instance_id}{kind}, seeds {self.trial.seeds[0]} to {self.trial.seeds[-1]}"
-
-
-@dataclass(frozen=True)
-class Running:
-    """How jobs are run: see `taskspec.jobs.running.run`."""
-
-    workers: int | None = None
-    cluster: str | None = None
-    seconds: float | None = None
-    retry: bool = False
-    progress: Callable[[JobProgress], None] | None = None
 
 
 LOOKS = (4, 17, 30)
@@ -279,11 +268,7 @@ class _Trials:
             return [_trained_here(planned, self.who) for planned in plan]
         keys = [planned.trial.key for planned in plan]
         jobs = [Job(key, each.name, run_trial, (each.trial,)) for key, each in zip(keys, plan, strict=True)]
-        running = self.running
-        done = run(
-            jobs, self.store, workers=running.workers, cluster=running.cluster, seconds=running.seconds,
-            retry_failed=running.retry, progress=running.progress,
-        ).rows  # fmt: skip
+        done = run(jobs, self.store, self.running, self.who.name)
         rows = []
         for key, planned in zip(keys, plan, strict=True):
             result = done[key]
@@ -303,8 +288,8 @@ class _Trials:
             for task in tasks:
                 key = key_of("baselines and constants", task.content_hash, EPISODES, written())
                 jobs[task.content_hash] = Job(key, task.instance_id, baselines, (task, EPISODES, written()))
-        running = self.running
-        known = run(jobs.values(), self.store, workers=running.workers, cluster=running.cluster, retry_failed=True).rows
+        running = replace(self.running, seconds=None, retry=True)
+        known = run(jobs.values(), self.store, running, f"{self.who.name}: baselines")
         for job in jobs.values():
             if known[job.key].status != "done":
                 raise SpecError([Diagnostic("E713", None, f"{job.name} cannot be examined: {known[job.key].message}")])

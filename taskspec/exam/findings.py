@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from taskspec.base.bibliography import Reference
-from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.exam.results import Diagnosis
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
+from taskspec.exam.results import Diagnosis, Exam
+from taskspec.exam.score_rows import duration
 from taskspec.pages.render.html import page_of
 from taskspec.rules.evaluator import Truth
 from taskspec.rules.rule_books import EXAM, FINDINGS, RuleBook, file_of, read_exam, read_findings
@@ -102,6 +103,42 @@ def evaluate(suite: str | Path, sets: Mapping[str, Mapping[str, Mapping[str, Any
         if isinstance(rule.entry, FindingEntry)
     )
     return FindingsResult(book, results, tuple(sets))
+
+
+def sets_of(exams: Mapping[Path, Exam]) -> dict[str, dict[str, dict[str, Any]]]:
+    """Return exams by set, which is the folder of an exam's folder, and learner; its exams of different tasks are joined.
+
+    Args:
+        exams: by their folders.
+
+    Raises:
+        SpecError: E713 for two exams of a learner on one task.
+    """
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+    for place, exam in exams.items():
+        known = found.setdefault(place.parent.name, {}).setdefault(place.name, {"tasks": {}, "scores": []})
+        for task in exam["tasks"]:
+            if task in known["tasks"]:
+                raise spec_error("E713", f"two exams of {place.parent.name}/{place.name} are about {task}")
+        known["tasks"] |= exam["tasks"]
+        known["scores"] += exam["scores"]
+    return found
+
+
+def setups(exams: Sequence[Exam]) -> list[str]:
+    """Return how results were obtained, in lines: one for each that differs."""
+    seeds = ", ".join(str(n) for n in sorted({len(exam["seeds"]) for exam in exams}))
+    steps = ", ".join(f"{n:,}" for n in sorted({exam["steps"] for exam in exams}))
+    spent = duration(sum(exam["cost"].get("seconds", 0.0) for exam in exams))
+    lines = [f"{len(exams)} exams, of {seeds} seeds and {steps} steps each; {spent} of training"]
+    lines += [f"by `{exam['command']}`" for exam in exams if exam["command"]]
+    lines += [f"with {_listed(exam['versions'])}" for exam in exams]
+    lines += [f"on {_listed(exam['machine'])}" for exam in exams]
+    return list(dict.fromkeys(lines))
+
+
+def _listed(facts: Mapping[str, Any]) -> str:
+    return ", ".join(f"{key} {value}" for key, value in facts.items())
 
 
 def _evaluator(book: RuleBook, exams: Mapping[str, Mapping[str, Any]]) -> ScoreEvaluator:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.base.arrays import Array
+from taskspec.base.arrays import Array, parts_of
 from taskspec.exam.operators import GOOD, OPERATORS, BellmanOperator, Dynamics, behaviour, dynamics_of
 from taskspec.model.model import Model, misused, refuse
 from taskspec.policies.adapters import ProbabilisticPolicy
@@ -316,8 +316,8 @@ class _Observed:
             refuse(f"observations of {task.id} are not functions of the state")
         self.layout = task.observation_layout
         self.rows = reader.observe(states_of(model), 0, np.random.default_rng(0))
-        parts = self.rows.values() if isinstance(self.rows, dict) else [self.rows]
-        flat = np.hstack([np.asarray(part, np.float64).reshape(model.n_states, -1) for part in parts])
+        parts = [np.asarray(part, np.float64).reshape(model.n_states, -1) for part in parts_of(self.rows)]
+        flat = np.hstack(parts)
         acted = flat[model.acting]
         if len(np.unique(acted, axis=0)) < len(acted):
             refuse(f"two states of {task.id} look alike, so that they share their learned values")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.files import write_text
 from taskspec.exam import score_charts, score_rows
 from taskspec.exam.card import card, matrix
-from taskspec.exam.score_rows import FORMS, TaskRow, counted
+from taskspec.exam.score_rows import TaskRow, counted, forms_of
 from taskspec.figures import save
 from taskspec.figures.chart import Scale
 from taskspec.figures.scene import Scene
@@ -98,10 +98,12 @@ def _known(formats: Iterable[str]) -> list[str]:
 def page(exam: Mapping[str, Any]) -> str:
     """Return the page of an exam."""
     shown = card(exam)
+    forms = forms_of(shown.rows)
     scores = score_charts.score_axis(shown.rows)
     return page_of(
-        "report.html", card=shown, suite=exam["suite"], lead=_code(shown.lead), advice=_code(shown.advice), forms=FORMS,
-        rows=[_row(row, scores) for row in shown.rows], axis=_embedded(score_charts.strip_head(scores), "strip axis"),
+        "report.html", card=shown, suite=exam["suite"], lead=_code(shown.lead), advice=_code(shown.advice),
+        forms=[*forms, "seeds pass"], rows=[_row(row, forms, scores) for row in shown.rows],
+        axis=_embedded(score_charts.strip_head(scores), "strip axis"),
         key=_embedded(score_charts.strip_key(), "strip key"),
         curves=[
             {"name": row.name, "picture": _embedded(score_charts.curves(row), "curves")}
@@ -111,7 +113,7 @@ def page(exam: Mapping[str, Any]) -> str:
         diagnoses=[{**each, **{key: _code(each[key]) for key in ("message", "cause", "try")}} for each in shown.diagnoses],
         flags=[{"kind": flag.kind, "words": _code(flag.words)} for flag in shown.flags],
         notes=[_code(note) for note in shown.notes],
-        verdicts=[_verdict(name, verdict) for name, verdict in exam["verdicts"].items()], facts=_facts(exam),
+        facts=_facts(exam),
     )  # fmt: skip
 
 
@@ -132,39 +134,18 @@ def _breakable(name: str) -> Markup:
     return Markup("<wbr>").join(parts)
 
 
-def _verdict(capability: str, verdict: Mapping[str, Any]) -> dict[str, str]:
-    grade = verdict["verdict"]
-    twins = verdict["twins"]
-    passed = ""
-    if "passed" in verdict:
-        passed = f"{verdict['passed']} of {verdict['seeds']} seeds pass"
-    return {
-        "capability": capability, "grade": grade, "sign": score_rows.SIGNS[grade], "mean": _mean(verdict),
-        "passed": passed,
-        "twins": _mean(twins) if twins and twins["verdict"] != "masters" else "",
-    }  # fmt: skip
-
-
-def _mean(found: Mapping[str, Any]) -> str:
-    """Return a mean with its interval; nothing if there is none."""
-    interval = score_rows.interval(found["low"], found["high"])
-    return score_rows.decimal(found["mean"]) + (f", 95 % from {interval}" if interval else "")
-
-
 def _embedded(scene: Scene, kind: str) -> Markup:
     return Markup(svg(scene, css=True, kind=kind))
 
 
-def _row(row: TaskRow, scores: Scale) -> dict[str, Any]:
+def _row(row: TaskRow, forms: Sequence[str], scores: Scale) -> dict[str, Any]:
+    """Return a task with its strip, and its numbers in words, each with its interval."""
     numbers = []
-    for form, cell in row.forms.items():
-        interval = score_rows.interval(*cell.interval) if len(cell.scores) > 1 else ""
-        numbers.append({"form": form, "words": cell.words, "interval": interval})
-    sign = score_rows.SIGNS[row.grade] if row.grade else "✗"
-    return {
-        "name": row.name, "grade": row.grade or "", "sign": sign, "capability": row.capability, "numbers": numbers,
-        "picture": _embedded(score_charts.strip(row, scores), "strip"),
-    }  # fmt: skip
+    for form in forms:
+        cell = row.forms[form]
+        numbers.append({"form": form, "words": cell.words, "interval": score_rows.interval(*cell.interval)})
+    numbers.append({"form": "seeds pass", "words": row.passed, "interval": ""})
+    return {"task": row, "numbers": numbers, "picture": _embedded(score_charts.strip(row, scores), "strip")}
 
 
 def _code(text: str) -> Markup:

@@ -10,7 +10,7 @@ from typing import Any
 from taskspec.base.files import safe_name
 from taskspec.exam import score_rows
 from taskspec.exam.card import Card, LearnerMatrix, card, matrix
-from taskspec.exam.score_rows import FIXED, FLOOR, FORMS, PUBLISHED, RELABELLED, TaskRow, decimal
+from taskspec.exam.score_rows import FIXED, FLOOR, FORMS, PUBLISHED, RELABELLED, TaskRow, decimal, forms_of
 from taskspec.exam.verdicts import MASTERED
 from taskspec.figures import chart
 from taskspec.figures.chart import Axes, Scale
@@ -175,7 +175,7 @@ def strips(named: Sequence[tuple[str, TaskRow]]) -> Iterator[Item]:
     rows = [row for _, row in named]
     left = max((chart.breadth(name) for name, _ in named), default=0.0) + 0.7
     plot = Axes(left, 0.0, WIDTH, LANE * len(rows), score_axis(rows), Scale(len(rows) - 0.5, -0.5))
-    forms = [form for form in FORMS if any(row.forms[form].words for row in rows)]
+    forms = forms_of(rows)
     columns = [(form, plot.right + 1.2 + 1.75 * i) for i, form in enumerate(forms)]
     last = plot.right + 1.2 + 1.75 * len(forms)
     yield from backdrop(plot)
@@ -185,8 +185,7 @@ def strips(named: Sequence[tuple[str, TaskRow]]) -> Iterator[Item]:
     for i, (name, row) in enumerate(named):
         y = LANE * (i + 0.5)
         color = GRADES[row.grade]
-        sign = score_rows.SIGNS[row.grade] if row.grade else "✗"
-        yield Label((0.0, y), m.Words(sign), 0.34, "start", color, bold=True)
+        yield Label((0.0, y), m.Words(row.sign), 0.34, "start", color, bold=True)
         yield from chart.words(name, (0.5, y), anchor="start")
         if i:
             yield Line(((plot.left, LANE * i), (plot.right, LANE * i)), color="paper", width=0.04)

@@ -119,6 +119,18 @@ class TaskRow:
         return worst([mean_score(cell.scores, self.about.get("fixed")) for cell in known])["verdict"]
 
     @property
+    def sign(self) -> str:
+        """The sign of the grade, or of a run that failed."""
+        return SIGNS[self.grade or "fails"]
+
+    @property
+    def passed(self) -> str:
+        """The number of seeds that pass as published, of all: `13/15`."""
+        if not self.printed.scores:
+            return ""
+        return f"{self.printed.passed}/{len(self.printed.scores)}"
+
+    @property
     def optimum(self) -> float | None:
         """The score of the best policy."""
         low, high, best = (self.about.get(key) for key in ("random", "expert", "optimal"))
@@ -144,6 +156,14 @@ class TaskRow:
         """The scores by what they are scores of."""
         constant = SeedCell(() if self.constant is None else (self.constant,))
         return {PUBLISHED: self.printed, RELABELLED: self.twins, SAMPLED: self.drawn, FIXED: constant}
+
+
+def forms_of(rows: Sequence[TaskRow]) -> list[str]:
+    """Return the forms that some row has scores of; without the sampled policy where that scores the same everywhere."""
+    forms = [form for form in FORMS if any(row.forms[form].words for row in rows)]
+    if SAMPLED in forms and all(row.drawn.words in ("", row.printed.words) for row in rows):
+        forms.remove(SAMPLED)
+    return forms
 
 
 def named(task: str) -> str:

@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 from taskspec.abstraction.abstraction import abstraction
-from taskspec.base.arrays import Array
+from taskspec.base.arrays import Array, part_at
 from taskspec.base.diagnostics import SpecError
 from taskspec.data import Tabular, tabular
-from taskspec.data.episodes import mapped
 from taskspec.exam.reward_changes import with_changed_reward
 from taskspec.model.model import misused, refuse
 from taskspec.policies.policy import greedy
@@ -161,8 +160,8 @@ class RewardMdp:
             one: Any = action + layout.starts[0]
         else:
             one = np.array(np.unravel_index(action, layout.counts))
-        before = mapped(self.model.observations, lambda seen: seen[left])
-        after = mapped(self.model.observations, lambda seen: seen[next_state])
+        before = part_at(self.model.observations, left)
+        after = part_at(self.model.observations, next_state)
         actions = np.broadcast_to(one, (len(left), *np.shape(one)))
         return np.asarray(reward(before, actions, after), np.float64)
 

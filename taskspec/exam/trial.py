@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 import taskspec
+from taskspec.base.arrays import parts_of
 from taskspec.base.diagnostics import SpecError, TaskspecError
 from taskspec.base.limits import also
 from taskspec.exam.case import Case, ExamTerms
@@ -108,11 +109,7 @@ class _Constant:
         self.action = action
 
     def predict(self, observations: Any) -> Any:
-        if isinstance(observations, dict):
-            first = next(iter(observations.values()))
-        else:
-            first = observations
-        return np.array([self.action] * len(first))
+        return np.array([self.action] * len(parts_of(observations)[0]))
 
 
 # Trials.

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +14,7 @@ from taskspec.exam.verdicts import by_seed, mean_score
 from taskspec.experiments.experiment_file import ExperimentFile
 from taskspec.experiments.instances import Instance, expand
 from taskspec.experiments.sweeping import Measured
-from taskspec.jobs.running import JobProgress
 from taskspec.task.task import Task
-
-Bar = Callable[[str], AbstractContextManager[Callable[[JobProgress], None]]]
-"""For the name of a learner, a place that shows how far its exam is."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +47,7 @@ class LearnersExamined:
 
 def examine_all(
     written: ExperimentFile, folder: Path, *, seeds: int | None = None, steps: int | None = None, transitions: int | None = None,
-    twins: int | None = None, probes: bool | None = None, running: Running | None = None, bar: Bar | None = None,
+    twins: int | None = None, probes: bool | None = None, running: Running | None = None,
 ) -> LearnersExamined:  # fmt: skip
     """Examine the learners of an experiment, one after another; an exam that is there already is gone on with.
 
@@ -81,9 +75,7 @@ def examine_all(
     for learner in written.learners:
         name = folder_name(learner)
         folders[name] = folder / name
-        with bar(name) if bar else nullcontext() as progress:
-            how = replace(running or Running(), progress=progress)
-            exams[name] = examine(
-                learner, suite=tasks[0].source.suite, tasks=tasks, out=folders[name], running=how, **terms
-            )
+        exams[name] = examine(
+            learner, suite=tasks[0].source.suite, tasks=tasks, out=folders[name], running=running, **terms
+        )
     return LearnersExamined(expanded.instances, tasks, exams, folders)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from io import StringIO
@@ -17,6 +16,7 @@ import numpy as np
 
 from taskspec import registry
 from taskspec.base import __version__, limits
+from taskspec.base.display import json_data
 from taskspec.base.files import whole, write_text
 from taskspec.base.limits import also, tell
 from taskspec.data.datasets import write_table
@@ -24,7 +24,7 @@ from taskspec.exact import Results, Return
 from taskspec.experiments.experiment_file import COLUMNS, RETURNS, SPEEDS, ExperimentFile
 from taskspec.experiments.instances import Expanded, Instance, expand
 from taskspec.jobs.code_hash import code_hash
-from taskspec.jobs.running import JobProgress, run
+from taskspec.jobs.running import Running, run
 from taskspec.jobs.store import Job, JobResult, Store
 from taskspec.modifiers import modify
 from taskspec.policies.files import is_function, place_of
@@ -33,19 +33,6 @@ from taskspec.source import Document, Packed, packed, unpacked
 from taskspec.task.build import build
 from taskspec.task.schema.experiments import Experiment
 from taskspec.task.task import Task
-
-# Tasks that another process or machine is to build, so that they need not be built here first.
-
-
-@dataclass(frozen=True)
-class Sent:
-    """A task, as its text and the values of its parameters."""
-
-    text: Packed
-    suite: str
-    variant: str | None
-    parameters: Mapping[str, Any]
-    modifiers: tuple[str, ...]
 
 
 @lru_cache(maxsize=16)
@@ -78,10 +65,14 @@ def key(content_hash: str, modifiers: tuple[str, ...], wanted: Questions) -> str
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
-def measure(about: Sent, wanted: Questions) -> dict[str, Any]:
-    """Return sizes, returns, measures of difficulty and roll-outs of an instance, as JSON data."""
+def measure(text: Packed, suite: str, instance: Instance, wanted: Questions) -> dict[str, Any]:
+    """Return sizes, returns, measures of difficulty and roll-outs of an instance, as JSON data.
+
+    Args:
+        text: of the spec and those that it extends; the task is built from it here, which may be on another machine.
+    """
     with also(wanted.limits):
-        task = modify(build(_document(about.text), about.variant, about.parameters, about.suite), *about.modifiers)
+        task = modify(build(_document(text), instance.variant, instance.parameters, suite), *instance.modifiers)
         tell("the exact model")
         results = Results(task, wanted.episodes)
         hard = difficulty(results, wanted.measures)
@@ -187,19 +178,7 @@ def table(rows: Sequence[Measured]) -> tuple[list[str], list[list[Any]]]:
 
 def write_json(rows: Sequence[Measured], path: Path) -> None:
     """Write a list of one object for each instance."""
-    write_text(path, json.dumps([_finite(row.record()) for row in rows], indent=1) + "\n")
-
-
-def _finite(value: Any) -> Any:
-    """Return data as JSON can hold it: infinities become text."""
-    match value:
-        case dict():
-            return {key: _finite(each) for key, each in value.items()}
-        case list():
-            return [_finite(each) for each in value]
-        case float() if not math.isfinite(value):
-            return str(value)
-    return value
+    write_text(path, json.dumps(json_data([row.record() for row in rows]), indent=1) + "\n")
 
 
 def write_csv(rows: Sequence[Measured], path: Path) -> None:
@@ -254,21 +233,14 @@ def sweep(
     store: Path,
     *,
     expanded: Expanded | None = None,
-    workers: int | None = None,
-    cluster: str | None = None,
-    seconds: float | None = None,
-    retry: bool = False,
-    progress: Callable[[JobProgress], None] | None = None,
+    running: Running | None = None,
 ) -> Swept:
     """Measure every instance that has no result in the store yet.
 
     Args:
         store: the SQLite file of the results; it is made, or gone on with.
         expanded: the instances, where they are known already.
-        workers: processes; as many as there are processors unless given.
-        cluster: the address of a Dask scheduler, `tcp://...`, to which the jobs are handed instead.
-        seconds: the longest that one instance may take.
-        retry: whether instances that failed before are tried again.
+        running: how many processes, time limits, a cluster.
 
     Raises:
         SpecError: with every mistake in the experiment; E705 without an extra.
@@ -278,16 +250,8 @@ def sweep(
     wanted = wanted_of(written.experiment)
     jobs = {i.id: _job(i, wanted) for i in found.instances if i.problem is None}
     with Store(store) as kept:
-        done = run(
-            jobs.values(),
-            kept,
-            workers=workers,
-            cluster=cluster,
-            seconds=seconds,
-            retry_failed=retry,
-            progress=progress,
-        )
-        rows = tuple(_row(i, jobs.get(i.id), done.rows, kept) for i in found.instances)
+        done = run(jobs.values(), kept, running or Running(), written.experiment.name)
+        rows = tuple(_row(i, jobs.get(i.id), done, kept) for i in found.instances)
     return Swept(written.experiment, rows)
 
 
@@ -306,11 +270,9 @@ def wanted_of(experiment: Experiment) -> Questions:
 
 
 def _job(instance: Instance, wanted: Questions) -> Job:
-    task = registry.load(instance.source, instance.variant)
-    about = Sent(
-        packed(task.source.document), task.source.suite, task.source.variant, instance.parameters, instance.modifiers
-    )
-    return Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, (about, wanted))
+    source = registry.load(instance.source, instance.variant).source
+    arguments = (packed(source.document), source.suite, instance, wanted)
+    return Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, arguments)
 
 
 def _row(instance: Instance, job: Job | None, results: Mapping[str, JobResult], store: Store) -> Measured:

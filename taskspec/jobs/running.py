@@ -24,127 +24,81 @@ from typing import Any, NamedTuple
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need
+from taskspec.base.limits import tell
 from taskspec.jobs.store import Job, JobResult, Status, Store
 from taskspec.jobs.work import GRACE, Ending, late, pack
 
 DEATHS = 2
 """Processes that a job may kill before it is left alone."""
 HEARTBEAT = 0.5
-"""Seconds after which progress is reported even if there is none."""
+"""Seconds after which progress is reported even if no job has ended."""
 
 
 @dataclass(frozen=True, slots=True)
-class JobProgress:
-    """Progress of a run.
+class Running:
+    """Settings of a run of jobs.
 
     Args:
-        total: jobs in all.
-        before: of them, those that had their result when the run began.
-        done: those with a result, earlier ones included.
-        failed: those that ended without one.
-        seconds: since the run began.
+        workers: processes on this machine; by default one for each processor.
+        cluster: the address of a Dask scheduler, as in `"tcp://10.0.0.1:8786"`, whose workers do the jobs instead.
+        seconds: that a job may take.
+        retry: whether jobs that ended without a result in earlier runs are begun again.
+
+    Raises:
+        SpecError: E713, workers or seconds that cannot be.
     """
 
-    total: int
-    before: int
-    done: int
-    failed: int
-    seconds: float
+    workers: int | None = None
+    cluster: str | None = None
+    seconds: float | None = None
+    retry: bool = False
 
-    @property
-    def over(self) -> int:
-        """Jobs that ended, done or failed."""
-        return self.done + self.failed
-
-    @property
-    def rate(self) -> float:
-        """Jobs a second, in this run."""
-        if self.seconds > 0:
-            return (self.over - self.before) / self.seconds
-        return 0.0
-
-    @property
-    def left(self) -> float | None:
-        """Seconds that the rest takes at this rate; None while there is none."""
-        if self.rate:
-            return (self.total - self.over) / self.rate
-        return None
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """Results after a run.
-
-    Args:
-        rows: by key, in the order of the jobs, earlier ones included.
-        ran: how many of them are of this run.
-        seconds: that the run took.
-    """
-
-    rows: dict[str, JobResult]
-    ran: int
-    seconds: float
-
-    @property
-    def not_done(self) -> tuple[JobResult, ...]:
-        """The jobs that have no result, each with its message."""
-        return tuple(row for row in self.rows.values() if row.status != "done")
+    def __post_init__(self) -> None:
+        if self.workers is not None and self.cluster is not None:
+            raise _invalid("a cluster has as many workers as it has", "leave the number of workers out")
+        if self.workers is not None and self.workers < 1:
+            raise _invalid(f"{self.workers} workers can do nothing", "give 1 or more")
+        if self.seconds is not None and not self.seconds > 0:
+            raise _invalid(f"no job ends within {self.seconds:g} s", "give more than 0")
 
 
 class Interrupted(KeyboardInterrupt):
     """Somebody pressed Ctrl-C. What was done is kept; the message says how much that is."""
 
 
-Listener = Callable[[JobProgress], None]
+DEFAULT = Running()
 
 
-def run(
-    jobs: Iterable[Job],
-    store: Store,
-    *,
-    workers: int | None = None,
-    cluster: str | None = None,
-    seconds: float | None = None,
-    progress: Listener | None = None,
-    retry_failed: bool = False,
-) -> Outcome:
-    """Do the jobs that have no result yet, in any order.
+def run(jobs: Iterable[Job], store: Store, running: Running = DEFAULT, name: str = "jobs") -> dict[str, JobResult]:
+    """Do the jobs that have no result yet, in any order, and report how many are over (see `base.limits.tell`).
 
     A job that raises, takes too long or ends its process is recorded with a message, while the rest goes on. One whose process
     dies is begun once more, alone, after all others. Jobs with the same key are done once.
 
     Args:
-        workers: processes on this machine; by default one for each processor.
-        cluster: the address of a Dask scheduler, as in `"tcp://10.0.0.1:8786"`, whose workers do the jobs instead.
-        seconds: that a job may take.
-        progress: is called with the progress of the run, in the thread of the caller.
-        retry_failed: whether jobs that ended without a result in earlier runs are begun again.
+        name: what the progress is of.
+
+    Returns:
+        Results by key, in the order of the jobs, earlier ones included.
 
     Raises:
-        SpecError: E705, distributed is not installed; E713, workers or seconds that cannot be; E716, E722, E723.
+        SpecError: E705, distributed is not installed; E716, E722, E723.
         Interrupted: Ctrl-C.
     """
-    start = time.monotonic()
-    if workers is not None and cluster is not None:
-        raise _invalid("a cluster has as many workers as it has", "leave the number of workers out")
-    if workers is not None and workers < 1:
-        raise _invalid(f"{workers} workers can do nothing", "give 1 or more")
-    if seconds is not None and not seconds > 0:
-        raise _invalid(f"no job ends within {seconds:g} s", "give more than 0")
     wanted = {job.key: job for job in jobs}
     with store.writing():
         known = store.results(wanted)
-        again = {key: row.attempts for key, row in known.items() if retry_failed and row.status != "done"}
+        again = {key: row.attempts for key, row in known.items() if running.retry and row.status != "done"}
         todo = [job for key, job in wanted.items() if key not in known or key in again]
         statuses = Counter(row.status for key, row in known.items() if key not in again)
-        this = _Run(store, seconds, progress, len(wanted), statuses, Counter(again))
+        this = _Run(store, running.seconds, name, len(wanted), statuses, Counter(again))
+        this.report()
         if todo:
-            with _cluster(cluster) if cluster is not None else _this_machine(workers or processors()) as site:
+            with _site(running) as site:
                 this.do(todo, site)
                 while this.suspects:
                     this.do([this.suspects.pop(0)], site)
-        this.report()
-    return Outcome(store.results(wanted), len(todo), time.monotonic() - start)
+    return store.results(wanted)
 
 
 def _invalid(message: str, hint: str) -> SpecError:
@@ -177,16 +131,12 @@ class _Site(NamedTuple):
 class _Run:
     store: Store
     seconds: float | None
-    progress: Listener | None
+    name: str
     total: int
     statuses: Counter[Status]
     attempts: Counter[str]
     deaths: Counter[str] = field(default_factory=Counter)
     suspects: list[Job] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.before = self.statuses.total()
-        self.start = time.monotonic()
 
     def do(self, jobs: list[Job], site: _Site) -> None:
         """Do jobs, many at a time."""
@@ -199,7 +149,6 @@ class _Run:
                     self.attempts[job.key] += 1
                     call = pack(job.function, job.arguments)
                     pending[site.executor.submit(site.attempt, call, self.seconds)] = job
-                self.report()
                 wait(pending, HEARTBEAT, FIRST_COMPLETED)
                 self._harvest(pending, site)
         except KeyboardInterrupt:
@@ -230,13 +179,15 @@ class _Run:
         self.statuses.update(row.status for row in rows)
         for future in over:
             del pending[future]
+        self.report()
 
     def report(self) -> None:
-        if self.progress is not None:
-            done = self.statuses["done"]
-            failed = self.statuses.total() - done
-            seconds = time.monotonic() - self.start
-            self.progress(JobProgress(self.total, self.before, done, failed, seconds))
+        """Report how many jobs are over."""
+        over = self.statuses.total()
+        words = f"{self.name} {over}/{self.total}"
+        if over > self.statuses["done"]:
+            words += f", {over - self.statuses['done']} failed"
+        tell(words, over / max(self.total, 1))
 
 
 # Processes that do calls for us, one at a time each: one that dies takes nothing with it but the call that killed it.
@@ -396,30 +347,13 @@ def processors() -> int:
     return max(1, min(affinity, granted))
 
 
-@contextmanager
-def _this_machine(count: int) -> Iterator[_Site]:
-    def capacity() -> int:
-        return count * AHEAD
-
-    def explain(error: Exception) -> Ending:
-        raise error
-
-    crew = Crew()
-    executor = ThreadPoolExecutor(count)
-    try:
-        yield _Site(executor, crew.attempt, capacity, explain)
-    finally:
-        executor.shutdown(wait=False, cancel_futures=True)
-        crew.end()
-        executor.shutdown()
-
-
 class Workers:
     """Processes of this machine that do many rounds of calls, as a context; a call that hangs or crashes costs itself alone."""
 
     def __init__(self, count: int | None = None) -> None:
+        self.count = count or processors()
         self._crew = Crew()
-        self._executor = ThreadPoolExecutor(count or processors())
+        self._executor = ThreadPoolExecutor(self.count)
 
     def __enter__(self) -> Workers:
         return self
@@ -428,6 +362,17 @@ class Workers:
         self._executor.shutdown(wait=False, cancel_futures=True)
         self._crew.end()
         self._executor.shutdown()
+
+    def site(self) -> _Site:
+        """Return these processes as a place where calls are done."""
+
+        def capacity() -> int:
+            return self.count * AHEAD
+
+        def explain(error: Exception) -> Ending:
+            raise error
+
+        return _Site(self._executor, self._crew.attempt, capacity, explain)
 
     def map(
         self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]], seconds: float | None
@@ -451,6 +396,16 @@ PATIENCE = 20
 
 
 @contextmanager
+def _site(running: Running) -> Iterator[_Site]:
+    if running.cluster is not None:
+        with _cluster(running.cluster) as site:
+            yield site
+    else:
+        with Workers(running.workers) as workers:
+            yield workers.site()
+
+
+@contextmanager
 def _cluster(address: str) -> Iterator[_Site]:
     distributed = need("distributed", "cluster", "a Dask cluster")
     try:
@@ -469,7 +424,7 @@ def _cluster(address: str) -> Iterator[_Site]:
             threads = client.nthreads()
         except OSError as error:
             raise _no_cluster(f"the cluster at {address!r} does not answer any more: {error}") from error
-        return AHEAD * max(1, sum(int(count) for count in threads.values()))
+        return AHEAD * max(1, sum(map(int, threads.values())))
 
     with _quiet(), client, client.get_executor(pure=False) as executor:
         try:
@@ -481,7 +436,7 @@ def _cluster(address: str) -> Iterator[_Site]:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Silence Dask, which prints a traceback for each call under way when a run is interrupted or its cluster lost."""
-    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client", "tornado.application")]
+    loggers = list(map(logging.getLogger, ("distributed", "distributed.client", "tornado.application")))
     levels = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL)

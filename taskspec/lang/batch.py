@@ -230,7 +230,7 @@ RUNTIME = Runtime(np, np.int64, np.float64)
 @lru_cache(maxsize=4096)
 def array(node: Const) -> Array:
     """Return a constant as a read-only array with a batch axis of one."""
-    values = [plain(v) for v in node.flat] if node.type.kind is Kind.REAL else node.flat
+    values = list(map(plain, node.flat)) if node.type.kind is Kind.REAL else node.flat
     made = np.array(values, dtype=DTYPES[node.type.kind]).reshape(*node.type.shape, 1)
     made.setflags(write=False)
     return made

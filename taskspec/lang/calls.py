@@ -15,6 +15,7 @@ from typing import NoReturn
 import numpy as np
 
 from taskspec.base.diagnostics import Collector, suggest
+from taskspec.base.records import all_names
 from taskspec.lang import alternatives, dists, sets, types
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const, Node, Role, have_one_shape, reads
@@ -234,7 +235,7 @@ def _arguments(checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scop
 def _given(
     checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scope
 ) -> tuple[dict[str, s.Expr], Shape | None]:
-    names = [a.name for a in dist.arguments]
+    names = all_names(dist.arguments)
     _check_count(checker, expr, dist.signature, len(expr.args) <= len(names))
     given = dict(zip(names, expr.args, strict=False))
     shape = None
@@ -258,7 +259,7 @@ def static_shape(checker: BaseChecker, expr: s.Expr, scope: Scope) -> Shape:
     node = checker.constant(expr, scope, "a shape")
     if node.type.kind is Kind.REAL or len(node.type.shape) > 1 or node.type.size > 4:
         checker.fail("E306", expr, "a shape is an int or a list of a few ints")
-    shape = tuple(int(n) for n in node.flat)
+    shape = tuple(map(int, node.flat))
     if any(n < 0 for n in shape):
         checker.fail("E307", expr, f"a shape is made of sizes, not {list(shape)}")
     return shape
@@ -287,7 +288,7 @@ def _check_argument(
     name = argument.name
     least = min(node.flat)
     most = max(node.flat)
-    if math.isinf(argument.high) and not all(math.isfinite(v) for v in node.flat):
+    if math.isinf(argument.high) and not all(map(math.isfinite, node.flat)):
         checker.fail("E408", expr, f"'{name}' of {dist.name} is not finite")
     if not least >= argument.low or (argument.open and least == argument.low):
         limit = f"{'above' if argument.open else 'at least'} {argument.low:g}"

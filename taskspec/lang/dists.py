@@ -17,7 +17,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from taskspec.base.limits import Limits
-from taskspec.base.records import dataclass
+from taskspec.base.records import all_names, dataclass, entries_by_name
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.operators.entry import ENCLOSED, Brackets, Level, NodeMaker
 from taskspec.lang.types import INT, INT_MAX, Kind, Refused, Shape, Type
@@ -119,7 +119,7 @@ class Dist:
 
     @property
     def signature(self) -> str:
-        return f"{self.name}({', '.join(a.name for a in self.arguments)})"
+        return f"{self.name}({', '.join(all_names(self.arguments))})"
 
     @property
     def squared(self) -> tuple[str, ...]:
@@ -300,55 +300,52 @@ def _elements(b: Builder, node: Node, shape: Shape) -> list[Node]:
 
 _P = Argument("p", low=0, high=1)
 _TRIALS = "for `s` trials, where `s` is at most 10, write `count([Bernoulli(p) and i < s for i in range(10)])`"
-DISTS: dict[str, Dist] = {
-    d.name: d
-    for d in (
-        Dist("Uniform", (Argument("low"), Argument("high")), _uniform,
-             "Uniform real between `low` and `high`; `Uniform({a, b, ...})` is uniform over a finite set.",
-             r"\operatorname{Unif}({low}, {high})", samples=({"low": -1, "high": 3}, {"low": 2.5, "high": 2.5})),
-        Dist("UniformInt", (Argument("low"), Argument("high")), _uniform_int,
-             "Uniform integer from `low` to `high`, both included.",
-             r"\operatorname{Unif}\{{low}, \ldots, {high}\}",
-             samples=({"low": -2, "high": 5}, {"low": 3, "high": 3})),
-        Dist("Normal", (Argument("mean", 0), Argument("std", 1, low=0)), _normal, "Normal (Gaussian) real.",
-             r"\mathcal{N}({mean}, {std}^2)", samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0}),
-             brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM))),
-        Dist("TruncatedNormal", (Argument("mean"), Argument("std", low=0, open=True), Argument("low"), Argument("high")),
-             _truncated_normal, "Normal real between `low` and `high`; `mean` and `std` are those before truncation.",
-             r"\mathcal{N}_{[{low}, {high}]}({mean}, {std}^2)",
-             samples=({"mean": 1, "std": 2, "low": 0, "high": 2}, {"mean": 0, "std": 1, "low": 3, "high": 5}),
-             brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM, Level.SCOPE, Level.SCOPE))),
-        Dist("Bernoulli", (_P,), _bernoulli, "A condition that holds with probability `p`.",
-             r"\operatorname{Bernoulli}({p})", samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
-        Dist("Binomial", (Argument("n", static=True, low=0, otherwise=_TRIALS), _P), _binomial,
-             "Number of successes in `n` trials that each succeed with probability `p`.",
-             r"\operatorname{Binomial}({n}, {p})",
-             samples=({"n": 6, "p": 0.3}, {"n": 1, "p": 0.5}, {"n": 4, "p": 0}, {"n": 40, "p": 0.9})),
-        Dist("Exponential", (Argument("rate", 1, low=0, open=True),), _exponential, "Exponential real with mean 1/`rate`.",
-             r"\operatorname{Exp}({rate})", samples=({"rate": 2},)),
-        Dist("Gamma", (Argument("a", low=0, open=True), Argument("rate", 1, low=0, open=True)), _gamma,
-             "A positive real with mean `a / rate` and variance `a / rate**2`.", r"\operatorname{Gamma}({a}, {rate})",
-             samples=({"a": 2.5, "rate": 2}, {"a": 0.25, "rate": 1})),
-        Dist("Geometric", (Argument("p", low=0, high=1, open=True),), _geometric,
-             "Number of trials up to the first success, where each succeeds with probability `p`: 1 or more.",
-             r"\operatorname{Geometric}({p})", samples=({"p": 0.5}, {"p": 0.2}, {"p": 1})),
-        Dist("Poisson", (Argument("rate", low=0),), _poisson, "Number of events, with mean `rate`.",
-             r"\operatorname{Poisson}({rate})", samples=({"rate": 4}, {"rate": 0}, {"rate": 0.25})),
-        Dist("Dirichlet", (Argument("alpha", vector=True, low=0, open=True),), _dirichlet,
-             "A vector of probabilities with concentrations `alpha`.", r"\operatorname{Dirichlet}({alpha})",
-             shaped=False, samples=({"alpha": (1.0, 0.5, 3.0)},)),
-        Dist("Beta", (Argument("a", low=0, open=True), Argument("b", low=0, open=True)), _beta,
-             "A real between 0 and 1 with mean `a / (a + b)`.", r"\operatorname{Beta}({a}, {b})",
-             samples=({"a": 2, "b": 5}, {"a": 0.5, "b": 0.25})),
-        Dist("Permutation", (Argument("n", static=True, low=0),), _permutation,
-             "A uniform permutation of 0, ..., n - 1; `shape=` gives a vector of permutations.",
-             r"\operatorname{Perm}({n})", samples=({"n": 5}, {"n": 1})),
-        Dist("Subset", (Argument("n", static=True, low=0), Argument("k", static=True, low=0)), _subset,
-             "`n` conditions of which `k` hold, all choices equally likely; `shape=` gives a vector of choices.",
-             r"\operatorname{Subset}({n}, {k})",
-             samples=({"n": 5, "k": 2}, {"n": 3, "k": 3})),
-    )
-}  # fmt: skip
+DISTS: dict[str, Dist] = entries_by_name((
+    Dist("Uniform", (Argument("low"), Argument("high")), _uniform,
+         "Uniform real between `low` and `high`; `Uniform({a, b, ...})` is uniform over a finite set.",
+         r"\operatorname{Unif}({low}, {high})", samples=({"low": -1, "high": 3}, {"low": 2.5, "high": 2.5})),
+    Dist("UniformInt", (Argument("low"), Argument("high")), _uniform_int,
+         "Uniform integer from `low` to `high`, both included.",
+         r"\operatorname{Unif}\{{low}, \ldots, {high}\}",
+         samples=({"low": -2, "high": 5}, {"low": 3, "high": 3})),
+    Dist("Normal", (Argument("mean", 0), Argument("std", 1, low=0)), _normal, "Normal (Gaussian) real.",
+         r"\mathcal{N}({mean}, {std}^2)", samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0}),
+         brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM))),
+    Dist("TruncatedNormal", (Argument("mean"), Argument("std", low=0, open=True), Argument("low"), Argument("high")),
+         _truncated_normal, "Normal real between `low` and `high`; `mean` and `std` are those before truncation.",
+         r"\mathcal{N}_{[{low}, {high}]}({mean}, {std}^2)",
+         samples=({"mean": 1, "std": 2, "low": 0, "high": 2}, {"mean": 0, "std": 1, "low": 3, "high": 5}),
+         brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM, Level.SCOPE, Level.SCOPE))),
+    Dist("Bernoulli", (_P,), _bernoulli, "A condition that holds with probability `p`.",
+         r"\operatorname{Bernoulli}({p})", samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
+    Dist("Binomial", (Argument("n", static=True, low=0, otherwise=_TRIALS), _P), _binomial,
+         "Number of successes in `n` trials that each succeed with probability `p`.",
+         r"\operatorname{Binomial}({n}, {p})",
+         samples=({"n": 6, "p": 0.3}, {"n": 1, "p": 0.5}, {"n": 4, "p": 0}, {"n": 40, "p": 0.9})),
+    Dist("Exponential", (Argument("rate", 1, low=0, open=True),), _exponential, "Exponential real with mean 1/`rate`.",
+         r"\operatorname{Exp}({rate})", samples=({"rate": 2},)),
+    Dist("Gamma", (Argument("a", low=0, open=True), Argument("rate", 1, low=0, open=True)), _gamma,
+         "A positive real with mean `a / rate` and variance `a / rate**2`.", r"\operatorname{Gamma}({a}, {rate})",
+         samples=({"a": 2.5, "rate": 2}, {"a": 0.25, "rate": 1})),
+    Dist("Geometric", (Argument("p", low=0, high=1, open=True),), _geometric,
+         "Number of trials up to the first success, where each succeeds with probability `p`: 1 or more.",
+         r"\operatorname{Geometric}({p})", samples=({"p": 0.5}, {"p": 0.2}, {"p": 1})),
+    Dist("Poisson", (Argument("rate", low=0),), _poisson, "Number of events, with mean `rate`.",
+         r"\operatorname{Poisson}({rate})", samples=({"rate": 4}, {"rate": 0}, {"rate": 0.25})),
+    Dist("Dirichlet", (Argument("alpha", vector=True, low=0, open=True),), _dirichlet,
+         "A vector of probabilities with concentrations `alpha`.", r"\operatorname{Dirichlet}({alpha})",
+         shaped=False, samples=({"alpha": (1.0, 0.5, 3.0)},)),
+    Dist("Beta", (Argument("a", low=0, open=True), Argument("b", low=0, open=True)), _beta,
+         "A real between 0 and 1 with mean `a / (a + b)`.", r"\operatorname{Beta}({a}, {b})",
+         samples=({"a": 2, "b": 5}, {"a": 0.5, "b": 0.25})),
+    Dist("Permutation", (Argument("n", static=True, low=0),), _permutation,
+         "A uniform permutation of 0, ..., n - 1; `shape=` gives a vector of permutations.",
+         r"\operatorname{Perm}({n})", samples=({"n": 5}, {"n": 1})),
+    Dist("Subset", (Argument("n", static=True, low=0), Argument("k", static=True, low=0)), _subset,
+         "`n` conditions of which `k` hold, all choices equally likely; `shape=` gives a vector of choices.",
+         r"\operatorname{Subset}({n}, {k})",
+         samples=({"n": 5, "k": 2}, {"n": 3, "k": 3})),
+))  # fmt: skip
 
 CATEGORICAL = Dist(
     "Categorical", (Argument("p"),), lambda b, a, shape: b.draw("categorical", (a["p"],), Type(Kind.INT, shape)),

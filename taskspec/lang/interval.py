@@ -154,7 +154,7 @@ def _looked_at(node: Const) -> Range:
         return Range(*_tidy((0, 0), node.type.kind))
     if node.type.kind is not Kind.REAL:
         return Range(*_tidy((min(node.flat), max(node.flat)), node.type.kind), True)
-    flat = [plain(v) for v in node.flat]
+    flat = list(map(plain, node.flat))
     numbers = [v for v in flat if v == v]
     edge = (min(numbers), max(numbers)) if numbers else EVERYTHING
     return Range(*_tidy(edge, node.type.kind), all(map(math.isfinite, flat)))

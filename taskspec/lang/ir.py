@@ -119,6 +119,11 @@ def draws(roots: Iterable[Node]) -> tuple[Draw, ...]:
     return tuple(n for n in walk(in_order) if isinstance(n, Draw))
 
 
+def draw_sites(roots: Iterable[Node]) -> set[int]:
+    """Return the sites of all draws below the roots."""
+    return {draw.site for draw in draws(roots)}
+
+
 def reads(roots: Iterable[Node]) -> frozenset[tuple[Role, str]]:
     return frozenset((n.role, n.name) for n in walk(roots) if isinstance(n, Read))
 

@@ -18,6 +18,7 @@ from typing import NoReturn
 
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.base.limits import Limits, how_to_raise, limits
+from taskspec.base.records import all_names
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import DISTS
 from taskspec.lang.operators import FUNCTIONS
@@ -120,7 +121,7 @@ MODULES = frozenset(
 """What others write before the dot of a function."""
 
 _OURS: Mapping[str, str] = {
-    name.lower(): f"{name}({', '.join(argument.name for argument in dist.arguments)})" for name, dist in DISTS.items()
+    name.lower(): f"{name}({', '.join(all_names(dist.arguments))})" for name, dist in DISTS.items()
 }
 _DRAWN: Mapping[str, str] = {
     **_OURS, "erlang": "Gamma(k, rate)", "chisquare": "Gamma(k / 2, 1 / 2)", "inversegamma": "1 / Gamma(a, rate)",
@@ -373,7 +374,7 @@ class _Reader:
                 return self.call(node, place)
             case ast.Subscript(value=value, slice=index):
                 items = index.elts if isinstance(index, ast.Tuple) else [index]
-                return s.Subscript(self.expr(value), tuple(self.index(i) for i in items), place)
+                return s.Subscript(self.expr(value), tuple(map(self.index, items)), place)
             case ast.Tuple(elts=items) | ast.List(elts=items):
                 return s.Vector(self.exprs(items), place)
             case ast.Set(elts=items):
@@ -386,7 +387,7 @@ class _Reader:
                 return self.refuse(node)
 
     def exprs(self, nodes: list[ast.expr]) -> tuple[s.Expr, ...]:
-        return tuple(self.expr(node) for node in nodes)
+        return tuple(map(self.expr, nodes))
 
     def constant(self, node: ast.Constant, place: s.Place) -> s.Expr:
         match node.value:
@@ -445,7 +446,7 @@ class _Reader:
         return s.Weights(tuple(pairs), place)
 
     def comprehension(self, node: ast.SetComp | ast.ListComp | ast.GeneratorExp, place: s.Place) -> s.Comprehension:
-        clauses = tuple(self.clause(generator) for generator in node.generators)
+        clauses = tuple(map(self.clause, node.generators))
         return s.Comprehension(self.expr(node.elt), clauses, isinstance(node, ast.SetComp), place)
 
     def clause(self, node: ast.comprehension) -> s.Clause:

@@ -279,7 +279,7 @@ class BaseChecker(ABC):
         reals = [n.flat for n in constants if n.type.kind is Kind.REAL]
         if not any(type(v) is Fraction for flat in reals for v in flat) or not any(varies(e, scope) for e in exprs):
             return nodes
-        return [self.builder.held(n) for n in nodes]
+        return list(map(self.builder.held, nodes))
 
     def stack(self, nodes: list[Node], expr: s.Expr) -> Node:
         """Return a vector of elements, which must be of one shape."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple, Protocol
 
 from taskspec.base.records import dataclass
 
@@ -136,3 +136,15 @@ class Refused(Exception):
         self.message = message
         self.code = code
         self.hint = hint
+
+
+class Sized(Protocol):
+    """A component, a node, or anything else that has a type."""
+
+    @property
+    def type(self) -> Type: ...
+
+
+def total_size(items: Iterable[Sized]) -> int:
+    """Return how many elements some values have together."""
+    return sum(item.type.size for item in items)

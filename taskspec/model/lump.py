@@ -142,13 +142,13 @@ def _total(flags: Node, users: Users, builder: Builder) -> Node | None:
     """
     is_vector = isinstance(flags, Apply) and flags.op == "vector"
     parts: tuple[Node, ...] = (flags,)
-    above = {id(u) for u in users[id(flags)]}
+    above = set(map(id, users[id(flags)]))
     if isinstance(flags, Apply) and is_vector:
         parts = flags.args
         above = {id(flags)}
     own = [_only(part, above, users) for part in parts]
     found = [d for d in own if d is not None]
-    if not found or len({id(d) for d in found}) < len(found) or (is_vector and len(found) < 2):
+    if not found or len(set(map(id, found))) < len(found) or (is_vector and len(found) < 2):
         return None
     if not is_vector and not _is_elementwise(flags, found[0]):
         return None
@@ -166,9 +166,9 @@ def _total(flags: Node, users: Users, builder: Builder) -> Node | None:
 
 def _only(root: Node, above: set[int], users: Users) -> Draw | None:
     """Return the one Bernoulli draw of the root's shape that only the root uses, if only the nodes above use the root."""
-    if {id(u) for u in users[id(root)]} != above:
+    if set(map(id, users[id(root)])) != above:
         return None
-    below = {id(n) for n in walk([root])}
+    below = set(map(id, walk([root])))
     own = []
     for draw in draws([root]):
         if draw.base == "bernoulli" and draw.type.shape == root.type.shape and _is_inside(draw, root, below, users):

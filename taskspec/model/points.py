@@ -12,7 +12,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.lang.ir import Const, Draw, Node, Role, walk
-from taskspec.lang.types import Kind
+from taskspec.lang.types import Kind, total_size
 from taskspec.lang.variates import VARIATES, words_of
 from taskspec.model.model import refuse
 from taskspec.model.space import Reads, Space
@@ -197,7 +197,7 @@ class Cost:
     def __init__(self, roots: Iterable[Node], simulated: bool = False, beside: int = 0) -> None:
         nodes = [node for node in walk(roots) if not isinstance(node, Const)]
         self.calls = max(1, len(nodes))
-        self.numbers = max(1, sum(node.type.size for node in nodes) + beside)
+        self.numbers = max(1, total_size(nodes) + beside)
         for node in nodes:
             if simulated and isinstance(node, Draw):
                 more_passes = PASS * (VARIATES[node.base].passes(node) - 1)

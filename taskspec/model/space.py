@@ -183,7 +183,7 @@ def shown(c: Component, value: Array) -> str:
 def words(value: Any) -> str:
     match value:
         case list():
-            inside = ", ".join(words(v) for v in value[:12])
+            inside = ", ".join(map(words, value[:12]))
             return f"[{inside}{', ...' if len(value) > 12 else ''}]"
         case bool():
             return BOOLEAN_LABELS[value]

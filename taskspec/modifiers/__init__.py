@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any, NoReturn, TypeAlias
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.records import all_names, entries_by_name
 from taskspec.lang.types import Refused
 from taskspec.modifiers import actions, observations, rewards, symmetries
 from taskspec.modifiers.core import forgetting
@@ -23,10 +24,9 @@ from taskspec.task.task import Task
 
 __all__ = ["MODIFIERS", "Modifier", "modify"]
 
-MODIFIERS: dict[str, ModifierEntry] = {
-    entry.name: entry
-    for entry in (*actions.TABLE, *observations.TABLE, *symmetries.TABLE, *rewards.TABLE, *actions.EPISODE_TABLE)
-}
+MODIFIERS: dict[str, ModifierEntry] = entries_by_name(
+    (*actions.TABLE, *observations.TABLE, *symmetries.TABLE, *rewards.TABLE, *actions.EPISODE_TABLE)
+)
 """Every modifier by its name: what `modifiers=` and `-m` take."""
 
 
@@ -95,7 +95,7 @@ def _texts(written: str, rest: str) -> dict[str, str]:
 
 def _bound(entry: ModifierEntry, given: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield the arguments that are kept, in the order of the table."""
-    names = [a.name for a in entry.arguments]
+    names = all_names(entry.arguments)
     if _FIRST in given and not names:
         _refuse(entry.name, "it has no arguments")
     given = {name or names[0]: value for name, value in given.items()}

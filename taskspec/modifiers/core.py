@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from taskspec.base.records import dataclass
+from taskspec.base.records import all_names, dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Draw, Node, Role, draws, reads
@@ -36,8 +36,8 @@ class AddedState:
 def names_in(task: Task) -> set[str]:
     """Return every name that something in a task has."""
     memory = () if task.annotations.memory is None else task.annotations.memory.components
-    found = {c.name for c in (*task.state, *task.action, *task.observation.components, *memory)}
-    return found | {p.name for p in task.parameters} | set(task.source.constants)
+    found = set(all_names((*task.state, *task.action, *task.observation.components, *memory)))
+    return found | set(all_names(task.parameters)) | set(task.source.constants)
 
 
 def fresh(wanted: Sequence[str], taken: Iterable[str]) -> list[str]:
@@ -74,7 +74,7 @@ def present(b: Builder, c: Component, role: Role = Role.STATE) -> Node:
 def inside(b: Builder, c: Component) -> Node:
     """Return a fixed value of a component: the one nearest to 0."""
     flat = [min(max(0, low), high) for low, high in zip(c.low, c.high, strict=True)]
-    numbers = flat if c.type.kind is Kind.REAL else [int(v) for v in flat]
+    numbers = flat if c.type.kind is Kind.REAL else list(map(int, flat))
     return b.const(numbers if c.type.shape else numbers[0], c.type)
 
 
@@ -90,10 +90,14 @@ def noisy(b: Builder, node: Node, std: float) -> Node:
 def acting(b: Builder, task: Task, executed: Mapping[str, Node]) -> Task:
     """Return the task in which other actions are executed than those that are chosen, by name."""
     count = len(task.state)
-    roots = (*task.process.next, *task.process.raw_next, task.process.reward, task.process.terminal)
+    roots = (*task.process.raw_next, *task.process.step_roots)
     found = b.substitute(roots, {(Role.ACTION, name): node for name, node in executed.items()}, late=False)
     return task.with_process(
-        next=found[:count], raw_next=found[count : 2 * count], reward=found[-2], terminal=found[-1]
+        raw_next=found[:count],
+        next=found[count : 2 * count],
+        reward=found[2 * count],
+        terminal=found[2 * count + 1],
+        measures=dict(zip(task.process.measures, found[2 * count + 2 :], strict=True)),
     )
 
 
@@ -124,9 +128,7 @@ def reads_time(task: Task) -> bool:
     """Return whether anything depends on the time."""
     expert = task.annotations.expert_nodes
     roots = (
-        *task.process.next,
-        task.process.reward,
-        task.process.terminal,
+        *task.process.step_roots,
         task.process.absorbing_reward,
         *task.observation.nodes,
         *expert,

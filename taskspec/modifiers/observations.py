@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from taskspec.base.diagnostics import suggest
+from taskspec.base.records import all_names
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Role
@@ -84,7 +85,7 @@ def _dropout(b: Builder, task: Task, given: Arguments) -> Task:
 def _hidden(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
     name = given["name"]
-    names = [c.name for c in seen.components]
+    names = all_names(seen.components)
     if name not in names:
         raise Inapplicable(
             f"'{name}' is not observed", suggest(name, names) or f"what is observed is {', '.join(names)}"

@@ -9,7 +9,7 @@ from itertools import chain, pairwise, product
 from typing import TypeAlias
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Origin, Span, SpecError
-from taskspec.base.records import dataclass
+from taskspec.base.records import all_names, dataclass
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
@@ -47,7 +47,7 @@ def potential(b: Builder, task: Task, written: str) -> Node:
     collector = Collector()
     origin = Origin("potential", written)
     expr = parse(s.SourceText(written, lambda start, end: Span(origin, 1, start + 1, 1, end + 1)))
-    names = ["t", *(c.name for c in task.action)]
+    names = ["t", *all_names(task.action)]
     hidden = {name: Unavailable("E302", f"'{name}' cannot be used in a potential") for name in names}
     scope = task.source.surface.scopes[SCOPE].child(dict(hidden))
     scope.draws = "a potential is a function of the state"

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from taskspec.base.diagnostics import suggest
+from taskspec.base.records import all_names, entries_by_name
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Read, Role
 from taskspec.lang.types import Kind
@@ -41,7 +42,7 @@ def _twin(b: Builder, task: Task, given: Arguments) -> Task:
 
 def _declared(task: Task, name: str) -> Symmetry:
     """Return a symmetry by its name."""
-    known = {each.name: each for each in task.unmodified.annotations.symmetries}
+    known = entries_by_name(task.unmodified.annotations.symmetries)
     if name not in known:
         if known:
             reason = f"it declares no symmetry '{name}'"
@@ -69,12 +70,14 @@ def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
     _check_space(task, components)
     shown = by_read(Role.NEXT, task.observation.components, task.observation.nodes)
     nodes = b.substitute(symmetry.observation, shown)
-    taken = (names_in(task) - set(now)) | {c.name for c in components}
+    taken = (names_in(task) - set(now)) | set(all_names(components))
     other_names = fresh(list(now), taken)
-    others = [(replace(c, name=name), node) for name, (c, node) in zip(other_names, now.values(), strict=True)]
-    return observing(
-        b, task, [*components, *(c for c, _ in others)], [*nodes, *(n for _, n in others)], task.observation.space, {}
-    )
+    every = list(components)
+    values = list(nodes)
+    for name, (c, node) in zip(other_names, now.values(), strict=True):
+        every.append(replace(c, name=name))
+        values.append(node)
+    return observing(b, task, every, values, task.observation.space, {})
 
 
 def _bounded(components: Sequence[Component], found: Sequence[MapPart]) -> list[Component]:
@@ -119,7 +122,7 @@ def _steered(b: Builder, task: Task, symmetry: Symmetry) -> Task:
             )
         if part.clash() is not None or outside(part) is not None:
             raise Inapplicable("it is not one-to-one in the actions", "`taskspec check` shows where")
-        executed |= zip((c.name for c in part.inputs), _undone(b, part), strict=True)
+        executed |= zip(all_names(part.inputs), _undone(b, part), strict=True)
     expert = task.annotations.expert
     if isinstance(expert, tuple):
         expert = b.substitute(symmetry.action, by_read(Role.ACTION, task.action, expert))

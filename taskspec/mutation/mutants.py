@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -19,14 +19,17 @@ from taskspec.mutation.text_changes import Replacements, changes, off_by_one
 from taskspec.source import Document, Path, read_text
 from taskspec.task.merge import FIELDED
 
-EXPRESSIONS = ("definitions", "noise", "initial", "dynamics", "constants", "observation", "expert")
-"""Sections that map names to expressions."""
-SINGLE = ("reward", "terminal", "absorbing_reward", "discount", "horizon")
+CHANGED = (
+    *FIELDED, "definitions", "noise", "initial", "dynamics", "constants", "observation", "expert", "reward", "terminal",
+    "absorbing_reward", "discount", "horizon", "map", "abstraction",
+)  # fmt: skip
+"""Sections that are changed, those of an abstraction included."""
 PRIMES = ("definitions", "dynamics", "reward", "terminal")
 """Sections in which a prime has a meaning."""
 OPTIONAL = ("observation", "terminal", "absorbing_reward", "discount", "expert", "abstraction")
+KEPT = frozenset({"doc", "symbol", "symbols", "message", "alias", "space", "grid"})
+"""Keys whose values are for readers, or are of a form without small changes."""
 _TYPES = {"int": "real", "real": "int", "bool": "int"}
-_FORM_KEYS = frozenset({"if", "then", "else", "by", "rows", "space", "value", "low", "high", "grid", "legend"})
 MISSING = object()
 EXCHANGED = "(exchanged)"
 
@@ -61,12 +64,9 @@ class Mutant:
 def mutants(document: Document) -> Iterator[Mutant]:
     """Yield every change of a spec, in the order of the file's sections; what it extends stays as it is."""
     walk = _Walk(document)
-    yield from walk.spec(document.data, ())
+    yield from walk.sections(document.data, (), OPTIONAL)
     for key, variant in (document.data.get("variants") or {}).items():
-        for section in variant or {}:
-            if section in (*EXPRESSIONS, *SINGLE, *FIELDED, "abstraction"):
-                yield walk.without(("variants", key, section))
-        yield from walk.spec(variant or {}, ("variants", key))
+        yield from walk.sections(variant or {}, ("variants", key), CHANGED)
 
 
 class _Walk:
@@ -102,99 +102,60 @@ class _Walk:
         words = " and ".join(map(str, names))
         yield self.mutant((*path, one), self.document.key_span((*path, one)), words, EXCHANGED, data)
 
-    def spec(self, data: Mapping[str, Any], path: Path) -> Iterator[Mutant]:
-        """Yield all sections of a spec, of a variant, or of an abstraction."""
+    def sections(self, data: Mapping[str, Any], path: Path, optional: Sequence[str]) -> Iterator[Mutant]:
+        """Yield changes of the sections of a spec, of a variant, or of an abstraction; those that are optional are left out."""
         for section, value in data.items():
-            here = (*path, section)
-            if value is None:
+            if section not in CHANGED or value is None:
                 continue
-            if section in FIELDED:
-                yield from self._components(value, here)
-            elif section in EXPRESSIONS and isinstance(value, dict) and not (section == "expert" and "rows" in value):
-                yield from self._entries(value, here)
-            elif section in SINGLE or section in EXPRESSIONS:
-                yield from self.expression(value, here)
-            elif section == "abstraction":
-                yield from self.spec(value, here)
-            elif section == "map":
-                yield from self._entries(value, here)
-            if section in OPTIONAL and len(path) != 2:
+            here = (*path, section)
+            if section == "abstraction":
+                yield from self.sections(value, here, OPTIONAL)
+            else:
+                yield from self.values(value, here, section)
+            if section in optional:
                 yield self.without(here)
 
-    def _entries(self, entries: Mapping[str, Any], path: Path) -> Iterator[Mutant]:
-        names = [name for name in entries if name != "space"]
-        for name in names:
-            if entries[name] is not None:
-                yield from self.expression(entries[name], (*path, name))
-                yield self.without((*path, name))
-        for one, other in pairwise(names):
-            yield from self.exchanged(path, one, other)
-
-    def _components(self, entries: Mapping[str, Any], path: Path) -> Iterator[Mutant]:
-        for name, entry in entries.items():
-            here = (*path, name)
-            if name == "require":
-                for i, item in enumerate(entry):
-                    yield from self.expression(item["condition"], (*here, i, "condition"))
-                    yield self.without((*here, i))
-            elif entry is not None:
-                yield from self._component(entry, here)
-                yield self.without(here)
-
-    def _component(self, entry: Mapping[str, Any], path: Path) -> Iterator[Mutant]:
-        for key, value in entry.items():
-            here = (*path, key)
-            match key:
-                case "type" if value in _TYPES:
-                    yield self.changed(here, _TYPES[value], value, _TYPES[value])
-                case "default" | "initial" | "next":
-                    yield from self.expression(value, here)
-                case "low" | "high" | "shape":
-                    yield from self.expression(value, here)
-                    yield self.without(here)
-                case "values":
-                    yield from self._labels(value, here)
-
-    def _labels(self, labels: Any, path: Path) -> Iterator[Mutant]:
-        if isinstance(labels, dict):
-            keys = list(labels)
-        else:
-            keys = list(range(len(labels)))
-        for key in keys:
-            if isinstance(labels, dict):
-                yield from self.expression(labels[key], (*path, key))
-            yield self.without((*path, key))
-        for one, other in pairwise(keys):
-            yield from self.exchanged(path, one, other)
-
-    def expression(self, value: Any, path: Path) -> Iterator[Mutant]:  # noqa: C901
-        """Yield changes of an expression in any of its forms."""
+    def values(self, value: Any, path: Path, section: str) -> Iterator[Mutant]:
+        """Yield changes of a value, and of all that is in it."""
         match value:
+            case dict():
+                keys = [key for key in value if key not in KEPT and value[key] is not None]
+                yield from self._entries(value, keys, path, section)
+            case list():
+                yield from self._entries(value, list(range(len(value))), path, section)
             case bool():
                 yield self.changed(path, not value, str(value).lower(), str(not value).lower())
             case int() | float():
                 yield from self._number(value, path)
-            case str():
-                in_step = any(step in PRIMES for step in path)
-                names = Replacements(self.alike, self.states if in_step else frozenset())
-                for change in changes(value, names):
-                    end = max(change.end, min(change.start + 1, len(value)))
-                    place = self.document.span(path, change.start, end)
-                    data = _replaced(self.document.data, path, change.apply(value))
-                    before = value[change.start : change.end]
-                    yield self.mutant(path, place, before, change.new or "(left out)", data)
-            case list():
-                yield from self._items(value, path)
-            case dict() if "rows" in value:
-                yield from self.expression(value.get("by"), (*path, "by"))
-                yield from self._keyed(value["rows"], (*path, "rows"))
-            case dict() if "grid" in value:
-                yield from self._entries(value["legend"], (*path, "legend"))
-            case dict() if "value" in value:
-                for key in value:
-                    yield from self.expression(value[key], (*path, key))
-            case dict():
-                yield from self._keyed(value, path)
+            case str() if path[-1] == "type":
+                if value in _TYPES:
+                    yield self.changed(path, _TYPES[value], value, _TYPES[value])
+            case str() if path[-2:-1] != ("values",):
+                yield from self._expression(value, path)
+
+    def _entries(self, entries: Any, keys: list[Any], path: Path, section: str) -> Iterator[Mutant]:
+        """Yield entries, rows, items or labels that are changed, left out, or exchanged with their neighbours.
+
+        Neither declarations nor their fields are exchanged.
+        """
+        for key in keys:
+            here = (*path, key)
+            yield from self.values(entries[key], here, section)
+            if key not in ("type", "default"):
+                yield self.without(here)
+        if section not in FIELDED or path[-1] == "values":
+            for one, other in pairwise(keys):
+                yield from self.exchanged(path, one, other)
+
+    def _expression(self, text: str, path: Path) -> Iterator[Mutant]:
+        in_step = any(step in PRIMES for step in path)
+        names = Replacements(self.alike, self.states if in_step else frozenset())
+        for change in changes(text, names):
+            end = max(change.end, min(change.start + 1, len(text)))
+            place = self.document.span(path, change.start, end)
+            data = _replaced(self.document.data, path, change.apply(text))
+            before = text[change.start : change.end]
+            yield self.mutant(path, place, before, change.new or "(left out)", data)
 
     def _number(self, value: int | float, path: Path) -> Iterator[Mutant]:
         text = self.document.text(path)
@@ -205,40 +166,6 @@ class _Walk:
                 yield self.changed(path, type(value)(float(sign + new)), text, sign + new)
         if value:
             yield self.changed(path, -value, text, f"{-value:g}")
-
-    def _items(self, items: list[Any], path: Path) -> Iterator[Mutant]:
-        """Change a vector, the columns of a table, or cases; cases are left out and change places, too."""
-        is_cases = any(isinstance(item, dict) and item.keys() & {"then", "else"} for item in items)
-        for i, item in enumerate(items):
-            if not is_cases or not isinstance(item, dict):
-                yield from self.expression(item, (*path, i))
-                continue
-            for key in item:
-                if key in ("if", "then", "else"):
-                    yield from self.expression(item[key], (*path, i, key))
-            if "else" not in item:
-                yield self.without((*path, i))
-        for i in range(len(items) - 1 - is_cases):
-            yield from self.exchanged(path, i, i + 1)
-
-    def _keyed(self, rows: Mapping[str, Any], path: Path) -> Iterator[Mutant]:
-        """Yield rows of a table, or values with their probabilities: changed, left out, exchanged, under another key."""
-        for key, cell in rows.items():
-            if isinstance(cell, dict) and not cell.keys() & _FORM_KEYS - {"else"}:
-                yield from self._keyed(cell, (*path, key))
-            else:
-                yield from self.expression(cell, (*path, key))
-            yield self.without((*path, key))
-            if key == "else":
-                continue
-            for change in changes(key, Replacements(self.alike, frozenset())):
-                other = change.apply(key)
-                if other not in rows:
-                    renamed = {other if k == key else k: v for k, v in rows.items()}
-                    data = _replaced(self.document.data, path, renamed)
-                    yield self.mutant((*path, key), self.document.key_span((*path, key)), key, other, data)
-        for one, other in pairwise(rows):
-            yield from self.exchanged(path, one, other)
 
 
 def _specs(data: Mapping[str, Any]) -> list[Mapping[str, Any]]:

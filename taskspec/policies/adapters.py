@@ -16,6 +16,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.records import all_names
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Role, draws, reads
 from taskspec.lang.types import Kind
@@ -278,7 +279,7 @@ class StateFunction(TaskPolicy):
         self.task = task
         self.name = getattr(function, "__name__", type(function).__name__)
         self.function = function
-        self.names = [c.name for c in task.action]
+        self.names = all_names(task.action)
         actions = ", ".join(f"{name!r}: ..." for name in self.names)
         self.hint = f"`lambda state, t: {{{actions}}}`; of observations, an object with `predict`"
         try:

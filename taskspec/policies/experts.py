@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taskspec.base.arrays import Array
+from taskspec.base.arrays import Array, part_at
+from taskspec.base.records import all_names
 from taskspec.lang.ir import Read, Role, reads
 from taskspec.lang.types import Kind
 from taskspec.model.model import misused, refuse
@@ -51,7 +52,7 @@ class Expert:
         self.action: spaces.SpaceLayout = task.action_layout
         self.memory: ExpertMemory | None = task.annotations.memory if self.given is None else None
         self.is_expressed: bool = isinstance(task.annotations.expert, tuple) and self.given is None
-        needed = {c.name for c in task.state}
+        needed = set(all_names(task.state))
         if isinstance(task.annotations.expert, tuple) and self.is_expressed:
             needed &= {name for role, name in reads(task.annotations.expert) if role is Role.STATE}
         self.shown_by: dict[str, int] = _shown_by(task, needed)
@@ -106,14 +107,14 @@ class Expert:
 
     def _split(self, observation: Any) -> tuple[bool, list[Any]]:
         """Return whether this is one observation, and the observations one by one."""
-        if not isinstance(observation, dict):
-            single = np.ndim(observation) == len(self.observation.shape)
-            return single, [observation] if single else list(observation)
-        first = self.observation.components[0]
-        if np.ndim(observation[first.name]) == len(first.type.shape):
+        first = observation
+        shape = self.observation.shape
+        if isinstance(observation, dict):
+            first = observation[self.observation.components[0].name]
+            shape = self.observation.components[0].type.shape
+        if np.ndim(first) == len(shape):
             return True, [observation]
-        lanes = len(observation[first.name])
-        return False, [{name: value[i] for name, value in observation.items()} for i in range(lanes)]
+        return False, [part_at(observation, i) for i in range(len(first))]
 
     def _remembered(self, batch: list[Any], steps: Array, state: Any) -> list[list[tuple[Any, ...]]]:
         """Return the expert's memory in each environment after a batch of observations, as flat values by component."""

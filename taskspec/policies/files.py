@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.records import all_names
 from taskspec.lang.types import Kind
 from taskspec.policies.policy import Actions, EpisodeBatch, TaskPolicy
 from taskspec.task.parts import Component
@@ -101,7 +102,9 @@ class ScriptedPolicy(TaskPolicy):
     def __init__(self, path: Path, task: Task, hint: str) -> None:
         self.name = str(path)
         self.task = task
-        self.episodes = [[_action(task, item, path, hint) for item in items] for items in _episodes(path, task)]
+        self.episodes = []
+        for items in _episodes(path, task):
+            self.episodes.append([_action(task, item, path, hint) for item in items])
         self.episode = -1
 
     def choose(self, batch: EpisodeBatch) -> Actions:
@@ -127,7 +130,7 @@ def _episodes(path: Path, task: Task) -> list[list[Any]]:
             if any(row):
                 cells = [_number(cell.strip()) for cell in row]
                 items.append(cells[0] if len(cells) == 1 and not is_list else cells)
-        names = [c.name for c in task.action]
+        names = all_names(task.action)
         if items and items[0] in (names, names[0]):
             items = items[1:]
         return [items]

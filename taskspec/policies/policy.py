@@ -17,7 +17,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import suggest
 from taskspec.base.extras import is_installed
 from taskspec.lang.ir import Role
-from taskspec.lang.types import Kind
+from taskspec.lang.types import Kind, total_size
 from taskspec.lang.variates import WordLayout
 from taskspec.model.model import Model, misused, refuse
 from taskspec.rollout.rollout import State, expert_actions
@@ -292,7 +292,7 @@ class RandomPolicy(NamedPolicy):
             if not all(map(math.isfinite, (*c.low, *c.high))):
                 misused(f"random actions need a bounded range, which '{c.name}' has not", "give it `low` and `high`")
         self.task = task
-        self.words = sum(c.type.size for c in task.action)
+        self.words = total_size(task.action)
 
     def by_words(self, states: State, t: int, words: Array) -> Actions:
         """Return uniform actions, from one word for each number."""

@@ -16,10 +16,11 @@ import numpy as np
 from taskspec import draws
 from taskspec.base.arrays import Array
 from taskspec.base.limits import limits, tell
+from taskspec.base.records import all_names
 from taskspec.lang.batch import evaluate
 from taskspec.lang.interval import bounds
 from taskspec.lang.ir import Const, Node, Role
-from taskspec.lang.types import Kind
+from taskspec.lang.types import Kind, total_size
 from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.model import refuse
 from taskspec.model.points import BYTES, Budget, Cost, columns, sampled
@@ -57,7 +58,7 @@ class Rollout:
     def start(self, episode: int = 0) -> State:
         words = draws.lanes_block(self.seeds, draws.RESET, episode, self.task.reset_words.count)
         values = self._values(self.task.process.initial, {}, self.task.reset_words, words)
-        return dict(zip((c.name for c in self.task.state), values, strict=True))
+        return dict(zip(all_names(self.task.state), values, strict=True))
 
     def step(self, state: State, action: Mapping[str, Array], t: int, steps: int | None = None) -> Moved:
         """Return one step at time t; `steps` counts those since the seed was set (t in the first episode)."""
@@ -158,7 +159,7 @@ def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
     everyone = [(sampled_actions(task), STEPS, LANES), (_held(task), far // rounds, LANES * rounds)]
     if isinstance(task.annotations.expert, tuple) and task.annotations.memory is None:
         everyone.append((by_expert(task), STEPS, LANES))
-    size = sum(c.type.size for c in (*task.state, *task.action))
+    size = total_size((*task.state, *task.action))
     numbers = size * sum(steps * lanes for _, steps, lanes in everyone)
     share = min(1.0, limits().megabytes * 1e6 / (BYTES * numbers))
     parts: list[dict[Key, Array]] = []
@@ -342,8 +343,11 @@ def return_range(task: Task) -> tuple[float, float]:
         weight = 1.0
     elif gap > 0:
         weight = -math.expm1(weight * math.log1p(-gap)) / gap  # 1 - gamma**steps would cancel for gamma near 1
-    ends = [float(end) for end in bounds(task.process.reward, {})]
-    if not (isinstance(task.process.terminal, Const) and not task.process.terminal.value):
+    ends = list(map(float, bounds(task.process.reward, {})))
+    terminal = task.process.terminal
+    if isinstance(terminal, Const) and terminal.value:
+        weight = 1.0  # the first step ends the episode
+    elif not isinstance(terminal, Const):
         ends.append(0.0)
     low = weight * min(ends) if min(ends) else 0.0
     high = weight * max(ends) if max(ends) else 0.0

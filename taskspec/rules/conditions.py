@@ -8,6 +8,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector
+from taskspec.base.records import all_names, entries_by_name
 from taskspec.lang import syntax as s
 from taskspec.lang.batch import evaluate
 from taskspec.lang.builder import Builder
@@ -135,8 +136,8 @@ def influences(action: s.Expr, state: s.Expr, results: Results) -> tuple[bool | 
     It cannot if the dynamics of the state do not read the action; otherwise an exact model is needed.
     """
     task = results.task
-    actions = {c.name: c for c in task.action}
-    states = [c.name for c in task.state]
+    actions = entries_by_name(task.action)
+    states = all_names(task.state)
     if not (isinstance(action, s.Name) and action.id in actions):
         raise InvalidClaim(f"an action component is needed here: {', '.join(actions)}", action)
     if not (isinstance(state, s.Name) and state.id in states):

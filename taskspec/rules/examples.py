@@ -20,7 +20,7 @@ from taskspec.lang.check import Checker
 from taskspec.lang.interval import NormalForms
 from taskspec.lang.ir import Const, Node, Role, draws, reads
 from taskspec.lang.scope import Poisoned, Scope
-from taskspec.lang.types import BOOL, INF, REAL, Refused
+from taskspec.lang.types import BOOL, INF, REAL, Refused, total_size
 from taskspec.lang.variates.entry import ProbabilityArithmetic
 from taskspec.model.space import domain, plain, words
 from taskspec.model.transitions import FLOATS, count, is_finite, joint_outcomes, merge_outcomes
@@ -106,7 +106,7 @@ def _number(p: float | Fraction) -> str:
 def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
     """Return the joint outcomes of nodes that read nothing; None if there are infinitely many, or too many."""
     found = draws(nodes)
-    size = sum(node.type.size for node in (*nodes, *found))
+    size = total_size((*nodes, *found))
     if not all(map(is_finite, found)) or count(found, {}) > min(MOST_OUTCOMES, MOST_NUMBERS / max(1, size)):
         return None
     try:

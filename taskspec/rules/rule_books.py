@@ -12,6 +12,7 @@ from taskspec import registry
 from taskspec.base import ids
 from taskspec.base.bibliography import Reference, beside
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, suggest
+from taskspec.base.records import all_names
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse_into
 from taskspec.rules.score_rules import RuleNames, check_rule
@@ -102,7 +103,7 @@ class _RuleReader:
 
     def names(self, described: ExamDocument | FindingsDocument, folder: Path) -> RuleNames:
         """Return the names of a file, and report those of nothing."""
-        known = tuple(entry.name for entry in registry.entries(folder))
+        known = tuple(all_names(registry.entries(folder)))
         self.check_members(described.tasks, known, "task", ("tasks",))
         tasks = tuple(described.tasks) or known
         learners: tuple[str, ...] = ()

@@ -33,19 +33,19 @@ def _entry(name: str, entry: str, statistic: Statistic, doc: str) -> OverSeeds:
     return OverSeeds(Word(name, f"{name}(task)", doc), entry, statistic)
 
 
-NUMBERS: dict[str, OverSeeds] = {
-    each.word.name: each
-    for each in (
-        _entry("score", "deterministic", "mean", "Mean score of the best actions of the policy; 0 is random, 1 the expert."),
-        _entry("sampled", "stochastic", "mean", "Mean score of the policy that samples its actions."),
-        _entry("sd", "deterministic", "sd", "Standard deviation of the scores between seeds."),
-        _entry("median", "deterministic", "median", "Score that half of the seeds reach."),
-        _entry("highest", "deterministic", "highest", "Score of the best of the seeds that were run."),
-        _entry("lowest", "deterministic", "lowest", "Score of the worst of the seeds that were run."),
-        _entry("starc", "starc", "mean", "Mean distance of the learned reward to the true one, up to shaping and scale."),
-        _entry("regret", "reward_regret", "mean", "Mean score that is lost by optimising the learned reward exactly."),
-    )
-}  # fmt: skip
+_NUMBERS = (
+    _entry(
+        "score", "deterministic", "mean", "Mean score of the best actions of the policy; 0 is random, 1 the expert."
+    ),
+    _entry("sampled", "stochastic", "mean", "Mean score of the policy that samples its actions."),
+    _entry("sd", "deterministic", "sd", "Standard deviation of the scores between seeds."),
+    _entry("median", "deterministic", "median", "Score that half of the seeds reach."),
+    _entry("highest", "deterministic", "highest", "Score of the best of the seeds that were run."),
+    _entry("lowest", "deterministic", "lowest", "Score of the worst of the seeds that were run."),
+    _entry("starc", "starc", "mean", "Mean distance of the learned reward to the true one, up to shaping and scale."),
+    _entry("regret", "reward_regret", "mean", "Mean score that is lost by optimising the learned reward exactly."),
+)
+NUMBERS: dict[str, OverSeeds] = {each.word.name: each for each in _NUMBERS}
 """Each takes a task, where there are several learners a learner before it, and one of `SIDES` behind it."""
 
 FIXED: dict[str, Word] = {"constant": Word("constant", "constant(task)", "Score of the best constant action.")}
@@ -148,7 +148,7 @@ class SeedScores:
         self.exams = exams
         renamed = {**(same or {}), **(instances or {})}
         for learner, exam in exams.items():
-            own = {short_name(task) for task in exam["tasks"]}
+            own = set(map(short_name, exam["tasks"]))
             names = {}
             for task, about in exam["tasks"].items():
                 name = short_name(task)
@@ -427,7 +427,7 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             self._fail("E316", clause.domain, "one variable goes through a group")
         for member in members if self.collector is None else members[:1]:
             inner = replace(self, bound={**self.bound, clause.targets[0]: member})
-            passes = [inner._passes(condition) for condition in clause.conditions]
+            passes = list(map(inner._passes, clause.conditions))
             if all(passes) or self.collector is not None:
                 yield from inner._chosen(rest)
 
@@ -450,7 +450,7 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         """Return whether members pass a condition after `if`, which narrows a group by names."""
         match expr:
             case s.Logical(op=op, operands=operands):
-                found = [self._passes(operand) for operand in operands]
+                found = list(map(self._passes, operands))
                 return {"and": all, "or": any}[op](found)
             case s.Compare(first=s.Name(id=name), rest=(("in" | "not in" as op, others),)) if name in self.bound:
                 return (self.bound[name] in self._members(others)) is (op == "in")

@@ -11,6 +11,7 @@ import numpy as np
 from taskspec.base.diagnostics import SpecError, suggest
 from taskspec.base.display import html_table
 from taskspec.base.limits import tell
+from taskspec.base.records import entries_by_name
 from taskspec.model.model import Model, misused, refuse
 from taskspec.scores.measures import (
     best_chance,
@@ -169,7 +170,7 @@ _MEASURES = [
         r" \lceil \tfrac{28}{3} v_{t,s} d_{t,s}^{-2} \log(2 T \lvert A \rvert^k) \rceil",
         LAIDLAW, _on_model(effective_horizon)),
 ]  # fmt: skip
-MEASURES: dict[str, Measure] = {measure.name: measure for measure in _MEASURES}
+MEASURES: dict[str, Measure] = entries_by_name(_MEASURES)
 """Every measure by name."""
 
 

@@ -11,7 +11,8 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.lang.ir import Node, draws, reads
+from taskspec.lang.ir import Node, draw_sites, draws, reads
+from taskspec.lang.types import total_size
 from taskspec.model.model import Model, refuse
 from taskspec.model.transitions import TIME, count, joint_outcomes, picked
 from taskspec.scores.measures import mean_length, undiscounted
@@ -94,7 +95,7 @@ def hidden_bits(model: Model) -> float:
     outcomes = count(draws(nodes), {})
     if outcomes == np.inf:
         refuse("the noise on what is seen of a state has infinitely many outcomes")
-    size = sum(np.count_nonzero(each) for each in visits) * outcomes * sum(node.type.size for node in nodes)
+    size = sum(np.count_nonzero(each) for each in visits) * outcomes * total_size(nodes)
     if size > limits().seconds * RATE:
         refuse(f"observations have {count_of(int(size))} numbers in all", how_to_raise("seconds", size / RATE))
     parts: list[tuple[Array, Array, Array]] = []
@@ -110,15 +111,13 @@ def hidden_bits(model: Model) -> float:
 
 def _informative(task: Task) -> list[Node]:
     """Return the observed nodes without noise that is independent of the state and of all other components."""
-    moving = {
-        d.site for d in draws((*task.process.next, *task.process.initial, task.process.reward, task.process.terminal))
-    }
-    if moving & {d.site for d in draws(task.observation.nodes)}:
+    moving = draw_sites((*task.process.next, *task.process.initial, task.process.reward, task.process.terminal))
+    if moving & draw_sites(task.observation.nodes):
         refuse("what is seen shares a draw with the dynamics")
     nodes = [node for node in task.observation.nodes if not draws([node]) or reads([node])]
     while True:
-        used = {d.site for d in draws(nodes)}
-        kept = [n for n in task.observation.nodes if n in nodes or used & {d.site for d in draws([n])}]
+        used = draw_sites(nodes)
+        kept = [n for n in task.observation.nodes if n in nodes or used & draw_sites([n])]
         if len(kept) == len(nodes):
             return nodes
         nodes = kept

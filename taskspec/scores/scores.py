@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError
+from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, spec_error
 from taskspec.base.display import html_table
 from taskspec.base.files import write_text
 from taskspec.base.limits import tell
@@ -38,6 +40,8 @@ class Scores:
     actions: int | None
     why_not_exact: str | None
     modifiers: tuple[str, ...]
+    measures: Mapping[str, Mapping[str, Return | None]] = field(default_factory=dict)
+    """The expected sum of each measure of the task under each of these policies."""
 
     @property
     def gap(self) -> float | None:
@@ -60,15 +64,22 @@ class Scores:
         for name, value in returns.items():
             if value is not None:
                 found[name] = asdict(value) | {"status": value.status}
+        for name, under in self.measures.items():
+            known = {which: value for which, value in under.items() if value is not None}
+            found["measures"][name] |= {
+                which: asdict(value) | {"status": value.status} for which, value in known.items()
+            }
         return found
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one flat row for each known return, as `pandas.DataFrame` takes them."""
-        known = [(name, found) for name in RETURNS if (found := getattr(self, name)) is not None]
-        return [
-            {**self.parameters, "id": self.id, "return": name, "value": r.value, "error": r.error, "status": r.status}
-            for name, r in known
-        ]
+        rows = []
+        for name in RETURNS:
+            known = getattr(self, name)
+            if known is not None:
+                row = {**self.parameters, "id": self.id, "return": name}
+                rows.append(row | {"value": known.value, "error": known.error, "status": known.status})
+        return rows
 
     def _repr_html_(self) -> str:
         """Return the returns, for notebooks."""
@@ -130,5 +141,45 @@ def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) ->
         actions = model.n_actions
     return Scores(
         task.id, task.content_hash, task.values, results.optimal, results.random, results.worst, results.expert,
-        states, actions, results.why_not, tuple(map(str, task.modifiers)),
+        states, actions, results.why_not, tuple(map(str, task.modifiers)), results.measures,
     )  # fmt: skip
+
+
+def read_returns(path: Path) -> list[float]:
+    """Return returns of episodes from a file: a JSON list, or `returns` of a JSON object; or a column of CSV.
+
+    Raises:
+        SpecError: E710 when there is no file, E711 when it has no returns.
+    """
+    if not path.exists():
+        raise spec_error("E710", f"there is no file '{path}'")
+    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        values = _from_json(text) if path.suffix == ".json" else _from_csv(text)
+    except (ValueError, TypeError, KeyError, IndexError):
+        values = []
+    if not values:
+        raise spec_error("E711", f"'{path}' contains no returns", "a JSON list of numbers, or one number per line")
+    for i, value in enumerate(values, 1):
+        if math.isnan(value):
+            raise spec_error("E711", f"return number {i} of '{path}' is nan")
+    return values
+
+
+def _from_json(text: str) -> list[float]:
+    data = json.loads(text)
+    if isinstance(data, dict):
+        data = data["returns"]
+    return [float(value) for value in data]
+
+
+def _from_csv(text: str) -> list[float]:
+    """Return the column `r` or `return`, else the first one; comments start with `#`."""
+    rows = list(csv.reader(line for line in text.splitlines() if line.strip() and not line.startswith("#")))
+    header = [cell.strip().lower() for cell in rows[0]]
+    column = next((header.index(name) for name in ("r", "return", "returns", "score") if name in header), 0)
+    try:
+        float(rows[0][column])
+    except ValueError:
+        del rows[0]
+    return [float(row[column]) for row in rows]

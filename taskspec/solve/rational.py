@@ -43,16 +43,16 @@ class ExactProbabilities:
         if outcomes is None or outcomes.tail:
             raise Inexact
         if isinstance(p, Const):
-            return _objects([self.reader(v) for v in p.flat]).reshape(*p.type.shape, 1)
+            return _objects(list(map(self.reader, p.flat))).reshape(*p.type.shape, 1)
         looked_up = row_table(p)
         if looked_up is None or not outcomes.by_row:
-            return _objects([self.reader.computed(v) for v in arg.reshape(-1).tolist()]).reshape(arg.shape)
+            return _objects(list(map(self.reader.computed, arg.reshape(-1).tolist()))).reshape(arg.shape)
         table = looked_up[0]  # its rows in the numbers that they were written with
         k = table.type.shape[-1]
         known: dict[tuple[float, ...], list[Fraction]] = {}
         for first in range(0, len(table.flat), k):
             row = table.flat[first : first + k]
-            known.setdefault(tuple(float(v) for v in row), [self.reader(v) for v in row])
+            known.setdefault(tuple(map(float, row)), list(map(self.reader, row)))
         flat: list[Fraction] = []
         for column in arg.T.tolist():
             flat += known[tuple(column)]
@@ -90,9 +90,10 @@ class Scaled:
     def of(cls, values: Array) -> Scaled:
         """From an array of rationals, or of ints."""
         flat = values.reshape(-1).tolist()
-        known = {
-            id(v): Fraction(v) for v in {id(v): v for v in flat}.values()
-        }  # one object often stands in many places
+        known: dict[int, Fraction] = {}
+        for v in flat:  # one object often stands in many places
+            if id(v) not in known:
+                known[id(v)] = Fraction(v)
         over = math.lcm(*{v.denominator for v in known.values()})
         parts = {key: v.numerator * (over // v.denominator) for key, v in known.items()}
         return cls(_objects([parts[id(v)] for v in flat]).reshape(values.shape), over)
@@ -167,7 +168,7 @@ class Rational:
         first = np.searchsorted(found.row, np.arange(model.n_actions * model.n_states))
         acting = model.acting[found.row % model.n_states]  # what is paid elsewhere need not even be a number
         distinct, which = np.unique(np.where(acting, found.reward, 0.0), return_inverse=True)
-        rates = Scaled.of(_objects([self.reader(v) for v in distinct.tolist()]))
+        rates = Scaled.of(_objects(list(map(self.reader, distinct.tolist()))))
         weights = Scaled.of(found.weight)
         paid = np.add.reduceat(weights.parts * rates.parts[which.reshape(-1)], first)
         R = Scaled(paid, weights.over * rates.over).lowest()

@@ -12,13 +12,14 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
+from taskspec.base.records import entries_by_name
 from taskspec.lang import syntax as s
 from taskspec.lang.batch import evaluate
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
 from taskspec.lang.interval import ranges
 from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
-from taskspec.lang.types import INF, Interval, Kind, Range
+from taskspec.lang.types import INF, Interval, Kind, Range, total_size
 from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.extract import Visits, successors, visits
 from taskspec.model.lump import lumped
@@ -122,8 +123,10 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
     yield phase("expert", [] if task.annotations.memory else _expert_checks(task))
     steps = _values("E403", "dynamics", task.state, task.process.raw_next, "'")
     steps.append(Check("E406", task.process.reward, (-INF,), (INF,), "reward", what="the reward"))
-    for section in ("noise", "dynamics", "reward", "terminal"):
-        steps += _drawn(task, section, (*task.process.next, task.process.reward, task.process.terminal))
+    for name, node in task.process.measures.items():
+        steps.append(Check("E406", node, (-INF,), (INF,), "measures", what=f"the measure '{name}'"))
+    for section in ("noise", "dynamics", "reward", "terminal", "measures"):
+        steps += _drawn(task, section, task.process.step_roots)
     yield phase("step", steps)
     if task.annotations.memory is not None:
         whole = task.remembering()
@@ -201,7 +204,7 @@ class PhaseBuilder:
         known = self.entered if ends else self.acting
         points = columns([known, resampled(known, actions, rng)])
         has_reals = any(c.type.kind is Kind.REAL for c in task.state)
-        if has_reals and sum(c.type.size for c in task.state) > 1:
+        if has_reals and total_size(task.state) > 1:
             return Samples(points, {})
         everywhere = [(Role.STATE, self._limited(c)) for c in task.state] + actions
         starts = entered(task, drawn(everywhere, self._times("step"), rng), False, rng)
@@ -276,7 +279,7 @@ class _Parameters:
 
     def _probabilities(self, exprs: list[s.Expr]) -> Iterator[Check]:
         """Yield checks that probabilities are between 0 and 1, and sum to 1."""
-        nodes = [self.where.number(e) for e in exprs]
+        nodes = list(map(self.where.number, exprs))
         if any(n is None or draws([n]) for n in nodes) or all(isinstance(n, Const) for n in nodes):
             return
         b = self.where.builder
@@ -290,7 +293,7 @@ class _Parameters:
         yield self._check("E401", b.apply("sum", terms), 1.0, 1.0, "the sum of the probabilities", self.written.expr)
 
     def _of_call(self, call: s.Call) -> Iterator[Check]:
-        arguments = {a.name: a for a in DISTS[call.function].arguments}
+        arguments = entries_by_name(DISTS[call.function].arguments)
         given = dict(zip(arguments, call.args, strict=False)) | dict(call.keywords)
         nodes = {}
         for name, expr in given.items():

@@ -179,7 +179,7 @@ def _data(node: Node) -> Any:
         case ScalarNode():
             return node.value
         case SequenceNode():
-            return [_data(item) for item in node.items]
+            return list(map(_data, node.items))
         case MappingNode():
             return {key.value: _data(value) for key, value in node.entries}
 

@@ -135,6 +135,6 @@ def _parsed(text: str) -> Scanned:
         return Scanned(0, ())
     variants = data.get("variants")
     version = data.get("version")
-    named = [str(key) for key in variants] if isinstance(variants, dict) else []
+    named = list(map(str, variants)) if isinstance(variants, dict) else []
     whole = version if isinstance(version, int) and version >= 0 else 0
     return _collected(str(data.get("name", "")), int(whole), map(str, data), named)

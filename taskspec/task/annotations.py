@@ -9,6 +9,7 @@ from typing import Any
 
 from taskspec.base.diagnostics import suggest
 from taskspec.base.limits import how_to_raise, limits
+from taskspec.base.records import all_names
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node, Role, reads
@@ -113,7 +114,7 @@ def _digits(value: Value | None) -> tuple[str, ...] | None:
     if node.type.kind is Kind.BOOL:
         letters = ["#" if v else " " for v in node.flat]
     elif node.type.kind is Kind.INT and all(0 <= v <= 9 for v in node.flat):
-        letters = [str(v) for v in node.flat]
+        letters = list(map(str, node.flat))
     else:
         return None
     width = node.type.shape[1]
@@ -178,8 +179,8 @@ def _names(context: Context, section: str) -> Sequence[str]:
     if section == "observation" and context.data.get("observation"):
         return [name for name in context.data["observation"] if name != "space"]
     if section == "given state":
-        return [c.name for c in (*context.state, *context.memory)]
-    return [c.name for c in (context.action if section == "action" else context.state)]
+        return all_names((*context.state, *context.memory))
+    return all_names(context.action if section == "action" else context.state)
 
 
 # The section `symmetries`: maps of what is seen and of what is done, as nodes.
@@ -243,7 +244,7 @@ def _shown(
             yield _component(context, c, values[c.name])
         elif c.name not in used:
             yield c, seen[c.name].node
-    known = {c.name for c in observation.components}
+    known = set(all_names(observation.components))
     for name, value in values.items():
         if name not in known:
             yield _component(context, Component(name, value.node.type, (), ()), value)
@@ -298,8 +299,8 @@ def _fitting(builder: Builder, components: tuple[Component, ...], nodes: tuple[N
 
 def _check_names(context: Context, observation: Observation) -> None:
     """Report (E309) what is remembered under the name of something that is seen: its prime would mean both."""
-    seen = {c.name for c in observation.components}
+    seen = set(all_names(observation.components))
     for c in context.memory:
-        if c.name in seen and c.name not in {s.name for s in context.state}:
+        if c.name in seen and c.name not in all_names(context.state):
             hint = "every name has one meaning in a spec"
             context.report_key("E309", ("memory", c.name), f"'{c.name}' is an observation already", hint)

@@ -14,11 +14,11 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.limits import limits
-from taskspec.base.records import dataclass
+from taskspec.base.records import all_names, dataclass
 from taskspec.lang.batch import DTYPES, evaluate
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, reads, walk
 from taskspec.lang.operators import Elements, entry_of
-from taskspec.lang.types import Kind
+from taskspec.lang.types import Kind, total_size
 from taskspec.task.parts import Component, are_finite, counts_of
 
 Values = dict[str, Array]
@@ -92,7 +92,7 @@ def parts(role: Role, inputs: Sequence[Component], nodes: Sequence[Node], is_tie
             names = names | group[0]
             numbers = [*group[1], *numbers]
         found.append((names, numbers))
-    unread = {c.name for c in inputs} - {name for names, _ in found for name in names}
+    unread = set(all_names(inputs)) - {name for names, _ in found for name in names}
     found += [({name}, []) for name in sorted(unread)]
     made = []
     for names, numbers in found:
@@ -125,7 +125,7 @@ def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: 
     if moves is not None:
         return MapPart(inputs, outputs, moves)
     size = math.prod(counts_of(inputs)) if are_finite(inputs) else math.inf
-    elements = sum(n.type.size for n in chosen) + sum(c.type.size for c in inputs)
+    elements = total_size(chosen) + total_size(inputs)
     if size * elements > limits().points:
         return MapPart(inputs, outputs)
     read = {(role, c.name): v for c, v in zip(inputs, _all(inputs, np.arange(int(size))), strict=True)}
@@ -171,8 +171,12 @@ def _of_row(components: Sequence[Component], row: Array) -> Values:
 
 def _ends(components: Sequence[Component]) -> tuple[Array, Array]:
     """Return the low and the high ends of all elements in order."""
-    low, high = (np.array([v for c in components for v in getattr(c, end)], np.float64) for end in ("low", "high"))
-    return low, high
+    low: list[float] = []
+    high: list[float] = []
+    for c in components:
+        low += c.low
+        high += c.high
+    return np.array(low, np.float64), np.array(high, np.float64)
 
 
 # -- elements that are moved --------------------------------------------------------------------------------------
@@ -184,7 +188,7 @@ def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Mo
     Every element that comes out then depends on one that goes in, with a factor of 1 or -1; which one it is, numbers put in their
     places tell.
     """
-    if any(c.type.kind is Kind.BOOL for c in inputs) or not all(_only_moves(node) for node in nodes):
+    if any(c.type.kind is Kind.BOOL for c in inputs) or not all(map(_only_moves, nodes)):
         return None
     tags: dict[tuple[Role, str], Array] = {}
     zeros: dict[tuple[Role, str], Array] = {}

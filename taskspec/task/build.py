@@ -8,12 +8,13 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, raise_if_errors
 from taskspec.base.limits import Limits, limits
+from taskspec.base.records import all_names
 from taskspec.lang.check import check_uncalled
 from taskspec.lang.ir import Role, reads
 from taskspec.lang.scope import FunctionDef
@@ -24,13 +25,13 @@ from taskspec.task.annotations import figure, read_examples, remembered, symmetr
 from taskspec.task.context import Context
 from taskspec.task.merge import Merged, abstracted, merge, stripped, variant_names
 from taskspec.task.names import Names, check_names, signature
-from taskspec.task.parts import Parameter, Varying
-from taskspec.task.task import Annotations, Process, Task, TaskSource
+from taskspec.task.parts import Component, Modifier, Parameter, Varying
+from taskspec.task.task import Annotations, Process, Task, TaskSource, task_id
 
 SEMANTIC = (
     "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount", "initial",
     "dynamics", "reward", "absorbing_reward", "memory", "expert", "abstraction", "info",
-    "symmetries",
+    "symmetries", "measures",
 )  # fmt: skip
 """Sections that decide what a task does; the content hash covers these and the parameter values."""
 
@@ -134,6 +135,45 @@ def bound_parameters(
     Raises:
         SpecError: for a value that a parameter cannot have, or values that may not go together.
     """
+    context = _bound(document, variant, parameters)
+    return BoundParameters(tuple(context.parameters), content_hash(context))
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The entry of a task in a list, under the names that a `Task` has for it."""
+
+    id: str
+    capability: str | None
+    summary: str
+    parameters: tuple[Parameter, ...]
+    state: tuple[Component, ...]
+    action: tuple[Component, ...]
+    horizon: int | None
+    modifiers: tuple[Modifier, ...] = ()
+
+
+def outline(document: Document, variant: str | None, parameters: Mapping[str, Any], suite: str) -> Outline:
+    """Return the outline of a document's task; what happens in a step is not looked at.
+
+    Raises:
+        SpecError: with every mistake in what is declared.
+    """
+    context = _bound(document, variant, parameters)
+    declarations.bind_constants(context, resolve=False)
+    state = declarations.bind_components(context, "state")
+    action = declarations.bind_components(context, "action")
+    horizon = declarations.bind_horizon(context)
+    context.collector.raise_if_errors()
+    merged = context.merged
+    name = task_id(suite, merged.name, merged.data.get("version", 0))
+    return Outline(
+        name, merged.data.get("capability"), merged.data.get("summary") or "", tuple(context.parameters), state, action, horizon
+    )  # fmt: skip
+
+
+def _bound(document: Document, variant: str | None, parameters: Mapping[str, Any] | None) -> Context:
+    """Return a document's task with its parameters bound, and nothing else."""
     from taskspec.task.schema.check import check_shape, validated
 
     raise_if_errors(check_shape(document))
@@ -143,7 +183,7 @@ def bound_parameters(
     check_names(merged, context.collector)
     declarations.bind_parameters(context, dict(parameters or {}))
     context.collector.raise_if_errors()
-    return BoundParameters(tuple(context.parameters), content_hash(context))
+    return context
 
 
 def reduce_task(task: Task) -> tuple[Any, ...]:
@@ -225,6 +265,8 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
     absorbing = sections.single_number(context, "absorbing_reward", REAL, names.scope("absorbing"), default=0)
     with builder.written() as observation_draws:
         observation = sections.observed(context, names, initial, following)
+    with builder.written() as measure_draws:
+        measures = sections.measures(context, names)
 
     # What the spec states about it.
     memory = remembered(context, names, observation)
@@ -246,7 +288,7 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
         context,
         initial=raw_initial, dynamics=raw_next, reward=[reward], terminal=[terminal], absorbing_reward=[absorbing],
         abstraction=mapped, observation=observation.nodes, expert=expert if isinstance(expert, tuple) else (),
-        memory=() if memory is None else memory.lines,
+        memory=() if memory is None else memory.lines, measures=tuple(measures.values()),
     )  # fmt: skip
     collector.raise_if_errors()
     constants = declarations.fixed_constants(context)
@@ -255,8 +297,8 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
     process = Process(
         tuple(initial), tuple(following), raw_initial, raw_next, reward, terminal, absorbing,
         reset_draws=tuple((initial_draws | observation_draws).values()),
-        step_draws=tuple((dynamics_draws | observation_draws).values()),
-        required=tuple(context.required),
+        step_draws=tuple((dynamics_draws | observation_draws | measure_draws).values()),
+        required=tuple(context.required), measures=measures,
     )  # fmt: skip
     annotations = Annotations(expert, memory, claims=claims, examples=examples, figure=drawn, symmetries=mirrors)
     return Task(source, context.state, context.action, observation, context.horizon, discount, process, annotations)
@@ -331,7 +373,7 @@ def build_varying(task: Task, names: Sequence[str]) -> Task:
 def _check(task: Task, name: str) -> None:
     found = next((p for p in task.parameters if p.name == name), None)
     if found is None:
-        known = ", ".join(p.name for p in task.parameters) or "none"
+        known = ", ".join(all_names(task.parameters)) or "none"
         raise SpecError([Diagnostic("E702", None, f"{task.name} has no parameter '{name}'", f"it has {known}")])
     if found.kind not in ("int", "real"):
         raise _error(f"parameter {name} is not a number, and cannot differ between lanes")

@@ -155,7 +155,7 @@ class Forms:
         places: list[Path] = [(*path, "by")]
         if isinstance(by, list):
             places = [(*path, "by", i) for i in range(len(by))]
-        columns = [self.expr(place) for place in places]
+        columns = list(map(self.expr, places))
         rows = self._rows(value["rows"], len(columns), (*path, "rows"))
         found = tuple(c for c in columns if c is not None)
         if rows is None or len(found) < len(columns):

@@ -14,7 +14,7 @@ from taskspec.lang.calls import static_shape
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Const, Node, Role, have_one_shape, plain, reads
 from taskspec.lang.scope import Lazy, Poisoned, Scope, Value
-from taskspec.lang.types import BOOL, INT, INT_WIDEST, Domain, Kind, Refused, Type
+from taskspec.lang.types import BOOL, INT, INT_WIDEST, Domain, Kind, Refused, Type, total_size
 from taskspec.lang.variates import WordLayout, sampler
 from taskspec.source import Path
 from taskspec.task.context import Context, poison
@@ -162,7 +162,7 @@ def _default(context: Context, entry: Mapping[str, Any], path: Path, labels: Any
     kind = entry.get("type", "real")
     if kind == "choice":
         if value not in labels:
-            known = [str(label) for label in labels]
+            known = list(map(str, labels))
             message = f"the default '{value}' is not one of {', '.join(known)}"
             context.stop("E213", (*path, "default"), message, suggest(str(value), known))
         return value
@@ -209,8 +209,8 @@ def _check_within(context: Context, name: str, value: Any, low: Any, high: Any, 
 # -- constants ------------------------------------------------------------------------------------------------
 
 
-def bind_constants(context: Context) -> None:
-    """Bind the constants, each worked out on first use."""
+def bind_constants(context: Context, resolve: bool = True) -> None:
+    """Bind the constants, each worked out on first use; then `resolve` those that were not used, for their mistakes."""
     seed = next((p.value for p in context.parameters if p.name == INSTANCE_SEED), None)
     scope = context.constant_scope()
     scope.used.add(INSTANCE_SEED)
@@ -218,7 +218,7 @@ def bind_constants(context: Context) -> None:
     for name in names:
         make = lambda n=name: _constant(context, n, scope, seed)  # noqa: E731
         context.constants[name] = context.lazy(name, make)
-    for name in names:
+    for name in names if resolve else ():
         context.resolve(context.constants[name], context.place("constants", name))
 
 
@@ -307,7 +307,7 @@ def bind_components(context: Context, section: str) -> tuple[Component, ...]:
             if labels:
                 c = Component(name, Type(Kind.INT), (0.0,), (float(len(labels) - 1),), Domain(labels))
         found.append(c)
-    size = sum(c.type.size for c in found)
+    size = total_size(found)
     fits(context, size, context.merged.key_span((section,)), f"`{section}:`", int(section != "memory"))
     return tuple(found)
 

@@ -14,7 +14,7 @@ from taskspec.source.scan import REQUIRED, task_name
 
 NAMED = (
     "parameters", "constants", "definitions", "noise", "state", "action", "observation", "initial", "dynamics",
-    "accept", "memory", "symmetries",
+    "measures", "accept", "memory", "symmetries",
 )  # fmt: skip
 """Sections of named entries, which a variant overrides entry by entry."""
 
@@ -38,7 +38,7 @@ _BESIDE = (
     "symmetries",
 )
 """Sections that neither reset nor step a task."""
-_NOT_ABSTRACT = ("abstraction", "observation", "claims", "examples", "accept", "figure", "info")
+_NOT_ABSTRACT = ("abstraction", "observation", "measures", "claims", "examples", "accept", "figure", "info")
 
 
 Place: TypeAlias = tuple[Document, Path]
@@ -186,7 +186,7 @@ def _claims(
     for i, claim in enumerate(data.get("claims") or []):
         if statement(claim) not in dropped:
             found.append((claim, _place(moved, document, ("claims", i))))
-    unknown = set(dropped) - {statement(claim) for claim in data.get("claims") or []}
+    unknown = set(dropped) - set(map(statement, data.get("claims") or []))
     found += [(claim, (document, (*start, "claims", "add", i))) for i, claim in enumerate(over.get("add") or ())]
     _move(moved, ("claims",), here)
     moved |= {("claims", i): place for i, (_, place) in enumerate(found)}

@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
-from taskspec.base.records import dataclass
+from taskspec.base.records import dataclass, entries_by_name
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.scope import ClampedIndex, Scope, Value
@@ -436,6 +436,6 @@ _ENTRIES = (
         "an arm has up to 30 finite angles: `values: [a, a + b]`", keys=("values",),
     ),
 )  # fmt: skip
-FIGURE_KINDS: dict[str, FigureKind] = {entry.name: entry for entry in _ENTRIES}
+FIGURE_KINDS: dict[str, FigureKind] = entries_by_name(_ENTRIES)
 DEFAULT = "graph"
 """The kind of the figure of a task whose spec asks for none."""

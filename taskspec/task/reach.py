@@ -10,6 +10,7 @@ from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from taskspec.base.diagnostics import Collector, Placed
+from taskspec.base.records import entries_by_name
 from taskspec.lang import interval
 from taskspec.lang.builder import Builder
 from taskspec.lang.interval import bounds, single
@@ -71,7 +72,7 @@ class _Widening:
         """The nodes that depend on the state, arguments first, with the ids of their arguments."""
         moving: set[int] = set()
         for node in walk(roots):
-            args = tuple(id(c) for c in children(node))
+            args = tuple(map(id, children(node)))
             of_state = isinstance(node, Read) and node.role is Role.STATE and node.name in state
             if of_state or not moving.isdisjoint(args):
                 moving.add(id(node))
@@ -212,7 +213,7 @@ class Observed:
     def __init__(self, builder: Builder, state: Sequence[Component], reached: dict[str, Interval]) -> None:
         self.builder = builder
         self.reached = reached
-        self.components = {c.name: c for c in state}
+        self.components = entries_by_name(state)
 
     def state(self, c: Component) -> Component:
         """Return a state component that is observed as it is."""

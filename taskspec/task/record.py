@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taskspec.base.display import decimal, setting
+from taskspec.base.records import all_names
 from taskspec.lang.types import Domain, Kind
 from taskspec.task.parts import Component, Parameter, Soft, are_finite, counts_of
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
+
+if TYPE_CHECKING:
+    from taskspec.task.build import Outline
 
 _SETS = {Kind.BOOL: "𝔹", Kind.INT: "ℤ", Kind.REAL: "ℝ"}
 _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -34,12 +38,12 @@ def record(task: Task) -> dict[str, Any]:
         "title": spec.title,
         "summary": spec.summary,
         "capability": spec.capability,
-        "parameters": [parameter(p) for p in task.parameters],
-        "modifiers": [str(m) for m in task.modifiers],
+        "parameters": list(map(parameter, task.parameters)),
+        "modifiers": list(map(str, task.modifiers)),
         "states": count(task.state),
         "actions": count(task.action),
-        "state": [component(c) for c in task.state],
-        "action": [component(c) for c in task.action],
+        "state": list(map(component, task.state)),
+        "action": list(map(component, task.action)),
         "observation_space": space(task.observation_layout),
         "action_space": space(task.action_layout),
         "horizon": task.horizon,
@@ -83,7 +87,7 @@ def count(components: Sequence[Component]) -> int | None:
     return math.prod(counts_of(components))
 
 
-def size(task: Task) -> str:
+def size(task: Task | Outline) -> str:
     """Return states times actions, or the sets of their values: `21 × 2`, `ℝ⁵⁰ × 2`."""
     return f"{_extent(task.state)} × {_extent(task.action)}"
 
@@ -107,7 +111,7 @@ def _short(n: int) -> str:
     return f"{n // 10 ** (digits - 1) / 10:.1f}·10{str(digits).translate(_RAISED)}"
 
 
-def horizon(task: Task) -> str:
+def horizon(task: Task | Outline) -> str:
     if task.horizon is None:
         return "none"
     return f"{task.horizon:,}"
@@ -124,7 +128,7 @@ def space(layout: SpaceLayout) -> dict[str, Any]:
         case "one_hot":
             return {"space": "Box", "shape": list(layout.shape), "low": 0.0, "high": 1.0}
         case "dict":
-            return {"space": "Dict", "keys": [c.name for c in layout.components]}
+            return {"space": "Dict", "keys": all_names(layout.components)}
         case "box":
             low = _bound(layout.low)
             high = _bound(layout.high)
@@ -154,7 +158,7 @@ def space_words(layout: SpaceLayout) -> str:
 
 def _listed(items: Sequence[Any]) -> str:
     if len(items) <= 6:
-        shown = [str(i) for i in items]
+        shown = list(map(str, items))
     else:
         shown = [*map(str, items[:5]), "…"]
     return ", ".join(shown)
@@ -213,7 +217,7 @@ def _end(value: float) -> str:
     return decimal(value).replace(",", "")
 
 
-def settings(task: Task) -> str:
+def settings(task: Task | Outline) -> str:
     """Return the parameters and modifiers of a task: `L=10 B=2 + sticky=0.25`."""
     values = " ".join(f"{p.name}={setting(p.value)}" for p in task.parameters)
     return " ".join([*filter(None, [values]), *(f"+ {m}" for m in task.modifiers)])

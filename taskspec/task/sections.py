@@ -7,11 +7,12 @@ from typing import Any, Literal
 
 from taskspec.base.diagnostics import suggest
 from taskspec.base.limits import count, how_to_raise, limits
+from taskspec.base.records import all_names, entries_by_name
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Lazy, Poisoned, Scope, Value
-from taskspec.lang.types import Kind, Type
+from taskspec.lang.types import REAL, Kind, Type
 from taskspec.source import Path
 from taskspec.task import declarations
 from taskspec.task import parts as parameters
@@ -25,11 +26,13 @@ Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
 
 def parse_sections(context: Context) -> None:
     """Read the expressions of every section, reporting all syntax errors."""
-    for section in ("definitions", "noise", "initial", "dynamics", "observation"):
+    for section in ("definitions", "noise", "initial", "dynamics", "observation", "measures"):
         entries = context.data.get(section) or {}
         exprs = context.exprs[section] = {}
         for name, value in entries.items():
-            if section != "observation":
+            if section == "measures" and isinstance(value, dict) and "value" in value:
+                exprs[name] = context.forms.expr((section, name, "value"))
+            elif section != "observation":
                 exprs[name] = context.forms.expr((section, name))
             elif name != "space":
                 path: Path = (section, name, "value") if is_bounded(value) else (section, name)
@@ -45,8 +48,8 @@ def parse_sections(context: Context) -> None:
 def initial_values(context: Context, names: Names) -> list[Node]:
     """Return nodes of the first state, in order; later lines see earlier ones."""
     scope = names.initial_scope()
-    _check_names(context, "initial", [c.name for c in context.state])
-    components = {c.name: c for c in context.state}
+    _check_names(context, "initial", all_names(context.state))
+    components = entries_by_name(context.state)
     found: dict[str, Node] = {}
     for name, expr in context.exprs["initial"].items():
         c = components.get(name)
@@ -143,7 +146,21 @@ def single_number(context: Context, section: str, type_: Type, scope: Scope, def
     """Return a section that is one number: the reward, the absorbing reward."""
     if section not in context.data:
         return context.builder.const(default, type_)
-    expr = context.exprs[section]
+    return _number(context, context.exprs[section], f"the {section}", type_, scope)
+
+
+def measures(context: Context, names: Names) -> dict[str, Node]:
+    """Return the measures by name, without those that are broken (and reported)."""
+    found: dict[str, Node] = {}
+    for name, expr in context.exprs["measures"].items():
+        node = _number(context, expr, f"the measure '{name}'", REAL, names.scope("measures"))
+        if node is not None:
+            found[name] = node
+    return found
+
+
+def _number(context: Context, expr: s.Expr | None, what: str, type_: Type, scope: Scope) -> Node | None:
+    """Return an expression as a single number; None for a broken one (and reported)."""
     if expr is None:
         return None
     try:
@@ -154,7 +171,7 @@ def single_number(context: Context, section: str, type_: Type, scope: Scope, def
     except Poisoned:
         return None
     for part, found in [p for p in parts if not p[1].is_scalar] or [(expr, node.type)]:
-        message = f"the {section} is a single number, but this has shape {list(found.shape)}"
+        message = f"{what} is a single number, but this has shape {list(found.shape)}"
         hint = "`all(...)`, `any(...)` and `sum(...)` make one value of many"
         context.collector.add("E307", part.place, message, hint)
     return None
@@ -272,7 +289,7 @@ def by_component(
     context: Context, path: Path, exprs: Mapping[str, s.Expr | None], scope: Scope, is_whole: bool
 ) -> tuple[Node, ...] | None:
     """Return a value for each action component, None for a broken one (and reported); `is_whole` where all must be given."""
-    known = [c.name for c in context.action]
+    known = all_names(context.action)
     for name in exprs:
         if name not in known:
             message = f"there is no action component '{name}'"

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from taskspec.base.records import dataclass
-from taskspec.lang.types import INT_MAX, Kind
+from taskspec.lang.types import INT_MAX, Kind, total_size
 from taskspec.task.parts import Component, Observation, SpaceKind, are_finite, counts_of
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ class SpaceLayout:
         first = 0
         for i, c in enumerate(self.components):
             if self.form in ("multi_discrete", "one_hot"):
-                starts = tuple(int(v) for v in c.low)
+                starts = tuple(map(int, c.low))
             else:
                 starts = ()
             if self.form == "dict":
@@ -177,7 +177,7 @@ def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) 
         case "discrete":
             return SpaceLayout(form, components)
         case "multi_discrete":
-            return SpaceLayout(form, components, (sum(c.type.size for c in components),))
+            return SpaceLayout(form, components, (total_size(components),))
         case "one_hot":
             return SpaceLayout(form, components, (sum(counts_of(components)),))
         case "dict":
@@ -199,7 +199,7 @@ def _box(components: tuple[Component, ...]) -> SpaceLayout:
     if len(components) == 1:
         shape = components[0].type.shape
     else:
-        shape = (sum(c.type.size for c in components),)
+        shape = (total_size(components),)
     low = tuple(single(v) for c in components for v in c.low)
     high = tuple(single(v) for c in components for v in c.high)
     return SpaceLayout("box", components, shape, low, high)
@@ -227,7 +227,7 @@ def _component_space(c: Component) -> gymnasium.Space[Any]:
 
     if c.is_finite and c.type.is_scalar:
         return Discrete(c.counts[0], start=int(c.low[0]))
-    low, high = (tuple(single(v) for v in bound) for bound in (c.low, c.high))
+    low, high = (tuple(map(single, bound)) for bound in (c.low, c.high))
     return _box_space(low, high, c.type.shape)
 
 

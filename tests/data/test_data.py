@@ -258,9 +258,9 @@ def test_npz_opens_without_this_package_and_without_pickles(tmp_path: Path) -> N
 
 
 WRONG = [
-    (["demos", "RiskyPath", "-o", "x.csv"], "E713", "--format npz"),
-    (["demos", "RiskyPath", "-o", "x", "--format", "parket"], "E713", "did you mean 'parquet'"),
-    (["demos", "RiskyPath", "-o", "x.npz", "--format", "parquet"], "E713", "x.parquet"),
+    (["demos", "RiskyPath", "-o", "x.csv"], "E726", "--format npz"),
+    (["demos", "RiskyPath", "-o", "x", "--format", "parket"], "E726", "did you mean 'parquet'"),
+    (["demos", "RiskyPath", "-o", "x.npz", "--format", "parquet"], "E726", "x.parquet"),
     (["demos", "RiskyPath", "-o", "x.npz", "--policy", "exprt"], "E713", "did you mean 'expert'"),
     (["demos", "RiskyPath", "-o", "x.npz", "--policy", "epsilon(2)"], "E713", "for example: epsilon(0.1)"),
     (["demos", "Parabola", "-o", "x.npz", "--policy", "optimal"], "E712", "exact model"),

@@ -13,7 +13,7 @@ import pytest
 
 from taskspec import registry
 from taskspec.exam import examine
-from taskspec.exam.examining import STEPS
+from taskspec.exam.examining import SEEDS, STEPS
 from taskspec.experiments import expand, read
 from taskspec.learners import BUILT_IN
 from taskspec.task.schema.experiments import Experiment
@@ -169,7 +169,7 @@ def test_help_and_the_format_tell_the_defaults_of_an_exam() -> None:
     terms = inspect.signature(examine).parameters
     helped, described = Done("exam", "--help").out, {n: f.description or "" for n, f in Experiment.model_fields.items()}
     for name in ("steps", "transitions", "twins", "seeds"):
-        count = terms[name].default or STEPS
+        count = terms[name].default or {"steps": STEPS, "seeds": SEEDS}[name]
         assert f"{count:,} unless given" in described[name] or f"each learner trained ({count})" in described[name]
         line = re.search(rf"--{name}\b.*?(\S+)[\s│]+unless[\s│]+given", helped, re.DOTALL)
         assert line and line[1] in (str(count), f"{count // 1000}k")

@@ -15,6 +15,7 @@ from taskspec.base import limits
 from taskspec.experiments import picture, sweep
 from taskspec.figures import chart
 from taskspec.figures.scene import Label, Line
+from taskspec.jobs.running import Running
 from taskspec.jobs.store import Store
 from taskspec.printers.text import plain
 from taskspec.scores.difficulty import MEASURES
@@ -149,7 +150,7 @@ def test_mistakes_in_the_file_stop_the_sweep_before_it_begins(file: Path) -> Non
 
 
 def test_the_picture_has_curves_over_one_parameter_and_maps_over_two(file: Path, tmp_path: Path) -> None:
-    found = sweep(experiments.read(file), tmp_path / "s.sqlite", workers=2)
+    found = sweep(experiments.read(file), tmp_path / "s.sqlite", running=Running(2))
     drawn = picture.figure(found.experiment, found.rows)
     texts = [plain(item.text) for item in drawn.items if isinstance(item, Label)]
     assert [text for text in texts if text.startswith("derail/")] == [
@@ -213,7 +214,7 @@ def test_all_that_a_result_depends_on_decides_whether_it_still_counts(
 def test_a_sweep_off_a_terminal_says_how_far_it_is(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("taskspec.cli.progress.BETWEEN_LINES", 0.0)
     done = Done("sweep", str(file), "--out", str(file.parent / "results"), "-j", "1", "-p", "L=2,3", "-f", "json")
-    assert done.status == 0 and "noise: 6/6" in done.err
+    assert done.status == 0 and "noise 6/6" in done.err
 
 
 @pytest.mark.parametrize("name", ["../x", "FOLDER/x", "a\0$\\frac$", "n" * 5000])

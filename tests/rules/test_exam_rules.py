@@ -281,7 +281,7 @@ def mistakes(text: str, folder: Path) -> list[tuple[str, str, str | None]]:
 @pytest.mark.parametrize(
     ("when", "code", "column", "hint"),
     [
-        ("score(EarlyTermPoss) > 0.9", "E302", 17, "did you mean 'EarlyTermPos'?"),
+        ("score(ProcGol) > 0.9", "E302", 17, "did you mean 'ProcGoal'?"),
         ("scor(Sort) > 0.9", "E303", 11, "did you mean 'score'?"),
         ("score(Sort) > 0.9 and score(Sort, twins) > 0", "E302", 45, "did you mean 'twin'?"),
         ("score(Sort, twin, 3) > 0", "E304", 11, "behind them may stand printed, twin, negated"),

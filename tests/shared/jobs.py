@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.jobs.running import Interrupted, run
+from taskspec.jobs.running import Interrupted, Running, run
 from taskspec.jobs.store import Job, Store
 
 
@@ -102,7 +102,8 @@ def main(path: str, log: str, count: str, seconds: str, address: str | None = No
     )  # which who starts us in the background may have turned off
     try:
         with Store(path) as store:
-            run(squares(int(count), log, float(seconds)), store, workers=None if address else 2, cluster=address)
+            running = Running(None if address else 2, address)
+            run(squares(int(count), log, float(seconds)), store, running)
     except (SpecError, Interrupted) as error:
         print(error)
         sys.exit(1 if isinstance(error, SpecError) else 130)

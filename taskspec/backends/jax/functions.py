@@ -18,6 +18,7 @@ from taskspec.backends.jax.program import JaxProgram, State, StepResult, acted, 
 from taskspec.base.arrays import AnyArray
 from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error, suggest
 from taskspec.base.extras import need
+from taskspec.base.records import all_names, entries_by_name
 from taskspec.lang.types import INT_MAX
 from taskspec.registry import load
 from taskspec.task.build import build_varying
@@ -172,7 +173,7 @@ class OpenParameters:
     def of(cls, task: Task, varying: tuple[Parameter, ...]) -> OpenParameters:
         """Return those of a task that is built with them open."""
         messages = tuple(message for _, message in task.process.required)
-        bound = tuple(p.name for p in task.parameters if p.name not in {open_one.name for open_one in varying})
+        bound = tuple(p.name for p in task.parameters if p.name not in all_names(varying))
         if not messages:
             return cls(varying, bound)
         return cls(varying, bound, repr(task.process.required), messages, compile_required(task))
@@ -229,7 +230,7 @@ class OpenParameters:
 @lru_cache(maxsize=256)
 def _params(opened: OpenParameters) -> Any:
     """Return the class: the same for the same parameters, as JAX compares the classes of pytrees."""
-    known = {p.name: p for p in opened.varying}
+    known = entries_by_name(opened.varying)
     base = namedtuple("Params", ("max_steps_in_episode", *known))  # type: ignore[misc]
 
     class Params(base):
@@ -257,7 +258,7 @@ def _refused(name: str, opened: OpenParameters) -> Diagnostic:
             "E713", None, "max_steps_in_episode is the horizon of the task", "for another horizon, load another task"
         )
     if name not in opened.bound:
-        known = [*(p.name for p in opened.varying), *opened.bound]
+        known = [*all_names(opened.varying), *opened.bound]
         hint = suggest(name, known) or (f"it has {', '.join(known)}" if known else None)
         return Diagnostic("E702", None, f"the task has no parameter '{name}'", hint)
     hint = (
@@ -347,13 +348,15 @@ class Functional:
     ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
         """Observation, state, reward, done and info of a step; an episode that ends begins anew (autoreset).
 
-        info holds "terminated", "truncated", and "final_observation", that of the step itself.
+        info holds "terminated", "truncated", "final_observation", that of the step itself, and "measures" where the
+        task has some.
         """
         observation, state, result = self.lanes_step(_lane(state), jnp.asarray(action)[..., None], params)
         info = {
             "terminated": result.terminated[0],
             "truncated": result.truncated[0],
             "final_observation": _single(observed(self.program.observation, result.observation)),
+            **self._measures(result),
         }
         done = info["terminated"] | info["truncated"]
         return _single(observation), _single(state), result.reward[0], done, info
@@ -361,13 +364,21 @@ class Functional:
     def step_env(
         self, state: State, action: AnyArray, params: Any = None
     ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
-        """Return a step without autoreset; info holds "terminated" and "truncated"."""
+        """Return a step without autoreset; info holds "terminated", "truncated", and "measures" where the task has some."""
         program = self.program
         action = acted(program.action, jnp.asarray(action)[..., None])
         after, result = self._stepped(_lane(state), action, self._open.values(params))
         seen = _single(observed(program.observation, result.observation))
-        ends = {"terminated": result.terminated[0], "truncated": result.truncated[0]}
-        return seen, _single(after), result.reward[0], ends["terminated"] | ends["truncated"], ends
+        done = result.terminated[0] | result.truncated[0]
+        info = {"terminated": result.terminated[0], "truncated": result.truncated[0], **self._measures(result)}
+        return seen, _single(after), result.reward[0], done, info
+
+    def _measures(self, result: StepResult) -> dict[str, Any]:
+        """Return what the info of a step says of its measures: nothing, where the task has none."""
+        values = {name: value[0] for name, value in zip(self.task.process.measures, result.measures, strict=True)}
+        if not values:
+            return {}
+        return {"measures": values}
 
     def gymnax(self, *, one_hot: bool = False, flat_actions: bool = False) -> Gymnax:
         """Return the same functions under gymnax's signatures, with its spaces.
@@ -379,7 +390,7 @@ class Functional:
         Raises:
             SpecError: E713, for observations or actions that are not finite.
         """
-        names = [p.name for p in self._open.varying]
+        names = all_names(self._open.varying)
         functions = Functional(_one_hot(self.task), names) if one_hot else self
         return Gymnax(functions, flat_actions)
 

@@ -53,7 +53,7 @@ class NumbaEngine:
         ranges = [(first, min(first + size, lanes)) for first in range(0, lanes, size)]
         self._scratch: list[dict[str, Array]] = []
         self._memory = [self._addresses(*place) for place in ranges]
-        self._runs = [kernel.bound(memory) for memory in self._memory]
+        self._runs = list(map(kernel.bound, self._memory))
         self._lanes = lanes
         self._episodes = Episodes(self.buffers, options.mode)
         self._waits = options.mode == "disabled"
@@ -75,6 +75,7 @@ class NumbaEngine:
             "chosen": self._chosen, **scratch,
         }  # fmt: skip
         arrays |= {f"s{i}": array for i, array in enumerate(b.state)}
+        arrays |= {f"measure{i}": array for i, array in enumerate(b.measures)}
         arrays |= {f"seen{i}": array for i, array in enumerate(b.seen.parts)}
         arrays |= {f"final{i}": array for i, array in enumerate(b.final.parts)}
         places = [arrays[name].ctypes.data for name in self._program.memory.fields[4:]]
@@ -136,7 +137,7 @@ class NumbaEngine:
         """The kernel for actions in float64."""
         kernel = compile_numba(self._task, self._mode, "d")[2]
         self._kernels.append(kernel)
-        return [kernel.bound(memory) for memory in self._memory]
+        return list(map(kernel.bound, self._memory))
 
     def _step_threads(self, runs: list[Run], actions: Array) -> int:
         assert self._pool is not None

@@ -17,7 +17,7 @@ from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.operators.vectors import strided
-from taskspec.lang.types import INT_MAX, Kind
+from taskspec.lang.types import INT_MAX, Kind, total_size
 from taskspec.lang.variates import VARIATES
 from taskspec.task.task import Task
 
@@ -39,7 +39,7 @@ def suits(task: Task) -> bool:
     wide_draws = [n for n in nodes if isinstance(n, Draw) and VARIATES[n.base].sorts]
     largest = max([n.args[0].type.size for n in wide] + [n.type.shape[-1] for n in wide_draws], default=0)
     looped = sum(n.type.size - 1 for n in nodes if isinstance(n, Draw) and VARIATES[n.base].loop)
-    return sum(n.type.size for n in nodes) - looped <= ELEMENTS and largest <= WIDE
+    return total_size(nodes) - looped <= ELEMENTS and largest <= WIDE
 
 
 class KernelLane(LaneEmitter):
@@ -77,12 +77,12 @@ class KernelLane(LaneEmitter):
 
     def _fill(self, template: str, args: Sequence[str]) -> str:
         """Return every operation gets a name: what is shorter is folded by the compiler."""
-        return self.assign(template.format(*[self.assign(a) for a in args]))
+        return self.assign(template.format(*list(map(self.assign, args))))
 
     # -- reductions -----------------------------------------------------------------------------------------------
 
     def _reduction(self, node: Apply, entry: Operator) -> LaneValue:
-        atoms = [self.assign(a) for a in self.atoms(node.args[0])]
+        atoms = list(map(self.assign, self.atoms(node.args[0])))
         match node.op:
             case "sum" | "prod" | "any" | "all":
                 return LaneValue(self._fold(node, atoms, *_FOLDS[node.op]))
@@ -132,7 +132,11 @@ class KernelLane(LaneEmitter):
                 moved = self.assign(f"i32({later})")
                 ranks[i] = self.assign(f"i32({ranks[i]} + {moved})")
                 ranks[j] = self.assign(f"i32({ranks[j]} + (1 - {moved}))")
-        return [self._pick([str(i) for i in range(n)], [f"({r} == {k})" for r in ranks]) for k in range(n)]
+        places = list(map(str, range(n)))
+        found = []
+        for k in range(n):
+            found.append(self._pick(places, [f"({rank} == {k})" for rank in ranks]))
+        return found
 
     def _pick(self, values: Sequence[str], conditions: Sequence[str]) -> str:
         """Return the value whose condition holds; one of them does."""
@@ -182,7 +186,7 @@ class KernelLane(LaneEmitter):
             if rows > CHAIN:
                 return self.assign(f"{self.table(cells, x.type.kind)}[u64({at})]")
             return self._chain(list(map(literal, cells)), at)
-        return self._chain([self.assign(a) for a in self.atoms(x)[column::row]], at)
+        return self._chain(list(map(self.assign, self.atoms(x)[column::row])), at)
 
     def _chain(self, cells: Sequence[str], at: str) -> str:
         """Return the cell at a place, as selects; the commonest constant needs none."""
@@ -215,8 +219,8 @@ class KernelLane(LaneEmitter):
         x, i, value = node.args
         at = self.assign(self.scalar(i))
         row = strided(x.type.shape)
-        new = [self.assign(a) for a in self.atoms(value)]
-        old = [self.assign(a) for a in self.atoms(x)]
+        new = list(map(self.assign, self.atoms(value)))
+        old = list(map(self.assign, self.atoms(x)))
         return LaneValue([self.assign(f"select({at} == {k // row}, {new[k % row]}, {a})") for k, a in enumerate(old)])
 
     def _swap(self, node: Apply) -> LaneValue:
@@ -224,7 +228,7 @@ class KernelLane(LaneEmitter):
         row = strided(x.type.shape)
         a = self.assign(self.scalar(i))
         b = self.assign(self.scalar(j))
-        old = [self.assign(v) for v in self.atoms(x)]
+        old = list(map(self.assign, self.atoms(x)))
         at_a = [self._chain(old[c::row], a) for c in range(row)]
         at_b = [self._chain(old[c::row], b) for c in range(row)]
         made = []
@@ -240,10 +244,10 @@ class KernelLane(LaneEmitter):
         if entry.loop is not None:
             return LaneValue([f"f64({r})" for r in self.reals[node.site][: node.type.size]])
         assert entry.kernel is not None, node.base
-        return LaneValue([self.assign(a) for a in entry.kernel(self, node, self.words[node.site])])
+        return LaneValue(list(map(self.assign, entry.kernel(self, node, self.words[node.site]))))
 
     def argument(self, draw: Draw) -> list[str]:
-        atoms = [self.assign(a) for a in self.atoms(draw.args[0])]
+        atoms = list(map(self.assign, self.atoms(draw.args[0])))
         if len(atoms) == 1:
             return atoms * draw.type.size
         return atoms

@@ -14,6 +14,7 @@ from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
 from taskspec.backends.numpy.step import never
 from taskspec.backends.source_text import indent, literal, without_unused
 from taskspec.backends.vector_program import Mode
+from taskspec.base.records import all_names
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Role
 from taskspec.lang.operators import OPERATORS
@@ -99,15 +100,19 @@ class Program:
             kind = _ARRAYS[c.type.kind]
             self.memory.at(f"s{i}")
             self.states.append([MemoryRow(f"s{i}_{k}", f"s{i}", k, kind) for k in range(c.type.size)])
+        self.measures = [
+            MemoryRow(f"measure{i}", f"measure{i}", 0, "f64s") for i in range(len(self.task.process.measures))
+        ]
+        for row in self.measures:
+            self.memory.at(row.array)
         self.seen: dict[str, MemoryRow] = {}  # by number of the part and of the row
         self.final: dict[str, MemoryRow] = {}
         for i, part in enumerate(self.observation.parts):
             kind = "i64s" if part.is_whole else "f32s"
             for name, rows in (("seen", self.seen), ("final", self.final)):
                 self.memory.at(f"{name}{i}")
-                rows |= {
-                    f"{i}_{k}": MemoryRow(f"{name}{i}_{k}", f"{name}{i}", k, kind) for k in range(math.prod(part.shape))
-                }
+                for k in range(math.prod(part.shape)):
+                    rows[f"{i}_{k}"] = MemoryRow(f"{name}{i}_{k}", f"{name}{i}", k, kind)
 
     @property
     def inline_reset(self) -> bool:
@@ -140,12 +145,17 @@ def _loop(p: Program, roots: Sequence[Node], words: WordLayout, at: str, acting:
         names[Role.STATE, c.name] = LaneValue([f"x_{r.name}" for r in rows])
     for i, c in enumerate(p.task.action if acting else ()):
         names[Role.ACTION, c.name] = LaneValue([f"a_{i}_{k}" for k in range(c.type.size)])
-    numbers = {d.site: [f"w{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
+    numbers = {}
+    reals: dict[int, Sequence[str]] = {}
     for draw in words.draws:
+        first = words.first[draw.site]
+        places = range(first, first + words_of(draw))
+        numbers[draw.site] = [f"w{place}" for place in places]
+        reals[draw.site] = [f"r{place}" for place in places]
         for name, number in zip(word_names(draw), numbers[draw.site], strict=True):
             names[Role.VARIABLE, name] = LaneValue([f"i64({number})"])
     lane = KernelLane(names, numbers, Builder().certain, constants=p.constants, unrolled=EVERYTHING)
-    lane.reals = {d.site: [f"r{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
+    lane.reals = reals
     shown = _shown(p, roots, words)
     hidden = {len(roots) - len(p.observation.components) + i for i in shown}
     kept = [_NOTHING if i in hidden else root for i, root in enumerate(roots)]
@@ -267,22 +277,26 @@ def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     seen = _observed(loop)
     reward = loop.lane.assign(f"f64({(loop.values[n].atoms or ['0'])[0]})")
     terminal = (loop.values[n + 1].atoms or ["False"])[0]
+    measures = [
+        loop.lane.assign(f"f64({(value.atoms or ['0'])[0]})") for value in loop.values[n + 2 : n + 2 + len(p.measures)]
+    ]
     results, stores, out_rows = _results(p, loop, state, seen)
-    lines = without_unused(loop.lane.lines, [*state.values(), *seen.values(), reward, terminal])
+    lines = without_unused(loop.lane.lines, [*state.values(), *seen.values(), reward, terminal, *measures])
     late = "False" if p.task.horizon is None else f"(t + 1 >= {p.task.horizon})"
     either = "late" if never(p.task.process.terminal) else f"late | {terminal}"
     ending = [f"late = {late}", f"e = {either}", "steps[j] = u32(steps[j] + u32(1))"]
     ending += [f"terminated[j] = {terminal}", "truncated[j] = late", "ended[j] = e"]
-    body = [*lines, f"reward[j] = {reward}", *ending, *results, *stores]
+    paid = [f"{row.name}[j] = {value}" for row, value in zip(p.measures, measures, strict=True)]
+    body = [*lines, f"reward[j] = {reward}", *paid, *ending, *results, *stores]
     loads, in_rows = _loads(p, p.step_words, "\n".join(body), "j")
-    rows = list(dict.fromkeys([*in_rows, *out_rows]))
+    rows = list(dict.fromkeys([*in_rows, *out_rows, *p.measures]))
     time = "i32(time[j])"
     if p.task.horizon is None:
         time = f"i32(min(time[j], {INT_MAX}))"
     arguments = ["n", "actions", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
     text = [
         "@apart",
-        f"def advance({', '.join([*arguments, *(r.name for r in rows)])}):",
+        f"def advance({', '.join([*arguments, *all_names(rows)])}):",
         *indent(["count = 0", "for j in range(n):"]),
         *indent([f"t = {time}", *_read_actions(p), *loads, *body], 2),
         *indent(["    count += i64(e)", "return count"]),
@@ -306,7 +320,7 @@ def _results(
     first_state = _stores(p, start)
     first_seen = _observed(start)
     constant = without_unused(start.lane.lines, [*first_state.values(), *first_seen.values()])
-    renamed = [_renamed(line) for line in constant]
+    renamed = list(map(_renamed, constant))
     again = ["time[j] = i64(select(e, 0, t + 1))", "episodes[j] = u32(episodes[j] + u32(e))"]
     stores = [f"{row.name}[j] = select(e, {_renamed(first_state[row])}, {value})" for row, value in state.items()]
     for row in first_state:
@@ -338,7 +352,7 @@ def begin(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     used = list(dict.fromkeys([*in_rows, *state, *(rows[name] for name in seen)]))
     text = [
         "@inner",
-        f"def begin({', '.join(['m', 'lanes', 'time', 'episodes', *(r.name for r in used)])}):",
+        f"def begin({', '.join(['m', 'lanes', 'time', 'episodes', *all_names(used)])}):",
         *indent(["for i in range(m):"]),
         *indent(["j = u64(lanes[i])", *loads, *body], 2),
     ]
@@ -436,7 +450,7 @@ def _step(p: Program, rows: Sequence[MemoryRow], shown: Shown) -> list[str]:
     body = [*body, f"part = {_actions(p, 'first')}"]
     body += _fill(p, p.step_words, "step_words(n", "k0, k1, steps", "n")
     arguments = ["n", "part", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
-    body += [f"count = advance({', '.join([*arguments, *(r.name for r in rows)])})"]
+    body += [f"count = advance({', '.join([*arguments, *all_names(rows)])})"]
     for row, (number, size) in shown.items():
         place = f"i64({p.width}), i64({number}), i64({size}), {p.memory.at('seen0')}, i64({row})"
         body.append(f"show(n, {p.memory.at('reals')}, {place}, every, first)")
@@ -473,7 +487,7 @@ def _keep(p: Program) -> list[str]:
 
 def _begin_again(p: Program, rows: Sequence[MemoryRow], shown: Shown) -> list[str]:
     lines = _fill(p, p.reset_words, "reset_words(late, lanes", "k0, k1, episodes", "late")
-    lines.append(f"begin({', '.join(['late', 'lanes', 'time', 'episodes', *(r.name for r in rows)])})")
+    lines.append(f"begin({', '.join(['late', 'lanes', 'time', 'episodes', *all_names(rows)])})")
     for row, (number, size) in shown.items():
         place = f"i64({p.width}), i64({number}), i64({size}), {p.memory.at('seen0')}, i64({row})"
         lines.append(f"show_some(late, lanes, {p.memory.at('reals')}, {place}, every, first, n)")

@@ -116,7 +116,7 @@ class Ready:
         # What is observed at first is often the state itself: such values are kept once.
         self._roots = tuple(dict.fromkeys(roots))
         self._buffers = buffers
-        self._places = [self._roots.index(root) for root in roots]
+        self._places = list(map(self._roots.index, roots))
         self._layout = layout
         self.fixed = not draws_below(roots)
         lanes = 1 if self.fixed else buffers.lanes
@@ -294,6 +294,7 @@ class _Block:
             buffers.terminated,
             buffers.truncated,
             buffers.ended,
+            *buffers.measures,
             *buffers.seen.parts,
             *buffers.final.parts,
         )

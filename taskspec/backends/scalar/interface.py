@@ -14,7 +14,7 @@ from taskspec.backends.lane_form import UNROLLED, LaneEmitter, LaneValue
 from taskspec.backends.scalar.phase import Phase, is_filled, stream
 from taskspec.backends.source_text import literal, names_of
 from taskspec.lang.ir import Node, Read
-from taskspec.lang.types import Kind
+from taskspec.lang.types import Kind, total_size
 from taskspec.task.parts import are_finite
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout
 from taskspec.task.task import Task
@@ -128,7 +128,7 @@ def _shape(task: Task) -> tuple[int, ...]:
     """Return the shape of the array that tells the state."""
     (first, *others) = task.state
     if others:
-        return (sum(c.type.size for c in task.state),)
+        return (total_size(task.state),)
     return first.type.shape
 
 
@@ -170,11 +170,15 @@ def row_names(task: Task) -> dict[str, Any]:
     return {"rows": blocks, "write": Struct(f"{size}{code}").pack_into}  # native floats: what overflows becomes inf
 
 
-def info(task: Task, names: Sequence[str]) -> str:
-    """Return the source of a step's info, after the state has moved on."""
+def info(task: Task, names: Sequence[str], measures: Sequence[str]) -> str:
+    """Return the source of a step's info, after the state has moved on; `measures` are the sources of their values."""
     new_state = "told" if is_kept(task) else flat_state(task, names)
     sources = {"old_state": "old_state", "new_state": new_state}
-    return "{" + ", ".join(f'"{name}": {sources[name]}' for name in task.info) + "}"
+    items = [f'"{name}": {sources[name]}' for name in task.info]
+    if measures:
+        values = zip(task.process.measures, measures, strict=True)
+        items.append('"measures": {' + ", ".join(f"{name!r}: {source}" for name, source in values) + "}")
+    return "{" + ", ".join(items) + "}"
 
 
 # -- the observation ----------------------------------------------------------------------------------------------
@@ -243,7 +247,7 @@ def _row(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> tuple
 def _write(lane: LaneEmitter, start: int, run: Sequence[Node]) -> list[str]:
     if not run:
         return []
-    size = sum(n.type.size for n in run)
+    size = total_size(run)
     if size == 1 and not _may_overflow(lane, run[0]):
         return [f"o[{start}] = {lane.scalar(run[0])}"]
     items = [f"*{lane.packed(n)}" if n.type.size > UNROLLED else ", ".join(lane.atoms(n)) for n in run]

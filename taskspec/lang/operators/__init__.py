@@ -14,6 +14,7 @@ reals become ints by saturating at +-(2**31 - 1), nan becomes 0. An index is mov
 
 from __future__ import annotations
 
+from taskspec.base.records import entries_by_name
 from taskspec.lang.operators import elementwise, vectors
 from taskspec.lang.operators.entry import Elements as Elements
 from taskspec.lang.operators.entry import Function as Function
@@ -23,11 +24,11 @@ from taskspec.lang.operators.vectors import STRUCTURES as STRUCTURES
 from taskspec.lang.operators.vectors import Structure as Structure
 
 TABLE: tuple[Operator, ...] = (*elementwise.TABLE, *vectors.TABLE)
-OPERATORS: dict[str, Operator] = {o.name: o for o in TABLE}
+OPERATORS: dict[str, Operator] = entries_by_name(TABLE)
 """Operators whose result type follows from the types of their arguments alone, by name."""
-FUNCTIONS: dict[str, Function] = {
-    f.name: f for f in (*(o.function for o in TABLE if o.function is not None), *vectors.FUNCTIONS)
-}
+FUNCTIONS: dict[str, Function] = entries_by_name(
+    (*(o.function for o in TABLE if o.function is not None), *vectors.FUNCTIONS)
+)
 """The functions that authors write: each names one operator or composes several."""
 INFIX: dict[str, Infix] = {i.symbol: i for i in (*(o.infix for o in TABLE if o.infix is not None), *vectors.INFIX)}
 """What authors write between or before operands."""

@@ -193,7 +193,10 @@ def _mul(a: float, b: float) -> float:
 
 
 def product(args: Args, node: Apply) -> Interval:
-    return _corners(_mul, args)
+    low, high = _corners(_mul, args)
+    if len(node.args) == 2 and node.args[0] is node.args[1]:  # a square
+        low = max(low, 0)
+    return low, high
 
 
 def quotient(args: Args, node: Apply) -> Interval:
@@ -259,7 +262,7 @@ def increasing(function: Callable[[float], float], ulps: int = 0) -> Bounds:
     """Bound an increasing function of reals, which libraries compute to within `ulps`."""
 
     def rule(args: Args, node: Apply) -> Interval:
-        low, high = (function(x) for x in args[0][:2])
+        low, high = map(function, args[0][:2])
         for _ in range(ulps):
             low = math.nextafter(low, -INF)
             high = math.nextafter(high, INF)
@@ -312,7 +315,7 @@ def power(args: Args, node: Apply) -> Interval:
         if wider == edge:
             return edge
         edge = wider
-        if max(abs(v) for v in edge) > HUGE:
+        if max(map(abs, edge)) > HUGE:
             return (0 if args[0].low >= 0 else -beyond), beyond
     return edge
 

@@ -8,7 +8,7 @@ from functools import reduce
 from itertools import accumulate, chain
 from typing import Any, ClassVar
 
-from taskspec.base.records import dataclass
+from taskspec.base.records import dataclass, entries_by_name
 from taskspec.lang.ir import Apply, Const, Node
 from taskspec.lang.operators import rules
 from taskspec.lang.operators.entry import (
@@ -134,52 +134,49 @@ _M = ((1, 2), (3, 4), (5, 6))
 _LONG = tuple(range(40, 0, -2))
 _WIDE = tuple(tuple(range(i, i + 20)) for i in range(3))
 
-STRUCTURES: dict[str, Structure] = {
-    entry.name: entry
-    for entry in (
-        # Arguments of one shape, stacked.
-        Structure("vector", _vector_type, lambda a, t, s: _join(a),
-                  (((1, 2, 3), ()), ((_V, _R), ()), ((_M, _M), ()), ((_LONG, _LONG), ()), ((True, 0.5), ())),
-                  rules.union),
-        # Arguments laid end to end.
-        Structure("concat", _concat_type, lambda a, t, s: _join(a),
-                  (((_V, (9,)), ()), ((_M, _M), ()), ((_R, _LONG), ()), ((_LONG, _V), ())), rules.union),
-        # Static (start, count, step) along the first axis.
-        Structure(
-            "slice", lambda t, s: Type(t[0].kind, (s[1], *t[0].shape[1:])), _slice,
-            (((_V,), (1, 2, 1)), ((_V,), (3, 4, -1)), ((_M,), (2, 2, -2)), ((_LONG,), (0, 7, 3)), ((_LONG,), (19, 20, -1)),
-             ((_WIDE,), (2, 3, -1)), ((_WIDE,), (1, 2, 1))),
-        ),
-        # Static (index,) along the first axis.
-        Structure(
-            "element", lambda t, s: Type(t[0].kind, t[0].shape[1:]),
-            lambda a, t, s: _rows(a[0], t[0].shape)[s[0]],
-            (((_V,), (2,)), ((_M,), (1,)), ((_LONG,), (19,)), ((_WIDE,), (2,))),
-        ),
-        # The same elements, in shape `static`.
-        Structure("reshape", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0],
-                  (((_V,), (2, 2)), ((_M,), (6,)), ((_LONG,), (5, 4)), ((2.5,), (1,)))),
-        # A scalar repeated in shape `static`.
-        Structure(
-            "fill", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0] * Type(Kind.INT, s).size,
-            (((2,), (3,)), ((math.nan,), (2, 2)), ((True,), (30,))),
-        ),
-        # Rows of the first argument at the indices of the second.
-        Structure("index", _index_type, _index,
-                  (((_V, 3), ()), ((_R, 2), ()), ((_M, 1), ()), ((_V, (3, 0, 0)), ()), ((_M, (2, 0)), ()), ((_LONG, 19), ()),
-                   ((_LONG, (1, 19)), ()), ((_WIDE, 2), ()), ((_WIDE, (0, 2)), ()), ((_LONG, tuple(range(20))), ())),
-                  linear=rules.unless_second, indices=(1,)),
-        # The vector with the element at an index replaced.
-        Structure("put", _put_type, _put_row,
-                  (((_V, 1, 9), ()), ((_R, 0, math.nan), ()), ((_M, 2, (8, 9)), ()), ((_LONG, 19, -1), ()),
-                   ((_WIDE, 1, _LONG), ())), lambda args, node: rules.union((args[0], args[2]), node), rules.never,
-                  indices=(1,)),
-        # The vector with two elements exchanged.
-        Structure("swap", lambda t, s: t[0], _swap_rows,
-                  (((_V, 0, 3), ()), ((_R, 1, 1), ()), ((_M, 0, 2), ()), ((_LONG, 19, 0), ()), ((_WIDE, 0, 2), ())),
-                  linear=rules.never, indices=(1, 2), commutative=True),
-    )
-}  # fmt: skip
+STRUCTURES: dict[str, Structure] = entries_by_name((
+    # Arguments of one shape, stacked.
+    Structure("vector", _vector_type, lambda a, t, s: _join(a),
+              (((1, 2, 3), ()), ((_V, _R), ()), ((_M, _M), ()), ((_LONG, _LONG), ()), ((True, 0.5), ())),
+              rules.union),
+    # Arguments laid end to end.
+    Structure("concat", _concat_type, lambda a, t, s: _join(a),
+              (((_V, (9,)), ()), ((_M, _M), ()), ((_R, _LONG), ()), ((_LONG, _V), ())), rules.union),
+    # Static (start, count, step) along the first axis.
+    Structure(
+        "slice", lambda t, s: Type(t[0].kind, (s[1], *t[0].shape[1:])), _slice,
+        (((_V,), (1, 2, 1)), ((_V,), (3, 4, -1)), ((_M,), (2, 2, -2)), ((_LONG,), (0, 7, 3)), ((_LONG,), (19, 20, -1)),
+         ((_WIDE,), (2, 3, -1)), ((_WIDE,), (1, 2, 1))),
+    ),
+    # Static (index,) along the first axis.
+    Structure(
+        "element", lambda t, s: Type(t[0].kind, t[0].shape[1:]),
+        lambda a, t, s: _rows(a[0], t[0].shape)[s[0]],
+        (((_V,), (2,)), ((_M,), (1,)), ((_LONG,), (19,)), ((_WIDE,), (2,))),
+    ),
+    # The same elements, in shape `static`.
+    Structure("reshape", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0],
+              (((_V,), (2, 2)), ((_M,), (6,)), ((_LONG,), (5, 4)), ((2.5,), (1,)))),
+    # A scalar repeated in shape `static`.
+    Structure(
+        "fill", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0] * Type(Kind.INT, s).size,
+        (((2,), (3,)), ((math.nan,), (2, 2)), ((True,), (30,))),
+    ),
+    # Rows of the first argument at the indices of the second.
+    Structure("index", _index_type, _index,
+              (((_V, 3), ()), ((_R, 2), ()), ((_M, 1), ()), ((_V, (3, 0, 0)), ()), ((_M, (2, 0)), ()), ((_LONG, 19), ()),
+               ((_LONG, (1, 19)), ()), ((_WIDE, 2), ()), ((_WIDE, (0, 2)), ()), ((_LONG, tuple(range(20))), ())),
+              linear=rules.unless_second, indices=(1,)),
+    # The vector with the element at an index replaced.
+    Structure("put", _put_type, _put_row,
+              (((_V, 1, 9), ()), ((_R, 0, math.nan), ()), ((_M, 2, (8, 9)), ()), ((_LONG, 19, -1), ()),
+               ((_WIDE, 1, _LONG), ())), lambda args, node: rules.union((args[0], args[2]), node), rules.never,
+              indices=(1,)),
+    # The vector with two elements exchanged.
+    Structure("swap", lambda t, s: t[0], _swap_rows,
+              (((_V, 0, 3), ()), ((_R, 1, 1), ()), ((_M, 0, 2), ()), ((_LONG, 19, 0), ()), ((_WIDE, 0, 2), ())),
+              linear=rules.never, indices=(1, 2), commutative=True),
+))  # fmt: skip
 
 
 # Vectors to vectors of the same length.
@@ -440,7 +437,7 @@ def _reshape(b: NodeMaker, args: list[Node]) -> Node:
     if shape.type.kind is Kind.REAL or len(shape.type.shape) > 1 or min(shape.flat, default=-1) < 0:
         raise Refused("the shape of `reshape` is one or several sizes")
     _need_vector("reshape", x)
-    lengths = tuple(int(n) for n in shape.flat)
+    lengths = tuple(map(int, shape.flat))
     if math.prod(lengths) != x.type.size:
         raise Refused(f"`reshape` cannot arrange {x.type.size} elements as {list(lengths)}", "E307")
     return b.structure("reshape", [x], lengths)

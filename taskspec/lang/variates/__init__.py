@@ -17,14 +17,14 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.base.arrays import Array
-from taskspec.base.records import dataclass
+from taskspec.base.records import dataclass, entries_by_name
 from taskspec.lang.batch import DTYPES
 from taskspec.lang.ir import Draw, Node
 from taskspec.lang.ir import draws as draws_below
 from taskspec.lang.variates import choices, quantities
 from taskspec.lang.variates.entry import Flat, Variate, Words
 
-VARIATES: dict[str, Variate] = {v.name: v for v in (*choices.TABLE, *quantities.TABLE)}
+VARIATES: dict[str, Variate] = entries_by_name((*choices.TABLE, *quantities.TABLE))
 
 
 def words_of(draw: Draw) -> int:

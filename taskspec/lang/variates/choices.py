@@ -56,7 +56,7 @@ def _conditions(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray)
     p = draw.args[0]
     if not isinstance(p, Const):
         return x.bernoullis(words, entry.rows(x, draw, args[0]))
-    limits = np.array([bernoulli_threshold(v) for v in stretched(p.flat, draw.type.size)], np.uint64)
+    limits = np.array(list(map(bernoulli_threshold, stretched(p.flat, draw.type.size))), np.uint64)
     return words.astype(np.uint64) < limits[:, None]
 
 
@@ -106,7 +106,7 @@ def _outcome(draw: Draw, args: list[Flat], words: Words) -> Flat:
         # the row as it stands in the table: exact, without rounding on the way
         table = draws.thresholds(p.flat if isinstance(p, Const) else args[0])
         return tuple(draws.categorical(w, table) for w in mine)
-    weights = [float(x) for x in args[0]]
+    weights = list(map(float, args[0]))
     return tuple(draws.weighted_categorical(w, weights) for w in mine)
 
 
@@ -164,7 +164,7 @@ def _row_outcomes(b: NodeMaker, table: Const, row: Node, words: Sequence[Node], 
     k = table.type.shape[-1]
     found = _table_rows(table)
     if not bias:  # ints with room for the threshold that no word reaches
-        exact = [draws.thresholds(r) for r in found]
+        exact = list(map(draws.thresholds, found))
         columns = [_column(b, [t[i] for t in exact], row) for i in range(k - 1)]
         return [_reached(b, columns, w) for w in words]
     limits, last = draws.threshold_table(found)

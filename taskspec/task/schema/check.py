@@ -86,7 +86,7 @@ def remainder(document: Document) -> tuple[Document | None, set[str]]:
     """Return a document without the entries whose shape is wrong, and the words in them; None if the rest means nothing."""
     found = _problems(document)
     is_lost = any(problem.code in ("E207", "E211", "E212", "E314") for problem in found)
-    if is_lost or any(check_shape(other) for other in document.others.values()):
+    if is_lost or any(map(check_shape, document.others.values())):
         return None, set()
     places = []
     for problem in found:
@@ -347,7 +347,7 @@ def _strays(merged: Merged) -> Iterator[Problem]:
         section = str(path[0])
         name = str(path[1])
         if section == "claims":
-            stated = [statement(claim) for claim in merged.data[section]]
+            stated = list(map(statement, merged.data[section]))
             message = f"the base of this variant does not claim `{name}`"
             yield Problem("E219", path, message, suggest(name, stated) or "a claim is dropped as it is written there")
             continue

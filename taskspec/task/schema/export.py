@@ -50,7 +50,7 @@ def _linked(node: Any) -> Any:
     A definition is called what authors call it: `Claim`, not `ClaimEntry`.
     """
     if isinstance(node, list):
-        return [_linked(item) for item in node]
+        return list(map(_linked, node))
     if not isinstance(node, dict):
         if isinstance(node, str):
             return node.removesuffix("Entry")
