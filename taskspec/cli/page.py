@@ -134,9 +134,11 @@ def _named(expressions: Mapping[str, Any]) -> list[Line]:
 def _expression(text: str, cases: Iterable[Mapping[str, Any]]) -> VisibleText:
     """Return an expression with the values of parameters that it is for."""
     line = _colored(visible(text))
-    listed = "; ".join(", ".join(f"{name}={setting(value)}" for name, value in case.items()) for case in cases)
+    listed = []
+    for case in cases:
+        listed.append(", ".join(f"{name}={setting(value)}" for name, value in case.items()))
     if listed:
-        line.append(f"  for {listed}", "quiet")
+        line.append(f"  for {'; '.join(listed)}", "quiet")
     return line
 
 

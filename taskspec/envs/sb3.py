@@ -147,11 +147,11 @@ class Sb3VecEnv(VecEnv):
         Raises:
             LaneError: lanes have nothing of that name.
         """
-        made = (
-            LaneView(self.task, self._engine, i, self.render_mode, self._started, self._drawings[i])
-            for i in self._get_indices(indices)
-        )
-        return [ask_lane(lane, method_name, *args, **kwargs) for lane in made]
+        found = []
+        for i in self._get_indices(indices):
+            lane = LaneView(self.task, self._engine, i, self.render_mode, self._started, self._drawings[i])
+            found.append(ask_lane(lane, method_name, *args, **kwargs))
+        return found
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         return [False] * len(list(self._get_indices(indices)))

@@ -71,10 +71,12 @@ def _any(b: Builder, c: Component) -> Node:
     """Return a uniformly random value of a component."""
     if c.type.kind is Kind.BOOL:
         return DISTS["Bernoulli"].build(b, {"p": b.scalar(0.5)}, c.type.shape)
-    flat = [[v if c.type.kind is Kind.REAL else int(v) for v in ends] for ends in (c.low, c.high)]
-    low, high = (b.const(ends if c.type.shape else ends[0], c.type) for ends in flat)
-    name = "Uniform" if c.type.kind is Kind.REAL else "UniformInt"
-    return DISTS[name].build(b, {"low": low, "high": high}, c.type.shape)
+    given: dict[str, Node] = {}
+    for name, ends in (("low", c.low), ("high", c.high)):
+        values: list[float] = list(ends if c.type.kind is Kind.REAL else map(int, ends))
+        given[name] = b.const(values if c.type.shape else values[0], c.type)
+    dist = "Uniform" if c.type.kind is Kind.REAL else "UniformInt"
+    return DISTS[dist].build(b, given, c.type.shape)
 
 
 def _permuted(b: Builder, task: Task, given: Arguments) -> Task:

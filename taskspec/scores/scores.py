@@ -73,11 +73,13 @@ class Scores:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one flat row for each known return, as `pandas.DataFrame` takes them."""
-        known = [(name, found) for name in RETURNS if (found := getattr(self, name)) is not None]
-        return [
-            {**self.parameters, "id": self.id, "return": name, "value": r.value, "error": r.error, "status": r.status}
-            for name, r in known
-        ]
+        rows = []
+        for name in RETURNS:
+            known = getattr(self, name)
+            if known is not None:
+                row = {**self.parameters, "id": self.id, "return": name}
+                rows.append(row | {"value": known.value, "error": known.error, "status": known.status})
+        return rows
 
     def _repr_html_(self) -> str:
         """Return the returns, for notebooks."""

@@ -111,9 +111,8 @@ class Program:
             kind = "i64s" if part.is_whole else "f32s"
             for name, rows in (("seen", self.seen), ("final", self.final)):
                 self.memory.at(f"{name}{i}")
-                rows |= {
-                    f"{i}_{k}": MemoryRow(f"{name}{i}_{k}", f"{name}{i}", k, kind) for k in range(math.prod(part.shape))
-                }
+                for k in range(math.prod(part.shape)):
+                    rows[f"{i}_{k}"] = MemoryRow(f"{name}{i}_{k}", f"{name}{i}", k, kind)
 
     @property
     def inline_reset(self) -> bool:
@@ -146,12 +145,17 @@ def _loop(p: Program, roots: Sequence[Node], words: WordLayout, at: str, acting:
         names[Role.STATE, c.name] = LaneValue([f"x_{r.name}" for r in rows])
     for i, c in enumerate(p.task.action if acting else ()):
         names[Role.ACTION, c.name] = LaneValue([f"a_{i}_{k}" for k in range(c.type.size)])
-    numbers = {d.site: [f"w{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
+    numbers = {}
+    reals: dict[int, Sequence[str]] = {}
     for draw in words.draws:
+        first = words.first[draw.site]
+        places = range(first, first + words_of(draw))
+        numbers[draw.site] = [f"w{place}" for place in places]
+        reals[draw.site] = [f"r{place}" for place in places]
         for name, number in zip(word_names(draw), numbers[draw.site], strict=True):
             names[Role.VARIABLE, name] = LaneValue([f"i64({number})"])
     lane = KernelLane(names, numbers, Builder().certain, constants=p.constants, unrolled=EVERYTHING)
-    lane.reals = {d.site: [f"r{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
+    lane.reals = reals
     shown = _shown(p, roots, words)
     hidden = {len(roots) - len(p.observation.components) + i for i in shown}
     kept = [_NOTHING if i in hidden else root for i, root in enumerate(roots)]
