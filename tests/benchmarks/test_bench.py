@@ -69,7 +69,7 @@ def test_alone_it_shows_help() -> None:
 def test_json_says_all_that_was_measured_and_on_what() -> None:
     args = (
         "vector",
-        spec_file("umbrella"),
+        spec_file("catch"),
         "RiskyPath",
         "-b",
         "scalar",
