@@ -124,7 +124,7 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
     steps = _values("E403", "dynamics", task.state, task.process.raw_next, "'")
     steps.append(Check("E406", task.process.reward, (-INF,), (INF,), "reward", what="the reward"))
     for name, node in task.process.measures.items():
-        steps.append(Check("E406", node, (-INF,), (INF,), "measures", what=f"the measure '{name}'"))
+        steps.append(Check("E406", node, (-INF,), (INF,), "measures", name, what=f"the measure '{name}'"))
     for section in ("noise", "dynamics", "reward", "terminal", "measures"):
         steps += _drawn(task, section, task.process.step_roots)
     yield phase("step", steps)
