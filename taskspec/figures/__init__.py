@@ -23,7 +23,7 @@ from taskspec.figures.states import not_drawn, state_table
 from taskspec.figures.vector_formats import svg as svg
 from taskspec.figures.vector_formats import tikz as tikz
 from taskspec.figures.vector_formats import tikz_colors
-from taskspec.model.model import NoModel
+from taskspec.model.model import Model, NoModel
 from taskspec.printers.tree import Words
 from taskspec.registry import load
 from taskspec.soundness.soundness import soundness
@@ -53,7 +53,7 @@ def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
 
     A figure that a spec asks for is never missing: a graph with too many crossings becomes a table, and a figure that does
     not fit at these parameters becomes a frame that says so. It shows the task without its modifiers. Below it there is a
-    legend line for each overlay: how it is drawn, or its value at the state that the figure shows.
+    legend line for each overlay: how it is drawn, or that it is not.
     """
     task = load(task).unmodified
     over = over or Overlay()
@@ -65,19 +65,22 @@ def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
     return _with_lines(drawn, list(_legend(task, drawn, over)))
 
 
-def layers(task: TaskLike) -> dict[str, Scene]:
-    """Return the figure with each overlay alone that it has a place for, by name; none without an exact model."""
+def layers(task: TaskLike, model: Model | None = None) -> dict[str, Scene]:
+    """Return the figure with each overlay alone that it has a place for, by name; none without an exact model.
+
+    The model of the task is worked out if it is not given.
+    """
     task = load(task)
     bare = _drawn(task, Overlay())
-    if bare is None or task.modifiers:
+    if bare is None or task.modifiers or task.spec.abstraction is not None:
         return {}
-    wanted = [PARTS]
+    wanted: list[tuple[str, ...]] = [PARTS]
     if isinstance(task.annotations.expert, tuple):
         wanted.append(("expert",))
     found = {}
     for names in wanted:
         try:
-            over = overlay(task, names)
+            over = overlay(task, names, model)
         except SpecError:
             return {}
         for part in PARTS:
@@ -99,17 +102,14 @@ def _with_lines(drawn: Scene, lines: list[str]) -> Scene:
 
 
 def _legend(task: Task, drawn: Scene, over: Overlay) -> Iterator[str]:
-    """Yield a line for each overlay: how it is drawn, its value at the state shown, or that it is not drawn."""
+    """Yield a line for each overlay: how it is drawn, or that it is not."""
     if not over.legend:
         return
     bare = _drawn(task, over.only())
-    values = {} if drawn.state is None or over.at_state is None else over.at_state(drawn.state)
     for part, (scale, what) in over.legend.items():
         with_part = _drawn(task, over.only(part)) if part in PARTS else None
         if with_part is not None and not with_part.shows(bare):
             yield f"{with_part.drawn[part].format(scale)}: {what}"
-        elif part in values:
-            yield f"{what}, from the first state shown: {values[part]}"
         else:
             yield f"not drawn: {what}"
 

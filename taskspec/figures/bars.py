@@ -83,7 +83,7 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
         sums_at = 0.35
     if len(rows) == 1:
         items += _sums(rows[0], colors[0], step, sums_at)
-    return fitted(items, f"A state of {task.name} as {alt}", notes, state=states[0])
+    return fitted(items, f"A state of {task.name} as {alt}", notes)
 
 
 def _changes(task: Task, node: Node, path: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -32,7 +32,6 @@ SMALL = 0.25
 FONT = 0.28  # sizes of letters
 EDGE = Hex("#9aa3ad")
 GRID = Hex("#e7eaed")
-STRIPE = Hex("#f3f4f5")
 RULE = Hex("#4a545e")
 # Colours of Okabe and Ito, which people with any colour vision can tell apart.
 BLUE = Hex("#0072B2")

@@ -73,9 +73,10 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
     """Return the best plan without a fault; None when all have faults, cross too often or are too large."""
     says = Captions(machine)
     best: Plan | None = None
-    least: tuple[int, int] | None = None
     is_frame = overlay.here is not None
-    for found in whole(machine) if is_frame else drawings(machine, says.kept):
+    for found in whole(machine) if is_frame else drawings(machine):
+        if found.elided and best is not None:
+            break
         if len(found.arcs) > (2 * MOST_ARROWS if is_frame else MOST_ARROWS):
             continue
         vertices = [v for v in found.vertices if isinstance(v, int)]
@@ -92,11 +93,9 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
         plan = _planned(request) or _planned(replace(request, stretch=STRETCH))
         if plan is None or (plan.width > WIDEST and not is_frame):
             continue
-        cost = (len(says.kept.difference(vertices)), plan.cost)
-        if least is None or cost < least:
+        if best is None or plan.cost < best.cost:
             best = plan
-            least = cost
-        if cost == (0, 0):
+        if plan.cost == 0:
             break
     return best
 
@@ -247,7 +246,7 @@ def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> Scene:
             items.append(Circle(spot.at, spot.half + 0.16, "accent" if v == present else None, None))
         items += _vertex(v, spot, plan, says, overlay)
     shown = [v for v in plan.spots if isinstance(v, int)]
-    notes = (*says.notes(plan.shows_loops, shown), *says.unmarked(shown))
+    notes = (*says.notes(plan.shows_loops), *says.unmarked(shown))
     if plan.drawing.elided and (overlay.values or overlay.policy or overlay.occupancy):
         notes += ("Results of the states left out are not shown.",)
     elided = ", elided" if plan.drawing.elided else ""

@@ -45,7 +45,7 @@ def grid(task: Task, overlay: Overlay) -> Scene | None:
     items = [shifted(item, left, 0.0) for item in drawn.items]
     items += [shifted(item, left + (drawn.width - strip.width) / 2, drawn.height + 0.1) for item in strip.items]
     notes = (*drawn.notes, "Below the grid: what the agent sees at the start of an episode.")
-    return fitted(items, f"{drawn.alt}, and an observation", notes, state=drawn.state, drawn=drawn.drawn)
+    return fitted(items, f"{drawn.alt}, and an observation", notes, drawn=drawn.drawn)
 
 
 class _Grid:
@@ -58,10 +58,13 @@ class _Grid:
         self.overlay = overlay
         self.state = overlay.here or first_state(task)
         self.reads = reads_of(task, self.state)
-        self.letters = {
-            (x, y): char for y, line in enumerate(self.figure.map) for x, char in enumerate(line) if char != " "
-        }
         self.things = tuple(self._things())
+        hidden = {thing.cell for thing in self.things}
+        self.letters: dict[Cell, str] = {}
+        for y, line in enumerate(self.figure.map):
+            for x, char in enumerate(line):
+                if char != " " and (x, y) not in hidden:
+                    self.letters[x, y] = char
 
     def numbers(self, place: Iterable[Node], reads: Reads, count: int = 1) -> Array:
         """Return column and row of states, and maybe a way, (count, 2) or (count, 4)."""
@@ -143,9 +146,8 @@ class _Grid:
         board = Board(columns, rows, colors, self.letters, agents, shades, values, moves, self.things, cell=cell)
         alt = f"Grid of {self.task.name}: {len(columns)} columns and {len(rows)} rows"
         notes = (*self.key(), *unplaced, *board.notes())
-        state = self.state if self.things else None
         how = DRAWN if distinct == len(by_code) else DRAWN_TOGETHER
-        return fitted(board.items(), alt, notes, state=state, drawn=how)
+        return fitted(board.items(), alt, notes, drawn=how)
 
     def _agents(self, by_code: Mapping[int, Cell]) -> dict[Cell, float]:
         if self.overlay.here is not None:
@@ -174,7 +176,7 @@ class _Grid:
             columns, rows = bounds
             board = Board(columns, rows, marks, self.letters, agents, things=things)
             alt = f"Grid of {self.task.name}: {len(columns)} columns and {len(rows)} rows"
-            return fitted(board.items(), alt, tuple(notes), state=self.state)
+            return fitted(board.items(), alt, tuple(notes))
         points = np.array([(ax, ay), *marks, *(thing.cell for thing in things)])
         middle = np.round(points.mean(axis=0)).astype(int)
         half = max(4, int(np.abs(points - middle).max()) + 1)
@@ -187,7 +189,7 @@ class _Grid:
         if len(marks) < len(dict(known)):
             notes.append("The marked objects are too far away to be shown.")
         alt = f"Part of the grid of {self.task.name} around the agent"
-        return fitted(board.items(), alt, (*notes, *board.notes()), state=self.state)
+        return fitted(board.items(), alt, (*notes, *board.notes()))
 
     def _bounds(self) -> tuple[range, range] | None:
         place = self.figure.at

@@ -51,10 +51,8 @@ class Drawing:
         return [v for layer in self.layers for v in layer]
 
 
-def drawings(machine: Machine, marked: Collection[Vertex] = ()) -> Iterator[Drawing]:
+def drawings(machine: Machine) -> Iterator[Drawing]:
     """Yield what can be drawn of a machine, the usual first; nothing if even its outline is too large.
-
-    An outline keeps the states in `marked`; the next one does not, as there may be no room for them.
 
     The first column holds all states in which episodes start, or one of them from which the others are reached, which
     comes first where several roles start apart.
@@ -70,10 +68,9 @@ def drawings(machine: Machine, marked: Collection[Vertex] = ()) -> Iterator[Draw
         if _is_small(layers) and set(machine.start) <= set(drawing.vertices):
             yield drawing
     if not _is_small(usual):
-        for kept in dict.fromkeys((frozenset(marked), frozenset[Vertex]())):
-            outline = _elided(usual, arcs, kept)
-            if outline is not None:
-                yield outline
+        outline = _elided(usual, arcs)
+        if outline is not None:
+            yield outline
 
 
 def whole(machine: Machine) -> Iterator[Drawing]:
@@ -130,26 +127,25 @@ def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:
     return layers
 
 
-def _elided(layers: list[list[Vertex]], arcs: list[Arc], marked: Collection[Vertex]) -> Drawing | None:
-    """Return the first and the last two layers, each cut to a few vertices and marked ones, with dots for the rest."""
+def _elided(layers: list[list[Vertex]], arcs: list[Arc]) -> Drawing | None:
+    """Return the first and the last two layers, each cut to a few vertices, with dots for the rest."""
     on = {a.source for a in arcs if a.target != a.source}  # what leads on
     if len(layers) <= LONG:
-        kept = [_narrow(layer, on, marked) for layer in layers]
-        if sum(map(len, kept)) <= 2 * MANY:
-            return _cut(kept, arcs)
-        return None
+        return _cut([_narrow(layer, on) for layer in layers], arcs)
     first, second, third, *_, last = layers
     dots = (DOTS, 2)
     to_last = {a.source for a in arcs if a.target in last}
     before = [v for v in layers[-2] if v in to_last]
     if len(before) > WIDE or not before or len(second) > 3 * WIDE:
         return None
-    inner = [v for layer in layers[2:-1] for v in layer if v in marked and v not in before]
-    middle = [v for v in third if v not in on and v not in inner]
-    through = [v for v in inner if v in on]
-    ends = [v for v in inner if v not in on]
-    kept = [_narrow(first, on, marked), _narrow(second, on, marked), [*_narrow([*middle, dots], {dots}), *through],
-            _narrow(before, on, marked), [*_narrow(last, on, marked), *ends]]  # fmt: skip
+    middle = [v for v in third if v not in on]
+    kept = [
+        _narrow(first, on),
+        _narrow(second, on),
+        _narrow([*middle, dots], {dots}),
+        _narrow(before, on),
+        _narrow(last, on),
+    ]
     shown = {v for layer in (*kept, middle, before) for v in layer}  # or stood for by the dots of a column
     gone = {v: i for i, layer in enumerate(layers[2:-1]) for v in layer if v not in shown}
     if any(a.source in gone and a.target in gone and gone[a.target] < gone[a.source] - BACK for a in arcs):
@@ -159,14 +155,13 @@ def _elided(layers: list[list[Vertex]], arcs: list[Arc], marked: Collection[Vert
     return _cut(kept, arcs, list(dict.fromkeys(links)))
 
 
-def _narrow(layer: list[Vertex], on: Collection[Vertex], marked: Collection[Vertex] = ()) -> list[Vertex]:
-    """Return a layer of a few vertices: those that lead on, the first and the last of the others, and what is marked."""
+def _narrow(layer: list[Vertex], on: Collection[Vertex]) -> list[Vertex]:
+    """Return a layer of a few vertices: those that lead on, and the first and the last of the others."""
     main = [v for v in layer if v in on][:2]
     others = [v for v in layer if v not in main]
-    held = [v for v in others[1:-1] if v in marked]
-    if len(layer) <= WIDE - 1 or len(others) - len(held) <= 2:
+    if len(layer) <= WIDE - 1 or len(others) <= 2:
         return layer
-    return [others[0], *held, (DOTS, "column", layer[0]), others[-1], *main]
+    return [others[0], (DOTS, "column", layer[0]), others[-1], *main]
 
 
 def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: Iterable[Arc] = ()) -> Drawing | None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from itertools import combinations
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -43,7 +42,7 @@ MAX_TRANSITIONS = 20_000
 MAX_ACTIONS = 100
 MAX_CONSIDERED = 200_000
 """Outcomes that are looked at in one go: many more than a graph could show, and few enough to take a second."""
-FEW = 3  # as many states of one colour are always shown, and named where they are not, if there is room
+FEW = 3  # as many states are named in a note
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +67,19 @@ class Machine:
     n_actions: int
     starters: Mapping[int, str] = field(default_factory=dict)  # who starts where, in tasks with roles
     timed: bool = False  # episodes end by the time as well
-    cut: frozenset[int] = frozenset()  # states first reached at the horizon, which further steps would leave
 
 
 def explore(task: Task) -> Machine | None:
     """Return the states that episodes visit; None if they are many, or if dynamics or rewards depend on the time."""
+    found = _explored(task)
+    if found is None:
+        return None
+    return replace(found, task=task)
+
+
+@lru_cache(maxsize=8)
+def _explored(task: Task) -> Machine | None:
+    """Explore a task once, for all its overlays; equal tasks may have other figure sections."""
     if not task.is_finite or any(
         isinstance(x, Read) and x.role is Role.TIME for x in walk((*task.process.next, task.process.reward))
     ):
@@ -93,12 +100,9 @@ def explore(task: Task) -> Machine | None:
     found = _walk(steps, np.array(list(start)))
     if found is None:
         return None
-    states, transitions, last = found
+    states, transitions = found
     ending = frozenset(t.target for t in transitions if t.ends)
-    cut: frozenset[int] = frozenset()
-    if last and len(last) * steps.actions.size * steps.branching <= MAX_CONSIDERED:
-        cut = _left(steps, last)
-    return Machine(task, start, states, transitions, ending, steps.actions.size, starters, steps.uses_time, cut)
+    return Machine(task, start, states, transitions, ending, steps.actions.size, starters, steps.uses_time)
 
 
 def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
@@ -122,8 +126,8 @@ def _start_distribution(steps: Steps) -> dict[int, float]:
     return dict(zip(start.tolist(), weights.tolist(), strict=True))
 
 
-def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Transition, ...], list[int]] | None:
-    """Search breadth first up to the horizon; return states, transitions, and the states first reached at the horizon."""
+def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Transition, ...]] | None:
+    """Search breadth first up to the horizon; return states and transitions."""
     seen: dict[int, None] = dict.fromkeys(start.tolist())
     level = list(seen)
     transitions: list[Transition] = []
@@ -141,15 +145,8 @@ def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Trans
         level = list(new)
         depth += 1
     if len(seen) <= MAX_STATES:
-        return (tuple(seen), tuple(transitions), level)
+        return (tuple(seen), tuple(transitions))
     return None
-
-
-def _left(steps: Steps, last: list[int]) -> frozenset[int]:
-    try:
-        return frozenset(t.source for t in _from(steps, last) if t.source != t.target)
-    except SpecError:
-        return frozenset()
 
 
 def _from(steps: Steps, level: list[int]) -> list[Transition]:
@@ -223,11 +220,6 @@ class Captions:
         """Colours of states; the last of several."""
         return {code: HIGHLIGHTS[name] for name, codes in self.marks.items() for code in codes}
 
-    @property
-    def kept(self) -> frozenset[int]:
-        """Coloured states that a graph must show: those of rare colours."""
-        return frozenset(c for codes in self.marks.values() if len(codes) <= FEW for c in codes)
-
     def unmarked(self, shown: Collection[int]) -> Iterator[str]:
         """Yield notes on what a figure of some states does not show of `figure: highlight:`."""
         for name, codes in self.marks.items():
@@ -236,9 +228,6 @@ class Captions:
                 yield f"Not shown: {name}, which holds in no state that episodes reach."
             elif left:
                 yield f"Not shown: {name} ({self.named(left)})."
-        for (one, codes), (other, others) in combinations(self.marks.items(), 2):
-            if both := [c for c in codes if c in others and c in shown]:
-                yield f"Marked {other}, but {one} as well: {self.named(both)}."
 
     def named(self, codes: Sequence[int]) -> str:
         """Return a few states by name, or how many there are."""
@@ -266,7 +255,7 @@ class Captions:
                 return how, {code: rewards.pop() for code, rewards in found.items()}
         return "arrow", {}
 
-    def notes(self, shows_loops: bool, shown: Collection[int]) -> Iterator[str]:
+    def notes(self, shows_loops: bool) -> Iterator[str]:
         how, _ = self.rewards
         if how == "all":
             yield f"Every step pays {number(self.machine.transitions[0].reward, 4)}."
@@ -276,8 +265,6 @@ class Captions:
             yield "Where no arrow leads on, the state stays."
         if self.machine.timed:
             yield "The time ends episodes, too."
-        if last := [v for v in shown if v in self.machine.cut]:
-            yield f"No arrow leads on from {self.named(last)}, as the time is up there."
 
     def code_of(self, overlay: Overlay) -> int | None:
         if overlay.here is None:

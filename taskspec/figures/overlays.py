@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from taskspec.abstraction.abstraction import Abstraction, abstraction, extract
+from taskspec.abstraction.abstraction import abstraction, extract
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.display import number
 from taskspec.exact import Model
-from taskspec.figures.states import State, reads_of
+from taskspec.figures.states import State
 from taskspec.registry import load
 from taskspec.solve import plans, solve
 from taskspec.solve.backward import Plan
@@ -22,7 +22,6 @@ from taskspec.task.task import Task, TaskLike
 PARTS = ("values", "policy", "occupancy")
 OVERLAYS = ("values", "policy", "expert", "occupancy")
 """The names of overlays."""
-MOST_NAMED = 3  # actions that are named
 
 
 @dataclass(frozen=True)
@@ -31,15 +30,13 @@ class Overlay:
 
     `values` are written beside states; `policy` gives the indices of the actions taken, whose
     transitions stand out; `occupancy` in [0, 1] shades the states that are visited. `legend` gives the scale of each of
-    them and says what it is; how it is drawn, a figure knows. Where a figure has no place for them, `at_state` gives in words
-    what is known of a state.
+    them and says what it is; how it is drawn, a figure knows.
     """
 
     values: Mapping[int, float] = field(default_factory=dict)
     policy: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     occupancy: Mapping[int, float] = field(default_factory=dict)
     legend: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    at_state: Callable[[State], Mapping[str, str]] | None = field(default=None, compare=False)
     here: State | None = None  # the present state, for a frame of an episode
     seen: Mapping[int, State] = field(default_factory=dict)  # states of that episode by time, the present one included
 
@@ -51,16 +48,16 @@ class Overlay:
         return Overlay(here=self.here, seen=self.seen, **{part: getattr(self, part) for part in parts})
 
 
-def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
+def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) -> Overlay:
     """Return the overlays of a task's figure.
 
     Args:
-        task: one that has an exact model, or an abstraction that has one: figures then say in words what it knows of the
-            state that they show.
+        task: one that has an exact model. Of an abstraction nothing is drawn, as its states are not those of the figure.
         names: of `values` (optimal, with the whole horizon left), `policy` (all optimal actions) or
             `expert` (its actions), and `occupancy` (of the expert where there is one, else of an
             optimal policy; the most visited state is 1). Values and actions are those of states in which
             some episode acts.
+        model: that of the task, where it is known already.
 
     Raises:
         SpecError: for another name (E713), without an exact model (E712) or scipy (E705).
@@ -74,11 +71,9 @@ def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
     if task.modifiers:
         message = "a figure shows a task without its modifiers, and results with them cannot be laid over it"
         raise SpecError((Diagnostic("E713", None, message),))
-    known = _Known(task, extract(task), abstraction(task), wanted)
-    shown = PARTS if known.abstraction is None else ()
-    return Overlay(
-        **{part: getattr(known, part) for part in shown}, legend=dict(_legend(task, known)), at_state=known.at_state
-    )
+    known = _Known(task, model or extract(task), wanted)
+    shown = PARTS if abstraction(task) is None else ()
+    return Overlay(**{part: getattr(known, part) for part in shown}, legend=dict(_legend(task, known)))
 
 
 def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
@@ -110,11 +105,10 @@ def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
 
 @dataclass(frozen=True)
 class _Known:
-    """What an exact model knows of states, by code; the model may be that of an abstraction."""
+    """What an exact model knows of states, by code."""
 
     task: Task
     model: Model
-    abstraction: Abstraction | None
     wanted: set[str]
 
     @cached_property
@@ -178,28 +172,6 @@ class _Known:
     def _without_memory(self, whole: Model, code: int) -> int:
         """Return the code of a state without what is remembered there, whose digits are the last ones."""
         return code // (whole.states.size // self.model.states.size)
-
-    def at_state(self, state: State) -> Mapping[str, str]:
-        if self.abstraction is None:
-            task = self.model.task
-        else:
-            task = self.abstraction.task
-        arrays = {c.name: reads_of(task, state)[c.read] for c in task.state}
-        if self.abstraction is not None:
-            arrays = self.abstraction.map(arrays)
-        codes, outside = self.model.states.encode([arrays[c.name] for c in self.model.states.components], 1)
-        code = int(codes[0])
-        found = dict[str, str]()
-        if outside is not None and outside.any():
-            return found
-        if code in self.values:
-            found["values"] = number(self.values[code], 4)
-        if code in self.policy:
-            some = [self.model.action_name(a) for a in self.policy[code]]
-            if len(some) > MOST_NAMED:
-                some[MOST_NAMED:] = ["…"]
-            found["policy"] = "; ".join(some)
-        return found
 
 
 def _policy(model: Model, table: Array) -> dict[int, tuple[int, ...]]:

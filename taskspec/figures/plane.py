@@ -105,7 +105,7 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
     if len(dots) > 1:
         items.append(Circle(plot.at(*dots[0]), 0.1, None, "ink"))
         notes = ("Dots: an episode of the expert, from the ringed one on.",)
-    return fitted(items, f"Curve of {task.name}, with the places of an episode marked on it", notes, state=shown[0])
+    return fitted(items, f"Curve of {task.name}, with the places of an episode marked on it", notes)
 
 
 def _place(task: Task, at: Sequence[Node], state: dict[str, Any]) -> Point:
@@ -149,7 +149,7 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     )
     if len(dots) > 1:
         notes += ("Line: an episode of the expert.",)
-    return fitted(items, f"Phase portrait of {task.name}", notes, state=path[0])
+    return fitted(items, f"Phase portrait of {task.name}", notes)
 
 
 @dataclass(frozen=True)
@@ -251,4 +251,4 @@ def arm(task: Task, overlay: Overlay) -> Scene | None:
         Circle(points[-1], joint, "ink"),
     ]
     notes = () if overlay.here is not None else ("A first state. The circle is how far the arm reaches.",)
-    return fitted(items, f"{task.name} as an arm of {len(angles)} links", notes, state=state)
+    return fitted(items, f"{task.name} as an arm of {len(angles)} links", notes)

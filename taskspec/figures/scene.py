@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import Any, Literal, NewType, assert_never
+from typing import Literal, NewType, assert_never
 
 from taskspec.base.display import number
 from taskspec.printers import tree as m
@@ -101,9 +101,9 @@ Item = Circle | Box | Area | Line | Label
 class Scene:
     """Items from back to front, inside a frame; `alt` describes them in words.
 
-    `state` is the one state of the task that is shown, or the first one of several; `focus` is where the present state of a
-    frame is, which stays in sight if there is no room for all. `drawn` has for each part of an overlay a description of how it
-    is drawn, in which `{0}` stands for the scale. Figures have a serif font, which suits mathematics; charts have none.
+    `focus` is where the present state of a frame is, which stays in sight if there is no room for all. `drawn` has for each
+    part of an overlay a description of how it is drawn, in which `{0}` stands for the scale. Figures have a serif font, which
+    suits mathematics; charts have none.
     """
 
     width: float
@@ -111,7 +111,6 @@ class Scene:
     items: tuple[Item, ...]
     alt: str
     notes: tuple[str, ...] = ()
-    state: Mapping[str, Any] | None = field(default=None, compare=False)
     focus: Point | None = None
     drawn: Mapping[str, str] = field(default_factory=dict, compare=False)
     font: Literal["serif", "sans"] = "serif"
@@ -126,7 +125,7 @@ class Scene:
 
     def extended(self, more: Iterable[Item], alt: str | None = None) -> Scene:
         items = (*self.items, *more)
-        return fitted(items, alt or self.alt, self.notes, state=self.state, focus=self.focus, drawn=self.drawn)
+        return fitted(items, alt or self.alt, self.notes, focus=self.focus, drawn=self.drawn)
 
 
 def text_width(tree: m.Math, size: float = 0.36) -> float:
@@ -138,7 +137,6 @@ def fitted(
     alt: str,
     notes: tuple[str, ...] = (),
     margin: float = 0.15,
-    state: Mapping[str, Any] | None = None,
     focus: Point | None = None,
     drawn: Mapping[str, str] | None = None,
 ) -> Scene:
@@ -149,7 +147,7 @@ def fitted(
     moved = tuple(shifted(item, -left, -top) for item in items)
     if focus is not None:
         focus = (focus[0] - left, focus[1] - top)
-    return Scene(max(rights) + margin - left, max(bottoms) + margin - top, moved, alt, notes, state, focus, drawn or {})
+    return Scene(max(rights) + margin - left, max(bottoms) + margin - top, moved, alt, notes, focus, drawn or {})
 
 
 def _extent(item: Item) -> tuple[float, float, float, float]:

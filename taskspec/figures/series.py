@@ -21,7 +21,8 @@ from taskspec.printers import tree as m
 from taskspec.printers.expressions import mathematics
 from taskspec.printers.names import expression, of_task
 from taskspec.printers.pieces import indexed
-from taskspec.task.task import Component, Task
+from taskspec.task.parts import Component
+from taskspec.task.task import Task
 
 MOST = 6  # numbers that are followed
 PANEL = 1.0  # height of the picture of one, in centimetres
@@ -59,7 +60,7 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
         ends = _wide(min(number.values), max(number.values))
         items += _panel(number, number.symbol, ends, steps, i * APART, range(len(path)))
     items += _time(0, steps, len(found[:MOST]))
-    return fitted(items, f"An episode of {whose} in {task.name} over time, {steps} steps", state=path[0])
+    return fitted(items, f"An episode of {whose} in {task.name} over time, {steps} steps")
 
 
 def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
@@ -79,7 +80,7 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
         label = m.Row((number.symbol, m.Sym("="), signed(number.values[-1])))
         items += _panel(number, label, _scale(number), span, i * APART, points, is_frame=True)
     items.append(Box((-BEFORE, 0.0), BEFORE + WIDTH + AFTER, PANEL, None, None))
-    return fitted(items, f"{task.name} over time, {now} steps", state=seen[now])
+    return fitted(items, f"{task.name} over time, {now} steps")
 
 
 def _is_finite(found: Sequence[_Number]) -> bool:

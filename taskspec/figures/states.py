@@ -22,7 +22,7 @@ from taskspec.model.space import Space
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
 from taskspec.rollout.rollout import Rollout, at_random
-from taskspec.task.parts import Component, by_read
+from taskspec.task.parts import Component
 from taskspec.task.task import Task
 
 State = Mapping[str, Any]
@@ -83,22 +83,14 @@ def _reset(task: Task, roots: tuple[Node, ...], seed: int) -> list[Flat]:
 def expert_path(task: Task, steps: int = STEPS, seed: int = 0) -> list[dict[str, Any]]:
     """Return states of an episode of the expert, where its actions are expressions and nothing is drawn in a step."""
     task = task.remembering()
-    states = [first_state(task, seed)]
-    nodes = (*task.process.next, task.process.terminal)
-    if not isinstance(task.annotations.expert, tuple) or draws_of((*nodes, *task.annotations.expert)):
-        return states
-    for t in range(steps if task.horizon is None else min(steps, task.horizon)):
-        reads = {**reads_of(task, states[-1]), (Role.TIME, "t"): np.array([t], dtype=np.int64)}
-        actions = batch.evaluate(task.annotations.expert, reads)
-        chosen = by_read(Role.ACTION, task.action, actions)
-        *found, ends = batch.evaluate(nodes, reads | chosen)
-        states.append({c.name: v[..., 0] for c, v in zip(task.state, found, strict=True)})
-        if bool(np.all(ends)):
-            break
-    return states
+    expert = task.annotations.expert
+    if not isinstance(expert, tuple) or draws_of((*task.process.next, task.process.terminal, *expert)):
+        return [first_state(task, seed)]
+    path, _ = episode_path(task, steps, seed)
+    return path
 
 
-def episode_path(task: Task, steps: int = STEPS, seed: int = 0) -> tuple[list[State], str]:
+def episode_path(task: Task, steps: int = STEPS, seed: int = 0) -> tuple[list[dict[str, Any]], str]:
     """Return states of an episode of the expert where its actions are expressions, else of random actions; and whose it is."""
     task = task.remembering()
     expert = task.annotations.expert

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from taskspec.exact import Report, Results, Verdict, pomdp_bounds, verdicts, wrong_examples
+from taskspec.exact import Model, Report, Results, Verdict, pomdp_bounds, verdicts, wrong_examples
 from taskspec.pages.prose import CellTable, Formula, Inlines, Text
 from taskspec.printers import tree as m
 from taskspec.registry import load
@@ -48,9 +48,16 @@ class Facts:
 
     scores: Mapping[str, ScoreFact] = field(default_factory=dict)
     verdicts: Sequence[VerdictFact] = ()
-    states: int | None = None
     wrong_examples: frozenset[int] = frozenset()  # by number
     unknown: Sequence[str] = ()
+    model: Model | None = field(default=None, compare=False, repr=False)  # from which the results are
+
+    @property
+    def states(self) -> int | None:
+        """The number of states that are reached."""
+        if self.model is None:
+            return None
+        return int(self.model.entered.sum())
 
 
 def gather(task: TaskLike | Report) -> Facts:
@@ -80,8 +87,7 @@ def _facts(found: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> Fa
         else:
             shown[f"{name} return"] = fact
     unknown = tuple(f"{name} return" for name in ("optimal", "worst") if returns[name] is None)
-    states = None if found.model is None else int(found.model.entered.sum())
-    return Facts(shown, tuple(_by_claim(found.task, said)), states, wrong, unknown)
+    return Facts(shown, tuple(_by_claim(found.task, said)), wrong, unknown, found.model)
 
 
 def _bounds(name: str, value: Enclosure | None) -> dict[str, ScoreFact]:
@@ -122,6 +128,8 @@ def table(settings: Sequence[tuple[str, Task, Facts]]) -> CellTable:
     """Return a row for each score, a column for each setting of the parameters; the other way round for many settings."""
     found = [dict(_scores(task, facts)) for _, task, facts in settings]
     names = list(dict.fromkeys(name for scores in found for name in scores))
+    if len(settings) == 1:
+        settings = [("", *settings[0][1:])]
     if len(settings) > MOST_COLUMNS:
         turned = zip(settings, found, strict=True)
         lines = tuple(((Text(head),), *(scores.get(name, ()) for name in names)) for (head, _, _), scores in turned)

@@ -14,6 +14,7 @@ from taskspec.base.bibliography import Reference
 from taskspec.base.display import ON_PAGES, visible
 from taskspec.pages import prose as p
 from taskspec.pages.sections import Section, SectionLine
+from taskspec.pages.templating import html_environment
 from taskspec.printers import tree as m
 from taskspec.printers.markup import mathml
 from taskspec.printers.text import plain
@@ -22,39 +23,29 @@ BREAK_AFTER = 34.0  # letters of a formula that is longer than a line on small s
 _SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
 
 
-def article(title: str, summary: p.Inlines, description: Iterable[p.Block], sections: Iterable[Section]) -> str:
-    """Return a page as one piece of HTML, for notebooks: no style, figure or references."""
-    writer = HtmlWriter({})
-    parts = [Markup("<h2>{}</h2><p>{}</p>").format(title, writer.prose(summary)), *map(writer.block, description)]
-    for section in sections:
-        found = writer.section(section)
-        if found["lead"]:
-            lines = [found["lead"], *found["lines"]]
-        else:
-            lines = found["lines"]
-        if section.table:
-            rows = [_row("th", section.table.header), *(_row("td", row) for row in found["rows"])]
-        else:
-            rows = []
-        parts.append(Markup("<h3>{}</h3>").format(section.title))
-        parts += [Markup("<p>{}</p>").format(line) for line in lines]
-        parts += [Markup("<table>{}</table>").format(Markup("").join(rows))] if rows else []
-    return visible(Markup("<article>{}</article>").format(Markup("").join(parts)), ON_PAGES)
-
-
-def _row(tag: str, cells: Iterable[str]) -> Markup:
-    return Markup("<tr>{}</tr>").format(Markup("").join(Markup(f"<{tag}>{{}}</{tag}>").format(c) for c in cells))
-
-
 @dataclass(frozen=True)
 class HtmlWriter:
     """Writes prose; sources that are known are cited by author and year."""
 
     references: Mapping[str, Reference]
 
+    def words(
+        self,
+        summary: p.Inlines,
+        description: Iterable[p.Block],
+        sections: Iterable[Section],
+        settings: Sequence[str] = (),
+    ) -> dict[str, Any]:
+        """Return what templates show of a page."""
+        return {
+            "summary": self.prose(summary),
+            "description": [self.block(b) for b in description],
+            "sections": [self.section(s, settings) for s in sections],
+        }
+
     def section(self, section: Section, settings: Sequence[str] = ()) -> dict[str, Any]:
         lines = [self.line(line, settings) for line in section.lines]
-        lead, rest = (lines[0], lines[1:]) if section.lead else (None, lines)
+        lead, rest = section.laid_out(lines)
         if section.table:
             rows = [[self.prose(cell) for cell in row] for row in section.table.rows]
         else:
@@ -126,6 +117,12 @@ class HtmlWriter:
                 return Markup(f"<{tag}>{{}}</{tag}>").format(inner)
             case _:
                 return Markup("<pre>{}</pre>").format(block.text)
+
+
+def article(heading: str, summary: p.Inlines, description: Iterable[p.Block], sections: Iterable[Section]) -> str:
+    """Return a page for notebooks, without style, figure or references."""
+    words = HtmlWriter({}).words(summary, description, sections)
+    return visible(html_environment().get_template("article.html").render(heading=heading, **words), ON_PAGES)
 
 
 def formula(math: m.Math, display: bool = False) -> Markup:

@@ -116,19 +116,18 @@ def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> 
 
 def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tuple[Section, ...]:
     """Return the sections, every line with its form at each setting if they are few, and the scores side by side."""
-    shown = sections.all_sections(Writing(task, {}), facts)
-    if not settings:
-        return tuple(shown)
-    if len(settings) < scores.MOST_COLUMNS:
+    shown = sections.all_sections(Writing(task, {}), facts, sections.results(_columns(task, facts, settings)))
+    if settings and len(settings) < scores.MOST_COLUMNS:
         own_values = _concrete(task, facts)
         for each in settings:
             found = _concrete(each.task, each.facts)
-            varied = [name for name, value in task.values.items() if each.task.values[name] != value]
-            only_here = Text(f" (for {', '.join(f'{name} = {task.values[name]}' for name in varied)})")
-            shown = [_beside(s, own_values.get(s.key), found.get(s.key), only_here) for s in shown]
+            shown = [_beside(s, own_values.get(s.key), found.get(s.key)) for s in shown]
+    return tuple(shown)
+
+
+def _columns(task: Task, facts: Facts, settings: Sequence[Setting]) -> list[tuple[str, Task, Facts]]:
     own = ", ".join(f"{p.name} = {p.value}" for p in task.parameters)
-    table = scores.table([(own, task, facts), *((s.title, s.task, s.facts) for s in settings)])
-    return tuple(replace(s, lines=(), table=table) if s.key == "scores" else s for s in shown)
+    return [(own, task, facts), *((s.title, s.task, s.facts) for s in settings)]
 
 
 def _concrete(task: Task, facts: Facts) -> dict[str, Section]:
@@ -136,24 +135,16 @@ def _concrete(task: Task, facts: Facts) -> dict[str, Section]:
     return {section.key: section for section in sections.all_sections(Writing(task, task.values), facts)}
 
 
-def _beside(section: Section, own: Section | None, concrete: Section | None, only_here: Text) -> Section:
-    """Return a section with what its lines are at a setting, where that differs from what they are at the task's own values.
-
-    A claim that does not hold there is marked as one about the task's own values.
-    """
-    if section.key in ("parameters", "scores"):  # a setting is headed by its parameters, and scores stand side by side
+def _beside(section: Section, own: Section | None, concrete: Section | None) -> Section:
+    """Return a section with what its lines are at a setting, where that differs from what they are at the task's own values."""
+    if section.key == "parameters":  # a setting is headed by its parameters
         return section
     if own is None or concrete is None or not len(own.lines) == len(concrete.lines) == len(section.lines):
         return section
     lines = []
     for line, usual, other in zip(section.lines, own.lines, concrete.lines, strict=True):
         found = other.content if other.content != usual.content else ()
-        content = line.content
-        if sections.NOT_HERE in found:
-            found = ()
-            if only_here not in content:  # before the mark
-                content = (*content[:-2], only_here, *content[-2:])
-        lines.append(replace(line, content=content, values=(*line.values, found)))
+        lines.append(replace(line, values=(*line.values, found)))
     return replace(section, lines=tuple(lines))
 
 
@@ -199,8 +190,8 @@ def briefly(page: Page) -> Page:
     observation = page.task.observation
     kept = []
     for section in page.sections:
-        if section.key == "scores":  # "optimal" for "optimal return"
-            kept.append(replace(section, lines=tuple(map(_shorter, section.lines))))
+        if section.key == "scores":
+            kept.append(_scores_alone(page))
         elif section.key == "observations" and observation.is_state and observation.space == "auto":
             continue
         elif section.key in _KEPT:
@@ -208,9 +199,16 @@ def briefly(page: Page) -> Page:
     return replace(page, sections=tuple(kept), description=())
 
 
-def _shorter(line: SectionLine) -> SectionLine:
-    content = [Text(x.text.replace(" return ", " ")) if isinstance(x, Text) else x for x in line.content]
-    return replace(line, content=tuple(content))
+def _scores_alone(page: Page) -> Section:
+    """Return the scores without claims: "optimal 1" for "optimal return 1", or a table of all settings."""
+    title = scores.title(page.facts)
+    if page.settings:
+        return Section("scores", title, (), table=scores.table(_columns(page.task, page.facts, page.settings)))
+    lines = []
+    for line in scores.lines(page.task, page.facts):
+        content = [Text(x.text.replace(" return ", " ")) if isinstance(x, Text) else x for x in line]
+        lines.append(SectionLine(tuple(content)))
+    return Section("scores", title, tuple(lines))
 
 
 def families(pages: Iterable[Page]) -> list[Family]:
@@ -248,9 +246,12 @@ def _differing(base: Page, page: Page) -> tuple[Section, ...]:
         if same and section.key == "parameters":
             kept = tuple(line for line in section.lines if known is None or line not in known.lines)
             section = replace(section, lines=kept, lead=section.lead or len(kept) == 1)
+        if section.key == "scores" and section.table and known is not None and known.table:
+            rows = tuple(row for row in section.table.rows if row not in known.table.rows)
+            section = replace(section, table=replace(section.table, rows=rows))
         found.append(section)
     for section in base.sections:
         if page.section(section.key) is None:
             line = SectionLine((Text("the state" if section.key == "observations" else "none"),))
-            found.append(replace(section, lines=(line,), lead=True, run_on=False, table=None))
+            found.append(replace(section, lines=(line,), lead=True, table=None))
     return tuple(found)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
+from typing import TypeVar
 
 from taskspec.abstraction.symmetry_proofs import verify_symmetry
 from taskspec.lang import syntax as s
@@ -38,6 +39,7 @@ from taskspec.task.parts import Claim, Example, Followed, are_finite, counts_of
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
+T = TypeVar("T")
 NOT_HERE = Mark(False, "not for these values")
 """The mark of a claim that is about other values of the parameters."""
 _ENDS = {"terminal": "terminates", "truncated": "is truncated"}
@@ -84,8 +86,10 @@ def _truth(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> Formula:
     if w.spec.abstraction is not None:
         symbols["states"] = m.Words("number of abstract states")
     symbols["probability"] = m.Ident("P", "blackboard")
+    symbols["measure"] = m.Ident("E", "blackboard")
     policy = "random" if under is None else text(under)
-    return Formula(w.truth(expr, replace(w.notation.with_symbols(symbols), events={"probability": policy})))
+    events = {"probability": policy, "measure": policy}
+    return Formula(w.truth(expr, replace(w.notation.with_symbols(symbols), events=events)))
 
 
 def _model(w: Writing, model: s.Expr) -> Inlines:
@@ -280,16 +284,13 @@ class Section:
     title: str
     lines: tuple[SectionLine, ...]
     lead: bool = False
-    run_on: bool = False  # short lines, which may follow each other with semicolons
     table: CellTable | None = None
 
-    def laid_out(self, lines: list[str]) -> tuple[str, list[str]]:
+    def laid_out(self, lines: list[T]) -> tuple[T | None, list[T]]:
         """Return the text beside the heading and the lines below it."""
-        if self.run_on:
-            return "; ".join(lines), []
         if self.lead:
             return (lines[0], lines[1:])
-        return ("", lines)
+        return (None, lines)
 
 
 _SECTIONS: tuple[tuple[str, str, lines.Maker, bool], ...] = (
@@ -310,20 +311,18 @@ _SECTIONS: tuple[tuple[str, str, lines.Maker, bool], ...] = (
 )
 
 
-def all_sections(w: Writing, facts: Facts) -> list[Section]:
-    """Return every section that has content."""
+def all_sections(w: Writing, facts: Facts, found_results: Iterable[Section] = ()) -> list[Section]:
+    """Return every section that has content; those of results come after what the task is."""
     changed = modifiers(w.task)
     w = replace(w, task=as_written(w.task))
     maps = [SectionLine((Text(name),), verbatim=text) for name, text in lines.grids(w)]
-    score_lines = tuple(map(SectionLine, scores.lines(w.task, facts)))
     found = [Section(key, title, tuple(map(SectionLine, make(w))), lead) for key, title, make, lead in _SECTIONS]
     found[1:1] = [
         Section("modifiers", "Modifiers, in this order", tuple(map(SectionLine, changed))),
         Section("maps", "Maps", tuple(maps)),
     ]
     found += [
-        Section("scores", scores.title(facts), score_lines, run_on=True),
-        Section("claims", "Claims", tuple(_claims(w, facts))),
+        *found_results,
         Section("examples", "Examples", (), table=examples(w, facts.wrong_examples)),
         Section("errata", "Corrections to the source", tuple(map(SectionLine, _errata(w)))),
         Section("sources", "Sources", tuple(SectionLine((Cite(x.key, x.where),)) for x in w.spec.sources)),
@@ -337,17 +336,44 @@ def _single(section: Section) -> Section:
     return section
 
 
-def _claims(w: Writing, facts: Facts) -> Iterator[SectionLine]:
-    verdicts = list(facts.verdicts)
-    for i, claim in enumerate(w.task.annotations.claims):
-        found = verdicts[i] if i < len(verdicts) else None
-        about_others = w if not claim.cases else replace(w, values={})  # it says itself which values it is about
-        cases = (Text(" (for "), *lines.cases(w, claim.cases), Text(")")) if claim.cases else ()
-        content: list[Inline] = [*claim_text(about_others, claim), *cases]
-        if found is not None and found.words:
-            mark = NOT_HERE if found.holds is False and about_others.values else Mark(found.holds, found.words)
-            content += [Text(" "), mark]
-        yield SectionLine(tuple(content))
+def results(columns: Sequence[tuple[str, Task, Facts]]) -> list[Section]:
+    """Return scores and claims, in one table if it has room for a column for each setting of the parameters.
+
+    Each column is a heading, the task at these values, and what is known of it there; the first one is the page's own.
+    """
+    _, task, facts = columns[0]
+    w = Writing(as_written(task), {})
+    stated = [_stated(w, claim) for claim in w.task.annotations.claims]
+    if not any(facts.scores or facts.verdicts for _, _, facts in columns):
+        return [Section("claims", "Claims", tuple(map(SectionLine, stated)))]
+    table = scores.table(columns)
+    marks = [_marks(facts, len(stated), is_own=i == 0) for i, (_, _, facts) in enumerate(columns)]
+    found = Section("scores", scores.title(facts), (), table=table)
+    if len(columns) > scores.MOST_COLUMNS:
+        lines = [SectionLine((*said, Text(" "), *mark)) for said, mark in zip(stated, marks[0], strict=True)]
+        return [found, Section("claims", "Claims", tuple(lines))]
+    if not stated:
+        return [found]
+    rows = [(said, *cells) for said, *cells in zip(stated, *marks, strict=True)]
+    return [replace(found, title=f"{found.title} and claims", table=replace(table, rows=(*table.rows, *rows)))]
+
+
+def _stated(w: Writing, claim: Claim) -> Inlines:
+    """Return a claim, and the values of the parameters that it is about."""
+    if not claim.cases:
+        return claim_text(w, claim)
+    return (*claim_text(w, claim), Text(" (for "), *lines.cases(w, claim.cases), Text(")"))
+
+
+def _marks(facts: Facts, count: int, is_own: bool) -> list[Inlines]:
+    """Return what became of each claim; one that does not hold at other values than the page's own is not about them."""
+    found: list[Inlines] = []
+    for verdict in facts.verdicts:
+        if verdict.holds is False and not is_own:
+            found.append((NOT_HERE,))
+        else:
+            found.append((Mark(verdict.holds, verdict.words),) if verdict.words else ())
+    return [*found, *[()] * (count - len(found))]
 
 
 def _errata(w: Writing) -> Iterator[Inlines]:

@@ -10,7 +10,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from taskspec.base.bibliography import Reference, beside
+from taskspec.base.bibliography import beside
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.files import write_text
 from taskspec.base.limits import telling
@@ -22,13 +22,10 @@ from taskspec.pages.render.suite import Suite, setting_anchor
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
-_WRITERS: dict[str, Callable[[Suite, Mapping[str, str]], dict[str, str]]] = {
-    "latex": lambda suite, links: render.document(suite),
-    "html": render.site,
-    "markdown": lambda suite, links: render.markdown(suite),
-    "svg": lambda suite, links: {},
-}
-FORMATS = (*_WRITERS, "pdf")
+_WRITERS: dict[str, Callable[[Suite], dict[str, str]]] = {
+    "latex": render.document, "html": render.site, "markdown": render.markdown,
+}  # fmt: skip
+FORMATS = (*_WRITERS, "svg", "pdf")
 """The names of the formats that pages are written in."""
 
 _SCRATCH = ("aux", "bbl", "blg", "log", "out")
@@ -45,8 +42,6 @@ def write(
     facts: Mapping[str, Facts] | None = None,
     columns: Sequence[Mapping[str, Any]] = (),
     brief: bool = False,
-    references: Mapping[str, Reference] | None = None,
-    links: Mapping[str, str] | None = None,
 ) -> list[Path]:
     """Write the printed form of tasks; the same tasks give the same files.
 
@@ -58,8 +53,6 @@ def write(
         facts: results by id of the task (see `gather`); left out without.
         columns: parameter values to show beside the symbols.
         brief: what defines a task, its figure and its scores alone, half a page each.
-        references: bibliography by key; by default the `references.bib` beside the specs.
-        links: names and addresses for the head of every HTML page.
 
     Returns:
         The files written, in order.
@@ -68,18 +61,17 @@ def write(
         SpecError: for another format, without an extra, or when there is no TeX for `pdf`.
     """
     wanted = _known(formats)
-    suite = gather_pages([load(task) for task in tasks], title, facts or {}, columns, references, brief)
-    return write_pages(suite, wanted, folder, links)
+    suite = gather_pages([load(task) for task in tasks], title, facts or {}, columns, brief)
+    return write_pages(suite, wanted, folder)
 
 
-def write_pages(
-    suite: Suite, formats: Iterable[str], folder: Path | str, links: Mapping[str, str] | None = None
-) -> list[Path]:
+def write_pages(suite: Suite, formats: Iterable[str], folder: Path | str) -> list[Path]:
     """Write pages that were gathered, as `write` does."""
     wanted = _known(formats)
     files: dict[str, str] = {}
-    for name in dict.fromkeys("latex" if f == "pdf" else f for f in wanted):
-        files |= _WRITERS[name](suite, links or {})
+    for name, writer in _WRITERS.items():
+        if name in wanted or (name == "latex" and "pdf" in wanted):
+            files |= writer(suite)
     if {"markdown", "svg"} & set(wanted):
         files |= {f"figures/{anchor}.svg": svg(found) + "\n" for anchor, found in suite.scenes.items()}
     written = [Path(folder) / name for name in files]
@@ -106,7 +98,6 @@ def gather_pages(
     title: str = "",
     facts: Mapping[str, Facts] | None = None,
     columns: Sequence[Mapping[str, Any]] = (),
-    references: Mapping[str, Reference] | None = None,
     brief: bool = False,
 ) -> Suite:
     """Return pages and figures of tasks, ready to be rendered."""
@@ -119,7 +110,7 @@ def gather_pages(
     drawn = {p.anchor: p.task for p in pages} | {setting_anchor(p, s): s.task for p in pages for s in p.settings}
     shown = [(name, scene(task)) for name, task in telling([*drawn.items()], lambda each: f"figure of {each[1].id}")]
     scenes = {name: found for name, found in shown if found is not None}
-    cited = beside(task.source.document.origin.name for task in tasks) if references is None else references
+    cited = beside(task.source.document.origin.name for task in tasks)
     names = dict.fromkeys(task.source.suite for task in tasks if task.source.suite)
     return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", pages, scenes, cited, brief)
 

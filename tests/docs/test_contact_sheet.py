@@ -200,28 +200,6 @@ def laid(one: Task, *names: str) -> Scene:
     return found
 
 
-def test_what_an_abstraction_knows_is_told_of_the_state_that_is_shown() -> None:
-    """Each reward of selection sort is an element more in its place, and one on top for each step that ends sorted."""
-    found = laid(task("derail/Sort"), "values", "policy", "occupancy")
-    rows = [float(x) for x in re.findall(r"\d\.\d\d", words(found))][:4]
-    wrong = sum(a != b for a, b in zip(rows, sorted(rows), strict=True))
-    cycles = len({min(orbit(i, rows)) for i in range(4) if rows[i] != sorted(rows)[i]})
-    swaps = wrong - cycles
-    assert f"best return with all 8 steps to go, from the first state shown: {wrong + 8 - swaps + 1}" in words(found)
-    assert "not drawn: the expert's visits" in words(found)
-    goal = laid(task("derail/ProcGoal"), "values", "policy")
-    assert "from the first state shown: −45" in words(goal)
-    assert "shown: move = " in words(goal)
-
-
-def orbit(i: int, row: list[float]) -> list[int]:
-    """Where the permutation that sorts a row takes a place."""
-    seen, order = [i], sorted(row)
-    while (j := order.index(row[seen[-1]])) != i:
-        seen.append(j)
-    return seen
-
-
 @pytest.mark.parametrize(
     ("name", "values", "told"),
     [

@@ -262,8 +262,10 @@ def test_check_takes_files_folders_and_suites(tmp_path: Path) -> None:
         assert json.loads(done.out)["experiments"] == [
             {"path": str(tmp_path / "experiments" / "e.yaml"), "instances": 3}
         ]
-    count = sum(name.startswith("derail/") for name in shipped())
-    assert f", {count} experiments, 1 exam and 1 findings file: no errors" in Done("check", "derail", "--quick").out
+    assert (
+        f", {sum(name.startswith('derail/') for name in shipped())} experiments, 1 exam and 1 findings file: no errors"
+        in Done("check", "derail", "--quick").out
+    )
 
 
 def test_the_schema_for_editors_takes_what_is_read(tmp_path: Path) -> None:

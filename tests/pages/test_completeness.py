@@ -81,5 +81,5 @@ def test_roles_are_told_by_themselves(tmp_path: Path) -> None:
     roles = "variants: {slow: {horizon: 9}, fast: {horizon: 3}}\nroles: {expert: slow, learner: fast}\n"
     for options in ((), ("--brief",)):
         tex = (pages(tmp_path, WALK + roles, "--no-results", *options) / "walk.tex").read_text(encoding="utf-8")
-        assert re.search(r"Roles(:|}:) the expert acts in slow, and the learner in fast", tex)
+        assert re.search(r"Roles(:|}:|]) the expert acts in slow, and the learner in fast", tex)
     assert "**Roles**: the expert acts in slow" in (tmp_path / "out" / "walk.md").read_text(encoding="utf-8")

@@ -28,5 +28,6 @@ def test_a_report_gives_the_facts_that_are_worked_out_without_it(name: str) -> N
 def test_returns_that_are_not_known_are_said_to_be_unknown(tmp_path: Path) -> None:
     """They were left out, as if nobody had asked."""
     write(["derail/Parabola-v0"], ["markdown"], tmp_path, facts={"derail/Parabola-v0": gather("derail/Parabola-v0")})
-    assert "optimal return unknown; worst return unknown" in (tmp_path / "parabola.md").read_text(encoding="utf-8")
+    text = (tmp_path / "parabola.md").read_text(encoding="utf-8")
+    assert "| optimal return | unknown |" in text and "| worst return | unknown |" in text
     assert gather("derail/RiskyPath-v0").unknown == ()

@@ -148,7 +148,7 @@ def test_the_suite_as_pdf(tmp_path: Path) -> None:
     text = subprocess.run(["pdftotext", "-layout", path, "-"], capture_output=True, text=True, check=True).stdout
     for task in every:
         assert re.search(rf"\b{task.name}[:,] ", text)
-    for found in ("Exact scores: optimal return 4", "Configurable parameters", "Horizon: 3M", "References", "DERAIL"):
+    for found in ("Exact scores and claims:", "Configurable parameters", "Horizon: 3M", "References", "DERAIL"):
         assert found in text
     assert "[U+" not in text
 

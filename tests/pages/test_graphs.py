@@ -217,13 +217,6 @@ def fills(found: Scene) -> list[str]:
     return sorted(x.fill for x in shapes if x.fill in ("good", "bad", "end"))
 
 
-def test_an_elided_graph_keeps_what_is_highlighted() -> None:
-    found = ring(60, "{good: s == n - 1, bad: s == n // 2}")
-    assert "elided" in found.alt and fills(found) == ["bad", "good"]
-    assert "30" in [plain(x.text) for x in found.items if isinstance(x, Label)]
-    assert not any("Not shown" in note for note in found.notes)
-
-
 def test_highlighted_states_that_have_no_room_are_named() -> None:
     assert "Not shown: bad (11 states)." in ring(60, "{bad: s >= 20 and s <= 30}").notes
     assert "Not shown: bad (47 states)." in ring(60, "{bad: s > 1 and s < 59}").notes
@@ -233,17 +226,3 @@ def test_a_highlight_that_no_state_has_is_told() -> None:
     found = ring(9, "{good: s == n - 1, bad: s == n // 2}", "s * 5 + 3 * a + 1")
     assert "Not shown: good, which holds in no state that episodes reach." in found.notes
     assert fills(found) == ["bad"]
-
-
-def test_states_of_two_colours_are_told() -> None:
-    assert "Marked bad, but good as well: s = 2." in ring(4, "{good: s == 2, bad: s >= 2}").notes
-
-
-def test_a_state_that_is_reached_as_the_time_is_up_says_why_it_leads_nowhere() -> None:
-    told = "No arrow leads on from s = 50, as the time is up there."
-    assert told in ring(60, "{good: s == n - 1}").notes
-    for n, step in (
-        (4, "s + a"),
-        (60, "min(s + a, 50)"),
-    ):  # all that is reached, and a state that steps would not leave
-        assert not any("time is up" in note for note in ring(n, "{good: s == n - 1}", step).notes)

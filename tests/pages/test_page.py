@@ -143,14 +143,13 @@ def test_a_setting_that_is_the_tasks_own_is_not_shown_twice(tmp_path: Path) -> N
 def test_scores_claims_and_figure_are_those_of_the_values(tmp_path: Path) -> None:
     task = registry.load("derail/Branching-v0")
     found = page(task, gather(task), [{"L": 3, "B": 3}, {"L": 4, "Q": 1}])
-    scores, stated = found.section("scores"), found.section("claims")
-    assert scores is not None and scores.table is not None and stated is not None
+    scores = found.section("scores")
+    assert scores is not None and scores.table is not None and scores.title == "Exact scores and claims"
     rows = {words(row[0]): [words(cell) for cell in row[1:]] for row in scores.table.rows}
     assert scores.table.header == ("", "L = 10, B = 2", "L = 3, B = 3", "L = 4")
     assert rows["random return"] == [f"{2**-10}", "1/27", f"{2**-4}"]
     assert rows["reachable states"] == ["21", "10", "9"]
-    printed = {words(line.content): [words(v) for v in line.values] for line in stated.lines}
-    assert printed["random return = B^(−L) proved"] == ["random return = 3⁻³ proved", "random return = 2⁻⁴ proved"]
+    assert rows["random return = B^(−L)"] == ["proved", "proved", "proved"]
     write([task], ["svg", "markdown"], tmp_path, columns=[{"L": 3, "B": 3}])
     assert ">9<" in (tmp_path / "figures" / "branching-l-3-b-3.svg").read_text()
     assert "figures/branching-l-3-b-3.svg" in (tmp_path / "branching.md").read_text()
@@ -163,10 +162,11 @@ def test_values_may_be_given_by_their_alias() -> None:
 
 def test_a_claim_about_the_defaults_is_not_called_false_elsewhere() -> None:
     task = registry.load("derail/NoisyObs-v0")
-    stated = page(task, gather(task), [{"M": 3}]).section("claims")
-    assert stated is not None
-    assert words(stated.lines[0].content) == "optimal return = 12 (for M = 5) proved"
-    assert stated.lines[0].values == ((),)
+    stated = page(task, gather(task), [{"M": 3}]).section("scores")
+    assert stated is not None and stated.table is not None
+    assert ["optimal return = 12", "proved", "not for these values"] in [
+        [*map(words, row)] for row in stated.table.rows
+    ]
 
 
 def test_a_name_that_no_task_has_a_parameter_for_is_refused(tmp_path: Path) -> None:
@@ -177,13 +177,13 @@ def test_a_name_that_no_task_has_a_parameter_for_is_refused(tmp_path: Path) -> N
 def test_the_abstraction_is_printed_and_its_states_are_called_abstract() -> None:
     task = registry.load("derail/Sort-v0")
     found = page(task, gather(task))
-    section, scores, stated = (found.section(key) for key in ("abstraction", "scores", "claims"))
-    assert section is not None and scores is not None and stated is not None
+    section, scores = (found.section(key) for key in ("abstraction", "scores"))
+    assert section is not None and scores is not None and scores.table is not None
     lines = [words(line.content) for line in section.lines]
     assert lines[0] == "s\u0302 = argsort(argsort(s)) ∈ {0, … , L − 1}^L: rank of every element"
     assert lines[1] == "initial state: s\u0302 ∼ Perm(L)"
-    assert words(scores.lines[-1].content) == "reachable abstract states 24"
-    assert "number of abstract states = 24 proved" in [words(line.content) for line in stated.lines]
+    rows = [[*map(words, row)] for row in scores.table.rows]
+    assert ["reachable abstract states", "24"] in rows and ["number of abstract states = 24", "proved"] in rows
 
 
 def test_observations_name_what_is_defined_and_what_is_of_the_state(tmp_path: Path) -> None:
@@ -281,14 +281,6 @@ def test_values_are_printed_in_every_format(tmp_path: Path) -> None:
     assert r"\ldots , 15\rbrace" in (tmp_path / "branching.md").read_text()
 
 
-def test_links_in_the_head_of_a_site(tmp_path: Path) -> None:
-    links = {"Language <reference>": "../language.html", "Trap": "javascript:alert(1)"}
-    write([registry.load("derail/Sort-v0")], ["html"], tmp_path, links=links)
-    text = (tmp_path / "sort.html").read_text()
-    assert '<a href="../language.html">Language &lt;reference&gt;</a>' in text
-    assert "javascript:" not in text
-
-
 def test_make_line_names_what_differs_from_the_defaults() -> None:
     assert page(registry.load("derail/Branching-v0", L=4)).make == 'gymnasium.make("taskspec:derail/Branching-v0", L=4)'
 
@@ -312,12 +304,11 @@ def test_facts_are_shown_where_there_are_some() -> None:
     task = registry.load("derail/RiskyPath-v0")
     returns = {"optimal return": ScoreFact(4), "random return": ScoreFact(-1.234567, 0.02, 100)}
     found = page(task, Facts(returns, [VerdictFact(False, "fails")]))
-    scores, stated = found.section("scores"), found.section("claims")
-    assert scores is not None
-    assert stated is not None
-    told = [words(line.content) for line in scores.lines]
-    assert told == ["optimal return 4", "random return −1.235 ± 0.020 (95 % CI, 100 episodes)"]
-    assert words(stated.lines[0].content).endswith("fails")
+    scores = found.section("scores")
+    assert scores is not None and scores.table is not None
+    told = [[*map(words, row)] for row in scores.table.rows]
+    assert told[:2] == [["optimal return", "4"], ["random return", "−1.235 ± 0.020 (95 % CI, 100 episodes)"]]
+    assert told[2][1] == "fails"
     assert page(task).section("scores") is None
 
 

@@ -5,7 +5,6 @@ The one script is the gallery's: it filters the tasks, and without it all of the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -18,8 +17,8 @@ from taskspec.figures import Scene, layers, svg
 from taskspec.pages.facts import lines as score_lines
 from taskspec.pages.hypertext import HtmlWriter
 from taskspec.pages.page import Page
-from taskspec.pages.prose import is_safe
-from taskspec.pages.render.suite import Suite, html_environment, notation
+from taskspec.pages.render.suite import Suite, notation
+from taskspec.pages.templating import html_environment
 
 _LAYERS = {
     "task": "task", "values": "best returns", "policy": "best actions", "expert": "expert", "occupancy": "visits",
@@ -27,11 +26,10 @@ _LAYERS = {
 """What readers choose overlays by."""
 
 
-def site(suite: Suite, links: Mapping[str, str] | None = None) -> dict[str, str]:
+def site(suite: Suite) -> dict[str, str]:
     """Return files by name: `index.html` and one for each task."""
     env = html_environment()
-    safe = {name: address for name, address in (links or {}).items() if is_safe(address)}
-    common = {"suite": suite.title, "links": safe, "style": Markup(_style())}
+    common = {"suite": suite.title, "style": Markup(_style())}
     count = len(suite.pages)
     files = {
         "index.html": env.get_template("index.html").render(
@@ -79,13 +77,11 @@ def page_of(template: str, **values: Any) -> str:
 
 
 def _page(suite: Suite, page: Page) -> dict[str, Any]:
-    writer = HtmlWriter(suite.cited)
     scene = suite.scenes.get(page.anchor)
+    titles = [each.title for each in page.settings]
     return {
         "page": page,
-        "summary": writer.prose(page.summary),
-        "description": [writer.block(b) for b in page.description],
-        "sections": [writer.section(s, [each.title for each in page.settings]) for s in page.sections],
+        **HtmlWriter(suite.cited).words(page.summary, page.description, page.sections, titles),
         "figures": _figures(page, scene),
         "caption": scene.caption if scene else "",
         "others": [(each.caption, Markup(svg(each.scene, css=True))) for each in suite.others(page)],
@@ -98,8 +94,8 @@ def _figures(page: Page, scene: Scene | None) -> list[tuple[str, Markup]]:
     if scene is None:
         return []
     found = {"task": scene}
-    if page.facts.states is not None:
-        found |= layers(page.task)
+    if page.facts.model is not None:
+        found |= layers(page.task, page.facts.model)
     return [(_LAYERS[name], Markup(svg(each, css=True))) for name, each in found.items()]
 
 

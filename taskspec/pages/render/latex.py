@@ -12,8 +12,9 @@ from taskspec.figures import tikz
 from taskspec.figures.vector_formats import tikz_colors
 from taskspec.pages import prose as p
 from taskspec.pages.page import Family, Page, Sibling, families
-from taskspec.pages.render.suite import Suite, notation, text_environment
+from taskspec.pages.render.suite import Suite, notation
 from taskspec.pages.sections import Section, SectionLine
+from taskspec.pages.templating import text_environment
 from taskspec.printers import tree as m
 from taskspec.printers.markup import LONG, escape, latex
 
@@ -115,7 +116,8 @@ class LatexWriter:
             return ""
         rows = [[self.cell(cell) for cell in row] for row in found.rows]
         heads = [rf"\taskspechead{{{escape(title)}}}" for title in found.header]
-        body = r" \\ ".join(" & ".join(row) for row in [heads, *rows])
+        lines = [heads, *rows] if any(found.header) else rows
+        body = r" \\ ".join(" & ".join(row) for row in lines)
         stacked = "".join(rf"\taskspecrow{{{_stacked(found.header, heads, row)}}}" for row in rows)
         return rf"\taskspectable{{{'l' * len(heads)}}}{{{body}}}{{{stacked}}}"
 

@@ -1,14 +1,11 @@
-"""What renderers work on: pages with figures and references, the paragraph on notation, and templates."""
+"""What renderers work on: pages with figures and references, and the paragraph on notation."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from pathlib import Path
-
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from functools import cached_property
 
 from taskspec.base.bibliography import Reference
 from taskspec.figures import Scene
@@ -20,33 +17,6 @@ from taskspec.printers.idioms import IF
 from taskspec.printers.markup import latex
 from taskspec.printers.text import plain
 from taskspec.task.merge import lineage
-
-# -- templates, which only lay out what renderers have escaped
-
-_TEMPLATES = Path(__file__).parent.parent / "templates"
-
-
-@lru_cache(maxsize=1)
-def html_environment() -> Environment:
-    """Return the environment for HTML, which escapes all that is not marked as markup."""
-    return Environment(
-        loader=FileSystemLoader(_TEMPLATES), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
-
-
-@lru_cache(maxsize=1)
-def text_environment() -> Environment:
-    """Return the environment for LaTeX and Markdown, with marks that neither uses; values have been escaped before."""
-    return Environment(
-        loader=FileSystemLoader(_TEMPLATES), autoescape=False, undefined=StrictUndefined,
-        block_start_string="<%", block_end_string="%>", variable_start_string="<<", variable_end_string=">>",
-        comment_start_string="<#", comment_end_string="#>",
-        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
-
-
-# -- pages with figures and references
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +98,8 @@ _SIGNS = (
                                   r"$n \times m$ stands for a matrix of them."),
     ("ℙ_", r"$\mathbb{P}_\pi(\cdot)$ is the probability that an episode of the policy $\pi$ ever reaches a state in which the "
             r"condition holds."),
+    ("𝔼_", r"$\mathbb{E}_\pi(\cdot)$ is the expected sum of a measure over an episode of the policy $\pi$, discounted like the "
+            r"return."),
 )  # fmt: skip
 _DRAWN = (
     "{}, with an index where there are several, is drawn at random, independently of everything else, whenever the equation is "
