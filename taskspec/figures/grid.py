@@ -22,6 +22,7 @@ from taskspec.task.task import Task
 FARTHEST = 5_000  # columns or rows of a world that is drawn whole, and how far off what is marked of another may be
 NOWHERE = 2**53  # places beyond it, or that are no number, are taken for this one
 SMALL = 0.44  # the side of a cell, in centimetres, where a part of a vast grid is drawn
+FLOOR = frozenset(" .:")  # characters of a map that are not drawn
 DRAWN = {"values": "numbers", "policy": "arrows", "occupancy": "shade, {0}"}
 DRAWN_TOGETHER = {
     "values": "numbers, of the best state in a cell",
@@ -59,7 +60,7 @@ class _Grid:
         self.state = overlay.here or first_state(task)
         self.reads = reads_of(task, self.state)
         self.letters = {
-            (x, y): char for y, line in enumerate(self.figure.map) for x, char in enumerate(line) if char != " "
+            (x, y): char for y, line in enumerate(self.figure.map) for x, char in enumerate(line) if char not in FLOOR
         }
         self.things = tuple(self._things())
 
