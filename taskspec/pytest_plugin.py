@@ -19,10 +19,11 @@ from taskspec.base.diagnostics import TaskspecError, suggest
 from taskspec.base.display import count_of, plural
 from taskspec.base.files import safe_name
 from taskspec.exam.asked_tasks import exam_id, tasks_of
-from taskspec.exam.examining import SUITES, Running, examine
+from taskspec.exam.examining import SUITES, examine
 from taskspec.exam.report import write
 from taskspec.exam.results import Exam
 from taskspec.exam.score_rows import listed
+from taskspec.jobs.running import Running
 from taskspec.task.task import Task, TaskLike
 
 __all__ = ["ExamOutcome", "examined"]
@@ -87,7 +88,7 @@ def _examined(test: str, learner: str | Callable[[Any], Any], given: Mapping[str
 def _terms(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments of an exam, with numbers and names read from texts."""
     __tracebackhide__ = True
-    terms = {}
+    terms: dict[str, Any] = {}
     for name, value in given.items():
         if name not in TERMS:
             hint = suggest(name, TERMS) or f"it has {', '.join(TERMS)}"

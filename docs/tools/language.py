@@ -139,6 +139,7 @@ PLACES = (
     ("`initial`", "initial", '{"x": 0, "y": "@"}'),
     ("`dynamics`", "dynamics", """{"x'": "x + a", "y'": "@"}"""),
     ("`reward`", "reward", '"@"'),
+    ("`measures`", "measures", '{"m": "@"}'),
     ("`terminal`", "terminal", '"(@) == 1"'),
     ("`observation`", "observation", '{"o": "@"}'),
     ("`next` of `memory`", "memory", '{"m": {"type": "real", "initial": 0, "next": "@"}}'),

@@ -65,7 +65,7 @@ class Invariants:
     def of(cls, b: Builder, task: Task, rows: bool) -> Invariants:
         """`rows`: whether observations are float32 arrays, which can be kept and copied."""
         frozen = frozen_components(task)
-        roots = (*task.process.next, task.process.reward, task.process.terminal)
+        roots = task.process.step_roots
         everything = (*roots, *task.next_observation)
 
         def is_fixed(node: Node) -> bool:

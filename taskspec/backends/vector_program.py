@@ -76,6 +76,7 @@ class Buffers:
         state: one array (*shape, N) for every state component: bool, int64 or float64.
         seen, final: observations now, and those with which episodes ended in this step.
         reward: float64 (N,). terminated, truncated, ended: bool (N,).
+        measures: float64 (N,) each, those of the last step; of lanes that have taken none, any number.
     """
 
     seeds: Array
@@ -90,6 +91,7 @@ class Buffers:
     terminated: Array
     truncated: Array
     ended: Array
+    measures: tuple[Array, ...]
 
     @classmethod
     def of(cls, task: Task, layout: SpaceLayout, lanes: int, gap: int = 0) -> Buffers:
@@ -111,6 +113,7 @@ class Buffers:
             terminated=np.zeros(lanes, np.bool_),
             truncated=np.zeros(lanes, np.bool_),
             ended=np.zeros(lanes, np.bool_),
+            measures=tuple(np.zeros(lanes) for _ in task.process.measures),
         )
 
     @property

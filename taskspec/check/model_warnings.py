@@ -87,7 +87,8 @@ def unread(context: LintContext) -> Iterator[Doubt]:
     task = context.task
     is_state = task.observation.is_state
     nexts = by_name(task.state, task.process.next)
-    used = followed_states(nexts, (task.process.reward, task.process.terminal))
+    measures = task.process.measures.values()
+    used = followed_states(nexts, (task.process.reward, task.process.terminal, *measures))
     if not is_state:
         used |= followed_states(nexts, task.observation.nodes)
     for c, first, following in zip(task.state, task.process.initial, task.process.next, strict=True):
@@ -170,7 +171,7 @@ def inert(context: LintContext) -> Iterator[Doubt]:
     """Yield a component of the action that changes nothing."""
     model = context.model
     task = context.task
-    read = reads((*task.process.next, task.process.reward, task.process.terminal))
+    read = reads(task.process.step_roots)
     for c in task.action:
         if c.is_finite and c.counts == (1,) * c.type.size:
             continue

@@ -28,7 +28,7 @@ NAMED = {"parameters": "parameter", "constants": "constant", "definitions": "def
 """Sections of names that other sections use, and what each name is."""
 ROOTS = (
     "state", "action", "observation", "horizon", "terminal", "discount", "initial", "dynamics", "reward",
-    "absorbing_reward", "memory", "expert", "abstraction", "symmetries",
+    "absorbing_reward", "measures", "memory", "expert", "abstraction", "symmetries",
 )  # fmt: skip
 PROSE = frozenset({"doc", "symbol", "symbols", "message"})
 INSTANCE_SEED = "instance_seed"
@@ -101,7 +101,7 @@ def moved(context: LintContext) -> Iterator[Doubt]:
     if not left:
         return
     expert = task.annotations.expert_nodes
-    step = (*task.process.raw_next, task.process.reward, task.process.terminal)
+    step = (*task.process.raw_next, task.process.reward, task.process.terminal, *task.process.measures.values())
     for phase, roots in (("observation", task.observation.nodes), ("expert", expert), ("step", step)):
         checks = {}
         for node, guard in _guards(roots, task.new_builder(roots)):

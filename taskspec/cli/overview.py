@@ -163,10 +163,7 @@ def explain(code: CodeArgument = None, json: options.Json = False) -> None:
     """Explain an error or a warning, such as E302, with an example."""
     found = list(CODES.values()) if code is None else [_find(code)]
     if json:
-        write_json([
-            {"code": c.code, "slug": c.slug, "severity": c.severity, "title": c.title, "explanation": c.explanation}
-            for c in found
-        ])  # fmt: skip
+        write_json([_code_record(each) for each in found])
     elif code is None:
         _print_codes(found)
     else:
@@ -193,6 +190,10 @@ def _explain(code: Code) -> None:
         out.print(Markdown(code.explanation, code_theme="ansi_dark"))
     else:
         say(code.explanation)
+
+
+def _code_record(c: Code) -> dict[str, str]:
+    return {"code": c.code, "slug": c.slug, "severity": c.severity, "title": c.title, "explanation": c.explanation}
 
 
 def _print_codes(codes: Sequence[Code]) -> None:

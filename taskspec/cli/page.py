@@ -134,9 +134,11 @@ def _named(expressions: Mapping[str, Any]) -> list[Line]:
 def _expression(text: str, cases: Iterable[Mapping[str, Any]]) -> VisibleText:
     """Return an expression with the values of parameters that it is for."""
     line = _colored(visible(text))
-    listed = "; ".join(", ".join(f"{name}={setting(value)}" for name, value in case.items()) for case in cases)
+    listed = []
+    for case in cases:
+        listed.append(", ".join(f"{name}={setting(value)}" for name, value in case.items()))
     if listed:
-        line.append(f"  for {listed}", "quiet")
+        line.append(f"  for {'; '.join(listed)}", "quiet")
     return line
 
 
@@ -201,6 +203,7 @@ def _equations(task: Task) -> Iterator[RenderableType]:
         blocks[key] = _named(sections.get(key) or {})
     for key in ("reward", "terminal", "absorbing_reward"):
         blocks[key.replace("_", " ")] = _named({"": sections.get(key)})
+    blocks["measures"] = _named(sections.get("measures") or {})
     blocks["horizon"] = [("", _horizon(task))]
     if task.discount != 1:
         blocks["discount"] = [("", f"{task.discount:g}")]

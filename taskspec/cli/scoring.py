@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,9 +17,11 @@ from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.exact import Difficulty, PomdpBounds, Return, Score, Scores
+    from taskspec.exact import Difficulty, Expectations, PomdpBounds, Results, Return, Score, Scores
     from taskspec.task.task import Task
 
+MOST_CORNERS = 15
+"""Corners of a front that are printed, about."""
 ReturnsFile = Annotated[
     Path,
     typer.Argument(
@@ -40,6 +44,15 @@ def solve(
             "--difficulty", help="Measures of difficulty from theory besides: `docs/difficulty.md` lists them."
         ),
     ] = False,
+    limit_measure: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--limit-measure", metavar="LIMIT", help="Also the best return within a limit on a measure: `cost<=1`."
+        ),
+    ] = None,
+    front: Annotated[
+        str | None, typer.Option("--front", metavar="MEASURE", help="Also the best return for each value of a measure.")
+    ] = None,
     output: Annotated[Path | None, options.file_option("--output", "-o", help="Save the scores to this file.")] = None,
     json: options.Json = False,
     limits: options.LimitsGiven = None,
@@ -47,7 +60,8 @@ def solve(
     """Compute optimal, expert, random and worst return.
 
     Exactly where the task has an exact model, else from episodes, with a confidence interval. Where observations hide
-    the state, also the best returns given observations alone: with memory, and without.
+    the state, also the best returns given observations alone: with memory, and without. Where the task has measures,
+    their expected sums under the same policies.
     """
     from taskspec import exact
     from taskspec.targets import beside, tasks_of
@@ -59,20 +73,61 @@ def solve(
             scores = exact.scores(each, episodes, seed)
             results = exact.Results(each)
             bounds = exact.pomdp_bounds(results)
-            measures = exact.difficulty(results) if difficulty else None
+            answers = Answers.of(results, difficulty, limit_measure or [], front)
         if output is not None:
             scores.save(output if len(found) == 1 else beside(output, each))
         if json:
-            record = scores.record() | {"yardsticks": _bounds_record(bounds)}
-            if measures is not None:
-                record["difficulty"] = measures.record()
-            records.append(record)
+            records.append(scores.record() | {"yardsticks": _bounds_record(bounds)} | answers.record())
         else:
             _print_scores(each, scores, bounds)
-            if measures is not None:
-                _print_difficulty(measures, scores.why_not_exact)
+            answers.show(scores)
     if json:
         write_records(records)
+
+
+@dataclass
+class Answers:
+    """Answers that are asked for beside the returns: measures of difficulty, the best return within limits, a front."""
+
+    difficulty: Difficulty | None
+    limits: Sequence[str]
+    within: Expectations | None
+    measure: str | None
+    front: Sequence[Expectations]
+
+    @classmethod
+    def of(cls, results: Results, difficulty: bool, limits: Sequence[str], measure: str | None) -> Answers:
+        """Return the answers about a task."""
+        from taskspec import exact
+
+        found = cls(None, limits, None, measure, ())
+        if difficulty:
+            found.difficulty = exact.difficulty(results)
+        if limits:
+            found.within = exact.constrained_optimum(results.task, limits)
+        if measure is not None:
+            found.front = exact.pareto_front(results.task, measure)
+        return found
+
+    def record(self) -> dict[str, Any]:
+        """Return them as plain data for JSON."""
+        found: dict[str, Any] = {}
+        if self.difficulty is not None:
+            found["difficulty"] = self.difficulty.record()
+        if self.within is not None:
+            found["within_limits"] = {"limits": list(self.limits), **asdict(self.within)}
+        if self.front:
+            found["front"] = [asdict(corner) for corner in self.front]
+        return found
+
+    def show(self, scores: Scores) -> None:
+        """Print them below the returns."""
+        if self.difficulty is not None:
+            _print_difficulty(self.difficulty, scores.why_not_exact)
+        if self.within is not None:
+            _print_within(self.within, self.limits)
+        if self.measure is not None:
+            _print_front(self.front, self.measure)
 
 
 def score(
@@ -118,6 +173,7 @@ def _bounds_record(bounds: PomdpBounds | None) -> dict[str, Any] | None:
 
 
 def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> None:
+    from taskspec.rollout.rollout import return_range
     from taskspec.task.record import settings
 
     out = console()
@@ -135,17 +191,66 @@ def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> Non
                 remark = f"{decimal(scores.gap, 6)} below the optimum"
         elif name != "expert" and value is None and scores.states is not None:  # otherwise the last line says why
             remark = scores.why_not_exact or ""
-        table.add_row(f"  {name}", *_return(value), remark)
+        shown = _return(value)
+        if name == "optimal" and value is None:
+            limit = return_range(task)[1]
+            if math.isfinite(limit):
+                shown = f"≤ {number(limit)}", "by the bounds of the reward"
+        table.add_row(f"  {name}", *shown, remark)
         if name == "optimal" and bounds is not None:
             remark = "given all observations and actions so far"
             table.add_row("  remembering", *_bound(bounds.remembering, remark, bounds.why_not))
             table.add_row("  memoryless", *_bound(bounds.memoryless, "", bounds.why_not))
     out.print(table)
+    _print_measures(scores, out)
     ground = f"no exact model: {scores.why_not_exact}"
     if scores.states is not None:
         ground = f"from an exact model of {scores.states:,} states and {scores.actions:,} actions"
     out.print(f"  {ground}", style="quiet")
     _print_discount(task, out)
+
+
+def _print_measures(scores: Scores, out: Console) -> None:
+    """Print the expected sum of each measure under the policies whose returns are printed."""
+    if not scores.measures:
+        return
+    policies = ("optimal", "expert", "random", "worst")
+    table = Columns("  measure", *policies, right=(1, 2, 3, 4), fold=(0,), styles=("quiet",))
+    for name, under in scores.measures.items():
+        table.add_row(f"  {name}", *(_measured(under[policy]) for policy in policies))
+    out.print(table)
+
+
+def _measured(value: Return | None) -> str:
+    """Return a measure, with its confidence interval where it is an estimate."""
+    if value is None:
+        return ""
+    if not value.episodes:
+        return number(value.value, 6)
+    mean, half = estimate(value.value, value.half)
+    return f"{mean} ± {half}"
+
+
+def _print_within(found: Expectations, limits: Sequence[str]) -> None:
+    table = Columns("", "", "", right=(1,), fold=(2,), styles=("quiet", "title", "quiet"))
+    reached = ", ".join(f"{name} {number(value, 6)}" for name, value in found.measures.items())
+    table.add_row(f"  best with {' and '.join(limits)}", number(found.value, 8), f"linear program, {reached}")
+    console().print(table)
+
+
+def _print_front(corners: Sequence[Expectations], measure: str) -> None:
+    """Print the corners of a front, in columns."""
+    table = Columns(f"  {measure}", "best return", right=(0, 1))
+    every = -(-len(corners) // MOST_CORNERS)
+    shown = [*corners[:-1:every], corners[-1]]
+    for corner in shown:
+        table.add_row(f"  {number(corner.measures[measure], 6)}", number(corner.value, 8))
+    console().print(table)
+    if every == 1:
+        remark = "between two rows the best return is on the line from one to the other"
+    else:
+        remark = f"{len(shown)} of {len(corners)} corners; `--json` has all of them"
+    console().print(f"  {remark}", style="quiet")
 
 
 def _return(value: Return | None) -> tuple[str, str]:
@@ -161,6 +266,8 @@ def _return(value: Return | None) -> tuple[str, str]:
     mean, half = estimate(value.value, value.half)
     if not math.isfinite(value.value):
         return mean, f"({value.episodes:,} episodes)"
+    if not value.half:
+        return mean, f"in all of {value.episodes:,} episodes"
     return mean, f"± {half} (95 % CI, {value.episodes:,} episodes)"
 
 

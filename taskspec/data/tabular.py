@@ -255,7 +255,10 @@ def _inside(model: Model) -> tuple[Sparse, Array]:
 def _rows(observations: Any) -> list[bytes]:
     """Return observations (N, *shape), or a dict of them, one by one, as keys."""
     held = [np.asarray(part, np.float64) for part in parts_of(observations)]
-    return [b"".join(part[i].tobytes() for part in held) for i in range(len(held[0]))]
+    found = []
+    for row in zip(*held, strict=True):
+        found.append(b"".join(number.tobytes() for number in row))
+    return found
 
 
 def _lowest(layout: SpaceLayout) -> Sequence[int]:

@@ -28,6 +28,7 @@ class FuncState(NamedTuple):
     seen: Any
     paid: Any
     terminated: Any
+    measures: Any
 
 
 class TaskFuncEnv(_FuncEnv):
@@ -44,11 +45,11 @@ class TaskFuncEnv(_FuncEnv):
 
     def initial(self, rng: Any, params: Any = None) -> FuncState:
         seen, state = self._functional.reset(rng, params)
-        return FuncState(state, seen, np.float32(0), np.False_)
+        return FuncState(state, seen, np.float32(0), np.False_, {})
 
     def transition(self, state: FuncState, action: Any, rng: Any, params: Any = None) -> FuncState:
         seen, following, reward, _, info = self._functional.step_env(state.state, action, params)
-        return FuncState(following, seen, reward, info["terminated"])
+        return FuncState(following, seen, reward, info["terminated"], info.get("measures", {}))
 
     def get_default_params(self, **changes: Any) -> Any:
         """Return the parameters in `varying`, as the task was loaded with them or with other values (see `Functional`)."""
@@ -59,6 +60,14 @@ class TaskFuncEnv(_FuncEnv):
 
     def reward(self, state: FuncState, action: Any, next_state: FuncState, rng: Any, params: Any = None) -> Any:
         return next_state.paid
+
+    def transition_info(
+        self, state: FuncState, action: Any, next_state: FuncState, params: Any = None
+    ) -> dict[str, Any]:
+        """Return the measures of a step, where the task has some."""
+        if not next_state.measures:
+            return {}
+        return {"measures": next_state.measures}
 
     def terminal(self, state: FuncState, rng: Any, params: Any = None) -> Any:
         return state.terminated

@@ -96,6 +96,10 @@ class Sb3VecEnv(VecEnv):
             raise NotRunningError("E707: step() before the first reset(); call reset() first") from None
         b = self._engine.buffers
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if b.measures:
+            for lane, info in enumerate(infos):
+                values = (float(value[lane]) for value in b.measures)
+                info["measures"] = dict(zip(self.task.process.measures, values, strict=True))
         if ended:
             final = b.final.view(copy=True)
             for lane in np.flatnonzero(b.ended).tolist():
@@ -143,11 +147,11 @@ class Sb3VecEnv(VecEnv):
         Raises:
             LaneError: lanes have nothing of that name.
         """
-        made = (
-            LaneView(self.task, self._engine, i, self.render_mode, self._started, self._drawings[i])
-            for i in self._get_indices(indices)
-        )
-        return [ask_lane(lane, method_name, *args, **kwargs) for lane in made]
+        found = []
+        for i in self._get_indices(indices):
+            lane = LaneView(self.task, self._engine, i, self.render_mode, self._started, self._drawings[i])
+            found.append(ask_lane(lane, method_name, *args, **kwargs))
+        return found
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         return [False] * len(list(self._get_indices(indices)))

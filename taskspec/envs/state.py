@@ -152,6 +152,17 @@ def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str,
     return infos
 
 
+def masked(measures: Mapping[str, Array], lanes: Array) -> dict[str, Any]:
+    """Return measures (N,) by name as Gymnasium's vector environments have them: with masks, bool (N,), and 0 in other lanes."""
+    if not lanes.any():
+        return {}
+    infos: dict[str, Any] = {}
+    for name, values in measures.items():
+        infos[name] = np.where(lanes, values, 0.0)
+        infos[f"_{name}"] = lanes.copy()
+    return {"measures": infos, "_measures": lanes.copy()}
+
+
 if TYPE_CHECKING:
     from taskspec.backends.vector_program import Engine
 

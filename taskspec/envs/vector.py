@@ -40,6 +40,7 @@ from taskspec.envs.state import (
     LaneView,
     ask_lane,
     lane_render_mode,
+    masked,
     refuse_to_set,
     state_rows,
     states,
@@ -170,6 +171,9 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         before = None
         if self._has_infos:  # the states that a step leaves, and in which lanes one will be taken, instead of a reset
             before = (state_rows(self.task, self._engine.buffers.state), ~self._engine.buffers.ended)
+        stepped = None
+        if self.task.process.measures:
+            stepped = ~self._engine.buffers.ended | self._same_step
         try:
             ended = self._engine.step(actions)
         except BadActionError:
@@ -180,6 +184,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         infos = self._final() if ended and self._same_step else {}
         if before is not None:
             infos = states(self.task, *before, state_rows(self.task, self._engine.buffers.state))
+        if stepped is not None:
+            infos |= self._measured(stepped)
         if self._reuse:
             return (self._seen, *self._results, infos)
         reward, terminated, truncated = self._results
@@ -244,6 +250,17 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         for lane in np.flatnonzero(b.ended).tolist():
             rows[lane] = part_at(final, lane)
         return {"final_obs": rows, "_final_obs": b.ended.copy(), "final_info": {}, "_final_info": b.ended.copy()}
+
+    def _measured(self, stepped: Array) -> dict[str, Any]:
+        """Return the measures of a step as Gymnasium has dictionaries in infos, of the lanes (N,) that took one."""
+        b = self._engine.buffers
+        values = dict(zip(self.task.process.measures, b.measures, strict=True))
+        if not self._same_step:
+            return masked(values, stepped)
+        infos = masked(values, ~b.ended)
+        if b.ended.any():
+            infos["final_info"] = masked(values, b.ended)
+        return infos
 
     # -- seeds ----------------------------------------------------------------------------------------------------
 

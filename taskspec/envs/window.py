@@ -198,7 +198,7 @@ def actions(task: Task) -> list[Any]:
     ranges = [range(start, start + n) for start, n in zip(layout.starts, layout.counts, strict=True)]
     if layout.form == "discrete":
         return list(ranges[0])
-    return [np.array(each, np.int64) for each in itertools.product(*(range(len(r)) for r in ranges))]
+    return [np.array(each, np.int64) for each in itertools.product(*map(range, layout.counts))]
 
 
 def keys_to_action(task: Task) -> dict[tuple[int, ...], Any]:

@@ -26,12 +26,17 @@ from taskspec.scores.returns import normalised as normalised
 from taskspec.scores.scores import Scores as Scores
 from taskspec.scores.scores import StaleScores as StaleScores
 from taskspec.scores.scores import scores as scores
+from taskspec.solve.constrained import Expectations as Expectations
+from taskspec.solve.constrained import Limit as Limit
+from taskspec.solve.constrained import constrained_optimum as constrained_optimum
+from taskspec.solve.constrained import pareto_front as pareto_front
 from taskspec.soundness.soundness import Soundness as Soundness
 from taskspec.soundness.soundness import check_ranges as check_ranges
 from taskspec.soundness.soundness import examine as examine
 from taskspec.soundness.soundness import soundness as soundness
 
 __all__ = [
-    "Accepted", "Difficulty", "Expert", "Model", "PomdpBounds", "Report", "Return", "Score", "Scores", "Soundness", "StaleScores",
-    "Verdict", "check", "difficulty", "extract", "pomdp_bounds", "score", "scores",
+    "Accepted", "Difficulty", "Expectations", "Expert", "Limit", "Model", "PomdpBounds", "Report", "Return", "Score",
+    "Scores", "Soundness", "StaleScores", "Verdict", "check", "constrained_optimum", "difficulty", "extract",
+    "pareto_front", "pomdp_bounds", "score", "scores",
 ]  # fmt: skip

@@ -23,8 +23,8 @@ from taskspec.task.task import Task
 if TYPE_CHECKING:
     from taskspec.envs.metered import MeteredVector
 
-_EXPERT = ("expert", "memory", "claims", "examples")
-"""Sections of a spec that say what an expert does, and what it earns."""
+_WITHHELD = ("expert", "memory", "claims", "examples", "measures")
+"""Sections of a spec that no learner sees: what an expert does and earns, and what is measured beside the reward."""
 _REWARD = ("reward", "absorbing_reward")
 """Sections of a spec that say what is paid."""
 
@@ -38,7 +38,7 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
         learns_from: what is granted; without "reward", what is paid is not that of the task.
         sign: what rewards are multiplied by that are not granted.
     """
-    names = _EXPERT if "reward" in learns_from else (*_EXPERT, *_REWARD)
+    names = _WITHHELD if "reward" in learns_from else (*_WITHHELD, *_REWARD)
     document = _document(task.source.document, names)
     builder = task.new_builder()
     reward = task.process.reward
@@ -65,7 +65,7 @@ def withheld(task: Task, learns_from: Collection[str], sign: float = 0.0) -> Tas
         ),
         content_hash=hashlib.sha256(changed.encode()).hexdigest(),
     )
-    found = task.with_process(reward=reward, absorbing_reward=absorbing_reward)
+    found = task.with_process(reward=reward, absorbing_reward=absorbing_reward, measures={})
     found = found.with_annotations(expert=None, memory=None, claims=(), examples=())
     return replace(found, source=source, written_as=as_written)
 

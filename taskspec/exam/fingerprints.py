@@ -9,8 +9,8 @@ The operators, and the symbols of this file, are in `taskspec.exam.operators`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -27,9 +27,8 @@ RIGHT = 0.15
 """Values this near to the right ones, as a share of their spread, are right."""
 NEAR = 0.25
 CLEARER = 0.5
-MUCH_CLEARER = 0.2
 """A wrong operator is named if the values are within `NEAR` of its fixed point, and their distance is at most `CLEARER` of that
-to the right values; or if it is at most `MUCH_CLEARER` of that."""
+to the right values."""
 SAME = 0.03
 """Operators whose distances differ by less than this cannot be told apart."""
 SWEEPS = 5000
@@ -40,6 +39,14 @@ PRECISION = 1e-6
 """Change of the values, as a share of the largest reward, at which they are taken for the fixed point."""
 EXPLORATIONS = (0.05, 0.1, 0.2, 0.3)
 """The shares that are tried for learners that value their own behaviour."""
+ON_THE_WAY = "on the way"
+"""The name of the distance to values that a learner without a mistake passes before it has converged."""
+WAYS = (0.1, 0.3, 0.6)
+"""The shares of random actions of learners whose way is followed: what is visited rarely is learned late."""
+STRIDE = 0.02
+"""Distance of neighbouring values on the way, as a share of the spread of the right ones."""
+POINTS = 200
+"""About as many values on the way are kept, where it is long."""
 
 Reduce = Callable[[Array], Array]
 """From Q, (A, S), to V, (S,)."""
@@ -74,18 +81,27 @@ def fixed_point(dynamics: Dynamics, operator: BellmanOperator, reduce: Reduce) -
 def named(distances: Mapping[str, float], good: Sequence[str] = GOOD) -> list[str]:
     """Return the operators that explain distances: those that are no mistake within their tolerance, else the nearest.
 
+    There are none where values are as near to those on the way to the right ones: they have not converged.
+
     Args:
-        distances: by operator, the right one included.
+        distances: by operator, the right one and `ON_THE_WAY` included.
         good: operators that are no mistake, the right one first.
     """
     for name in good:
         if distances.get(name, np.inf) <= RIGHT:
             return [name]
-    nearest = min(distances.values())
-    right = distances[good[0]]
-    if nearest > CLEARER * right or nearest > max(NEAR, MUCH_CLEARER * right):
+    known = {name: distance for name, distance in distances.items() if name != ON_THE_WAY}
+    nearest = min(known.values())
+    right = known[good[0]]
+    if nearest > CLEARER * right or nearest > NEAR or is_on_the_way(distances):
         return []
-    return [name for name, distance in distances.items() if distance <= nearest + SAME]
+    return [name for name, distance in known.items() if distance <= nearest + SAME]
+
+
+def is_on_the_way(distances: Mapping[str, float]) -> bool:
+    """Return whether values are as near to those on the way to the right ones as to any fixed point."""
+    known = [distance for name, distance in distances.items() if name != ON_THE_WAY]
+    return distances.get(ON_THE_WAY, np.inf) <= min(known)
 
 
 def pooled(distances: Sequence[Mapping[str, float]]) -> dict[str, float]:
@@ -104,6 +120,7 @@ def fingerprint(
     """Return the distances of learned values from the fixed points of operators, as shares of the spread of the right values.
 
     Operators without a fixed point are left out; one whose fixed point is that of the right one on this task has its distance.
+    `ON_THE_WAY` has the distance from the nearest values on the way to the right ones.
 
     Args:
         task: a finite task that does not depend on the time, and whose observations tell its states apart.
@@ -125,12 +142,12 @@ def fingerprint(
     model = dynamics.model
     rows = _Observed(task, model)
     reduce: Reduce = _best
-    pi = np.full((model.n_actions, model.n_states), 1 / model.n_actions)
+    pi = _uniform(dynamics)
     if policy is not None:
         pi = rows.read(policy, model.n_actions).T
+        dynamics = replace(dynamics, pi=pi, shares={})
         reduce = _Expected(pi)
-    visits = dynamics.visits(pi).sum(axis=0)
-    weights = visits / visits.sum()
+    weights = _weights(dynamics, pi)
     learned = rows.read(q, model.n_actions).T if values is None else rows.read(values, None)
     if not np.isfinite(learned[..., weights > 0]).all():
         misused("the learned values are not finite numbers")
@@ -146,6 +163,13 @@ def fingerprint(
         nearest = min(each, key=lambda point: _distance(learned, point, weights))
         shows_mistake = name == "right" or _distance(nearest, right, weights) / scale >= RIGHT
         distances[name] = _distance(learned, nearest if shows_mistake else right, weights) / scale
+    if policy is None:
+        passed = _greedy_way(task, dynamics.gamma)
+    else:
+        passed = _way(dynamics, reduce, right_q, weights, _Actor(pi))
+    if values is not None:
+        passed = [reduce(Q) for Q in passed]
+    distances[ON_THE_WAY] = min(_distance(learned, point, weights) for point in passed) / scale
     return distances
 
 
@@ -197,6 +221,55 @@ def _fixed_points(dynamics: Dynamics, reduce: Reduce) -> dict[str, list[Array]]:
     return points
 
 
+# -- values that have not converged -----------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=32)
+def _greedy_way(task: Task, gamma: float) -> list[Array]:
+    """Return Q (A, S) on the ways of greedy learners, with each share of random actions."""
+    dynamics = dynamics_of(task, gamma)
+    (right,) = greedy_points(task, gamma)["right"]
+    weights = _weights(dynamics, _uniform(dynamics))
+    passed = []
+    for exploration in WAYS:
+        passed += _way(dynamics, _best, right, weights, partial(behaviour, exploration=exploration))
+    return passed
+
+
+def _way(
+    dynamics: Dynamics, reduce: Reduce, right: Array, weights: Array, acts: Callable[[Array], Array]
+) -> list[Array]:
+    """Return Q (A, S) that a learner without a mistake passes on the way from 0 to the right values.
+
+    A step is the expected change of Q-learning: values change in proportion to how often they are visited.
+
+    Args:
+        acts: from Q to the probabilities of actions (A, S) of the learner.
+    """
+    operator = OPERATORS["right"]
+    Q = np.zeros_like(right)
+    spread = _spread(right, weights)
+    stride = max(STRIDE * spread, _distance(Q, right, weights) / POINTS)
+    passed = [Q]
+    rates = _rates(dynamics, acts(Q))
+    for _ in range(SWEEPS):
+        target = operator.backup(dynamics, Q, reduce(Q))
+        Q = Q + rates * (target - Q)
+        if _distance(Q, passed[-1], weights) >= stride:
+            passed.append(Q)
+            rates = _rates(dynamics, acts(Q))
+        if _distance(Q, right, weights) <= RIGHT * spread:
+            break
+    return passed
+
+
+def _rates(dynamics: Dynamics, pi: Array) -> Array:
+    """Return step sizes (A, S) in proportion to the visits of a policy (A, S), half at most."""
+    visits: Array = pi * dynamics.visits(pi).sum(axis=0)
+    rates: Array = visits / visits.max() / 2
+    return rates
+
+
 @dataclass(frozen=True, eq=False)
 class _OfBehaviour:
     """Q to V under the policy that is greedy for Q, with a share of random actions."""
@@ -206,6 +279,16 @@ class _OfBehaviour:
     def __call__(self, Q: Array) -> Array:
         expected: Array = (behaviour(Q, self.exploration) * Q).sum(axis=0)
         return expected
+
+
+@dataclass(frozen=True, eq=False)
+class _Actor:
+    """A policy (A, S) that does not depend on Q."""
+
+    pi: Array
+
+    def __call__(self, Q: Array) -> Array:
+        return self.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,6 +348,18 @@ class _Observed:
             misused(f"a table has {self.layout.counts[0]} rows here, one for each observation, not {len(table)}")
         looked: Array = table[numbers]
         return looked
+
+
+def _uniform(dynamics: Dynamics) -> Array:
+    """Return the probabilities (A, S) of uniformly random actions."""
+    return np.full_like(dynamics.R, 1 / dynamics.model.n_actions)
+
+
+def _weights(dynamics: Dynamics, pi: Array) -> Array:
+    """Return the share (S,) of the visits of a policy (A, S) to each state."""
+    visits = dynamics.visits(pi).sum(axis=0)
+    weights: Array = visits / visits.sum()
+    return weights
 
 
 def _distance(one: Array, other: Array, weights: Array) -> float:

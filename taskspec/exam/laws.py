@@ -150,7 +150,9 @@ def law_scores(changed: Sequence[Changed], as_written: Exam, others: Exam) -> li
         score = LawScore(law=each.law, task=each.task, modifier=str(each.changed.modifiers[-1]), error=None)
         if place in known:
             d = known[place]
-            score |= LawScore(printed=means[place][0], changed=means[place][1], p_value=d.p_value, broken=d.is_real)
+            score["printed"], score["changed"] = means[place]
+            score["p_value"] = d.p_value
+            score["broken"] = d.is_real
         else:
             score["error"] = _why_not(others, each.name)
         found.append(score)

@@ -44,6 +44,7 @@ class Dynamics:
         changed: the same, after each reward was changed as `REWARD_CHANGES` says.
         acted: bool (S,), the states in which episodes act before the limit: values of others are never learned, and stay 0.
         shares: what `last_share` found last.
+        pi: for the critic of an actor, the probabilities of actions (A, S) of its policy.
     """
 
     model: Model
@@ -54,6 +55,7 @@ class Dynamics:
     changed: Mapping[str, Array]
     acted: Array
     shares: dict[bytes, Array] = field(default_factory=dict)
+    pi: Array | None = None
 
     def following(self, V: Array) -> Array:
         """Return the expected value (A, S) of the next state, 0 where the episode ends."""
@@ -88,8 +90,14 @@ class Dynamics:
         counts = np.array(rows)
         return counts.sum(axis=0, keepdims=True) if self.model.horizon is None else counts
 
-    def last_share(self, policy: Array) -> Array:
-        """Return float64 (S,): of the visits to a state, the share in the last step before the limit."""
+    def last_share(self, Q: Array) -> Array:
+        """Return float64 (S,): of the learner's visits to a state, the share in the last step before the limit.
+
+        An actor acts as it does; others are greedy for Q (A, S), with a share of random actions.
+        """
+        policy = self.pi
+        if policy is None:
+            policy = behaviour(Q)
         key = policy.tobytes()
         if key not in self.shares:
             self.shares.clear()  # a policy that has settled is asked for again and again, and no other one
@@ -172,7 +180,7 @@ def _ends_ignored(s: Dynamics, Q: Array, V: Array) -> Array:
 
 def _next_episode(s: Dynamics, Q: Array, V: Array) -> Array:
     first = float(s.model.start @ V)
-    last = s.last_share(behaviour(Q))
+    last = s.last_share(Q)
     goes_on = (1 - last) * s.following(V)
     starts_again = s.ending(np.ones_like(V)) + last * s.going_on
     found: Array = s.R + s.gamma * (goes_on + first * starts_again)
@@ -180,7 +188,7 @@ def _next_episode(s: Dynamics, Q: Array, V: Array) -> Array:
 
 
 def _limit_is_end(s: Dynamics, Q: Array, V: Array) -> Array:
-    return s.R + s.gamma * (1 - s.last_share(behaviour(Q))) * s.following(V)
+    return s.R + s.gamma * (1 - s.last_share(Q)) * s.following(V)
 
 
 def _same_state(s: Dynamics, Q: Array, V: Array) -> Array:

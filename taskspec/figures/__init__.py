@@ -74,7 +74,7 @@ def layers(task: TaskLike, model: Model | None = None) -> dict[str, Scene]:
     bare = _drawn(task, Overlay())
     if bare is None or task.modifiers or task.spec.abstraction is not None:
         return {}
-    wanted = [PARTS]
+    wanted: list[tuple[str, ...]] = [PARTS]
     if isinstance(task.annotations.expert, tuple):
         wanted.append(("expert",))
     found = {}

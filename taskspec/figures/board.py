@@ -185,9 +185,8 @@ class Board:
 
     def _letters(self, middle: Mapping[Cell, Point]) -> Iterator[Item]:
         """Yield letters and thin walls where nothing else is written."""
-        taken = {*self.values, *(thing.cell for thing in self.things if thing.word)}
         for cell, text in self.letters.items():
-            if cell not in middle or cell in taken or text == WALL:
+            if cell not in middle or cell in self.values or text == WALL:
                 continue
             if text in FENCES:
                 yield self._fence(middle[cell], text)

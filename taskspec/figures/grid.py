@@ -59,10 +59,13 @@ class _Grid:
         self.overlay = overlay
         self.state = overlay.here or first_state(task)
         self.reads = reads_of(task, self.state)
-        self.letters = {
-            (x, y): char for y, line in enumerate(self.figure.map) for x, char in enumerate(line) if char not in FLOOR
-        }
         self.things = tuple(self._things())
+        hidden = {thing.cell for thing in self.things}
+        self.letters: dict[Cell, str] = {}
+        for y, line in enumerate(self.figure.map):
+            for x, char in enumerate(line):
+                if char not in FLOOR and (x, y) not in hidden:
+                    self.letters[x, y] = char
 
     def numbers(self, place: Iterable[Node], reads: Reads, count: int = 1) -> Array:
         """Return column and row of states, and maybe a way, (count, 2) or (count, 4)."""

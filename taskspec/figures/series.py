@@ -21,7 +21,8 @@ from taskspec.printers import tree as m
 from taskspec.printers.expressions import mathematics
 from taskspec.printers.names import expression, of_task
 from taskspec.printers.pieces import indexed
-from taskspec.task.task import Component, Task
+from taskspec.task.parts import Component
+from taskspec.task.task import Task
 
 MOST = 6  # numbers that are followed
 PANEL = 1.0  # height of the picture of one, in centimetres

@@ -123,7 +123,11 @@ def wanted(exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[D
     parts = [tuple(s.alternatives(e)) for e in exprs]
     domains = (domain_of(part, scope) for part in itertools.chain(*parts))
     beside = next((domain for domain in domains if domain is not None), None)
-    return [beside if all(may_be_label(part, scope) for part in group) else None for group in parts]
+    found: list[Domain | None] = []
+    for group in parts:
+        are_labels = all(may_be_label(part, scope) for part in group)
+        found.append(beside if are_labels else None)
+    return found
 
 
 def domain_of(expr: s.Expr, scope: Scope) -> Domain | None:
@@ -220,10 +224,11 @@ def _outcomes(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | N
         checker.fail("E311", expr, f"values with probabilities are a random draw; {scope.draws}")
     exprs = [value for value, _ in expr.pairs]
     values = alternative_values(checker, exprs, scope, want)
-    p = [b.cast(n, Kind.REAL) for n in checker.numerics([q for _, q in expr.pairs], scope)]
-    for node, (_, q) in zip(p, expr.pairs, strict=True):
+    weights = [weight for _, weight in expr.pairs]
+    p = [b.cast(node, Kind.REAL) for node in checker.numerics(weights, scope)]
+    for node, weight in zip(p, weights, strict=True):
         if not node.type.is_scalar:
-            checker.fail("E307", q, "a probability is a single number")
+            checker.fail("E307", weight, "a probability is a single number")
     check_row(checker, b.structure("vector", p), expr)
     return _WeightedValues(values, exprs, p)
 

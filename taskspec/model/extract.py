@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -85,6 +85,31 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
     scipy_sparse()
     task = load(task)
     steps = Steps(task)
+    room = _checked_room(steps, limit)
+    codes = _codes(steps, room, reachable)
+    room.check(len(codes))
+    start = np.zeros(len(codes))
+    first, weight = steps.starts()
+    start[np.searchsorted(codes, first)] = weight
+    return _checked(Model(task, steps.states, steps.actions, codes, start, _steps(steps, codes, room.times)))
+
+
+def with_reward(model: Model, reward: Node) -> Model:
+    """Return the model with another expression as its reward, such as a measure.
+
+    Raises:
+        SpecError: (E712) when that has no exact model.
+    """
+    task = model.task.with_process(reward=reward)
+    steps = Steps(task)
+    room = _checked_room(steps, None)
+    room.check(model.n_states)
+    return _checked(replace(model, task=task, steps=_steps(steps, model.codes, room.times)))
+
+
+def _checked_room(steps: Steps, limit: int | None) -> _Room:
+    """Return the room for a model; refuse (E712) a task that is not finite, or beyond the domain of numbers."""
+    task = steps.task
     _check_finite(steps)
     found = outside_domain(task)
     if found is not None:
@@ -94,13 +119,11 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
     times = 1
     if steps.uses_time and task.horizon is not None:
         times = task.horizon
-    room = _Room(steps, times, limits().transitions if limit is None else limit)
-    codes = _codes(steps, room, reachable)
-    room.check(len(codes))
-    start = np.zeros(len(codes))
-    first, weight = steps.starts()
-    start[np.searchsorted(codes, first)] = weight
-    model = Model(task, steps.states, steps.actions, codes, start, _steps(steps, codes, times))
+    return _Room(steps, times, limits().transitions if limit is None else limit)
+
+
+def _checked(model: Model) -> Model:
+    """Return a model; refuse (E712) one whose episodes leave the state space, or are paid no number."""
     for t, step in enumerate(model.steps):
         _check_step(model, step, t)
     return model

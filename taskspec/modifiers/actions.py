@@ -71,10 +71,12 @@ def _any(b: Builder, c: Component) -> Node:
     """Return a uniformly random value of a component."""
     if c.type.kind is Kind.BOOL:
         return DISTS["Bernoulli"].build(b, {"p": b.scalar(0.5)}, c.type.shape)
-    flat = [[v if c.type.kind is Kind.REAL else int(v) for v in ends] for ends in (c.low, c.high)]
-    low, high = (b.const(ends if c.type.shape else ends[0], c.type) for ends in flat)
-    name = "Uniform" if c.type.kind is Kind.REAL else "UniformInt"
-    return DISTS[name].build(b, {"low": low, "high": high}, c.type.shape)
+    given: dict[str, Node] = {}
+    for name, ends in (("low", c.low), ("high", c.high)):
+        values: list[float] = list(ends if c.type.kind is Kind.REAL else map(int, ends))
+        given[name] = b.const(values if c.type.shape else values[0], c.type)
+    dist = "Uniform" if c.type.kind is Kind.REAL else "UniformInt"
+    return DISTS[dist].build(b, given, c.type.shape)
 
 
 def _permuted(b: Builder, task: Task, given: Arguments) -> Task:
@@ -168,7 +170,10 @@ def _absorbing(b: Builder, task: Task, given: Arguments) -> Task:
 
     flag = Component(name, BOOL, (0,), (1,), doc="whether the episode has ended")
     changed = task.with_process(
-        next=held(task.process.next), raw_next=held(task.process.raw_next), terminal=b.scalar(False)
+        next=held(task.process.next),
+        raw_next=held(task.process.raw_next),
+        terminal=b.scalar(False),
+        measures={name: b.apply("where", over, b.scalar(0.0), node) for name, node in task.process.measures.items()},
     )
     changed = paying(b, changed, b.apply("where", over, task.process.absorbing_reward, task.process.reward))
     ended = with_state(changed, [AddedState(flag, b.scalar(False), b.apply("or", over, task.process.terminal))])

@@ -90,10 +90,14 @@ def noisy(b: Builder, node: Node, std: float) -> Node:
 def acting(b: Builder, task: Task, executed: Mapping[str, Node]) -> Task:
     """Return the task in which other actions are executed than those that are chosen, by name."""
     count = len(task.state)
-    roots = (*task.process.next, *task.process.raw_next, task.process.reward, task.process.terminal)
+    roots = (*task.process.raw_next, *task.process.step_roots)
     found = b.substitute(roots, {(Role.ACTION, name): node for name, node in executed.items()}, late=False)
     return task.with_process(
-        next=found[:count], raw_next=found[count : 2 * count], reward=found[-2], terminal=found[-1]
+        raw_next=found[:count],
+        next=found[count : 2 * count],
+        reward=found[2 * count],
+        terminal=found[2 * count + 1],
+        measures=dict(zip(task.process.measures, found[2 * count + 2 :], strict=True)),
     )
 
 
@@ -124,9 +128,7 @@ def reads_time(task: Task) -> bool:
     """Return whether anything depends on the time."""
     expert = task.annotations.expert_nodes
     roots = (
-        *task.process.next,
-        task.process.reward,
-        task.process.terminal,
+        *task.process.step_roots,
         task.process.absorbing_reward,
         *task.observation.nodes,
         *expert,

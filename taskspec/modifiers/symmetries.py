@@ -72,10 +72,12 @@ def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
     nodes = b.substitute(symmetry.observation, shown)
     taken = (names_in(task) - set(now)) | set(all_names(components))
     other_names = fresh(list(now), taken)
-    others = [(replace(c, name=name), node) for name, (c, node) in zip(other_names, now.values(), strict=True)]
-    return observing(
-        b, task, [*components, *(c for c, _ in others)], [*nodes, *(n for _, n in others)], task.observation.space, {}
-    )
+    every = list(components)
+    values = list(nodes)
+    for name, (c, node) in zip(other_names, now.values(), strict=True):
+        every.append(replace(c, name=name))
+        values.append(node)
+    return observing(b, task, every, values, task.observation.space, {})
 
 
 def _bounded(components: Sequence[Component], found: Sequence[MapPart]) -> list[Component]:

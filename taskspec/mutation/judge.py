@@ -61,26 +61,23 @@ class Judgement:
         return cls(kind, found.code, found.message)
 
 
-@dataclass(frozen=True)
-class Original:
-    """A spec as it stands: its tasks by variant, and what they are for other parameter values."""
-
-    document: Document
-    tasks: Mapping[str | None, Task]
-
-    @classmethod
-    def of(cls, document: Document) -> Original:
-        """Build the task; raises SpecError when the document has none, or one with mistakes that its own sections cause."""
-        names = list(variant_names(document.data).values())
-        complete = [variant for variant in names if not merge(document, variant).missing]
-        return cls(document, {variant: build(document, variant) for variant in complete})
+Tasks = Mapping[str | None, Task]
+"""The complete tasks of a spec, by variant."""
 
 
-def judge(original: Original, mutant: Mutant) -> Judgement:
+def tasks_of(document: Document) -> Tasks:
+    """Return the tasks of a spec; raises SpecError when it has none, or one with mistakes that its own sections cause."""
+    found = {}
+    for variant in variant_names(document.data).values():
+        if not merge(document, variant).missing:
+            found[variant] = build(document, variant)
+    return found
+
+
+def judge(original: Document, tasks: Tasks, mutant: Mutant) -> Judgement:
     """Return what notices a mutant: the first of the stages that does, and of all that a check says what weighs most."""
     try:
-        document = mutant.document()
-        pairs = list(_changed(original, document))
+        pairs = list(_changed(original, tasks, mutant.document()))
     except SpecError as error:
         return Judgement.by("error", error.diagnostics[0])
     if mutant.section == "parameters" and mutant.path[-1] in ("low", "high"):  # it decides the range of values alone
@@ -111,11 +108,11 @@ def _class_of(diagnostic: Diagnostic) -> Class:
     return "claim" if diagnostic.code.startswith("E6") else "error"
 
 
-def _changed(original: Original, document: Document) -> Iterator[tuple[Task, Task]]:
+def _changed(original: Document, tasks: Tasks, changed: Document) -> Iterator[tuple[Task, Task]]:
     """Yield the tasks whose data the change is part of, before and after it."""
-    for variant, before in original.tasks.items():
-        if merge(original.document, variant).data != merge(document, variant).data:
-            yield before, build(document, variant)
+    for variant, before in tasks.items():
+        if merge(original, variant).data != merge(changed, variant).data:
+            yield before, build(changed, variant)
 
 
 def _are_same_everywhere(one: Task, other: Task) -> bool:
@@ -144,7 +141,7 @@ def judgements(
         jobs: processes; with one, everything happens here.
         tick: called whenever a mutant is judged.
     """
-    made = _prepared(path)[1]
+    made = _prepared(path)[2]
     with ExitStack() as stack:
         mapped: Any = map
         if jobs > 1:
@@ -158,15 +155,15 @@ def judgements(
 
 
 def _judge_number(path: Path, number: int) -> Judgement:
-    original, found = _prepared(path)
-    return judge(original, found[number])
+    original, tasks, found = _prepared(path)
+    return judge(original, tasks, found[number])
 
 
 @lru_cache(maxsize=1)
-def _prepared(path: Path) -> tuple[Original, list[Mutant]]:
-    """Return the spec as it stands, and its mutants; read once in each process."""
+def _prepared(path: Path) -> tuple[Document, Tasks, list[Mutant]]:
+    """Return a spec, its tasks, and its mutants; read once in each process."""
     document = read_file(path)
-    return Original.of(document), list(mutants(document))
+    return document, tasks_of(document), list(mutants(document))
 
 
 def same_task(one: Task, other: Task) -> bool:
@@ -203,7 +200,7 @@ def _declared(c: Component, ranges: bool) -> tuple[Any, ...]:
 def _forms(task: Task, forms: NormalForms) -> list[int]:
     """Return the forms of all that a task computes."""
     found = forms.all([*task.process.initial, *task.first_observation])
-    found += forms.all([*task.process.next, task.process.reward, task.process.terminal, *task.next_observation])
+    found += forms.all(task.step_roots)
     expert = task.annotations.expert_nodes
     return found + forms.all([*task.observation.nodes, task.process.absorbing_reward, *expert])
 
@@ -250,12 +247,14 @@ def _have_same_episodes(one: Task, other: Task, forms: NormalForms) -> bool:
 
 def _have_same_observations(model: Model, other: Task, forms: NormalForms) -> bool:
     """Return whether every state looks the same at every time; observations that draw must have the same form."""
-    pairs = list(zip(model.task.observation.nodes, other.observation.nodes, strict=True))
-    drawn = [pair for pair in pairs if draws(pair)]
-    if forms.all([a for a, _ in drawn]) != forms.all([b for _, b in drawn]):
-        return False
-    own = [a for a, b in pairs if not draws((a, b))]
-    others = [b for a, b in pairs if not draws((a, b))]
+    own = []
+    others = []
+    for a, b in zip(model.task.observation.nodes, other.observation.nodes, strict=True):
+        if not draws((a, b)):
+            own.append(a)
+            others.append(b)
+        elif forms.all([a]) != forms.all([b]):
+            return False
     times = 1
     if TIME in reads([*own, *others]):
         times = (model.horizon or MOST) + 1

@@ -25,7 +25,7 @@ _SPACES = {
     "multi_discrete": "as a vector of integers", "box": "as one vector of reals", "discrete": "as one integer",
 }  # fmt: skip
 _MANY = 40
-_OF_STEPS = ("dynamics", "reward", "terminal", "observation")  # sections whose draws are made in every step
+_OF_STEPS = ("dynamics", "reward", "measures", "terminal", "observation")  # sections whose draws are made in every step
 
 
 Maker = Callable[[Writing], Iterator[Inlines]]  # makes the lines of a section
@@ -262,12 +262,22 @@ def _transition(w: Writing, name: str, expr: s.Expr) -> Iterator[Inlines]:
 
 
 def rewards(w: Writing) -> Iterator[Inlines]:
-    expr = w.parsed("reward")
+    """Yield the reward, then each measure with its description."""
+    yield (_of_step(w, m.Ident("R"), w.parsed("reward")),)
+    for name, expr in (w.parsed("measures") or {}).items():
+        entry = w.spec.measures[name]
+        said: Inlines = ()
+        if isinstance(entry, Mapping) and entry.get("doc"):
+            said = (Text(", "), *inlines(entry["doc"]))
+        yield (Text("measure "), _of_step(w, w.symbol(name), expr), *said)
+
+
+def _of_step(w: Writing, left: m.Math, expr: s.Expr) -> Formula:
+    """Return what a step pays, as a function of what it depends on."""
     arguments = w.arguments(expr)
-    left: m.Math = m.Ident("R")
     if arguments:
         left = m.Row((left, m.brackets(m.joined(arguments))))
-    yield (Formula(w.equation(left, expr)),)
+    return Formula(w.equation(left, expr))
 
 
 def initial(w: Writing) -> Iterator[Inlines]:

@@ -86,8 +86,10 @@ def _truth(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> Formula:
     if w.spec.abstraction is not None:
         symbols["states"] = m.Words("number of abstract states")
     symbols["probability"] = m.Ident("P", "blackboard")
+    symbols["measure"] = m.Ident("E", "blackboard")
     policy = "random" if under is None else text(under)
-    return Formula(w.truth(expr, replace(w.notation.with_symbols(symbols), events={"probability": policy})))
+    events = {"probability": policy, "measure": policy}
+    return Formula(w.truth(expr, replace(w.notation.with_symbols(symbols), events=events)))
 
 
 def _model(w: Writing, model: s.Expr) -> Inlines:

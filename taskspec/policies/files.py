@@ -102,7 +102,9 @@ class ScriptedPolicy(TaskPolicy):
     def __init__(self, path: Path, task: Task, hint: str) -> None:
         self.name = str(path)
         self.task = task
-        self.episodes = [[_action(task, item, path, hint) for item in items] for items in _episodes(path, task)]
+        self.episodes = []
+        for items in _episodes(path, task):
+            self.episodes.append([_action(task, item, path, hint) for item in items])
         self.episode = -1
 
     def choose(self, batch: EpisodeBatch) -> Actions:

@@ -158,14 +158,16 @@ class ExpressionWriter(Writer):
             holes = [*((str(i), tree) for i, tree in enumerate(trees)), ("*", m.joined(trees))]
             signed = expr.function == "dot" and _leads(pieces[0], trees[0])
             return applied(expr.function, fill(function.latex, holes), signed)
-        if expr.function in self.notation.events:  # the probability of a condition, with the policy below
-            given = dict(zip(("condition", "under"), expr.args, strict=False)) | dict(expr.keywords)
+        if expr.function in self.notation.events:  # a probability, or the expectation of a measure; the policy is below
+            first = "condition" if expr.function == "probability" else "name"
+            given = dict(zip((first, "under"), expr.args, strict=False)) | dict(expr.keywords)
             if "under" in given:
                 policy = text(given["under"])
             else:
                 policy = self.notation.events[expr.function]
             head = m.Script(self.notation.symbol(expr.function), m.Words(policy))
-            return Piece(m.Row((head, m.brackets(self.truth(given["condition"]).tree))))
+            inner = self.truth(given[first]) if first == "condition" else self.number(given[first])
+            return Piece(m.Row((head, m.brackets(inner.tree))))
         arguments = m.brackets(m.joined(self.numbers(expr.args)))
         return Piece(m.Row((self.notation.symbol(expr.function), arguments)))
 

@@ -344,7 +344,10 @@ def return_range(task: Task) -> tuple[float, float]:
     elif gap > 0:
         weight = -math.expm1(weight * math.log1p(-gap)) / gap  # 1 - gamma**steps would cancel for gamma near 1
     ends = list(map(float, bounds(task.process.reward, {})))
-    if not (isinstance(task.process.terminal, Const) and not task.process.terminal.value):
+    terminal = task.process.terminal
+    if isinstance(terminal, Const) and terminal.value:
+        weight = 1.0  # the first step ends the episode
+    elif not isinstance(terminal, Const):
         ends.append(0.0)
     low = weight * min(ends) if min(ends) else 0.0
     high = weight * max(ends) if max(ends) else 0.0

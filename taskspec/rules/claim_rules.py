@@ -70,6 +70,9 @@ FUNCTIONS = _vocabulary(
     ("reachable", "reachable(condition)", "Some episode visits a state that fulfils the condition."),
     ("probability", "probability(condition, under=model)",
      "How likely an episode visits such a state; under uniformly random actions unless `under` says otherwise."),
+    ("measure", "measure(name, under=model)",
+     "Expected sum of a measure over an episode, discounted like the return; under uniformly random actions unless `under` "
+     "says otherwise."),
     ("prefers", "prefers(model, condition, at=condition)",
      "In every state that fulfils `at` and in which an action is taken, the actions that the model takes most often "
      "fulfil the condition. Times at which it is indifferent (within 10⁻⁹) are left out, such as a last action that "
@@ -253,6 +256,8 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
                 return Enclosure.exactly(Fraction(self._model(expr).n_actions))
             case s.Call(function="probability"):
                 return self._probability(expr)
+            case s.Call(function="measure"):
+                return self._measure(expr)
             case s.Call(function="abs", args=(inner,)):
                 return absolute(self.number(inner))
             case _:
@@ -359,13 +364,17 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         return found
 
     def _under_model(self, expr: s.Expr, decides: s.Expr | None) -> tuple[Model, Rule, Solver]:
-        """Return the exact model, the rule of a decision model, and its solver; the memory of an expert is in the state."""
+        """Return the exact model, the rule of a decision model, and its solver."""
+        results, rule = self._decided(expr, decides)
+        return self._model(expr, results), rule, results.solvers.of(rule, self.terms.as_written)
+
+    def _decided(self, expr: s.Expr, decides: s.Expr | None) -> tuple[Results, Rule]:
+        """Return results that have an exact model, and the rule of a decision model; the memory of an expert is in the state."""
         results = self.results
         if isinstance(decides, s.Name) and decides.id == "expert":
             results = results.remembering
-        model = self._model(expr, results)
-        rule = rule_named(decides, results, self.number)
-        return model, rule, results.solvers.of(rule, self.terms.as_written)
+        self._model(expr, results)
+        return results, rule_named(decides, results, self.number)
 
     def _reachable(self, expr: s.Call) -> tuple[bool, str]:
         given = self._arguments(expr, ("condition",), ("condition",))
@@ -380,6 +389,19 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         model, rule, solver = self._under_model(expr, given.get("under") or self._under(expr))
         found = solver.probability(rule, condition_over_states(given["condition"], model))
         return Enclosure(max(found.low, Fraction(0)), min(found.high, Fraction(1)))
+
+    def _measure(self, expr: s.Call) -> Enclosure:
+        given = self._arguments(expr, ("name", "under"), ("name",))
+        known = self.results.task.process.measures
+        written = given["name"]
+        if not (isinstance(written, s.Name) and written.id in known):
+            hint = f"it has {', '.join(known)}" if known else "`measures:` declares them"
+            raise InvalidClaim("the task has no such measure", written, hint)
+        results, rule = self._decided(expr, given.get("under") or self._under(expr))
+        try:
+            return results.measure_under(written.id, rule, self.terms.as_written)
+        except SpecError as error:
+            raise Undecidable(f"the measure cannot be worked out: {error.diagnostics[0].message}", expr) from None
 
     def _prefers(self, expr: s.Call) -> tuple[bool | None, str]:
         under = self._under(expr)

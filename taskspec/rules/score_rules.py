@@ -33,19 +33,19 @@ def _entry(name: str, entry: str, statistic: Statistic, doc: str) -> OverSeeds:
     return OverSeeds(Word(name, f"{name}(task)", doc), entry, statistic)
 
 
-NUMBERS: dict[str, OverSeeds] = {
-    each.word.name: each
-    for each in (
-        _entry("score", "deterministic", "mean", "Mean score of the best actions of the policy; 0 is random, 1 the expert."),
-        _entry("sampled", "stochastic", "mean", "Mean score of the policy that samples its actions."),
-        _entry("sd", "deterministic", "sd", "Standard deviation of the scores between seeds."),
-        _entry("median", "deterministic", "median", "Score that half of the seeds reach."),
-        _entry("highest", "deterministic", "highest", "Score of the best of the seeds that were run."),
-        _entry("lowest", "deterministic", "lowest", "Score of the worst of the seeds that were run."),
-        _entry("starc", "starc", "mean", "Mean distance of the learned reward to the true one, up to shaping and scale."),
-        _entry("regret", "reward_regret", "mean", "Mean score that is lost by optimising the learned reward exactly."),
-    )
-}  # fmt: skip
+_NUMBERS = (
+    _entry(
+        "score", "deterministic", "mean", "Mean score of the best actions of the policy; 0 is random, 1 the expert."
+    ),
+    _entry("sampled", "stochastic", "mean", "Mean score of the policy that samples its actions."),
+    _entry("sd", "deterministic", "sd", "Standard deviation of the scores between seeds."),
+    _entry("median", "deterministic", "median", "Score that half of the seeds reach."),
+    _entry("highest", "deterministic", "highest", "Score of the best of the seeds that were run."),
+    _entry("lowest", "deterministic", "lowest", "Score of the worst of the seeds that were run."),
+    _entry("starc", "starc", "mean", "Mean distance of the learned reward to the true one, up to shaping and scale."),
+    _entry("regret", "reward_regret", "mean", "Mean score that is lost by optimising the learned reward exactly."),
+)
+NUMBERS: dict[str, OverSeeds] = {each.word.name: each for each in _NUMBERS}
 """Each takes a task, where there are several learners a learner before it, and one of `SIDES` behind it."""
 
 FIXED: dict[str, Word] = {"constant": Word("constant", "constant(task)", "Score of the best constant action.")}

@@ -15,7 +15,7 @@ from taskspec.abstraction.abstraction import Abstraction, abstraction
 from taskspec.abstraction.verify import AbstractionCheck, verify
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
-from taskspec.model.extract import extract
+from taskspec.model.extract import extract, with_reward
 from taskspec.model.model import Model, refuse
 from taskspec.registry import load
 from taskspec.rollout.rollout import EPISODES, Choose, at_random, by_expert, is_bounded, return_range, simulate
@@ -23,7 +23,7 @@ from taskspec.rollout.statistics import CONFIDENCE, mean_interval
 from taskspec.solve.backward import Greedy, Plan, Rule, Uniform, rule_of
 from taskspec.solve.enclosure import Enclosure, NoNumber, rounded
 from taskspec.solve.plans import tables
-from taskspec.solve.solve import Solvers, why_endless
+from taskspec.solve.solve import Solvers, expectation, why_endless
 from taskspec.task.parts import Soft
 from taskspec.task.task import Task, TaskLike
 
@@ -142,6 +142,7 @@ class Results:
         self.searched: dict[tuple[str, bool], Enclosure] = {}
         """Best returns under observations that hide the state, by name and reading."""
         self._enclosures: dict[tuple[str, bool], Enclosure | None] = {}
+        self._paid: dict[str, Solvers] = {}
         self._samples: dict[tuple[str, int], Return | None] = {}
 
     @cached_property
@@ -211,7 +212,10 @@ class Results:
     def is_ambiguous(self) -> bool:
         """Whether some result depends on how floats are read."""
         asked = {id(r): r for r in (self, self.__dict__.get("remembering", self))}.values()
-        return any(r.model is not None and r.solvers.ambiguous for r in asked)
+        solvers = [r.solvers for r in asked if r.model is not None]
+        for r in asked:
+            solvers += r._paid.values()
+        return any(each.ambiguous for each in solvers)
 
     @cached_property
     def expert_rule(self) -> Rule | None:
@@ -221,6 +225,59 @@ class Results:
         if check is not None and not check.has_expert and self.given is None:
             return None  # the expert of the task looks at more than the abstraction has
         return rule_of(self.model, self.given)
+
+    # -- measures ---------------------------------------------------------------------------------
+
+    def measure_under(self, name: str, rule: Rule, as_written: bool = False) -> Enclosure:
+        """Return the expected (discounted) sum of a measure under a policy rule of the model.
+
+        Raises:
+            SpecError: E712, where the measure has no exact model.
+            NoNumber: where it may be infinite.
+        """
+        assert self.model is not None
+        if self.abstraction is not None:
+            refuse("the abstraction has no measures")
+        if name not in self._paid:
+            self._paid[name] = Solvers(with_reward(self.model, self.task.process.measures[name]))
+        found = expectation(self.solvers, rule, self._paid[name], as_written)
+        if not (math.isfinite(rounded(found.low)) and math.isfinite(rounded(found.high))):
+            refuse(why_endless(self._paid[name].in_floats))
+        return found
+
+    @cached_property
+    def _opposite(self) -> Results:
+        """The results of the task with the negative reward, whose best policies are the worst ones here."""
+        b = self.task.new_builder()
+        return Results(self.task.with_process(reward=b.apply("neg", self.task.process.reward)), limit=self.limit)
+
+    @cached_property
+    def measures(self) -> dict[str, dict[str, Return | None]]:
+        """The expected sums of each measure, by name, under an optimal, random, worst policy and the expert.
+
+        Of several best or worst actions each is taken as often. None where a policy does not exist, or is not known.
+        """
+        found: dict[str, dict[str, Return | None]] = {}
+        for name in self.task.process.measures:
+            found[name] = {which: self._measure(name, which) for which in ("optimal", "random", "worst", "expert")}
+        return found
+
+    def _measure(self, name: str, which: str) -> Return | None:
+        """Return a measure under a policy, computed or else simulated."""
+        if which == "expert" and self.remembering is not self:
+            return self.remembering._measure(name, which)
+        results = self
+        rule = {"random": Uniform(), "expert": self.expert_rule, "optimal": Greedy(), "worst": Greedy()}[which]
+        if which == "worst" and self.model is not None:
+            results = self._opposite
+        if rule is not None and results.model is not None:
+            try:
+                enclosure = results.measure_under(name, rule)
+                return Return(enclosure.value, bound=enclosure.error)
+            except (SpecError, NoNumber) as error:
+                self.unsettled = str(error)
+        paid = self.task.with_process(reward=self.task.process.measures[name])
+        return Results(paid, self.episodes, self.seed, self.limit, self.given).sample(which)
 
     # -- returns ----------------------------------------------------------------------------------
 

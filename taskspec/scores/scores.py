@@ -6,7 +6,7 @@ import csv
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +40,8 @@ class Scores:
     actions: int | None
     why_not_exact: str | None
     modifiers: tuple[str, ...]
+    measures: Mapping[str, Mapping[str, Return | None]] = field(default_factory=dict)
+    """The expected sum of each measure of the task under each of these policies."""
 
     @property
     def gap(self) -> float | None:
@@ -62,15 +64,22 @@ class Scores:
         for name, value in returns.items():
             if value is not None:
                 found[name] = asdict(value) | {"status": value.status}
+        for name, under in self.measures.items():
+            known = {which: value for which, value in under.items() if value is not None}
+            found["measures"][name] |= {
+                which: asdict(value) | {"status": value.status} for which, value in known.items()
+            }
         return found
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one flat row for each known return, as `pandas.DataFrame` takes them."""
-        known = [(name, found) for name in RETURNS if (found := getattr(self, name)) is not None]
-        return [
-            {**self.parameters, "id": self.id, "return": name, "value": r.value, "error": r.error, "status": r.status}
-            for name, r in known
-        ]
+        rows = []
+        for name in RETURNS:
+            known = getattr(self, name)
+            if known is not None:
+                row = {**self.parameters, "id": self.id, "return": name}
+                rows.append(row | {"value": known.value, "error": known.error, "status": known.status})
+        return rows
 
     def _repr_html_(self) -> str:
         """Return the returns, for notebooks."""
@@ -132,7 +141,7 @@ def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) ->
         actions = model.n_actions
     return Scores(
         task.id, task.content_hash, task.values, results.optimal, results.random, results.worst, results.expert,
-        states, actions, results.why_not, tuple(map(str, task.modifiers)),
+        states, actions, results.why_not, tuple(map(str, task.modifiers)), results.measures,
     )  # fmt: skip
 
 

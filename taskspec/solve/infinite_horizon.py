@@ -120,16 +120,19 @@ class InfiniteHorizon(Bounded):
         yield 0, rule.stationary(self)
 
     @QUIET
-    def value(self, rule: Rule) -> Enclosure:
-        """Return the expected return of a policy."""
-        if rule.is_best:
+    def value(self, rule: Rule, paid: InfiniteHorizon | None = None) -> Enclosure:
+        """Return the expected return of a policy; `paid` as for models with a horizon."""
+        if rule.is_best and paid is None:
             return self.best()
         policy = rule.stationary(self)
+        n = self
+        if paid is not None:
+            n = paid
 
         def image(V: Bound) -> Bound:
-            return self.follow(policy, self.backup(0, V))
+            return n.follow(policy, n.backup(0, V))
 
-        return self._enclosed(self._chain(policy, image, self.live, self.model.discount), self.live)
+        return n._enclosed(n._chain(policy, image, n.live, n.model.discount), n.live)
 
     @QUIET
     def probability(self, rule: Rule, states: Array) -> Enclosure:

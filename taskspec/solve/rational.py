@@ -90,9 +90,10 @@ class Scaled:
     def of(cls, values: Array) -> Scaled:
         """From an array of rationals, or of ints."""
         flat = values.reshape(-1).tolist()
-        known = {
-            id(v): Fraction(v) for v in {id(v): v for v in flat}.values()
-        }  # one object often stands in many places
+        known: dict[int, Fraction] = {}
+        for v in flat:  # one object often stands in many places
+            if id(v) not in known:
+                known[id(v)] = Fraction(v)
         over = math.lcm(*{v.denominator for v in known.values()})
         parts = {key: v.numerator * (over // v.denominator) for key, v in known.items()}
         return cls(_objects([parts[id(v)] for v in flat]).reshape(values.shape), over)

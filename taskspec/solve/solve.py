@@ -61,11 +61,17 @@ class Finite:
         return found
 
     @QUIET
-    def value(self, rule: Rule) -> Enclosure:
-        """Return the expected return of a policy."""
-        if rule.is_best:
+    def value(self, rule: Rule, paid: Any = None) -> Enclosure:
+        """Return the expected return of a policy.
+
+        Args:
+            paid: the numbers of the same model with the reward to sum up, if it is another than the policy is made for.
+        """
+        if rule.is_best and paid is None:
             return self.best()
         n = self.numbers
+        if paid is not None:
+            n = paid
         V = n.zero()
         for t, policy in self.policies(rule):
             V = n.follow(policy, n.backup(t, V))
@@ -159,6 +165,16 @@ class Solvers:
         if self.model.horizon is None:
             return InfiniteHorizon(self.model)
         return Finite(Bounded(self.model))
+
+
+def expectation(solvers: Solvers, rule: Rule, paid: Solvers, as_written: bool = False) -> Enclosure:
+    """Return the expected sum of another reward under a policy; `paid` are the solvers of the same model with that reward."""
+    solver = solvers.of(rule, as_written)
+    other = paid.of(rule, as_written)
+    if type(solver.numbers) is not type(other.numbers):
+        solver = solvers.in_floats
+        other = paid.in_floats
+    return solver.value(rule, other.numbers)
 
 
 def why_endless(solver: Solver) -> str:

@@ -123,8 +123,10 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
     yield phase("expert", [] if task.annotations.memory else _expert_checks(task))
     steps = _values("E403", "dynamics", task.state, task.process.raw_next, "'")
     steps.append(Check("E406", task.process.reward, (-INF,), (INF,), "reward", what="the reward"))
-    for section in ("noise", "dynamics", "reward", "terminal"):
-        steps += _drawn(task, section, (*task.process.next, task.process.reward, task.process.terminal))
+    for name, node in task.process.measures.items():
+        steps.append(Check("E406", node, (-INF,), (INF,), "measures", name, what=f"the measure '{name}'"))
+    for section in ("noise", "dynamics", "reward", "terminal", "measures"):
+        steps += _drawn(task, section, task.process.step_roots)
     yield phase("step", steps)
     if task.annotations.memory is not None:
         whole = task.remembering()

@@ -8,7 +8,6 @@ episodes, where a failure is an error, and samples of the declared domain, where
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -240,11 +239,14 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
 def cases(task: Task) -> list[dict[str, Any]]:
     """Return parameter values to try: all low, all high, then the ends of each range alone."""
     ends = {p.name: _ends(p) for p in task.parameters if _ends(p)}
-    alone = [{name: value} for name, values in ends.items() for value in values]
-    together = [{name: values[i] for name, values in ends.items()} for i in (0, -1)]
+    lowest = {name: values[0] for name, values in ends.items()}
+    highest = {name: values[-1] for name, values in ends.items()}
+    tried: list[dict[str, Any]] = [lowest, highest]
+    for name, values in ends.items():
+        tried += [{name: value} for value in values]
     distinct: dict[str, dict[str, Any]] = {}
-    for values in itertools.chain(together, alone):
-        changed = {name: value for name, value in values.items() if value != task.values[name]}
+    for case in tried:
+        changed = {name: value for name, value in case.items() if value != task.values[name]}
         if changed:
             distinct.setdefault(repr(changed), task.given | changed)
     return list(distinct.values())[:MAX_CASES]

@@ -171,8 +171,12 @@ def _of_row(components: Sequence[Component], row: Array) -> Values:
 
 def _ends(components: Sequence[Component]) -> tuple[Array, Array]:
     """Return the low and the high ends of all elements in order."""
-    low, high = (np.array([v for c in components for v in getattr(c, end)], np.float64) for end in ("low", "high"))
-    return low, high
+    low: list[float] = []
+    high: list[float] = []
+    for c in components:
+        low += c.low
+        high += c.high
+    return np.array(low, np.float64), np.array(high, np.float64)
 
 
 # -- elements that are moved --------------------------------------------------------------------------------------

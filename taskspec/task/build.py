@@ -31,7 +31,7 @@ from taskspec.task.task import Annotations, Process, Task, TaskSource, task_id
 SEMANTIC = (
     "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount", "initial",
     "dynamics", "reward", "absorbing_reward", "memory", "expert", "abstraction", "info",
-    "symmetries",
+    "symmetries", "measures",
 )  # fmt: skip
 """Sections that decide what a task does; the content hash covers these and the parameter values."""
 
@@ -265,6 +265,8 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
     absorbing = sections.single_number(context, "absorbing_reward", REAL, names.scope("absorbing"), default=0)
     with builder.written() as observation_draws:
         observation = sections.observed(context, names, initial, following)
+    with builder.written() as measure_draws:
+        measures = sections.measures(context, names)
 
     # What the spec states about it.
     memory = remembered(context, names, observation)
@@ -286,7 +288,7 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
         context,
         initial=raw_initial, dynamics=raw_next, reward=[reward], terminal=[terminal], absorbing_reward=[absorbing],
         abstraction=mapped, observation=observation.nodes, expert=expert if isinstance(expert, tuple) else (),
-        memory=() if memory is None else memory.lines,
+        memory=() if memory is None else memory.lines, measures=tuple(measures.values()),
     )  # fmt: skip
     collector.raise_if_errors()
     constants = declarations.fixed_constants(context)
@@ -295,8 +297,8 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
     process = Process(
         tuple(initial), tuple(following), raw_initial, raw_next, reward, terminal, absorbing,
         reset_draws=tuple((initial_draws | observation_draws).values()),
-        step_draws=tuple((dynamics_draws | observation_draws).values()),
-        required=tuple(context.required),
+        step_draws=tuple((dynamics_draws | observation_draws | measure_draws).values()),
+        required=tuple(context.required), measures=measures,
     )  # fmt: skip
     annotations = Annotations(expert, memory, claims=claims, examples=examples, figure=drawn, symmetries=mirrors)
     return Task(source, context.state, context.action, observation, context.horizon, discount, process, annotations)

@@ -14,7 +14,7 @@ from taskspec.source.scan import REQUIRED, task_name
 
 NAMED = (
     "parameters", "constants", "definitions", "noise", "state", "action", "observation", "initial", "dynamics",
-    "accept", "memory", "symmetries",
+    "measures", "accept", "memory", "symmetries",
 )  # fmt: skip
 """Sections of named entries, which a variant overrides entry by entry."""
 
@@ -38,7 +38,7 @@ _BESIDE = (
     "symmetries",
 )
 """Sections that neither reset nor step a task."""
-_NOT_ABSTRACT = ("abstraction", "observation", "claims", "examples", "accept", "figure", "info")
+_NOT_ABSTRACT = ("abstraction", "observation", "measures", "claims", "examples", "accept", "figure", "info")
 
 
 Place: TypeAlias = tuple[Document, Path]

@@ -22,8 +22,10 @@ from taskspec.task.merge import Merged
 from taskspec.task.parts import article
 from taskspec.task.reach import kept
 
-PRIMED = ("dynamics", "reward", "terminal")
+PRIMED = ("dynamics", "reward", "measures", "terminal")
 """Sections that may name next values."""
+_PAYING = ("reward", "measures")
+"""Sections that may name the end of the episode."""
 
 _WITHOUT_ACTION = {
     "observation": "the agent observes before it acts",
@@ -183,13 +185,13 @@ class Names:
     # -- the end --------------------------------------------------------------------------------------------------
 
     def _bind_end(self, bindings: dict[str, Binding], section: str) -> None:
-        """`terminal` is the condition of that name, in `reward` alone."""
-        if section == "reward" and "terminal" in self.context.data:
+        """`terminal` is the condition of that name, in `reward` and `measures` alone."""
+        if section in _PAYING and "terminal" in self.context.data:
             bindings["terminal"] = Lazy(self.end)
-        elif section == "reward":
+        elif section in _PAYING:
             bindings["terminal"] = Unavailable("E302", "no step ends an episode here: there is no section `terminal`")
         else:
-            bindings["terminal"] = Unavailable("E302", "'terminal' can only be used in `reward`")
+            bindings["terminal"] = Unavailable("E302", "'terminal' can only be used in `reward` and `measures`")
 
     def end(self, at: s.Expr) -> Value:
         """Return whether a step ends the episode, worked out on first use.

@@ -12,7 +12,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Lazy, Poisoned, Scope, Value
-from taskspec.lang.types import Kind, Type
+from taskspec.lang.types import REAL, Kind, Type
 from taskspec.source import Path
 from taskspec.task import declarations
 from taskspec.task import parts as parameters
@@ -26,11 +26,13 @@ Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
 
 def parse_sections(context: Context) -> None:
     """Read the expressions of every section, reporting all syntax errors."""
-    for section in ("definitions", "noise", "initial", "dynamics", "observation"):
+    for section in ("definitions", "noise", "initial", "dynamics", "observation", "measures"):
         entries = context.data.get(section) or {}
         exprs = context.exprs[section] = {}
         for name, value in entries.items():
-            if section != "observation":
+            if section == "measures" and isinstance(value, dict) and "value" in value:
+                exprs[name] = context.forms.expr((section, name, "value"))
+            elif section != "observation":
                 exprs[name] = context.forms.expr((section, name))
             elif name != "space":
                 path: Path = (section, name, "value") if is_bounded(value) else (section, name)
@@ -144,7 +146,21 @@ def single_number(context: Context, section: str, type_: Type, scope: Scope, def
     """Return a section that is one number: the reward, the absorbing reward."""
     if section not in context.data:
         return context.builder.const(default, type_)
-    expr = context.exprs[section]
+    return _number(context, context.exprs[section], f"the {section}", type_, scope)
+
+
+def measures(context: Context, names: Names) -> dict[str, Node]:
+    """Return the measures by name, without those that are broken (and reported)."""
+    found: dict[str, Node] = {}
+    for name, expr in context.exprs["measures"].items():
+        node = _number(context, expr, f"the measure '{name}'", REAL, names.scope("measures"))
+        if node is not None:
+            found[name] = node
+    return found
+
+
+def _number(context: Context, expr: s.Expr | None, what: str, type_: Type, scope: Scope) -> Node | None:
+    """Return an expression as a single number; None for a broken one (and reported)."""
     if expr is None:
         return None
     try:
@@ -155,7 +171,7 @@ def single_number(context: Context, section: str, type_: Type, scope: Scope, def
     except Poisoned:
         return None
     for part, found in [p for p in parts if not p[1].is_scalar] or [(expr, node.type)]:
-        message = f"the {section} is a single number, but this has shape {list(found.shape)}"
+        message = f"{what} is a single number, but this has shape {list(found.shape)}"
         hint = "`all(...)`, `any(...)` and `sum(...)` make one value of many"
         context.collector.add("E307", part.place, message, hint)
     return None

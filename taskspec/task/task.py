@@ -80,9 +80,9 @@ class TaskSource:
 class Process:
     """The decision process as core nodes, those of `initial` and `next` in the order of the state.
 
-    `next`, `reward` and `terminal` read STATE, ACTION and TIME, `absorbing_reward` reads STATE and TIME; `initial` reads nothing:
-    each component's node contains those it depends on. `reset_draws` and `step_draws` are the draws that the sections of a reset
-    and of a step write, whether or not they are left in these nodes.
+    `next`, `reward`, `terminal` and `measures` read STATE, ACTION and TIME, `absorbing_reward` reads STATE and TIME; `initial`
+    reads nothing: each component's node contains those it depends on. `reset_draws` and `step_draws` are the draws that the
+    sections of a reset and of a step write, whether or not they are left in these nodes.
 
     A state is always in its space: an int that `raw_initial` or `raw_next` would give outside its range is moved to the nearest
     end in `initial` and `next`, which soundness reports (E403, E404).
@@ -99,12 +99,19 @@ class Process:
     step_draws: tuple[Draw, ...]
     required: tuple[tuple[Node, str], ...] = field(default=(), repr=False)
     """Conditions on parameters that are left open, each with what to say where it does not hold."""
+    measures: Mapping[str, Node] = field(default_factory=dict)
+    """Quantities beside the reward, by name."""
+
+    @property
+    def step_roots(self) -> tuple[Node, ...]:
+        """All that a step works out but the observation: next states, reward, end, measures."""
+        return (*self.next, self.reward, self.terminal, *self.measures.values())
 
     @property
     def nodes(self) -> Iterator[Node]:
         """All expressions, and the draws that the sections write."""
         yield from (*self.initial, *self.next, *self.raw_initial, *self.raw_next)
-        yield from (self.reward, self.terminal, self.absorbing_reward)
+        yield from (self.reward, self.terminal, self.absorbing_reward, *self.measures.values())
         yield from (node for node, _ in self.required)
         yield from (*self.reset_draws, *self.step_draws)
 
@@ -380,8 +387,8 @@ class Task:
 
     @property
     def step_roots(self) -> tuple[Node, ...]:
-        """All that a step works out: next states, reward, end, observation."""
-        return (*self.process.next, self.process.reward, self.process.terminal, *self.next_observation)
+        """All that a step works out: next states, reward, end, measures, observation."""
+        return (*self.process.step_roots, *self.next_observation)
 
     @property
     def reset_roots(self) -> tuple[Node, ...]:

@@ -32,6 +32,7 @@ from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.shared.sections import text
 from tests.shared.sparse import sparse
+from tests.shared.specs import spec_file
 
 VECTOR = {"state": "{s: {type: int, low: 0, high: 9}, v: {type: bool, shape: 12}}", "initial": "{s: 0, v: false}"}
 BOOLS = {
@@ -329,7 +330,7 @@ def test_a_map_is_read_in_time_that_grows_with_its_cells() -> None:
 
 def test_numba_says_that_it_takes_long_and_refuses_what_takes_too_long(caplog: Any, set_limits: Any) -> None:
     loading = pytest.importorskip("taskspec.backends.numba.loading")
-    large = load(Path(__file__).parents[1] / "specs/catch.yaml", rows=50, columns=50)
+    large = load(spec_file("catch"), rows=50, columns=50)
     vector = pytest.importorskip("taskspec.envs.vector", exc_type=SpecError)
     assert vector.VectorEnvironment(large, 2).backend == "numpy"
     with pytest.raises(SpecError, match="E314") as caught:

@@ -146,6 +146,8 @@ def test_one_module_writes_commands_that_install() -> None:
 def test_pages_install_the_checkout_with_extras_that_are_declared(path: Path) -> None:
     for found in INSTALLED.findall(path.read_text(encoding="utf-8")):
         name, _, extras = "".join(found).rstrip("]`").partition("[")
+        if "==" in name or name == "--no-deps":  # another version of a library that is compared
+            continue
         assert name == "."
         assert set(extras.split(",")) - {""} <= set(EXTRAS)
 

@@ -185,4 +185,4 @@ def test_nothing_is_printed_by_another_way() -> None:
         prints = {f.id for f in calls if isinstance(f, ast.Name) and f.id == "print"}
         assert echoes | prints <= doors.get(path.name, set()), path
         imported = {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
-        assert path.name == "terminal.py" or "rich.text" not in imported, path
+        assert path.name in ("tables.py", "terminal.py") or "rich.text" not in imported, path

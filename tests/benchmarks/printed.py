@@ -9,7 +9,8 @@ from types import TracebackType
 from typing import Any
 
 from taskspec.base.extras import machine
-from taskspec.cli.console import VisibleText, columns, console
+from taskspec.cli.console import VisibleText, console
+from taskspec.cli.tables import Columns
 from tests.benchmarks.race import Rate
 from tests.benchmarks.starts import MemoryUse, Start
 
@@ -44,7 +45,7 @@ def matrix(rates: Sequence[Rate]) -> Any:
     """Million steps per second: a row for each task, a column for each program and number of lanes."""
     places = list(dict.fromkeys((r.contestant.program, r.contestant.lanes) for r in rates))
     headers = [f"{short(program)}\n{lanes}" for program, lanes in places]
-    table = columns("million steps/s\nlanes", *headers, "\n±", right=range(1, len(places) + 2))
+    table = Columns("million steps/s\nlanes", *headers, "\n±", right=range(1, len(places) + 2))
     for task, mine in groupby(rates, lambda r: r.contestant.task):
         found = {(r.contestant.program, r.contestant.lanes): r for r in mine}
         table.add_row(
@@ -58,7 +59,7 @@ def sections(rates: Sequence[Rate]) -> Any:
     lanes = sorted({r.contestant.lanes for r in rates})
     beside = any(r.contestant.rival for r in rates)
     headers = ("million steps/s", *map(str, lanes), "±", *(["ours ÷ this"] if beside else []))
-    table = columns(*headers, right=range(1, len(lanes) + 2))
+    table = Columns(*headers, right=range(1, len(lanes) + 2))
     for task, mine in groupby(rates, lambda r: r.contestant.task):
         group = list(mine)
         table.add_row(VisibleText(task, style="name"))
@@ -117,7 +118,7 @@ def _ratios(rates: Iterable[Rate], group: Sequence[Rate]) -> str:
 def starts(found: Sequence[Start], memories: Sequence[MemoryUse]) -> Any:
     """Seconds to the first step, and bytes for each lane."""
     sizes = {(m.task, m.program): m for m in memories}
-    table = columns("first step after", "cold s", "warm s", "bytes/lane", right=(1, 2, 3))
+    table = Columns("first step after", "cold s", "warm s", "bytes/lane", right=(1, 2, 3))
     for task, mine in groupby(found, lambda s: s.task):
         table.add_row(VisibleText(task, style="name"))
         for s in mine:

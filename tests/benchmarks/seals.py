@@ -9,7 +9,8 @@ from typing import Any
 
 from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.extras import machine, need
-from taskspec.cli.console import VisibleText, columns, console, write_json
+from taskspec.cli.console import VisibleText, console, write_json
+from taskspec.cli.tables import Columns
 from tests.benchmarks.printed import Progress, footer, percent
 from tests.benchmarks.race import race, spread
 from tests.benchmarks.tables import PAIRS, Pair, pair
@@ -68,7 +69,7 @@ def _raced(task: Pair, lanes: int | None, backend: str, rounds: int, seconds: fl
 
 def _print(results: Sequence[Result], lanes: int | None) -> None:
     target = ["target"] if lanes is None else []
-    table = columns(
+    table = Columns(
         "", "task", "taskspec", "±", "seals", "±", "ratio", "spread", *target, right=range(2, 8 + len(target))
     )
     for r in results:

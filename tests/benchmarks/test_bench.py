@@ -69,7 +69,7 @@ def test_alone_it_shows_help() -> None:
 def test_json_says_all_that_was_measured_and_on_what() -> None:
     args = (
         "vector",
-        spec_file("umbrella"),
+        spec_file("catch"),
         "RiskyPath",
         "-b",
         "scalar",
@@ -90,7 +90,7 @@ def test_json_says_all_that_was_measured_and_on_what() -> None:
     assert (found["rounds"], found["seconds"], found["clock"], found["starts"]) == (2, 0.001, "processor", [])
     assert [(r["task"], r["program"], r["lanes"]) for r in found["results"]] == [
         (task, program, lanes)
-        for task in ("specs/Umbrella-v0", "derail/RiskyPath-v0")
+        for task in ("bsuite/Catch-v0", "derail/RiskyPath-v0")
         for program, lanes in (("scalar", 1), ("numpy", 2), ("numpy", 3))
     ]
     for result in found["results"]:

@@ -130,6 +130,14 @@ def test_episodes_without_an_end_are_cut(tmp_path: Path) -> None:
     assert "3 were cut by --max-steps" in done.out
 
 
+def test_solve_says_what_bounds_of_the_reward_prove() -> None:
+    rows = Done("solve", "derail/LargestSum").out.splitlines()
+    assert rows[1].split() == ["optimal", "≤", "1", "by", "the", "bounds", "of", "the", "reward"]
+    assert "in all of 1,000 episodes" in rows[2]
+    assert "≤ 0" in Done("solve", "derail/Parabola").out.splitlines()[1]
+    assert "unknown" in Done("solve", "classic_control/Acrobot").out.splitlines()[2]  # it has no expert
+
+
 def test_summary_in_words() -> None:
     done = Done("run", "derail/EarlyTermNeg", "-n", 50)
     assert "95 % CI" in done.out

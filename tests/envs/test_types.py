@@ -23,7 +23,12 @@ def programs(folder: Path, *, without: tuple[str, ...] = ()) -> list[Path]:
     for page in PAGES:
         name = "_".join(page.relative_to(ROOT).with_suffix("").parts) + ".py"
         for block in blocks(page.read_text(encoding="utf-8")):
-            if block.language == "python" and block.key != "skip" and not _imports(block.body, without):
+            if (
+                block.language == "python"
+                and block.key != "skip"
+                and "/" not in str(block.value)
+                and not _imports(block.body, without)
+            ):
                 own = block.value if block.key == "script" else name
                 texts[own] = texts.get(own, "") + block.body + "\n"
     texts.pop("docs_extending.py")  # it extends tables whose names types list

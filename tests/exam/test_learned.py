@@ -55,6 +55,17 @@ def test_right_values_are_one_line_and_no_flag(capsys: pytest.CaptureFixture[str
     assert line in page(found)
 
 
+def test_values_that_have_not_converged_are_one_line_and_no_flag(capsys: pytest.CaptureFixture[str]) -> None:
+    @learns_from("reward")
+    def learner(case: Case) -> Learned:
+        return Learned(learned_q("derail/RiskyPath", "right", case.seed, steps=3000), discount=GAMMA)
+
+    found = examine(learner, tasks=["derail/RiskyPath"], seeds=1, twins=0)
+    assert not found["flags"]
+    print_exam(found, console(wide=True))
+    assert "the values have not converged, or the tasks say too little" in " ".join(capsys.readouterr().out.split())
+
+
 def test_values_are_not_compared_with_a_reward_that_is_withheld() -> None:
     learned = Learned(np.ones((4, 2)), q=np.ones((4, 2)), discount=GAMMA)
     assert learned_fields(taskspec.load("derail/RiskyPath"), learned, sees_reward=False) == {}

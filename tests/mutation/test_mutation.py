@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from taskspec import source
 from taskspec.cli.app import app
-from taskspec.mutation.judge import CLASSES, Original, judge, judgements, same_task
+from taskspec.mutation.judge import CLASSES, judge, judgements, same_task, tasks_of
 from taskspec.mutation.mutants import mutants, written
 from taskspec.mutation.text_changes import Replacements, changes
 from taskspec.task.build import build
@@ -229,7 +229,7 @@ def test_what_notices_a_change(change: tuple[str, Any, Any]) -> None:
     inner[last] = inner[last].replace(before, after) if isinstance(before, str) else after
     one = next(mutants(document))
     mutant = type(one)(tuple(path.split(".")), one.place, str(before), str(after), data)
-    assert judge(Original.of(document), mutant).kind == NOTICED[change]
+    assert judge(document, tasks_of(document), mutant).kind == NOTICED[change]
 
 
 def test_the_command(tmp_path: Path) -> None:

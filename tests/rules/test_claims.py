@@ -44,6 +44,7 @@ initial:
 dynamics:
   s': min(s + (a == go), n)
 reward: s' == n
+measures: {steps: 1}
 terminal: s' == n
 expert: {a: go, idle: 0}
 claims:
@@ -167,6 +168,7 @@ def test_everything_in_the_vocabulary_is_understood() -> None:
         "probability": "probability(s == 1, under=expert) == 1",
         "prefers": "prefers(optimal, a == go, at=s == 2 and t == T - 1)",
         "influences": "influences(a, s)",
+        "measure": "measure(steps, under=expert) == n",
         "abs": "abs(0 - optimal_return) == 1",
     }
     assert examples.keys() == FUNCTIONS.keys()

@@ -93,6 +93,7 @@ FEATURES: dict[str, dict[str, Any]] = {
         "reward": [{"if": "z'[0] == 1", "then": 1}, {"if": "u == v", "then": "-z[1] / 2"}, {"else": 0}],
         "expert": {"u": 1, "v": "z[0]"},
     },
+    "measures": {"measures": {"cost": "s' - s", "far": {"value": "s > 1", "doc": "far"}}},
     "observation": {"observation": {"space": "box", "s": "s", "o": {"value": "s + 1", "low": 0, "high": 99}}},
     "ends": {"terminal": "s' == 3", "discount": "9/10", "absorbing_reward": "s / 3", "expert": "on"},
     "memory": {

@@ -348,13 +348,15 @@ class Functional:
     ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
         """Observation, state, reward, done and info of a step; an episode that ends begins anew (autoreset).
 
-        info holds "terminated", "truncated", and "final_observation", that of the step itself.
+        info holds "terminated", "truncated", "final_observation", that of the step itself, and "measures" where the
+        task has some.
         """
         observation, state, result = self.lanes_step(_lane(state), jnp.asarray(action)[..., None], params)
         info = {
             "terminated": result.terminated[0],
             "truncated": result.truncated[0],
             "final_observation": _single(observed(self.program.observation, result.observation)),
+            **self._measures(result),
         }
         done = info["terminated"] | info["truncated"]
         return _single(observation), _single(state), result.reward[0], done, info
@@ -362,13 +364,21 @@ class Functional:
     def step_env(
         self, state: State, action: AnyArray, params: Any = None
     ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
-        """Return a step without autoreset; info holds "terminated" and "truncated"."""
+        """Return a step without autoreset; info holds "terminated", "truncated", and "measures" where the task has some."""
         program = self.program
         action = acted(program.action, jnp.asarray(action)[..., None])
         after, result = self._stepped(_lane(state), action, self._open.values(params))
         seen = _single(observed(program.observation, result.observation))
-        ends = {"terminated": result.terminated[0], "truncated": result.truncated[0]}
-        return seen, _single(after), result.reward[0], ends["terminated"] | ends["truncated"], ends
+        done = result.terminated[0] | result.truncated[0]
+        info = {"terminated": result.terminated[0], "truncated": result.truncated[0], **self._measures(result)}
+        return seen, _single(after), result.reward[0], done, info
+
+    def _measures(self, result: StepResult) -> dict[str, Any]:
+        """Return what the info of a step says of its measures: nothing, where the task has none."""
+        values = {name: value[0] for name, value in zip(self.task.process.measures, result.measures, strict=True)}
+        if not values:
+            return {}
+        return {"measures": values}
 
     def gymnax(self, *, one_hot: bool = False, flat_actions: bool = False) -> Gymnax:
         """Return the same functions under gymnax's signatures, with its spaces.

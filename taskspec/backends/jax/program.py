@@ -95,12 +95,13 @@ class State(NamedTuple):
 
 
 class StepResult(NamedTuple):
-    """What a step gives, lanes last: observation components, float32 reward, and two flags."""
+    """What a step gives, lanes last: observation components, float32 reward, two flags, and float32 measures."""
 
     observation: tuple[AnyArray, ...]
     reward: AnyArray
     terminated: AnyArray
     truncated: AnyArray
+    measures: tuple[AnyArray, ...]
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,7 @@ class JaxProgram:
         """Return a step of every lane, without autoreset. `action` has one array (*shape, N) for each component."""
         high, low = state.key
         words = library.RandomWords(low, high, state.steps, draws.STEP, self._step_words)
-        values, reward, terminal, seen = self._step(words, state.time, *state.values, *action, *given)
+        values, reward, terminal, measures, seen = self._step(words, state.time, *state.values, *action, *given)
         lanes = state.time.shape
         values = tuple(_full(v, c, lanes) for v, c in zip(values, self.task.state, strict=True))
         seen = tuple(_full(v, c, lanes) for v, c in zip(seen, self.observation.components, strict=True))
@@ -153,6 +154,7 @@ class JaxProgram:
             jnp.broadcast_to(jnp.asarray(reward, jnp.float32), lanes),
             jnp.broadcast_to(jnp.asarray(terminal, bool), lanes),
             late,
+            tuple(jnp.broadcast_to(jnp.asarray(value, jnp.float32), lanes) for value in measures),
         )
         return State(values, time, state.steps + jnp.uint32(1), state.episodes, state.key), result
 
@@ -196,7 +198,15 @@ def compile_jax(task: Task) -> JaxProgram:
     actions = names_of("a", task.action)
     given = list(open_names(task).values())
     lines = [f"def step({', '.join(['w', 't', *states, *actions, *given])}):", *indent(body)]
-    lines += indent([f"return {tuple_of(values[:n])}, {values[n]}, {values[n + 1]}, {tuple_of(values[n + 2 :])}"])
+    first = n + 2 + len(task.process.measures)  # of the observation
+    results = [
+        tuple_of(values[:n]),
+        values[n],
+        values[n + 1],
+        tuple_of(values[n + 2 : first]),
+        tuple_of(values[first:]),
+    ]
+    lines += indent([f"return {', '.join(results)}"])
     body, values = _emit(task, start, start_words, constants)
     lines += ["", "", f"def start({', '.join(['w', *given])}):", *indent(body)]
     lines += indent([f"return {tuple_of(values[:n])}, {tuple_of(values[n:])}"])
@@ -350,11 +360,13 @@ class JaxEngine:
         b = self.buffers
         narrow = tuple(jnp.array(p.astype(_NARROW[p.dtype.kind])) for p in parts)
         self._state, out = self._step(self._state, narrow, jnp.array(b.ended))
-        seen, final, reward, terminated, truncated = out
+        seen, final, reward, terminated, truncated, measures = out
         shown = (*_parts(self.observation, seen), *_parts(self.observation, final))
         for part, new in zip((*b.seen.parts, *b.final.parts), shown, strict=True):
             np.copyto(part, np.asarray(new).reshape(part.shape), casting="unsafe")
         b.reward[:], b.terminated[:], b.truncated[:] = reward, terminated, truncated
+        for held, value in zip(b.measures, measures, strict=True):
+            held[:] = value
         np.logical_or(b.terminated, b.truncated, b.ended)
         self._keep()
         return self._episodes.step(int(np.count_nonzero(b.ended)))
@@ -400,13 +412,13 @@ def jitted(task: Task, mode: Mode) -> tuple[Any, Any]:
         flags = (result.reward, result.terminated, result.truncated)
         if mode == "same_step":
             following, fresh = program.again(after, result)
-            return following, (observed(layout, fresh), seen, *flags)
+            return following, (observed(layout, fresh), seen, *flags, result.measures)
         if mode == "disabled":
-            return after, (seen, seen, *flags)
+            return after, (seen, seen, *flags, result.measures)
         fresh_state, fresh = program.begin(state)
         shown = _chosen(late, observed(layout, fresh), seen)
         reward, terminated, truncated = (jnp.where(late, jnp.zeros_like(f), f) for f in flags)
-        return _chosen(late, fresh_state, after), (shown, seen, reward, terminated, truncated)
+        return _chosen(late, fresh_state, after), (shown, seen, reward, terminated, truncated, result.measures)
 
     return jax.jit(reset), jax.jit(step)
 

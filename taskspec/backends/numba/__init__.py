@@ -75,6 +75,7 @@ class NumbaEngine:
             "chosen": self._chosen, **scratch,
         }  # fmt: skip
         arrays |= {f"s{i}": array for i, array in enumerate(b.state)}
+        arrays |= {f"measure{i}": array for i, array in enumerate(b.measures)}
         arrays |= {f"seen{i}": array for i, array in enumerate(b.seen.parts)}
         arrays |= {f"final{i}": array for i, array in enumerate(b.final.parts)}
         places = [arrays[name].ctypes.data for name in self._program.memory.fields[4:]]

@@ -132,7 +132,11 @@ class KernelLane(LaneEmitter):
                 moved = self.assign(f"i32({later})")
                 ranks[i] = self.assign(f"i32({ranks[i]} + {moved})")
                 ranks[j] = self.assign(f"i32({ranks[j]} + (1 - {moved}))")
-        return [self._pick(list(map(str, range(n))), [f"({r} == {k})" for r in ranks]) for k in range(n)]
+        places = list(map(str, range(n)))
+        found = []
+        for k in range(n):
+            found.append(self._pick(places, [f"({rank} == {k})" for rank in ranks]))
+        return found
 
     def _pick(self, values: Sequence[str], conditions: Sequence[str]) -> str:
         """Return the value whose condition holds; one of them does."""

@@ -69,12 +69,12 @@ def _check_compile_time(source: str) -> None:
 
 def _cache_key(source: str) -> str:
     """Return a hash of everything that machine code depends on."""
-    runtime = "\0".join(
-        (Path(__file__).parent / name).read_text(encoding="utf-8") for name in ("runtime.py", "kernel_draws.py")
-    )
+    folder = Path(__file__).parent
+    runtime = (folder / "runtime.py").read_text(encoding="utf-8")
+    draws = (folder / "kernel_draws.py").read_text(encoding="utf-8")
     machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
     versions = (version("numba"), version("llvmlite"), str(object.__basicsize__))
-    return hashlib.sha256("\0".join((source, runtime, *versions, *machine)).encode()).hexdigest()[:32]
+    return hashlib.sha256("\0".join((source, runtime, draws, *versions, *machine)).encode()).hexdigest()[:32]
 
 
 # -- on disk ------------------------------------------------------------------------------------------------------

@@ -100,15 +100,19 @@ class Program:
             kind = _ARRAYS[c.type.kind]
             self.memory.at(f"s{i}")
             self.states.append([MemoryRow(f"s{i}_{k}", f"s{i}", k, kind) for k in range(c.type.size)])
+        self.measures = [
+            MemoryRow(f"measure{i}", f"measure{i}", 0, "f64s") for i in range(len(self.task.process.measures))
+        ]
+        for row in self.measures:
+            self.memory.at(row.array)
         self.seen: dict[str, MemoryRow] = {}  # by number of the part and of the row
         self.final: dict[str, MemoryRow] = {}
         for i, part in enumerate(self.observation.parts):
             kind = "i64s" if part.is_whole else "f32s"
             for name, rows in (("seen", self.seen), ("final", self.final)):
                 self.memory.at(f"{name}{i}")
-                rows |= {
-                    f"{i}_{k}": MemoryRow(f"{name}{i}_{k}", f"{name}{i}", k, kind) for k in range(math.prod(part.shape))
-                }
+                for k in range(math.prod(part.shape)):
+                    rows[f"{i}_{k}"] = MemoryRow(f"{name}{i}_{k}", f"{name}{i}", k, kind)
 
     @property
     def inline_reset(self) -> bool:
@@ -141,12 +145,17 @@ def _loop(p: Program, roots: Sequence[Node], words: WordLayout, at: str, acting:
         names[Role.STATE, c.name] = LaneValue([f"x_{r.name}" for r in rows])
     for i, c in enumerate(p.task.action if acting else ()):
         names[Role.ACTION, c.name] = LaneValue([f"a_{i}_{k}" for k in range(c.type.size)])
-    numbers = {d.site: [f"w{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
+    numbers = {}
+    reals: dict[int, Sequence[str]] = {}
     for draw in words.draws:
+        first = words.first[draw.site]
+        places = range(first, first + words_of(draw))
+        numbers[draw.site] = [f"w{place}" for place in places]
+        reals[draw.site] = [f"r{place}" for place in places]
         for name, number in zip(word_names(draw), numbers[draw.site], strict=True):
             names[Role.VARIABLE, name] = LaneValue([f"i64({number})"])
     lane = KernelLane(names, numbers, Builder().certain, constants=p.constants, unrolled=EVERYTHING)
-    lane.reals = {d.site: [f"r{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
+    lane.reals = reals
     shown = _shown(p, roots, words)
     hidden = {len(roots) - len(p.observation.components) + i for i in shown}
     kept = [_NOTHING if i in hidden else root for i, root in enumerate(roots)]
@@ -268,15 +277,19 @@ def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     seen = _observed(loop)
     reward = loop.lane.assign(f"f64({(loop.values[n].atoms or ['0'])[0]})")
     terminal = (loop.values[n + 1].atoms or ["False"])[0]
+    measures = [
+        loop.lane.assign(f"f64({(value.atoms or ['0'])[0]})") for value in loop.values[n + 2 : n + 2 + len(p.measures)]
+    ]
     results, stores, out_rows = _results(p, loop, state, seen)
-    lines = without_unused(loop.lane.lines, [*state.values(), *seen.values(), reward, terminal])
+    lines = without_unused(loop.lane.lines, [*state.values(), *seen.values(), reward, terminal, *measures])
     late = "False" if p.task.horizon is None else f"(t + 1 >= {p.task.horizon})"
     either = "late" if never(p.task.process.terminal) else f"late | {terminal}"
     ending = [f"late = {late}", f"e = {either}", "steps[j] = u32(steps[j] + u32(1))"]
     ending += [f"terminated[j] = {terminal}", "truncated[j] = late", "ended[j] = e"]
-    body = [*lines, f"reward[j] = {reward}", *ending, *results, *stores]
+    paid = [f"{row.name}[j] = {value}" for row, value in zip(p.measures, measures, strict=True)]
+    body = [*lines, f"reward[j] = {reward}", *paid, *ending, *results, *stores]
     loads, in_rows = _loads(p, p.step_words, "\n".join(body), "j")
-    rows = list(dict.fromkeys([*in_rows, *out_rows]))
+    rows = list(dict.fromkeys([*in_rows, *out_rows, *p.measures]))
     time = "i32(time[j])"
     if p.task.horizon is None:
         time = f"i32(min(time[j], {INT_MAX}))"

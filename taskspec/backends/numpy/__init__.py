@@ -294,6 +294,7 @@ class _Block:
             buffers.terminated,
             buffers.truncated,
             buffers.ended,
+            *buffers.measures,
             *buffers.seen.parts,
             *buffers.final.parts,
         )

@@ -101,11 +101,14 @@ def generate(
     form.sinks = _sinks(task, observation, roots, states, outputs)
     values = form.emit(roots)
     n = len(task.state)
+    measures = [f"measure{i}" for i in range(len(task.process.measures))]
+    first = n + 2 + len(measures)  # of the observation
     shown = again is not None and _shows_state(task, observation, roots, again)
     lines = [  # results may show the state, so they are copied before it moves on
         *form.lines,
-        *([] if shown else _observation(form, observation, outputs, values[n + 2 :])),
+        *([] if shown else _observation(form, observation, outputs, values[first:])),
         *_copy("reward", values[n]),
+        *(line for name, value in zip(measures, values[n + 2 :], strict=False) for line in _copy(name, value)),
         *([] if never(roots[n + 1]) else _copy("terminated", values[n + 1])),
         *_state(form, task, states, roots[:n], values[:n]),
         *_ending(task, roots[n + 1]),
@@ -113,7 +116,7 @@ def generate(
         *([f"copyto(seen0, {states[0]})"] if shown else []),
         "return count",
     ]
-    arguments = ["n", *states, "t", *outputs, "reward", "terminated", "truncated", "ended"]
+    arguments = ["n", *states, "t", *outputs, "reward", "terminated", "truncated", "ended", *measures]
     arguments += [f"{name}{i}" for name in ("seen", "final") for i in range(len(observation.parts))]
     taken = [*actions, *hoisted.names, *hoisted.word_numbers]
     assert form.scratch is not None
@@ -162,8 +165,9 @@ def _sinks(
         found.setdefault(id(root), Sink(name, held))
     if roots[n].type.kind is Kind.REAL:
         found.setdefault(id(roots[n]), Sink("reward"))
-    if layout.form == "discrete" and not layout.components[0].low[0] and roots[n + 2].type.kind is Kind.INT:
-        found.setdefault(id(roots[n + 2]), Sink(outputs[0]))
+    seen = roots[len(roots) - len(layout.components)]
+    if layout.form == "discrete" and not layout.components[0].low[0] and seen.type.kind is Kind.INT:
+        found.setdefault(id(seen), Sink(outputs[0]))
     return found
 
 
@@ -230,7 +234,7 @@ def _ending(task: Task, terminal: Node) -> list[str]:
 def _shows_state(task: Task, layout: SpaceLayout, roots: Sequence[Node], again: Again) -> bool:
     """Return whether what is observed is the first state component as it is, so that it can be copied after all else."""
     n = len(task.state)
-    if not n or layout.form != "discrete" or layout.components[0].low[0] or roots[0] is not roots[n + 2]:
+    if not n or layout.form != "discrete" or layout.components[0].low[0] or roots[0] is not roots[-1]:
         return False
     return task.state[0].type.kind is Kind.INT and bool((again.state[0] == again.seen[0]).all())
 

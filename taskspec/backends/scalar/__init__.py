@@ -111,7 +111,7 @@ def compile_scalar(task: Task) -> ScalarProgram:
     action = task.action_layout
     b = task.new_builder()
     invariants = Invariants.of(b, task, observation.form == "box" and bool(observation.shape))
-    roots = invariants.replaced(b, (*task.process.next, task.process.reward, task.process.terminal))
+    roots = invariants.replaced(b, task.process.step_roots)
     seen = () if invariants.observation else invariants.replaced(b, task.next_observation)
     cold: frozenset[str] = frozenset()
     if not task.info or sees_state(task, observation):

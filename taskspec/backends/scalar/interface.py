@@ -170,11 +170,15 @@ def row_names(task: Task) -> dict[str, Any]:
     return {"rows": blocks, "write": Struct(f"{size}{code}").pack_into}  # native floats: what overflows becomes inf
 
 
-def info(task: Task, names: Sequence[str]) -> str:
-    """Return the source of a step's info, after the state has moved on."""
+def info(task: Task, names: Sequence[str], measures: Sequence[str]) -> str:
+    """Return the source of a step's info, after the state has moved on; `measures` are the sources of their values."""
     new_state = "told" if is_kept(task) else flat_state(task, names)
     sources = {"old_state": "old_state", "new_state": new_state}
-    return "{" + ", ".join(f'"{name}": {sources[name]}' for name in task.info) + "}"
+    items = [f'"{name}": {sources[name]}' for name in task.info]
+    if measures:
+        values = zip(task.process.measures, measures, strict=True)
+        items.append('"measures": {' + ", ".join(f"{name!r}: {source}" for name, source in values) + "}")
+    return "{" + ", ".join(items) + "}"
 
 
 # -- the observation ----------------------------------------------------------------------------------------------

@@ -167,10 +167,10 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
     changed = [i for i in range(n) if task.state[i].name not in frozen]
     stored = {i: _stored(lane, phase.roots[i], task.state[i].type) for i in changed}
     own = {"True", "False", "nan", "inf", *phase.names, *_kept(parts)}
-    reward, terminal = (_fixed(lane, lane.scalar(root), own) for root in phase.roots[n : n + 2])
-    observation, statements = _seen(lane, parts, terminal, values[n + 2 :], own)
+    reward, terminal, *measures = (_fixed(lane, lane.scalar(root), own) for root in phase.roots[n:])
+    observation, statements = _seen(lane, parts, terminal, values[len(phase.roots) :], own)
     end, flags = _ending(task, terminal)
-    inner = without_unused([*lane.lines, *statements], [*stored.values(), observation, reward, terminal])
+    inner = without_unused([*lane.lines, *statements], [*stored.values(), observation, reward, terminal, *measures])
     kept = [(states[i], source) for i, source in stored.items()]
     body = [*_unpack(phase, "next_draws"), *_unwrapped(phase, inner, kept, [*inner, *others]), *inner]
     body += old_state(task, states)
@@ -181,7 +181,7 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
         body += told
         if told:
             nonlocals.append("told")
-    body += ["t += 1", *end, f"return {observation}, {reward}, {flags}, {info(task, states)}"]
+    body += ["t += 1", *end, f"return {observation}, {reward}, {flags}, {info(task, states, measures)}"]
     nonlocals += ["t", "alive"]
     running = ["if not alive:", "    raise not_running()"]
     return ["def step(action):", *indent([f"nonlocal {', '.join(nonlocals)}", *reading, *running, *body])]

@@ -193,7 +193,10 @@ def _mul(a: float, b: float) -> float:
 
 
 def product(args: Args, node: Apply) -> Interval:
-    return _corners(_mul, args)
+    low, high = _corners(_mul, args)
+    if len(node.args) == 2 and node.args[0] is node.args[1]:  # a square
+        low = max(low, 0)
+    return low, high
 
 
 def quotient(args: Args, node: Apply) -> Interval:

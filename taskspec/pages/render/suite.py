@@ -98,6 +98,8 @@ _SIGNS = (
                                   r"$n \times m$ stands for a matrix of them."),
     ("ℙ_", r"$\mathbb{P}_\pi(\cdot)$ is the probability that an episode of the policy $\pi$ ever reaches a state in which the "
             r"condition holds."),
+    ("𝔼_", r"$\mathbb{E}_\pi(\cdot)$ is the expected sum of a measure over an episode of the policy $\pi$, discounted like the "
+            r"return."),
 )  # fmt: skip
 _DRAWN = (
     "{}, with an index where there are several, is drawn at random, independently of everything else, whenever the equation is "

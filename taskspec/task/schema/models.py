@@ -21,6 +21,7 @@ from taskspec.task.schema.typed import (
     Expression,
     Grid,
     Horizon,
+    Measure,
     MemoryEntry,
     Name,
     Observation,
@@ -41,7 +42,7 @@ FORMAT = 1
 """The version of the format that is read here."""
 Changeable = Literal[
     "parameters", "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount",
-    "initial", "dynamics", "reward", "absorbing_reward", "memory", "expert",
+    "initial", "dynamics", "reward", "absorbing_reward", "measures", "memory", "expert",
 ]  # fmt: skip
 """Sections that decide what a task does, as far as a source may be wrong about them."""
 
@@ -259,6 +260,10 @@ class Sections(Strict):
     )
     reward: Expression = Field(None, description="Reward of a step; `s` is the state left, `s'` the state reached.")
     absorbing_reward: Expression = Field(0, description="Reward per step after the end, when terminal states absorb.")
+    measures: dict[Name, Measure] = Field(
+        default_factory=dict,
+        description="Named quantities beside the reward, written like it: costs, hidden performance.",
+    )
     expert: Expert = Field(None, description="Action of the expert, per component; or `optimal`; or `soft(beta)`.")
     memory: dict[Name, MemoryEntry] = Field(
         default_factory=dict, description="What the expert remembers of what it sees and does, apart from the state."

@@ -21,6 +21,7 @@ _NAMES: Mapping[str, str] = {
     "action": "actions action_fluents action_space",
     "observation": "obs observations observ_fluents observation_space",
     "reward": "rewards utility",
+    "measures": "measure cost costs performance metrics",
     "dynamics": "transition transitions next step cpfs update",
     "initial": "init init_state initial_state reset start",
     "constants": "non_fluents consts",
@@ -421,6 +422,20 @@ def observation(value: Any, nullable: bool = False) -> Iterator[Problem]:
             yield from below(_observed(part), key)
 
 
+def measure(value: Any) -> Iterator[Problem]:
+    """Yield the problems of a measure: an expression, or `{value: expression, doc: ...}`."""
+    if not isinstance(value, dict) or "value" not in value:
+        yield from expression(value)
+        return
+    for key in value:
+        if key not in _MEASURED:
+            yield unknown_key(key, _MEASURED)._replace(path=(key,))
+    yield from below(expression(value["value"]), "value")
+    if not isinstance(value.get("doc", ""), str):
+        yield wrong_kind("a text", value["doc"]).below("doc")
+
+
+_MEASURED = ("value", "doc")
 _OBSERVED = ("value", "low", "high")
 _TYPED = "its type follows from its expression: `name: expression`, or `{value: expression, low: ..., high: ...}`"
 _BESIDE = "`space` is one for all: it stands under `observation`, beside the names"

@@ -12,7 +12,7 @@ from tests.verification.oracle.reference.syntax import PRIME, parse
 
 Data = dict[str, Any]
 Path = tuple[Any, ...]
-OPTIONAL = ("variants", "expert", "observation", "terminal", "discount", "absorbing_reward", "noise", "definitions",
+OPTIONAL = ("variants", "expert", "observation", "terminal", "discount", "absorbing_reward", "measures", "noise", "definitions",
             "constants", "parameters")  # fmt: skip
 DECLARED = ("parameters", "state", "action", "taskspec", "name")
 SIMPLE = (0, 1, "true", "false", 0.5)

@@ -79,6 +79,16 @@ def check_state(expected: State, found: dict[str, Any], where: str) -> None:
             raise Difference("state", f"{where}: {name} is {theirs}, expected {value.data}")
 
 
+def check_measures(expected: Result, found: dict[str, Any], where: str, *, tolerance: float = 0.0) -> None:
+    """What is measured in a step."""
+    if list(found) != list(expected.measures):
+        raise Difference("measures", f"{where}: {list(found)} for {list(expected.measures)}")
+    for name, value in expected.measures.items():
+        rough = value.rough or tolerance > 0
+        if not near(np.array(float(value.item)), np.array(found[name]), rough=rough, tolerance=max(1e-9, tolerance)):
+            raise Difference("measure", f"{where}: {name} is {found[name]}, expected {value.item}")
+
+
 def check_observation(case: Case, result: Result, found: Any, space: Any, where: str, *, tolerance: float = 0) -> None:
     """An observation, in whatever space: flat values agree, finite ones as what they are."""
     if isinstance(found, dict):

@@ -11,7 +11,7 @@ import numpy as np
 
 import taskspec
 from tests.verification.oracle.compare.cases import Case, Difference
-from tests.verification.oracle.compare.lanes import Lane, Link, check_observation, near
+from tests.verification.oracle.compare.lanes import Lane, Link, check_measures, check_observation, near
 from tests.verification.oracle.reference import spaces
 
 MODES = ("NextStep", "SameStep", "Disabled")
@@ -83,6 +83,8 @@ class Checker:
         advance(walkers, range(len(walkers)))
         for i, w in enumerate(walkers):
             self.outcome(w.here, float(paid[i]), (bool(ended[i]), bool(cut[i])), i)
+            if i not in fresh:
+                self.measures(w.here, infos, i)
         moved = [i for i in range(len(walkers)) if i not in fresh]
         if self.mode == "SameStep":
             self.same_step(walkers, seen, infos)
@@ -113,6 +115,18 @@ class Checker:
         flags = (link.result.terminated, link.result.truncated)
         if ends != flags:
             raise Difference("end", f"{self.where(i, link)}: {ends}, expected {flags}")
+
+    def measures(self, link: Link, infos: Any, i: int) -> None:
+        """What is measured in a step, which is in the last info where the episode has begun again."""
+        ended = link.result.terminated or link.result.truncated
+        if ended and self.mode == "SameStep":
+            infos = infos["final_info"]
+        values = {
+            k: v[i]
+            for k, v in infos.get("measures", {}).items()
+            if not k.startswith("_") and infos["measures"]["_" + k][i]
+        }
+        check_measures(link.result, values, self.where(i, link), tolerance=self.tolerance)
 
     def observations(self, links: list[Link], seen: Any, which: Any) -> None:
         for i in which:

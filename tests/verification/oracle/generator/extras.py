@@ -27,6 +27,17 @@ def add(d: Draft) -> None:
         d.data["expert"] = expert(d)
     if d.chance(0.25):
         d.data["variants"] = variants(d)
+    if d.chance(0.3):
+        d.data["measures"] = measures(d)
+
+
+def measures(d: Draft) -> dict[str, Any]:
+    """One or two measures, which may draw."""
+    c = d.context(EVERYTHING, draws=d.chance(0.2))
+    found: dict[str, Any] = {"cost": scalars.term(c, d.rng.choice(("bool", "int", "real")), (), d.depth()).text}
+    if d.chance(0.3):
+        found["other"] = {"value": scalars.integer(c, 1).text, "doc": "something else"}
+    return found
 
 
 def terminal(d: Draft) -> str | bool:

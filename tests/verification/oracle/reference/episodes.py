@@ -21,6 +21,7 @@ class Result:
     terminated: bool
     truncated: bool
     time: int
+    measures: dict[str, Value] = field(default_factory=dict)
 
 
 @dataclass
@@ -54,12 +55,18 @@ class Episodes:
         chance = self.task.words("step", self.seed, self.steps)
         moment = Moment(self.task, self.state, action, self.time, chance)
         self.steps += 1
-        reward, terminated = self._absorbed(moment) if self.absorbed else self._moved(moment)
+        if self.absorbed:
+            reward, terminated = self._absorbed(moment)
+            measures = {name: scalar(0.0) for name in self.task.sections.get("measures") or {}}
+        else:
+            reward, terminated = self._moved(moment)
+            measures = moment.measures()
         self.time += 1
         truncated = self.task.horizon is not None and self.time >= self.task.horizon
         self.state = moment.following
         self.over = truncated or (terminated and not self.absorb)
-        result = Result(self.state, moment.observation(), reward, terminated and not self.absorb, truncated, self.time)
+        ends = (terminated and not self.absorb, truncated)
+        result = Result(self.state, moment.observation(), reward, *ends, self.time, measures)
         self.absorbed = self.absorbed or terminated
         return result
 

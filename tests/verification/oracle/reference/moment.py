@@ -61,7 +61,7 @@ class Moment:
             return self.action[name]
         if name in (self.task.sections.get("noise") or {}):
             return self.noise_value(name)
-        if name == "terminal" and scope.place.root == "reward":
+        if name == "terminal" and scope.place.root.split()[0] in ("reward", "measure"):
             return settled("bool", (), (self.terminal(),), fixed=False)
         if name in self.task.definitions:
             return form(self.task.definitions[name], scope.outer or scope)
@@ -106,6 +106,11 @@ class Moment:
     def reward(self) -> Value:
         return number(form(self.task.sections["reward"], self.scope("reward")))
 
+    def measures(self) -> dict[str, Value]:
+        """What is measured beside the reward, by name."""
+        section = self.task.sections.get("measures") or {}
+        return {k: number(form(observed(v), self.scope("measure " + k))) for k, v in section.items()}
+
     def absorbing_reward(self) -> Value:
         """What a step pays after the end."""
         return number(form(self.task.sections.get("absorbing_reward", 0), self.scope("absorbing", primes=False)))
@@ -136,6 +141,7 @@ class Moment:
         self.reward()
         self.terminal()
         self.observation()
+        self.measures()
 
     # -------------------------------------------------------------------------- beginnings, experts
 
