@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.base.display import count_of
-from taskspec.base.files import near, safe_name
+from taskspec.base.files import safe_name
 from taskspec.cli import options
-from taskspec.cli.console import misuse, say, write_json
+from taskspec.cli.console import misuse, write_json
 from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -157,54 +157,33 @@ def exam(
     if learns_from is not None:
         terms["learns_from"] = options.split_names(learns_from)
     terms |= {"suite": suite, "against": against, "within": _seconds(within), "until_sure": until_sure, "laws": laws}
-    if len(learners) == 1:
-        _examine_one(learners[0], output, running, terms, json)
-    else:
-        _examine_several(learners, output, running, terms, json)
+    _examine(learners, output, running, terms, json)
 
 
-def _examine_one(learner: str, output: Path | None, running: Running, terms: dict[str, Any], json: bool) -> None:
-    from taskspec.cli.report import print_exam
-    from taskspec.exam import examine
-    from taskspec.exam.report import write
-    from taskspec.exam.results import folder_name
-
-    folder = output or Path("build/exams") / folder_name(learner)
-    with progress(learner):
-        found = examine(learner, **terms, out=folder, running=running)
-    if json:
-        write_json(found)
-    else:
-        print_exam(found)
-        for path in (folder / "exam.json", *write(found, folder)):
-            say(f"wrote {near(path)}")
-    if found["flags"]:
-        raise typer.Exit(1)
-
-
-def _examine_several(
-    learners: Sequence[str], output: Path | None, running: Running, terms: dict[str, Any], json: bool
-) -> None:
-    from taskspec.cli.report import print_several
+def _examine(learners: Sequence[str], output: Path | None, running: Running, terms: dict[str, Any], json: bool) -> None:
+    """Examine one learner, or several, each in a folder of its own."""
+    from taskspec.cli.report import show
     from taskspec.exam import examine
     from taskspec.exam.comparison import compare
-    from taskspec.exam.report import write_several
+    from taskspec.exam.report import write, write_several
     from taskspec.exam.results import folder_name
 
-    if len(set(map(folder_name, learners))) < len(learners):
+    names = list(map(folder_name, learners))
+    if len(set(names)) < len(names):
         raise misuse("two of these learners have the same name", "each needs a name of its own")
+    is_one = len(learners) == 1
     folder = output or Path("build/exams")
     exams = {}
-    for learner in learners:
+    for learner, name in zip(learners, names, strict=True):
+        own = output if is_one and output is not None else folder / name
         with progress(learner):
-            exams[learner] = examine(learner, **terms, out=folder / folder_name(learner), running=running)
-    found = compare(exams)
+            exams[learner] = examine(learner, **terms, out=own, running=running)
     if json:
-        write_json({"exams": exams, "comparison": found})
+        write_json(exams[learner] if is_one else {"exams": exams, "comparison": compare(exams)})
+    elif is_one:
+        show(exams, [own / "exam.json", *write(exams[learner], own)])
     else:
-        print_several(exams, found)
-        for path in write_several(exams, folder, ["svg"]):
-            say(f"wrote {near(path)}")
+        show(exams, write_several(exams, folder, ["svg"]))
     if any(each["flags"] for each in exams.values()):
         raise typer.Exit(1)
 

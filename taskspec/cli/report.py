@@ -15,6 +15,7 @@ from taskspec.cli.options import Json, folder_option, formats_option, split_name
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
+    from taskspec.exam import Exam
     from taskspec.exam.card import Card
     from taskspec.exam.comparison import LearnersComparison
     from taskspec.exam.findings import FindingsResult
@@ -64,30 +65,36 @@ def report(
     same folder ([cyan]results/paper/bc[/], [cyan]results/paper/ppo[/]) are one set. A folder includes all exams below it.
     """
     from taskspec.exam import read
-    from taskspec.exam.comparison import compare
-    from taskspec.exam.report import write, write_several
+    from taskspec.exam.report import write_several
 
     if findings is not None:
         _report_findings(findings, folders, output or Path("build/report"), json)
         return
-    exams = [read(place) for folder in folders for place in _exams_in(folder)]
-    if len(exams) == 1:
-        (place,) = _exams_in(folders[0])
-        if not place.is_dir():  # an exam that comes with a suite
-            place = Path("build/report")
-        written = write(exams[0], output or place, split_names(format))
-    else:
-        learners = {exam["learner"]: exam for exam in exams}
-        if len(learners) < len(exams):
+    places = [place for folder in folders for place in _exams_in(folder)]
+    exams = {}
+    for place in places:
+        found = read(place)
+        if found["learner"] in exams:
             raise misuse("two of these exams are of the same learner", "give one exam of each")
-        written = write_several(learners, output or Path("build/report"), split_names(format))
+        exams[found["learner"]] = found
+    folder = Path("build/report")
+    if len(places) == 1 and places[0].is_dir():
+        folder = places[0]
+    written = write_several(exams, output or folder, split_names(format))
     if json:
-        write_json({"exams": exams, "files": list(map(str, written))})
-        return
-    if len(exams) == 1:
-        print_exam(exams[0])
+        write_json({"exams": list(exams.values()), "files": list(map(str, written))})
     else:
-        print_several(learners, compare(learners))
+        show(exams, written)
+
+
+def show(exams: Mapping[str, Exam], written: Sequence[Path]) -> None:
+    """Print an exam, or several side by side, and the files that were written."""
+    from taskspec.exam.comparison import compare
+
+    if len(exams) == 1:
+        print_exam(*exams.values())
+    else:
+        print_several(exams, compare(exams))
     for path in written:
         say(f"wrote {near(path)}")
 

@@ -31,6 +31,8 @@ RENDER_MODES: dict[str, RenderMode] = {"ansi": "ansi", "human": "human", "gif": 
 FILMS = ("gif", "mp4")
 GIF_FRAMES = 500
 """A GIF is kept in memory until it is whole, with 1.5 MB a frame."""
+FPS = 4
+"""Steps per second while a key is held in `play`."""
 
 EpisodeCount = Annotated[
     int | None,
@@ -213,7 +215,6 @@ def play(
     parameters: options.Parameters = None,
     modifiers: options.Modifiers = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of the first episode; random if omitted.")] = None,
-    fps: Annotated[int, typer.Option("--fps", min=1, help="Steps per second while a key is held.")] = 4,
 ) -> None:
     """Play a task with the keyboard, in a window; Escape ends it."""
     from taskspec.envs import Environment, window
@@ -236,6 +237,6 @@ def play(
 
     try:
         env.reset(seed=seed_of(seed) if seed is not None else None)
-        window.play(env, report, fps)
+        window.play(env, report, FPS)
     finally:
         env.close()

@@ -6,7 +6,8 @@ import json
 import math
 import re
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -218,16 +219,22 @@ def _write_imitation(path: Path, data: Data) -> None:
     if isinstance(data.obs, dict):
         misused("imitation does not store observations that are dicts", "`--format npz`")
     serialize = need("imitation.data.serialize", "imitation", "this format")
-    with whole_folder(path, MARK) as folder:
+    with _folder(path, data) as folder:
         serialize.save(folder, data.imitation())
-        (folder / MARK).write_text(json.dumps(data.metadata, indent=2) + "\n", encoding="utf-8")
 
 
 def _write_minari(path: Path, data: Data) -> None:
     if isinstance(data, Preferences):
         misused("Minari does not store preferences", "`--format npz` or `--format parquet`")
-    with whole_folder(path, MARK) as folder:
+    with _folder(path, data) as folder:
         write_minari(folder, path, data)
+
+
+@contextmanager
+def _folder(path: Path, data: Data) -> Iterator[Path]:
+    """Yield a folder to write data into, which then gets its metadata and its place."""
+    with whole_folder(path, MARK) as folder:
+        yield folder
         (folder / MARK).write_text(json.dumps(data.metadata, indent=2) + "\n", encoding="utf-8")
 
 

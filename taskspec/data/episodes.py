@@ -33,7 +33,6 @@ from taskspec.task.task import Task, TaskLike
 
 Seen: TypeAlias = Any
 """Observations, or actions: an array, or a dict of arrays, with as many rows; the space of the task says which."""
-"""Observations: an array, or a dict of arrays where the observation space is one."""
 EXTRA = "imitation"
 
 

@@ -40,22 +40,11 @@ def write(exam: Mapping[str, Any], folder: Path | str, formats: Iterable[str] = 
         SpecError: E726 for another format; E705 for PNG and PDF without matplotlib, for tables without pyarrow; E716 for a file
             that cannot be written.
     """
-    place = Path(folder)
-    written = []
-    for name in _known(formats):
-        path = place / f"report.{name}"
-        if name == "html":
-            write_text(path, page(exam))
-        elif name == "parquet":
-            path = score_rows.write_scores({exam["learner"]: exam}, place / "scores.parquet")
-        else:
-            save(score_charts.picture(card(exam)), path)
-        written.append(path)
-    return written
+    return write_several({exam["learner"]: exam}, folder, formats)
 
 
 def write_several(exams: Mapping[str, Mapping[str, Any]], folder: Path | str, formats: Iterable[str]) -> list[Path]:
-    """Write exams of several learners side by side.
+    """Write exams of several learners side by side; of one learner, its reports.
 
     Args:
         exams: what `exam.json` holds, by what the learner is called.
@@ -72,14 +61,24 @@ def write_several(exams: Mapping[str, Mapping[str, Any]], folder: Path | str, fo
     place = Path(folder)
     written = []
     for name in _known(formats):
-        if name == "html":
+        if name == "parquet":
+            written.append(score_rows.write_scores(exams, place / "scores.parquet"))
+        elif len(exams) == 1:
+            written.append(_write_one(*exams.values(), place / f"report.{name}"))
+        elif name == "html":
             write_text(place / "learners.html", page_of_several(exams))
             written.append(place / "learners.html")
-        elif name == "parquet":
-            written.append(score_rows.write_scores(exams, place / "scores.parquet"))
         else:
             written += [save(scene, place / f"{stem}.{name}") for stem, scene in score_charts.of_several(exams)]
     return written
+
+
+def _write_one(exam: Mapping[str, Any], path: Path) -> Path:
+    """Write the page of an exam, or its picture."""
+    if path.suffix == ".html":
+        write_text(path, page(exam))
+        return path
+    return save(score_charts.picture(card(exam)), path)
 
 
 def _known(formats: Iterable[str]) -> list[str]:

@@ -11,18 +11,17 @@ from typing import Any
 
 from taskspec import registry
 from taskspec.base import ids
-from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors
-from taskspec.base.limits import how_to_raise, limits
+from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors, spec_error
+from taskspec.base.limits import limits
 from taskspec.experiments.experiment_file import ExperimentFile, check_axes, check_questions
 from taskspec.experiments.parameter_values import (
     Assignment,
     Axis,
     Values,
     combinations,
-    count,
     listed,
-    misplaced,
     sample,
+    too_many,
 )
 from taskspec.modifiers import MODIFIERS, Modifier, modifier, modify
 from taskspec.policies.adapters import policy_of
@@ -57,32 +56,20 @@ def options(written: str | Mapping[str, Any]) -> list[Option]:
         given = {arguments[0].name: given}
     if not isinstance(given, dict):
         return [Option(modifier({name: given}))]
-    _bound(given)
     many = {key: _values(value, kinds.get(key, "")) for key, value in given.items()}
+    wanted = math.prod(map(len, many.values()))
+    if wanted > limits().instances:
+        raise too_many(wanted)
     found = [dict(zip(many, chosen, strict=True)) for chosen in itertools.product(*many.values())]
     first = arguments[0].name if arguments else ""
     titles = {key: name if key == first else f"{name} {key}" for key, values in many.items() if len(values) > 1}
     return [Option(modifier({name: each}), {titles[key]: each[key] for key in titles}) for each in found]
 
 
-def _bound(given: Mapping[str, Any]) -> None:
-    """Refuse (E314) arguments with more values than there may be instances, before they are written out."""
-    wanted = math.prod(count(value) for value in given.values() if misplaced(value) is None)
-    most = limits().instances
-    if wanted > most:
-        message = f"{wanted:,} instances are too many; the limit is {most:,}"
-        raise SpecError([Diagnostic("E314", None, message, how_to_raise("instances", wanted))])
-
-
 def _values(written: Any, kind: str) -> list[Any]:
-    problem = misplaced(written)
-    if problem is not None:
-        raise SpecError([Diagnostic("E214", None, problem)])
     found = listed(written, kind)
     if callable(found):
-        raise SpecError(
-            [Diagnostic("E214", None, "arguments of modifiers are not drawn", "list them, or give a `range`")]
-        )
+        raise spec_error("E214", "arguments of modifiers are not drawn", "list them, or give a `range`")
     return found
 
 
@@ -226,7 +213,7 @@ class _Entry:
             many = math.prod(axis.size for axis in axes if not callable(axis.values))
         many *= math.prod(map(len, laid))
         if many > limits().instances:
-            self._too_many(many, ())
+            self._report(too_many(many), ())
             return
         for chosen in self._settings(axes):
             names = [name for axis in axes for name in axis.names]
@@ -280,14 +267,12 @@ class _Entry:
         for name, values in self.entry.parameters.items():
             if name not in kinds:
                 continue
-            problem = misplaced(values)
-            if problem is not None:
-                self.collector.add("E214", self._span("parameters", name), problem)
-            elif count(values) > limits().instances:
-                self._too_many(count(values), ("parameters", name))
-            else:
+            try:
                 found = listed(values, kinds[name].kind)
-                yield Axis((kinds[name].name,), found if callable(found) else [(v,) for v in found])
+            except SpecError as error:
+                self._report(error, ("parameters", name))
+                continue
+            yield Axis((kinds[name].name,), found if callable(found) else [(v,) for v in found])
         if self.entry.zip:
             together = [name for name in self.entry.zip if name in kinds]
             lists = [self.entry.zip[name] for name in together]
@@ -308,11 +293,6 @@ class _Entry:
         except SpecError as error:
             place = self.document.key_span(("tasks", self.index, *path))
             self.collector.extend(replace(d, span=place) for d in error.diagnostics if d.code == "E702")
-
-    def _too_many(self, many: int, path: Place) -> None:
-        most = limits().instances
-        message = f"{many:,} instances are too many; the limit is {most:,}"
-        self.collector.add("E314", self._span(*path), message, how_to_raise("instances", many))
 
     # -- settings ---------------------------------------------------------------------------------------------------
 

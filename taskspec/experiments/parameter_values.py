@@ -12,7 +12,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from taskspec.base.diagnostics import Collector, Span
+from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, spec_error
+from taskspec.base.limits import how_to_raise, limits
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
@@ -44,8 +45,20 @@ def count(written: Any) -> int:
     return 1
 
 
+def too_many(wanted: int) -> SpecError:
+    """Return the error that there would be more instances than the limit."""
+    most = limits().instances
+    message = f"{wanted:,} instances are too many; the limit is {most:,}"
+    return SpecError([Diagnostic("E314", None, message, how_to_raise("instances", wanted))])
+
+
 def listed(written: Any, kind: str) -> list[Any] | Draw:
-    """Return values as a list, or a draw of one; `kind` is that of the parameter."""
+    """Return values as a list, or a draw of one; `kind` is that of the parameter.
+
+    Raises:
+        SpecError: E214 for numbers with a rule that give no values, E314 for more values than there may be instances.
+    """
+    _check(written)
     whole = kind == "int"
 
     def loguniform(rng: np.random.Generator, low: float, high: float) -> int | float:
@@ -79,7 +92,16 @@ def _exact(numbers: Sequence[float]) -> tuple[Fraction, Fraction, Fraction]:
     return start, stop, rest[0] if rest else Fraction(1)
 
 
-def misplaced(written: Any) -> str | None:
+def _check(written: Any) -> None:
+    """Raise SpecError for numbers with a rule that give no values, or too many."""
+    problem = _problem(written)
+    if problem is not None:
+        raise spec_error("E214", problem)
+    if count(written) > limits().instances:
+        raise too_many(count(written))
+
+
+def _problem(written: Any) -> str | None:
     """Return why numbers with a rule give no values; None where they do."""
     match written:
         case {"range": numbers} if not count(written):

@@ -146,16 +146,7 @@ class Measured:
 
     def flat(self) -> dict[str, Any]:
         """Return the same with one value in each column: `parameters.L`, `policies.random.mean`."""
-        found: dict[str, Any] = {}
-        for name, value in self.record().items():
-            if isinstance(value, Mapping):
-                found |= {f"{name}.{key}": each for key, each in _flat(value)}
-            else:
-                if isinstance(value, list):
-                    found[name] = "+".join(value)
-                else:
-                    found[name] = value
-        return found
+        return {**dict(_flat(self.record())), "modifiers": "+".join(self.instance.modifiers)}
 
 
 def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:

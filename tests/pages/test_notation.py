@@ -28,6 +28,7 @@ SIGNS = {
     r"\xi",
     r"\mathrm{Unif}",
     r"\mathbb{P}",
+    r"\mathbb{E}",
 }
 
 DRAWN = """\
@@ -71,6 +72,7 @@ def paragraphs(folder: Path, *arguments: object) -> tuple[str, str]:
         ("derail/Branching", {r"\taskspecone ", r"\mathbb{P}"}),
         ("derail/Sort", {r"\taskspecone ", r"\#", r"\mathrm{swap}", r"\mathrm{Unif}"}),
         ("derail/ProcGoal", {r"\xi", r"\mathrm{Unif}"}),
+        ("safety/Vases", {r"\taskspecone ", r"\mathbb{E}"}),
         ("put", {r"\leftarrow ", r"\#"}),
     ],
 )

@@ -96,10 +96,10 @@ _SIGNS = (
     (r"\bPerm\b", r"$\mathrm{Perm}(n)$ is the uniform distribution over the permutations of $0, \ldots, n - 1$."),
     (r"∼ \([^∼]*\)(\^|[⁰-⁹ⁿ¹²³])", r"A power of a distribution is that of independent draws, as many as the power says; "
                                   r"$n \times m$ stands for a matrix of them."),
-    ("ℙ_", r"$\mathbb{P}_\pi(\cdot)$ is the probability that an episode of the policy $\pi$ ever reaches a state in which the "
+    ("ℙ", r"$\mathbb{P}_\pi(\cdot)$ is the probability that an episode of the policy $\pi$ ever reaches a state in which the "
             r"condition holds."),
-    ("𝔼_", r"$\mathbb{E}_\pi(\cdot)$ is the expected sum of a measure over an episode of the policy $\pi$, discounted like the "
-            r"return."),
+    ("𝔼", r"$\mathbb{E}_\pi(\cdot)$ is the expected sum of a measure over an episode of the policy $\pi$, discounted like "
+            r"rewards."),
 )  # fmt: skip
 _DRAWN = (
     "{}, with an index where there are several, is drawn at random, independently of everything else, whenever the equation is "
