@@ -1,9 +1,10 @@
-"""A vector as bars, or as cells with the moves of their elements."""
+"""A vector as bars, or as cells with the moves of their elements; a matrix as a board."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
@@ -28,7 +29,7 @@ from taskspec.figures.scene import (
     signed,
     text_width,
 )
-from taskspec.figures.states import State, at_state, at_states, expert_path, reads_of
+from taskspec.figures.states import State, at_state, at_states, episode_path, expert_path, reads_of
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Read
 from taskspec.lang.types import Kind
@@ -42,16 +43,20 @@ LONGEST = 100  # steps of an episode that are followed, so that figures stay qui
 MOST_BARS = 400
 BELOW = 2.5
 LETTERS = 0.28
+SQUARE = 0.8  # side of a cell of a board
+MOST_SQUARES = 24  # rows or columns of a board
+FEW_STEPS = 3
 
 
 def bars(task: Task, overlay: Overlay) -> Scene | None:
     """Draw the vector that the figure section names (or the only vector of the state).
 
     Of a short one every change that the expert makes, as swaps from row to row; of a long one the first state, and the
-    last of the expert's episode where it has another order. Of a few episodes it is the one in which most happens.
+    last of the expert's episode where it has another order. Of a few episodes it is the one in which most happens. Of a
+    matrix the first state, as a board.
     """
     node = _vector(task)
-    if node is None:
+    if node is None or (len(node.type.shape) == 2 and max(node.type.shape) > MOST_SQUARES):
         return None
     here = overlay.here
     if here is not None:
@@ -60,9 +65,11 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
         paths = [expert_path(task, LONGEST, seed) for seed in range(SEEDS)]
     states = max((_changes(task, node, path) for path in paths), key=len)
     rows = [at_state(task, node, state) for state in states]
+    if len(node.type.shape) == 2:
+        return _board(task, node, rows[0], here is not None)
     colors = [_colors(task, node, state) for state in states]
     count = node.type.size
-    items: list[Item] = []
+    items = []
     notes: tuple[str, ...] = ()
     if count <= CELLS_UP_TO:
         shown = list(zip(rows, colors, strict=True))
@@ -111,11 +118,12 @@ def _sums(row: Array, colors: list[Color], step: float, y: float) -> Iterator[La
 
 
 def _vector(task: Task) -> Node | None:
+    """Return the vector or the matrix that is drawn."""
     b = Builder()
     nodes: list[Node] = [b.read(*c.read, c.type, c.least, c.most) for c in task.state]
     if task.annotations.figure is not None and task.annotations.figure.values is not None:
         nodes = [task.annotations.figure.values]
-    return next((node for node in nodes if len(node.type.shape) == 1 and node.type.size), None)
+    return next((node for node in nodes if node.type.shape and node.type.size), None)
 
 
 def _colors(task: Task, node: Node, state: State) -> list[Color]:
@@ -168,6 +176,35 @@ def _bars(values: Array, colors: list[Color], most: float | None = None) -> Iter
         if role in SIGNS:
             yield from sign(role, ((sum(places) / len(places) + 0.4) * step, 0.2), 0.2)
     yield Line(((-0.1, 0.0), (len(values) * step + 0.02, 0.0)), color="muted")
+
+
+def _board(task: Task, node: Node, values: Array, is_frame: bool) -> Scene:
+    """Return a matrix as a board; in place of an empty first state, one after a few steps."""
+    notes: tuple[str, ...] = ()
+    if not values.any() and not is_frame:
+        path, whose = episode_path(task, FEW_STEPS)
+        values = at_state(task, node, path[-1])
+        notes = (f"A state after {len(path) - 1} steps of {whose}.",)
+    height, width = node.type.shape
+    items = _squares(values, node.type.kind is Kind.BOOL)
+    return fitted(items, f"A state of {task.name} as a board of {height} rows and {width} columns", notes)
+
+
+def _squares(values: Array, is_condition: bool) -> Iterator[Item]:
+    """Yield the cells of a matrix: positive numbers in one colour, negative ones in another, and nothing for 0."""
+    most = float(np.abs(values).max()) or 1.0
+    digits = 0 if np.array_equal(values, np.rint(values)) else 2
+    for (row, column), value in np.ndenumerate(values):
+        cell = Box((column * SQUARE, row * SQUARE), SQUARE, SQUARE, "paper", "faint")
+        yield cell
+        if not value:
+            continue
+        fill: Color = "accent" if value > 0 else "second"
+        yield replace(cell, fill=fill, shade=0.3 + 0.6 * abs(value) / most)
+        if not is_condition:
+            middle = ((column + 0.5) * SQUARE, (row + 0.5) * SQUARE)
+            yield Label(middle, m.Num(fixed(value, digits)), LETTERS)
+    yield Box((0, 0), values.shape[1] * SQUARE, values.shape[0] * SQUARE, None, "ink")
 
 
 def _step(count: int) -> float:

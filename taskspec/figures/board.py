@@ -32,6 +32,7 @@ BADGE = (0.3, 0.36)
 BESIDE_VALUE = (0.34, 0.28)
 """How far from the middle of a cell objects in its corners are, and how large, as shares of its side; and beside a value."""
 WALL = "#"
+FENCES = {"|": (0.16, 1.0), "-": (1.0, 0.16)}  # thin walls: width and height, as shares of a cell
 LETTER = 0.3  # height of letters
 VALUE = 0.24  # height of numbers
 
@@ -159,11 +160,9 @@ class Board:
         free = next((corner for corner in ((1, -1), (-1, -1), (-1, 1), (1, 1)) if corner not in ways), (1, -1))
         yield from marked(box, written, free)
 
-    def _contents(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:  # noqa: C901
+    def _contents(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:
         middle = {cell: self._middle(place) for cell, place in at.items()}
-        for cell, text in self.letters.items():
-            if cell in middle and cell not in self.values and text != WALL:
-                yield Label(middle[cell], m.Words(text), LETTER, color="muted")
+        yield from self._letters(middle)
         for cell, way in self.moves:
             if cell in middle:
                 first = 0.2 if cell not in self.values else min(max(0.2, self._leaves(cell, way)), 0.36)
@@ -183,6 +182,20 @@ class Board:
                 taken = sum(x.cell == thing.cell for x in self.things[:i] if x.word)
                 taken += thing.cell in self.agents or thing.cell in self.values
                 yield from self._thing(thing, middle[thing.cell], taken)
+
+    def _letters(self, middle: Mapping[Cell, Point]) -> Iterator[Item]:
+        """Yield letters and thin walls where nothing else is written."""
+        for cell, text in self.letters.items():
+            if cell not in middle or cell in self.values or text == WALL:
+                continue
+            if text in FENCES:
+                yield self._fence(middle[cell], text)
+            else:
+                yield Label(middle[cell], m.Words(text), LETTER, color="muted")
+
+    def _fence(self, at: Point, char: str) -> Box:
+        width, height = (share * self.cell for share in FENCES[char])
+        return Box((at[0] - width / 2, at[1] - height / 2), width, height, "muted", None)
 
     def _ray(self, at: Point, way: Way, near: float, far: float) -> tuple[Point, Point]:
         """Return a line from one distance of the middle of a cell to another, in sides of the cell."""

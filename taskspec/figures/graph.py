@@ -35,6 +35,7 @@ MOST_CROSSINGS = 6  # more arrows or more crossings of them than these are too t
 WIDEST = 20.0  # centimetres between vertices that are farthest apart: on a page wider graphs are too small to read
 STRETCH = 1.4  # of distances, where there is no room for labels at the usual ones
 RIM = 0.07
+BELOW_SIGN = 0.06  # how far the name of a state is moved down for the sign above it
 DRAWN = {"values": "V", "policy": "thick arrows", "occupancy": "shade, {0}"}  # how results are drawn
 
 
@@ -266,8 +267,10 @@ def _vertex(v: Vertex, spot: Spot, plan: Plan, says: Captions, overlay: Overlay)
         yield body
         if v in overlay.occupancy:
             yield shape(x, y, spot.half, RADIUS, "accent", min(1.0, overlay.occupancy[v]))
-        yield from marked(body)
-        yield Label((x, y), says.labels[v], STATE)
+        signs = [*marked(body)]
+        yield from signs
+        below = BELOW_SIGN if signs else 0.0
+        yield Label((x, y + below), says.labels[v], STATE)
         yield from plan.words.get(v, ())
     else:
         yield Box((x - 0.1, y - 0.1), 0.2, 0.2, "paper")

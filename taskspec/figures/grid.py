@@ -22,6 +22,7 @@ from taskspec.task.task import Task
 FARTHEST = 5_000  # columns or rows of a world that is drawn whole, and how far off what is marked of another may be
 NOWHERE = 2**53  # places beyond it, or that are no number, are taken for this one
 SMALL = 0.44  # the side of a cell, in centimetres, where a part of a vast grid is drawn
+FLOOR = frozenset(" .:")  # characters of a map that are not drawn
 DRAWN = {"values": "numbers", "policy": "arrows", "occupancy": "shade, {0}"}
 DRAWN_TOGETHER = {
     "values": "numbers, of the best state in a cell",
@@ -63,7 +64,7 @@ class _Grid:
         self.letters: dict[Cell, str] = {}
         for y, line in enumerate(self.figure.map):
             for x, char in enumerate(line):
-                if char != " " and (x, y) not in hidden:
+                if char not in FLOOR and (x, y) not in hidden:
                     self.letters[x, y] = char
 
     def numbers(self, place: Iterable[Node], reads: Reads, count: int = 1) -> Array:

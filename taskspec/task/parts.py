@@ -394,7 +394,7 @@ class FigureKind:
 
 
 _TRANSITIONS = "none; a graph with too many states or crossing arrows is drawn as a matrix of transition probabilities"
-_VECTOR = "bars need a vector: `values: v`"
+_VECTOR = "bars need a vector, `values: v`, or a matrix of at most 24 rows and columns"
 
 _ENTRIES = (
     FigureKind(
@@ -419,7 +419,7 @@ _ENTRIES = (
     ),
     FigureKind("bars", "taskspec.figures.bars:bars", "`values`, the vector", _VECTOR),
     FigureKind("swaps", "taskspec.figures.bars:bars", "`values`, the vector", _VECTOR),
-    FigureKind("vector", "taskspec.figures.bars:bars", "`values`, the vector", _VECTOR),
+    FigureKind("vector", "taskspec.figures.bars:bars", "`values`, the vector, or a matrix, which is drawn as a board", _VECTOR),
     FigureKind(
         "portrait", "taskspec.figures.plane:portrait",
         "`at: [x, v]`, two bounded components: a phase portrait, and an episode of the expert",

@@ -5,8 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import taskspec
 from taskspec import registry
 from taskspec.figures import Overlay, scene
 from taskspec.figures.plane import HEIGHT, WIDTH
@@ -176,3 +178,30 @@ def test_a_portrait_shades_where_a_highlight_holds(tmp_path: Path) -> None:
     tops = [x.corner[1] for x in strips]
     assert max(tops) - min(tops) + strips[0].height == pytest.approx(HEIGHT / 4, abs=0.1)
     assert "bad" in labels(found)
+
+
+def test_a_matrix_is_a_board() -> None:
+    """Lights Out: a cell for each light, filled where it is on in the first state."""
+    task = registry.load("planning/LightsOut-v0")
+    found = scene(task)
+    assert found is not None and "as a board of 3 rows and 3 columns" in found.alt
+    lit = [x for x in found.items if isinstance(x, Box) and x.fill == "accent"]
+    first, _ = taskspec.make("planning/LightsOut-v0").reset(seed=0)
+    assert len(lit) == int(np.sum(first))
+    assert not any(isinstance(x, Label) for x in found.items)
+
+
+def test_an_empty_board_shows_a_few_steps() -> None:
+    found = scene(registry.load("planning/TicTacToe-v0"))
+    assert found is not None and found.notes == ("A state after 3 steps of random actions.",)
+    assert any(isinstance(x, Label) for x in found.items)
+
+
+def test_thin_walls_of_a_map_are_drawn_as_walls() -> None:
+    """Taxi's map has walls and openings between its cells."""
+    task = registry.load("toy_text/Taxi-v0")
+    found = scene(task)
+    assert found is not None
+    walls = [x for x in found.items if isinstance(x, Box) and x.fill == "muted" and x.line is None]
+    assert len(walls) == sum(row.count("|") for row in task.spec.constants["map"]["grid"])
+    assert not {":", "|"} & {plain(x.text) for x in found.items if isinstance(x, Label)}

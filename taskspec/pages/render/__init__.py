@@ -1,4 +1,4 @@
-"""Pages -> files: LaTeX, HTML and Markdown. The one package that imports the template library."""
+"""Pages -> files: LaTeX, HTML and Markdown."""
 
 from __future__ import annotations
 
