@@ -92,7 +92,8 @@ def show(exams: Mapping[str, Exam], written: Sequence[Path]) -> None:
     from taskspec.exam.comparison import compare
 
     if len(exams) == 1:
-        print_exam(*exams.values())
+        (exam,) = exams.values()
+        print_exam(exam)
     else:
         print_several(exams, compare(exams))
     for path in written:

@@ -64,7 +64,8 @@ def write_several(exams: Mapping[str, Mapping[str, Any]], folder: Path | str, fo
         if name == "parquet":
             written.append(score_rows.write_scores(exams, place / "scores.parquet"))
         elif len(exams) == 1:
-            written.append(_write_one(*exams.values(), place / f"report.{name}"))
+            (exam,) = exams.values()
+            written.append(_write_one(exam, place / f"report.{name}"))
         elif name == "html":
             write_text(place / "learners.html", page_of_several(exams))
             written.append(place / "learners.html")

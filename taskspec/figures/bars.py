@@ -69,7 +69,7 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
         return _board(task, node, rows[0], here is not None)
     colors = [_colors(task, node, state) for state in states]
     count = node.type.size
-    items = []
+    items: list[Item] = []
     notes: tuple[str, ...] = ()
     if count <= CELLS_UP_TO:
         shown = list(zip(rows, colors, strict=True))
