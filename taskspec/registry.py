@@ -80,8 +80,12 @@ def files_in(folder: Path) -> list[tuple[Path, scan.Kind]]:
 
 def _texts(folder: Path) -> Iterable[tuple[Path, str]]:
     """Yield the YAML files of a folder, sorted by name, with their texts."""
-    for path in sorted(p for p in folder.iterdir() if p.suffix in (".yaml", ".yml")):
-        yield path, path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
+    for name in sorted(name for name in os.listdir(folder) if name.endswith((".yaml", ".yml"))):  # noqa: PTH208
+        path = folder / name
+        try:
+            yield path, path.read_text(encoding="utf-8", errors="replace")
+        except (IsADirectoryError, FileNotFoundError):
+            yield path, ""
 
 
 def known() -> dict[str, Entry]:
