@@ -111,8 +111,15 @@ def test_damaged_scores_are_refused(tmp_path: Path) -> None:
 def taken(name: str, value: object) -> bool:
     """Whether this is a value that the part may have; what is left out has its default."""
     if value is ...:
-        return name in ("error", "bound", "episodes")
-    may = {"parameters": [{}], "why_not_exact": ["x", None], "value": [-0.5], "error": [-0.5], "bound": [-0.5]}
+        return name in ("error", "bound", "episodes", "measures")
+    may = {
+        "parameters": [{}],
+        "measures": [{}],
+        "why_not_exact": ["x", None],
+        "value": [-0.5],
+        "error": [-0.5],
+        "bound": [-0.5],
+    }
     return value in may.get(name, [None] if name not in ("id", "content_hash", "episodes") else [])
 
 

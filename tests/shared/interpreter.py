@@ -52,7 +52,7 @@ class Interpreter:
         self.time = self.time + 1
         self.state = values[:n]
         truncated = task.horizon is not None and self.time >= task.horizon
-        return values[n + 2 :], values[n][0], values[n + 1][0], truncated
+        return values[n + 2 + len(task.process.measures) :], values[n][0], values[n + 1][0], truncated
 
     def _reads(self, action: Sequence[Flat]) -> dict[tuple[Role, str], Flat]:
         reads: dict[tuple[Role, str], Flat] = {(Role.TIME, "t"): (self.time,)}
