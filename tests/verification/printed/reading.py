@@ -167,6 +167,7 @@ class Reader:
         if isinstance(self.peek(), Big):
             return self.big()
         found, last, whole = 1, self.factor(), self.is_vector_before()
+        single = self.is_single_before()  # of a call it is not known here whether it is a vector
         while (sign := self.takes("⋅", "×", "⊙")) or self.starts_factor():
             if isinstance(self.peek(), Big):
                 return al.multiply(al.multiply(found, last), self.big())
@@ -175,7 +176,8 @@ class Reader:
             if both and sign == "⋅":
                 last, whole = al.mixed("dot", last, right), False
                 continue
-            if both != (sign == "⊙") and self.is_single_before():
+            single = single and self.is_single_before()
+            if both != (sign == "⊙") and single:
                 raise Unclear(f"{sign} between a vector and a number, or two vectors side by side")
             found, last, whole = al.multiply(found, last), right, whole or self.is_vector_before()
         return al.multiply(found, last)
