@@ -143,7 +143,7 @@ class _Factoring:
 
 
 def _continuous(node: Node) -> Draw | None:
-    """Return the draw of a vector of independent numbers of one continuous distribution, no two of which are equal."""
+    """Return the draw of a vector of independent, distinct numbers of one continuous distribution."""
     match node:
         case Draw(args=(), type=type) if type.kind is Kind.REAL and len(type.shape) == 1:
             return node  # elements of draws without arguments are independent

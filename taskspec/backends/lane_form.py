@@ -210,7 +210,7 @@ class LaneEmitter:
         return (real and form.real) or form.template
 
     def _never_zero(self, divisor: Node) -> bool:
-        """Return whether a divisor is finite and not 0, whatever reals come to be."""
+        """Return whether a divisor is finite and not 0 for all values of reals."""
         match divisor:
             case Const():
                 return all(v and math.isfinite(v) for v in divisor.flat)

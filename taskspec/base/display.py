@@ -11,7 +11,10 @@ import math
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fractions import Fraction
 
 _HIDDEN = frozenset({"Cc", "Cf", "Cn", "Cs", "Zl", "Zp"})
 """Unicode: control, format, unassigned, lone surrogates (of file names that are no UTF-8), line and paragraph separators."""
@@ -107,6 +110,21 @@ def estimate(value: float, half: float) -> tuple[str, str]:
         return number(value, 3), number(half, 2)
     places = max(0, 1 - math.floor(math.log10(half)))
     return fixed(value, places), fixed(half, places)
+
+
+def interval(low: float, high: float, places: int = 2) -> str:
+    """Return an interval: `[−0.20, 0.35]`."""
+    return f"[{fixed(low, places)}, {fixed(high, places)}]"
+
+
+def small_fraction(value: float | Fraction, largest: int, error: float = 1e-12) -> Fraction | None:
+    """Return the fraction with a denominator of at most `largest` that a number equals up to an error; None without one."""
+    from fractions import Fraction
+
+    near = Fraction(value).limit_denominator(largest)
+    if abs(near - Fraction(value)) <= error:
+        return near
+    return None
 
 
 def setting(value: Any) -> str:

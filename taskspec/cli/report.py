@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskspec.base.display import plural, visible_json
+from taskspec.base.display import fixed, interval, plural, visible_json
 from taskspec.base.files import near, safe_name, write_text
 from taskspec.cli.console import Console, VisibleText, console, line, misuse, say, write_json
 from taskspec.cli.options import Json, folder_option, formats_option, split_names
@@ -263,8 +263,8 @@ def print_several(exams: Mapping[str, Mapping[str, Any]], found: LearnersCompari
     out.print(table)
     for pair in found["pairs"]:
         chance = pair["probability"]
-        interval = f"{chance['value']:.2f} [{chance['low']:.2f}, {chance['high']:.2f}]"
-        out.print(VisibleText(f"P({pair['first']} > {pair['second']}) = {interval} for a run of each on the same task"))
+        shown = f"{fixed(chance['value'], 2)} {interval(chance['low'], chance['high'])}"
+        out.print(VisibleText(f"P({pair['first']} > {pair['second']}) = {shown} for a run of each on the same task"))
 
 
 def print_matrix(exams: Mapping[str, Mapping[str, Any]]) -> None:

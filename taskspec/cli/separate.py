@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taskspec.base.diagnostics import spec_error
+from taskspec.base.display import fixed, interval
 from taskspec.base.files import near, write_text
 from taskspec.base.limits import tell
 from taskspec.cli import options
@@ -96,7 +97,7 @@ def _report(found: Separation, family: str, output: Path, json: bool) -> None:
     out.print(line((found.worse, "bad"), " is worse than ", (found.better, "good"), f": {found.path[-1]}"))
     width = max(len(found.worse), len(found.better))
     for name, (mean, low, high) in zip((found.worse, found.better), found.intervals, strict=True):
-        out.print(line(f"  {name:{width}}  {mean:5.2f}  [{low:.2f}, {high:.2f}]"))
+        out.print(line(f"  {name:{width}}  {fixed(mean, 2):>5}  {interval(low, high)}"))
     out.print(
         line((f"  {len(found.scores[0])} fresh seeds, p = {found.p_value:.2g}; {found.tried} tasks tried", "quiet"))
     )

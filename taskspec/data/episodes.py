@@ -333,7 +333,7 @@ def demonstrations(
 ) -> Demonstrations:
     """Return episodes of a policy, in the variant in which the spec's `roles` have the expert act.
 
-    Episode i is the first one of the scalar environment after `reset(seed=seed + i)`, whatever the number of jobs.
+    Episode i is the first one of the scalar environment after `reset(seed=seed + i)`, for any number of jobs.
 
     Args:
         policy: "random", "expert", "optimal", "soft(1)", "epsilon(0.1)" with any numbers; "model.py:fn"; a function from an

@@ -181,7 +181,7 @@ class Preferences:
         preferences: float64 (P,): 1 where the first is preferred, 0 the second, 0.5 where they are called equal.
         returns: float64 (P, 2), the true returns of both, discounted as the task says from the first step of a segment.
         queries: int64 (P,), the numbers of the pairs among those that the teacher was shown; without those that it skipped.
-        metadata: plain data, as of demonstrations; besides `teacher`, `length`, `shown`, `skipped` and `range`, the lowest and
+        metadata: plain data, as of demonstrations; with `teacher`, `length`, `shown`, `skipped` and `range`, the lowest and
             the highest return that temperature and thresholds are measured by (None where they are not needed).
     """
 
@@ -302,7 +302,7 @@ def _cut(whole: Transitions, length: int, seed: int) -> Transitions:
 
 
 def _of_pairs(segments: Transitions, kept: Array) -> Transitions:
-    """Return the segments of some pairs, numbered anew."""
+    """Return the segments of some pairs, numbered from 0."""
     number = np.full(len(segments.starts) // 2, -1)
     number[kept] = np.arange(len(kept))
     pair = number[segments.episode // 2]

@@ -31,7 +31,7 @@ LARGEST = 2**27
 
 
 class LookAlike(SpecError):
-    """Two states cannot be told apart by what is seen (E713)."""
+    """Two states have the same observation (E713)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ class Tabular:
         """What is seen in each state, (S, *shape), as the environment shows it.
 
         Raises:
-            SpecError: E712, where what is seen is drawn anew at every step, or depends on the time.
+            SpecError: E712, where what is seen is drawn at every step, or depends on the time.
         """
         nodes = self.task.observation.nodes
         if draws(nodes) or any(role is Role.TIME for role, _ in reads(nodes)):

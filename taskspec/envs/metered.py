@@ -36,7 +36,7 @@ class Meter(Protocol):
 
 
 class Metered(gymnasium.Env[Any, Any]):
-    """One environment of a task, whose steps a meter is told of; there is no way around it to the environment inside.
+    """One environment of a task, whose steps a meter counts; there is no way around it to the environment inside.
 
     Args:
         seed: of the stream of draws, until a reset gives another.
@@ -72,7 +72,7 @@ class Metered(gymnasium.Env[Any, Any]):
 
 
 class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
-    """Environments of one task that are stepped together; a meter is told of their steps, and there is no way around it.
+    """Environments of one task that are stepped together; a meter counts their steps, and there is no way around it.
 
     Args:
         options: of `taskspec.envs.vector.VectorEnvironment`.

@@ -61,7 +61,7 @@ def one_of(name: str, value: Any, options: Iterable[str]) -> None:
 def with_horizon(spec: EnvSpec | None, task: Task) -> EnvSpec | None:
     """Gymnasium's account of how an environment was made, with the horizon, which it leaves out where no wrapper enforces it.
 
-    Whoever makes another from it gets Gymnasium's limit of as many steps besides. So the horizon is among the keywords as well:
+    Whoever makes another from it also gets Gymnasium's limit of as many steps. So the horizon is among the keywords as well:
     with other parameters it may not hold, and is refused then.
     """
     if spec is None or spec.max_episode_steps is not None or task.horizon is None:

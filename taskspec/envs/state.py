@@ -1,4 +1,4 @@
-"""States of an environment for people: read and set by name, shown as text, told in infos; and the view of one lane."""
+"""States of an environment for people: read and set by name, shown as text, reported in infos; and the view of one lane."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         task: the task, its id or its path.
         num_envs: how many.
         backend: "numpy", "numba", "jax", or "auto": Numba where it is installed, else NumPy.
-        autoreset_mode: Gymnasium's `AutoresetMode` or its value. An episode that has ended begins anew with the next
+        autoreset_mode: Gymnasium's `AutoresetMode` or its value. A lane whose episode has ended is reset with the next
             step, which is spent on it ("NextStep", Gymnasium's default); within the step that ended it, with
             `infos["final_obs"]` and `infos["final_info"]` as Gymnasium's own vector environments have them ("SameStep");
             or when

@@ -12,6 +12,7 @@ import numpy as np
 from typing_extensions import TypedDict
 
 from taskspec.base.arrays import Array
+from taskspec.base.display import fixed, interval
 from taskspec.exam.curves import steps_to
 from taskspec.exam.results import Exam
 from taskspec.exam.verdicts import MASTERED, by_seed
@@ -142,6 +143,6 @@ def lines(found: LearnersComparison) -> list[list[Any]]:
         iqm = each["iqm"]
         above = dict(zip(LEVELS, each["profile"], strict=True))
         steps = "" if each["steps"] is None else f"{each['steps']:,.0f} ({each['reaching']:.0%} of runs)"
-        interval = f"{iqm['value']:.2f} [{iqm['low']:.2f}, {iqm['high']:.2f}]"
-        rows.append([each["learner"], interval, f"{above[0.5]:.0%}", f"{above[0.9]:.0%}", steps])
+        shown = f"{fixed(iqm['value'], 2)} {interval(iqm['low'], iqm['high'])}"
+        rows.append([each["learner"], shown, f"{above[0.5]:.0%}", f"{above[0.9]:.0%}", steps])
     return rows

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from fractions import Fraction
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from taskspec.base.display import small_fraction
 from taskspec.model.extract import extract
 from taskspec.model.model import Model, refuse
 from taskspec.policies.adapters import ProbabilisticPolicy
@@ -105,7 +105,7 @@ def freeze(task: Task) -> FrozenTask:
         "description": task.spec.description or "",
         "capability": task.capability or task.name,
     }
-    return FrozenTask(**{**vars(frozen), "text": text, "claims": claims})
+    return replace(frozen, text=text, claims=claims)
 
 
 def _last_step(model: Model) -> int | None:
@@ -350,10 +350,8 @@ def _claim(name: str, value: float) -> Iterator[str]:
 
 def written(value: float) -> str:
     """Return a number as specs write it: `2`, `1/3`, or with all its decimals."""
-    near = Fraction(value).limit_denominator(PLAIN)
-    if abs(float(near) - value) <= EXACT * max(1.0, abs(value)):
-        return str(near)
-    return repr(value)
+    near = small_fraction(value, PLAIN, EXACT * max(1.0, abs(value)))
+    return repr(value) if near is None else str(near)
 
 
 def _quoted(text: str) -> str:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.diagnostics import SpecError, spec_error
+from taskspec.base.display import fixed, interval
 from taskspec.base.limits import also
 from taskspec.base.limits import written as written_limits
 from taskspec.exam.case import Case, ExamTerms, Source
@@ -359,10 +360,10 @@ def finding(separation: Separation, family: str) -> FrozenTask:
     tables = separation.task
     assert isinstance(tables, FrozenTask)
     fresh = freeze(tables.task())
-    (worse, *worse_ends), (better, *better_ends) = separation.intervals
+    (worse, low, high), (better, least, most) = separation.intervals
     description = (
-        f"{separation.worse} scores {worse:.2f} {_ends(worse_ends)} here, and {separation.better} {better:.2f} "
-        f"{_ends(better_ends)}: means of {FRESH} fresh seeds, with 95 % intervals, where random actions have 0 and the "
+        f"{separation.worse} scores {fixed(worse, 2)} {interval(low, high)} here, and {separation.better} {fixed(better, 2)} "
+        f"{interval(least, most)}: means of {FRESH} fresh seeds, with 95 % intervals, where random actions have 0 and the "
         "optimum 1. "
         f"Exact permutation test: p = {separation.p_value:.2g}. Found among {separation.tried} instances of {family}."
     )
@@ -375,11 +376,6 @@ def finding(separation: Separation, family: str) -> FrozenTask:
     states = tuple(f"s{i}" for i in range(len(fresh.states)))
     actions = tuple(f"a{i}" for i in range(len(fresh.actions)))
     return replace(fresh, name="Separates", states=states, actions=actions, text=text)
-
-
-def _ends(interval: Sequence[float]) -> str:
-    low, high = interval
-    return f"[{low:.2f}, {high:.2f}]"
 
 
 def _sampled(family: ExperimentFile, seed: int) -> ExperimentFile:

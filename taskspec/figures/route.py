@@ -213,7 +213,7 @@ def _runs_along(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _over(paths: np.ndarray, ends: Sequence[tuple[int, int]], spots: Sequence[Spot]) -> np.ndarray:
-    """Return how many vertices each path (n, points, 2) passes over, besides its ends."""
+    """Return how many vertices each path (n, points, 2) passes over, without its ends."""
     at = np.array([s.at for s in spots])
     core = np.array([s.core for s in spots])
     parts = np.arange(4)[:, None, None, None] / 4

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from typing import Literal, NewType, assert_never
 
-from taskspec.base.display import number
+from taskspec.base.display import number, small_fraction
 from taskspec.printers import tree as m
 
 BROAD = 1.15  # how much wider labels may be in the broadest of the fonts that figures are shown in
@@ -303,7 +302,7 @@ def chance(p: float) -> m.Math:
     """Return a probability as per cent where that is short, else as a fraction or three digits."""
     if p >= 0.01 and abs(100 * p - round(100 * p)) < 1e-9:
         return m.Num(f"{round(100 * p)}%")
-    ratio = Fraction(p).limit_denominator(99)
-    if abs(float(ratio) - p) < 1e-12:
+    ratio = small_fraction(p, 99)
+    if ratio is not None:
         return m.Num(f"{ratio.numerator}/{ratio.denominator}")
     return m.Num(f"{p:.3g}")

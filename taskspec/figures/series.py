@@ -84,7 +84,7 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
 
 
 def _is_finite(found: Sequence[_Number]) -> bool:
-    """Return whether there are numbers, all of which, and the distances between them, are finite."""
+    """Return whether there are numbers, and all of them and their distances are finite."""
     return bool(found) and all(math.isfinite(max(x.values) - min(x.values)) for x in found)
 
 

@@ -18,7 +18,7 @@ class Experience:
     Attributes:
         lanes: environments that are stepped together.
         steps: of each lane in a round.
-        whole: rounds are of whole episodes, begun anew; what is left of the last one is dropped.
+        whole: rounds are of whole episodes; what is left of the last one is dropped.
         absorb: terminal states last until the horizon, so that all episodes are equally long; what is learned of them is told
             apart by a flag. Tasks without a horizon stay as they are.
         where: whose variant the policy acts in, where the roles of a task differ.
@@ -93,7 +93,7 @@ class Cloning:
 
     Attributes:
         share: of the episodes that are learned from; the others are left aside.
-        updates: how many at least, whatever the number of epochs.
+        updates: how many at least, for any number of epochs.
         loss: for real actions, the squared error of the mean (the deviation stays 1), or minus the log-likelihood.
         joint: several finite actions are one softmax over all their values, and each of its targets counts.
     """
@@ -179,7 +179,7 @@ class Comparing:
         kept: pairs that are kept to learn from; 0 for those of the round alone.
         updates, batch: gradient steps of a round, on so many pairs; 0 for all there are.
         stale: the first action of a round is taken for what was seen last, though the environment was reset since.
-        noise_ties: nobody is preferred on tasks whose observations have noise, as if rewards could not be told from these.
+        noise_ties: nobody is preferred on tasks whose observations have noise, as if these hid the rewards.
         budget_factor: the steps that are taken, over those that are granted; those asked about come on top.
     """
 

@@ -235,7 +235,7 @@ class Visits:
 
 
 def visits(steps: Steps, limit: int | None = None, hint: str | None = None, each: str = "") -> Visits:
-    """Return the states of all episodes, whatever the actions and draws. Steps out of the state space are passed over."""
+    """Return the states of all episodes, for all actions and draws. Steps out of the state space are passed over."""
     horizon = steps.task.horizon
     level = distinct(steps.starts()[0])
     acting = Growing()

@@ -208,7 +208,7 @@ def _given(root: Node, draw: Draw | None, value: bool, builder: Builder) -> Node
 
 
 def _permuted(roots: Sequence[Node], users: Users, builder: Builder) -> dict[int, Node]:
-    """Return permutations, by id, as arrangements of the values that are told apart in the places that are read."""
+    """Return permutations, by id, as arrangements of the values that differ in the places that are read."""
     made = {}
     for draw in draws(roots):
         if draw.base == "permutation" and len(draw.type.shape) == 1:

@@ -56,7 +56,7 @@ def _declared(task: Task, name: str) -> Symmetry:
 
 
 def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
-    """Return the task of which something else is seen; what other modifiers add to the observation stays."""
+    """Return the task with another observation; what other modifiers add to the observation stays."""
     now = {c.name: (c, node) for c, node in zip(task.observation.components, task.observation.nodes, strict=True)}
     for c in symmetry.seen:
         if c.name not in now or now[c.name][0].type != c.type:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
+from taskspec.base.display import small_fraction
 from taskspec.exact import Model, Report, Results, Verdict, pomdp_bounds, verdicts, wrong_examples
 from taskspec.pages.prose import CellTable, Formula, Inlines, Text
 from taskspec.printers import tree as m
@@ -178,9 +179,7 @@ def number(value: Value) -> m.Math:
     if value < 0:
         size = -value
     if isinstance(size, float) and math.isfinite(size):
-        small = Fraction(size).limit_denominator(999)
-        if abs(float(small) - size) <= 1e-13 * max(1.0, size):  # which it equals up to rounding
-            size = small
+        size = small_fraction(size, 999, 1e-13 * max(1.0, size)) or size
     sign = (m.Sym("−"),) if value < 0 and size else ()
     if size == math.inf:
         return m.row(*sign, m.Ident("∞"))

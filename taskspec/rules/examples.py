@@ -15,6 +15,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
+from taskspec.base.display import small_fraction
 from taskspec.lang import syntax as s
 from taskspec.lang.check import Checker
 from taskspec.lang.interval import NormalForms
@@ -97,10 +98,8 @@ def _are_equal(one: float | Fraction, other: float | Fraction) -> bool:
 
 
 def _number(p: float | Fraction) -> str:
-    ratio = Fraction(p).limit_denominator(1000)
-    if abs(ratio - Fraction(p)) <= 1e-12:
-        return str(ratio)
-    return f"{float(p):.6g}"
+    ratio = small_fraction(p, 1000)
+    return f"{float(p):.6g}" if ratio is None else str(ratio)
 
 
 def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:

@@ -273,7 +273,7 @@ def absolute(a: Enclosure) -> Enclosure:
 
 
 def compare(op: str, a: Enclosure, b: Enclosure, tolerance: Fraction | None = None) -> bool | None:
-    """Return whether a comparison holds; None where it cannot be told.
+    """Return whether a comparison holds; None where it is undecided.
 
     `==` holds of numbers that differ by at most `tolerance`, or by 1e-9 of the larger one's size without one. `<=` allows
     for `tolerance` as well, where it is given, and `<` for nothing.

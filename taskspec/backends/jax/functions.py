@@ -215,7 +215,7 @@ class OpenParameters:
                 raise SpecError([Diagnostic("E704", None, f"{message} ({self._told(params, known)})")])
 
     def _told(self, params: Any, holds: AnyArray) -> str:
-        """Return the first values of which something does not hold, where there is one for each of its own."""
+        """Return the first values for which a condition fails; each lane has values of its own."""
         found = []
         for p in self.varying:
             value = _known(getattr(params, p.name))
@@ -346,7 +346,7 @@ class Functional:
     def step(
         self, state: State, action: AnyArray, params: Any = None
     ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
-        """Observation, state, reward, done and info of a step; an episode that ends begins anew (autoreset).
+        """Observation, state, reward, done and info of a step; after an episode ends the next one begins (autoreset).
 
         info holds "terminated", "truncated", "final_observation", that of the step itself, and "measures" where the
         task has some.

@@ -294,7 +294,7 @@ class JaxRuntime(Runtime):
         return jnp.stack(list(accumulate(x)))
 
     def argsort(self, x: AnyArray) -> AnyArray:
-        """Stable without being told so, which NumPy 1 and JAX have different words for."""
+        """Sort stably; NumPy 1 and JAX have different arguments for it."""
         return jnp.argsort(x, axis=0).astype(self.int)
 
     def floordiv(self, a: AnyArray, b: AnyArray) -> AnyArray:

@@ -161,7 +161,7 @@ class JaxProgram:
     def again(
         self, state: State, result: StepResult, given: Sequence[AnyArray] = ()
     ) -> tuple[State, tuple[AnyArray, ...]]:
-        """Return the state and the observation after a step, begun anew where the episode has ended."""
+        """Return the state and the observation after a step, those of a new episode where one has ended."""
         ended = result.terminated | result.truncated
         fresh, seen = self.begin(state, given)
         values = tuple(jnp.where(ended, a, b) for a, b in zip(fresh.values, state.values, strict=True))

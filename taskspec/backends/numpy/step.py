@@ -93,7 +93,7 @@ class Again:
 def generate(
     task: Task, roots: Sequence[Node], hoisted: Hoisted, observation: SpaceLayout, again: Again | None
 ) -> tuple[str, dict[str, Any]]:
-    """Source of the module, and the constants it refers to, as nodes; with `again`, lanes that end begin anew."""
+    """Source of the module, and the constants it refers to, as nodes; with `again`, lanes that end are reset."""
     states = names_of("s", task.state)
     actions = names_of("a", task.action)
     outputs = [f"o{i}" for i in range(len(observation.segments))]

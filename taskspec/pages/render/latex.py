@@ -227,7 +227,7 @@ def _is_rigid(math: m.Math) -> bool:
 
 
 def _address(address: str) -> str:
-    """Return an address with whatever TeX could take as its own written in per cent."""
+    """Return an address with the special characters of TeX as percent codes."""
     return quote(address, safe=":/?=&.,+-@!*();~'").replace("%", r"\%").replace("&", r"\&").replace("~", r"\~{}")
 
 

@@ -159,7 +159,7 @@ else:
 
 
 class FigureEntry(Strict):
-    """How to draw the task; what is needed besides depends on the kind."""
+    """How to draw the task; the other keys depend on the kind."""
 
     kind: FigureKindName = Field(description="Kind of figure.")
     at: Expression | None = Field(
