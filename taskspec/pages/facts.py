@@ -179,7 +179,9 @@ def number(value: Value) -> m.Math:
     if value < 0:
         size = -value
     if isinstance(size, float) and math.isfinite(size):
-        size = small_fraction(size, 999, 1e-13 * max(1.0, size)) or size
+        small = small_fraction(size, 999, 1e-13 * max(1.0, size))  # which it equals up to rounding
+        if small is not None:
+            size = small
     sign = (m.Sym("−"),) if value < 0 and size else ()
     if size == math.inf:
         return m.row(*sign, m.Ident("∞"))
