@@ -125,6 +125,8 @@ def taxi() -> tuple[Any, Any]:
 
 @pytest.mark.parametrize("slippery", [False, True])
 def test_cliff_walking(slippery: bool) -> None:
+    if slippery and gym.__version__ < "1":
+        pytest.skip("Gymnasium 0.29 has no slippery cliff")
     version = "CliffWalking-v1" if "CliffWalking-v1" in gym.registry else "CliffWalking-v0"
     options = {"is_slippery": True} if slippery else {}
     theirs: Any = gym.make(version, **options).unwrapped
