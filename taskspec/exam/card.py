@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from taskspec.exam import score_rows
-from taskspec.exam.learned import learned_notes
+from taskspec.exam.learned import USUAL_CODE, learned_notes
 from taskspec.exam.score_rows import PUBLISHED, TaskRow, counted, decimal, listed, named
 from taskspec.exam.verdicts import FEWEST
 
 CAUSES = ("values", "reward")
 """Kinds of flags that name a cause: a known mistake explains what was learned."""
-USUAL_CODE = " Usual code: "
 FLAG_WORDS = {
     "twin": "differs relabelled", "regression": "regression", "peeks": "uses withheld reward", "failed": "failed",
     "impossible": "impossible score", "values": "wrong values", "reward": "wrong reward",
+    "changed": "has changed", "law": "breaks a law",
 }  # fmt: skip
 """Flags in few words, for the cell of a matrix."""
 

@@ -18,6 +18,9 @@ from taskspec.policies.adapters import Predictor, parameters
 from taskspec.policies.values import are_probabilities, is_table, observed_probabilities
 from taskspec.task.task import Task
 
+USUAL_CODE = " Usual code: "
+"""What comes between a mistake and its advice in the message of a flag."""
+
 
 @dataclass(frozen=True, eq=False)
 class Learned:
@@ -178,7 +181,7 @@ class Explanation:
         if not self.is_mistake:
             return f"{sentence} (distance {self.distance:.2f})"
         advice = " Or: ".join(f"{table[name].code}. {table[name].fix}" for name in self.names)
-        return f"{sentence} (distance {self.distance:.2f}, to the {right} {self.right:.2f}). Usual code: {advice}"
+        return f"{sentence} (distance {self.distance:.2f}, to the {right} {self.right:.2f}).{USUAL_CODE}{advice}"
 
 
 UNLEARNED = 0.01
