@@ -90,7 +90,9 @@ def sheet(ids: Iterable[str]) -> str:
 
 def _document(title: str, style: str, body: str) -> str:
     head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{title}</title>'
-    return f'<!doctype html><html lang="en"><head>{head}<style>{style}</style></head><body>{FILTER}{body}</body></html>\n'
+    return (
+        f'<!doctype html><html lang="en"><head>{head}<style>{style}</style></head><body>{FILTER}{body}</body></html>\n'
+    )
 
 
 def _row(task: Task, words: str, drawn: Scene | None) -> str:
@@ -114,7 +116,9 @@ def page_sheet(names: Iterable[str], folder: Path) -> str:
 
 def card_sheet(folder: Path) -> str:
     """Write the pages of the exams of the documentation into a folder, and return the page that shows them in every look."""
-    found = {path.parent.name: results.read(path.parent) for path in sorted(ROOT.glob("docs/results/paper/*/exam.json*"))}
+    found = {
+        path.parent.name: results.read(path.parent) for path in sorted(ROOT.glob("docs/results/paper/*/exam.json*"))
+    }
     files = {}
     for name, exam in found.items():
         files[name] = folder / name / "report.html"

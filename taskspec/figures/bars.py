@@ -245,7 +245,9 @@ def _cells(shown: list[tuple[int, Array, list[Color]]], left_out: int) -> Iterat
     digits = 0 if all(np.array_equal(row, np.rint(row)) for row in rows) else 2
     for r, (t, row, colors) in enumerate(shown):
         if len(rows) > 1 and not moved:
-            yield Label((-0.2, tops[r] + 0.4), m.Row((m.Ident("t"), m.Sym("="), m.Num(str(t)))), LETTERS, "end", "muted")
+            yield Label(
+                (-0.2, tops[r] + 0.4), m.Row((m.Ident("t"), m.Sym("="), m.Num(str(t)))), LETTERS, "end", "muted"
+            )
         for i, value in enumerate(row.tolist()):
             shade = 0.2 + 0.7 * (value - low) / ((high - low) or 1.0)
             box = Box((i * 1.0, tops[r]), 1.0, 0.8, colors[i], "paper", shade=shade)
