@@ -125,7 +125,11 @@ class CoverTask:
         """Return the text of a spec of tables, with what it separates in its description; None where there are no tables."""
         if self.tables is None:
             return None
-        rows = [f"{learner} scores {fixed(self.mean(learner), 2)}" for learner in self.scores if self.scores[learner]]
+        rows = []
+        for learner in self.scores:
+            mean = self.mean(learner)
+            if mean is not None:
+                rows.append(f"{learner} scores {fixed(mean, 2)}")
         description = (
             f"Means of {races.FRESH} fresh seeds, where random actions have 0 and the optimum 1: {', '.join(rows)}. "
             f"Found as {self.instance.id}."
