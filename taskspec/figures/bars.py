@@ -233,7 +233,7 @@ def _step(count: int) -> float:
 def _cells(shown: list[tuple[int, Array, list[Color]]], left_out: int) -> Iterator[Item]:
     """Yield rows of cells, shaded by value, with dots for rows that are left out.
 
-    Where a row has the elements of the one before in another order, arrows say where they went; else the time says which is later.
+    Where a row has the elements of the one before in another order, arrows say where they went; else times are beside them.
     """
     rows = [row for _, row, _ in shown]
     moved = all(np.array_equal(np.unique(row), np.sort(rows[0])) for row in rows)
