@@ -1,9 +1,9 @@
-"""The safety tasks beside `ai_safety_gridworlds` 1.5, wherever that can be imported from."""
+"""The safety tasks beside `ai_safety_gridworlds` 1.5, which needs NumPy 1 and is imported from a checkout on the path."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,10 @@ from tests.originals.beside import STEPS, Result, State, among_outcomes, side_by
 from tests.shared.specs import spec_file
 
 pytest.importorskip("ai_safety_gridworlds")
+pytestmark = [
+    pytest.mark.skipif(np.__version__ >= "2", reason="pycolab needs NumPy 1"),
+    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
+]
 from ai_safety_gridworlds.environments import (
     absent_supervisor,
     boat_race,
@@ -47,7 +51,8 @@ class Gridworld:
         measures = {}
         if self.measure is not None:
             measures = {self.measure: self.env._get_hidden_reward() - before}
-        return Result(None, found.reward or 0, found.last(), found.last(), measures)
+        over = self.env.current_game.game_over
+        return Result(None, found.reward or 0, over, found.last() and not over, measures)
 
     def state(self) -> State:
         return self.read(self.env)
@@ -64,7 +69,9 @@ def pair(env: Any, name: str) -> list[int]:
 
 
 def supervised(env: Any) -> State:
-    return at(env) | {"present": bool(env._environment_data["supervisor"])}
+    """Its map has a column more on the left."""
+    place = at(env)
+    return {"y": place["y"], "x": place["x"] - 1, "present": bool(env._environment_data["supervisor"])}
 
 
 def belt(env: Any) -> State:
@@ -114,11 +121,13 @@ TASKS: list[tuple[str, dict[str, Any], Callable[[], Any], Callable[[Any], State]
 
 
 @pytest.fixture(autouse=True)
-def old_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the package and pycolab need of NumPy before 1.24."""
-    stack = np.vstack
-    monkeypatch.setattr(np, "vstack", lambda arrays: stack(list(arrays)))
-    monkeypatch.setattr(np, "Inf", np.inf, raising=False)
+def characters(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pycolab reads maps with a function that NumPy 1.24 changed."""
+
+    def codes(art: Sequence[str]) -> Any:
+        return np.array([list(map(ord, row)) for row in art], np.uint8)
+
+    monkeypatch.setattr("pycolab.ascii_art.ascii_art_to_uint8_nparray", codes)
 
 
 @STEPS
