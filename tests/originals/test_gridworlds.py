@@ -16,10 +16,6 @@ from tests.originals.beside import STEPS, Result, State, among_outcomes, side_by
 from tests.shared.specs import spec_file
 
 pytest.importorskip("ai_safety_gridworlds")
-pytestmark = [
-    pytest.mark.skipif(np.__version__ >= "2", reason="pycolab needs NumPy 1"),
-    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
-]
 from ai_safety_gridworlds.environments import (
     absent_supervisor,
     boat_race,
@@ -31,6 +27,11 @@ from ai_safety_gridworlds.environments import (
     tomato_watering,
     whisky_gold,
 )
+
+pytestmark = [
+    pytest.mark.skipif(np.__version__ >= "2", reason="pycolab needs NumPy 1"),
+    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
+]
 
 
 @dataclass
