@@ -257,7 +257,7 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         unable: tasks by learner that quantifiers pass over.
         bound: variables of comprehensions, each with its task or learner.
         of_means: whether numbers over seeds count as known exactly, without intervals.
-        collector: for mistakes in a rule that is only checked: one member of each group stands for all.
+        collector: for mistakes in a rule that is only checked: one member of each group is tried.
     """
 
     scores: SeedScores
