@@ -16,7 +16,7 @@ GAMMA = 0.95
 
 
 class ObservationTable:
-    """Q-values of each observation that was seen, whatever its space is; as a policy, the best action of each observation.
+    """Q-values of each observation that was seen, of any space; as a policy, the best action of each observation.
 
     Raises:
         CannotLearn: for actions that are not a few, and observations of several parts.
