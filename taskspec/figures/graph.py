@@ -56,7 +56,7 @@ def graph(task: Task, overlay: Overlay) -> Scene | None:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is drawn and where: vertices, a line for each of `arcs`, and labels."""
+    """The drawn items and their places: vertices, a line for each of `arcs`, and labels."""
 
     drawing: Drawing
     spots: Mapping[Vertex, Spot]
@@ -140,7 +140,7 @@ def _on_arrow(says: Captions, arc: Arc) -> m.Math | None:
 
 @dataclass(frozen=True)
 class _Request:
-    """What decides where things go: a key, so that the frames of an episode are laid out once."""
+    """The input of a layout: a key, so that the frames of an episode are laid out once."""
 
     drawing: Drawing
     ending: frozenset[Vertex]

@@ -239,7 +239,7 @@ class _Cost:
 
 
 def _free(layer: tuple[Vertex, ...]) -> bool:
-    """Return whether the order of a column is free: dots stand for the vertices between their neighbours."""
+    """Return whether the order of a column is free: dots replace the vertices between their neighbours."""
     return not any(isinstance(v, tuple) and v[0] == DOTS for v in layer)
 
 

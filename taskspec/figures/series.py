@@ -1,4 +1,4 @@
-"""Numbers over time: an episode of the expert, or one that is being watched as far as it has come."""
+"""Numbers over time: an episode of the expert, or the steps so far of one that is being watched."""
 
 from __future__ import annotations
 
