@@ -22,7 +22,7 @@ def levels(rows: Rows, labels: Sequence[Hashable], depth: int | None = None) -> 
 
     Args:
         labels: what is seen of each state.
-        depth: the last level; None for all, the last of which are the classes of bisimulation.
+        depth: the last level; None for all, up to the classes of bisimulation.
     """
     found = [_numbered(labels)]
     while depth is None or len(found) <= depth:

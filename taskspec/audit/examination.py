@@ -42,7 +42,7 @@ class Values:
 
 
 class Examination:
-    """What is known of an environment; each part is worked out when it is asked for.
+    """The evidence about an environment; each part is worked out when it is asked for.
 
     Args:
         seconds: that all of it may take, roughly.
@@ -161,7 +161,7 @@ class Examination:
 
     @cached_property
     def after_the_end(self) -> str | None:
-        """What a step after a termination does, in a word; None where none was seen."""
+        """The result of a step after a termination, in words; None where no episode terminated."""
         ended = [each for each in self.episodes if each.steps[-1].terminated]
         if not ended:
             return None

@@ -1,4 +1,4 @@
-"""What an audit looks for, one entry each: faults, which learners suffer from, and facts, which their users should know."""
+"""The checks of an audit, one entry each: for faults, from which learners suffer, and facts, which users should know."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EQUAL = 1e-9
 
 @dataclass(frozen=True)
 class Found:
-    """What was found: in words, and a trace that shows it, where there is one."""
+    """A finding in words, and a trace that shows it, where there is one."""
 
     words: str
     trace: Trace | None = None
@@ -162,7 +162,7 @@ def shared(x: Examination) -> Found | None:
 
 
 def ends_by_time(x: Examination) -> Found | None:
-    """Find an end by the time that is told as a termination, where the time is not observed."""
+    """Find a termination that the time alone causes, where the time is not observed."""
     for episode, step, early in x.last_steps_without_time():
         if step.terminated and not early.terminated and early.seen == step.seen:
             words = (

@@ -33,7 +33,7 @@ LENGTH = ("length",)
 
 @dataclass
 class Snapshot:
-    """What an environment's object holds at one time."""
+    """The contents of an environment's object at one time."""
 
     leaves: dict[Place, Any] = field(default_factory=dict)
     generators: list[Any] = field(default_factory=list)
@@ -71,7 +71,7 @@ def snapshot(env: Any) -> Snapshot:
 
 def _is_leaf(value: Any) -> bool:
     if isinstance(value, np.ndarray):
-        return value.dtype.kind != "O"
+        return bool(value.dtype.kind != "O")
     return isinstance(value, None | bool | int | float | complex | str | bytes | np.generic | enum.Enum)
 
 
@@ -122,7 +122,7 @@ def drawn(generators: Iterable[Any]) -> str:
                 states.append(each.get_state())
             case _:
                 states.append(each.getstate())
-    used = np.random.get_state()  # noqa: NPY002
+    used: Any = np.random.get_state()  # noqa: NPY002
     return repr(states) + repr((used[1].sum(), used[2:], hash(random.getstate())))
 
 
@@ -157,7 +157,7 @@ def _places(episodes: Iterable[list[Snapshot]], wanted: Any) -> frozenset[Place]
         if len(snapshots) < 3:
             continue
         for place, first in snapshots[0].leaves.items():
-            values = [each.leaves.get(place) for each in snapshots]
+            values: list[Any] = [each.leaves.get(place) for each in snapshots]
             if all(value == first for value in values):
                 continue
             is_number = all(isinstance(value, int | float) for value in values)

@@ -52,7 +52,7 @@ Trace = tuple[Part, ...]
 
 @dataclass(frozen=True)
 class Step:
-    """What a reset (its action is None) or a step gave; `seen` and `seen_info` are copies in a form that can be compared."""
+    """The result of a reset (its action is None) or a step; `seen` and `seen_info` are copies that can be compared."""
 
     action: Any
     observation: Any = None
@@ -70,7 +70,7 @@ class Step:
 
     @property
     def outcome(self) -> tuple[Any, ...]:
-        """What a learner is given, for comparisons."""
+        """All that a learner is given, for comparisons."""
         return self.seen, frozen(self.reward), bool(self.terminated), bool(self.truncated), self.error
 
 
