@@ -59,7 +59,7 @@ Outcome = tuple[Hashable, float, bool]
 
 
 @dataclass(frozen=True)
-class Difference:
+class FirstDifference:
     """A step at which two tasks part.
 
     Attributes:
@@ -77,7 +77,7 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class TaskRelation:
     """The relation of two tasks.
 
     Attributes:
@@ -89,12 +89,12 @@ class Comparison:
 
     relation: Relation
     words: str
-    difference: Difference | None = None
+    difference: FirstDifference | None = None
     returns: Mapping[str, float] | None = None
     new_version: bool | None = None
 
 
-def compare(a: Task, b: Task) -> Comparison:
+def compare(a: Task, b: Task) -> TaskRelation:
     """Return the relation of two tasks."""
     found = _compared(a, b)
     if a.name != b.name:
@@ -103,10 +103,10 @@ def compare(a: Task, b: Task) -> Comparison:
     return replace(found, new_version=not is_same)
 
 
-def _compared(a: Task, b: Task) -> Comparison:
+def _compared(a: Task, b: Task) -> TaskRelation:
     spaces = _other_spaces(a, b)
     if a.content_hash == b.content_hash and a.name == b.name:
-        return Comparison("identical", "what decides the behaviour is written in the same way")
+        return TaskRelation("identical", "what decides the behaviour is written in the same way")
     try:
         one = ExactTask(a)
         other = ExactTask(b)
@@ -118,10 +118,10 @@ def _compared(a: Task, b: Task) -> Comparison:
     difference = _first_difference(one, other)
     if difference is None:
         words = f"every step has the same outcomes{f'; but {spaces}' if spaces else ''}"
-        return Comparison("same task", words)
+        return TaskRelation("same task", words)
     names = _renaming(one, other)
     if names is not None:
-        return Comparison("renamed", f"only names differ: {names}", difference)
+        return TaskRelation("renamed", f"only names differ: {names}", difference)
     return _by_rewards(one, other, difference)
 
 
@@ -218,21 +218,21 @@ def shown(name: Any) -> str:
 # -- the first difference by name -------------------------------------------------------------------------------------
 
 
-def _first_difference(one: ExactTask, other: ExactTask) -> Difference | None:
+def _first_difference(one: ExactTask, other: ExactTask) -> FirstDifference | None:
     """Return the first difference, in order of time; it is shown by the shortest actions."""
     if one.actions != other.actions:
-        return Difference((), 0, None, None, _listed(one.actions), _listed(other.actions))
+        return FirstDifference((), 0, None, None, _listed(one.actions), _listed(other.actions))
     index = {name: s for s, name in enumerate(other.names)}
     starts = [{x.names[s]: p for s, p in x.start.items()} for x in (one, other)]
     if starts[0] != starts[1]:
-        return Difference((), 0, None, None, *map(_odds, starts))
+        return FirstDifference((), 0, None, None, *map(_odds, starts))
     if one.task.discount != other.task.discount:
         words = [f"discount {x.task.discount:g}" for x in (one, other)]
-        return Difference((), 0, None, None, *words)
+        return FirstDifference((), 0, None, None, *words)
     return _first_step(one, other, index) or None
 
 
-def _first_step(one: ExactTask, other: ExactTask, index: Mapping[Hashable, int]) -> Difference | None:
+def _first_step(one: ExactTask, other: ExactTask, index: Mapping[Hashable, int]) -> FirstDifference | None:
     is_timed = max(one.times, other.times) > 1
     horizons = (one.task.horizon, other.task.horizon)
     last = min((h for h in horizons if h is not None), default=math.inf)
@@ -242,7 +242,7 @@ def _first_step(one: ExactTask, other: ExactTask, index: Mapping[Hashable, int])
     while level and t <= last:
         if t == last and horizons[0] != horizons[1]:
             words = [f"truncated after {h} steps" if h is not None else "no horizon" for h in horizons]
-            return Difference(next(iter(level.values())), t, None, None, *words)
+            return FirstDifference(next(iter(level.values())), t, None, None, *words)
         if not is_timed and horizons[0] == horizons[1]:
             level = {s: path for s, path in level.items() if s not in seen}
             seen |= set(level)
@@ -260,7 +260,7 @@ def _level(
     t: int,
     level: dict[int, tuple[str, ...]],
     acts: bool,
-) -> tuple[Difference | None, dict[int, tuple[str, ...]]]:
+) -> tuple[FirstDifference | None, dict[int, tuple[str, ...]]]:
     """Return the first difference in some states at a time, or the next states with the actions that lead there."""
     following: dict[int, tuple[str, ...]] = {}
     for s, path in level.items():
@@ -268,13 +268,13 @@ def _level(
         state = shown(one.names[s])
         seen = (one.observed(one.at(t))[s], other.observed(other.at(t))[same])
         if seen[0] != seen[1]:
-            return Difference(path, t, state, None, *(f"observed {_seen(x)}" for x in seen)), {}
+            return FirstDifference(path, t, state, None, *(f"observed {_seen(x)}" for x in seen)), {}
         for a, action in enumerate(one.actions if acts else ()):
             mine = one.named(t, s, a)
             theirs = other.named(t, same, a)
             here = (*path, shown(action))
             if mine != theirs:
-                return Difference(here, t, state, shown(action), one.words(mine), other.words(theirs)), {}
+                return FirstDifference(here, t, state, shown(action), one.words(mine), other.words(theirs)), {}
             for to, _, ends in one.rows(one.at(t))[s][a]:
                 if not ends:
                     following.setdefault(to, here)
@@ -349,18 +349,18 @@ def _renamed(one: ExactTask, other: ExactTask, classes: Sequence[int], order: Se
 # -- other rewards ----------------------------------------------------------------------------------------------------
 
 
-def _by_rewards(one: ExactTask, other: ExactTask, difference: Difference) -> Comparison:
+def _by_rewards(one: ExactTask, other: ExactTask, difference: FirstDifference) -> TaskRelation:
     """Return the relation of tasks that differ by name: by their rewards and optimal policies, where states are the same."""
     if set(one.names) != set(other.names) or one.actions != other.actions or one.task.horizon != other.task.horizon:
-        return Comparison("different", "they differ in more than rewards", difference)
+        return TaskRelation("different", "they differ in more than rewards", difference)
     where = np.array([other.names.index(name) for name in one.names])
     if difference.action is None or not _same_observations(one, other, where):
-        return Comparison("different", "they start, end or are observed in another way", difference)
+        return TaskRelation("different", "they start, end or are observed in another way", difference)
     solvers = [Solvers(x.model).of() for x in (one, other)]
     returns = {"first": solvers[0].best().value, "second": solvers[1].best().value}
     if not isinstance(solvers[0], Finite) or not isinstance(solvers[1], Finite):
         words = "they differ; without a horizon, policies are not compared"
-        return Comparison("different", words, difference, returns)
+        return TaskRelation("different", words, difference, returns)
     acting = [np.flatnonzero(level) for _, level in one.model.levels()]
     theirs_acting = [np.flatnonzero(level) for _, level in other.model.levels()]
     first, second = (_solved(solver.numbers) for solver in solvers)
@@ -371,15 +371,15 @@ def _by_rewards(one: ExactTask, other: ExactTask, difference: Difference) -> Com
         if factor is not None:
             times = "" if factor == 1 else f" times {decimal(float(factor))}"
             if _is_scaled(one, other, where, float(factor)):
-                return Comparison("scaled reward", f"the expected reward is the same{times}", difference, returns)
+                return TaskRelation("scaled reward", f"the expected reward is the same{times}", difference, returns)
             words = f"the reward is the same{times}, shaped by a potential; the same actions are optimal"
-            return Comparison("shaped reward", words, difference, returns)
+            return TaskRelation("shaped reward", words, difference, returns)
     is_same = [set(where[x]) for x in acting] == [set(x) for x in theirs_acting]
     pairs = zip(first.optimal, second.optimal, acting, strict=False)
     if is_same and all((mine[:, states] == theirs[:, where[states]]).all() for mine, theirs, states in pairs):
         words = "in every state and at every time, the same actions are optimal"
-        return Comparison("same optimal policy", words, difference, returns)
-    return Comparison("different", "other actions are optimal", difference, returns)
+        return TaskRelation("same optimal policy", words, difference, returns)
+    return TaskRelation("different", "other actions are optimal", difference, returns)
 
 
 def _same_observations(one: ExactTask, other: ExactTask, where: Array) -> bool:
@@ -458,15 +458,15 @@ def _is_scaled(one: ExactTask, other: ExactTask, where: Array, factor: float) ->
 # -- tasks that are not finite ----------------------------------------------------------------------------------------
 
 
-def _by_episodes(a: Task, b: Task, reason: str) -> Comparison:
+def _by_episodes(a: Task, b: Task, reason: str) -> TaskRelation:
     """Return the first difference of episodes with the same random words and the same random actions."""
     kinds = [[(c.name, c.type, c.low, c.high) for c in (*task.state, *task.action)] for task in (a, b)]
     if kinds[0] != kinds[1]:
-        return Comparison("different", f"states or actions have other components or bounds; {reason}")
+        return TaskRelation("different", f"states or actions have other components or bounds; {reason}")
     if (a.horizon, a.discount) != (b.horizon, b.discount):
-        return Comparison("different", f"the horizon or the discount is another one; {reason}")
+        return TaskRelation("different", f"the horizon or the discount is another one; {reason}")
     if not is_bounded(a):
-        return Comparison("no difference found", f"nothing was compared, since actions have no bounds; {reason}")
+        return TaskRelation("no difference found", f"nothing was compared, since actions have no bounds; {reason}")
     runs = [Rollout(task, LANES) for task in (a, b)]
     states = [run.start() for run in runs]
     seen = [_stacked(task, state, []) for task, state in zip((a, b), states, strict=True)]
@@ -483,7 +483,7 @@ def _by_episodes(a: Task, b: Task, reason: str) -> Comparison:
             is_drawn = a.process.reset_draws or a.process.step_draws
             drawn = "; they draw, so that other random words may explain it" if is_drawn else ""
             words = f"episodes with the same random words part{drawn}; {reason}"
-            return Comparison("different", words, Difference(path, t, None, None, first, second))
+            return TaskRelation("different", words, FirstDifference(path, t, None, None, first, second))
         if t == steps or not alive.any():
             break
         actions.append(choose(states[0], t, rng))
@@ -492,7 +492,7 @@ def _by_episodes(a: Task, b: Task, reason: str) -> Comparison:
         seen = [_stacked(task, m.state, [m.reward, m.terminal]) for task, m in zip((a, b), moved, strict=True)]
         alive &= ~moved[0].terminal.astype(np.bool_)
     words = f"{LANES} episodes of random actions with the same random words are the same for {t} steps; {reason}"
-    return Comparison("no difference found", words)
+    return TaskRelation("no difference found", words)
 
 
 def _stacked(task: Task, state: State, others: Sequence[Array]) -> Array:

@@ -13,8 +13,8 @@ import numpy as np
 from gymnasium.utils.env_checker import check_env
 
 from taskspec.abstraction.bisimulation import apart
-from taskspec.audit.examination import Examination
-from taskspec.audit.subject import Part, Trace, first_difference, frozen, shown
+from taskspec.audit.evidence import Evidence
+from taskspec.audit.subject import Trace, TracePart, first_difference, frozen, shown
 from taskspec.base.display import decimal, plural
 
 EQUAL = 1e-9
@@ -30,18 +30,18 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Check:
+class AuditCheck:
     """One thing that is looked for."""
 
     name: str
     kind: Literal["fault", "fact"]
-    look: Callable[[Examination], Found | None]
+    look: Callable[[Evidence], Found | None]
 
 
 # -- what every step must keep ----------------------------------------------------------------------------------------
 
 
-def raises(x: Examination) -> Found | None:
+def raises(x: Evidence) -> Found | None:
     """Find an exception of the environment."""
     for episode in x.all_episodes:
         if episode.steps[-1].error:
@@ -49,7 +49,7 @@ def raises(x: Examination) -> Found | None:
     return None
 
 
-def outside(x: Examination) -> Found | None:
+def outside(x: Evidence) -> Found | None:
     """Find an observation that is not in the observation space."""
     for episode in x.all_episodes:
         for t, step in enumerate(episode.steps):
@@ -86,7 +86,7 @@ def why_outside(space: Any, value: Any) -> str | None:
     return None if space.contains(value) else f"{shown(value)} is not in {space}"
 
 
-def reward_type(x: Examination) -> Found | None:
+def reward_type(x: Evidence) -> Found | None:
     """Find a reward that is no finite number, or an end that is no truth value."""
     for episode in x.all_episodes:
         for t, step in enumerate(episode.steps[1:], 1):
@@ -104,7 +104,7 @@ def reward_type(x: Examination) -> Found | None:
     return None
 
 
-def mutated(x: Examination) -> Found | None:
+def mutated(x: Evidence) -> Found | None:
     """Find an observation or info that is changed after it was returned."""
     for episode in x.episodes:
         for t, step in enumerate(episode.steps):
@@ -122,7 +122,7 @@ def mutated(x: Examination) -> Found | None:
 # -- what repetitions must keep ---------------------------------------------------------------------------------------
 
 
-def not_reproducible(x: Examination) -> Found | None:
+def not_reproducible(x: Evidence) -> Found | None:
     """Find an episode that differs when it is repeated with the same seed in a new instance."""
     for episode in x.in_time(x.episodes):
         t = first_difference(episode.steps, x.subject.play(episode.trace(), world=episode.seed + 1))
@@ -131,7 +131,7 @@ def not_reproducible(x: Examination) -> Found | None:
     return None
 
 
-def kept_by_reset(x: Examination) -> Found | None:
+def kept_by_reset(x: Evidence) -> Found | None:
     """Find an episode that depends on the episodes before it."""
     if "same seed" in x.found:
         return None
@@ -144,16 +144,16 @@ def kept_by_reset(x: Examination) -> Found | None:
     return None
 
 
-def shared(x: Examination) -> Found | None:
+def shared(x: Evidence) -> Found | None:
     """Find an episode that depends on what another instance does meanwhile."""
     if "same seed" in x.found:
         return None
     for other, episode in x.in_time(pairwise(x.episodes)):
-        trace = (*episode.trace(0), replace(other.trace()[0], instance="b"), Part(None, episode.actions))
+        trace = (*episode.trace(0), replace(other.trace()[0], instance="b"), TracePart(None, episode.actions))
         steps = x.subject.play(trace)
         t = first_difference(episode.steps, [steps[0], *steps[1 + len(other.steps) :]])
         if t is not None:
-            short = (*trace[:2], Part(None, episode.actions[:t]))
+            short = (*trace[:2], TracePart(None, episode.actions[:t]))
             return Found(f"another instance changes what the same seed and actions give at t = {t}", short)
     return None
 
@@ -161,18 +161,17 @@ def shared(x: Examination) -> Found | None:
 # -- ends -------------------------------------------------------------------------------------------------------------
 
 
-def ends_by_time(x: Examination) -> Found | None:
+def ends_by_time(x: Evidence) -> Found | None:
     """Find a termination that the time alone causes, where the time is not observed."""
-    for episode, step, early in x.last_steps_without_time():
-        if step.terminated and not early.terminated and early.seen == step.seen:
-            words = (
-                f"step {len(episode.actions)} is terminated by a counter of steps that is not observed: it is truncated"
-            )
-            return Found(words, episode.trace())
-    return None
+    caused = [found for found in x.last_steps_without_time() if found[1].terminated and not found[2].terminated]
+    if not caused or any(step.seen != early.seen for _, step, early in caused):
+        return None
+    episode = caused[0][0]
+    words = f"step {len(episode.actions)} is terminated by a counter of steps that is not observed: it is a truncation"
+    return Found(words, episode.trace())
 
 
-def truncated_by_state(x: Examination) -> Found | None:
+def truncated_by_state(x: Evidence) -> Found | None:
     """Find a truncation that the time does not cause."""
     for episode, step, early in x.last_steps_without_time():
         if step.truncated and not step.terminated and early.truncated:
@@ -183,21 +182,21 @@ def truncated_by_state(x: Examination) -> Found | None:
 # -- what tables show -------------------------------------------------------------------------------------------------
 
 
-def table_disagrees(x: Examination) -> Found | None:
+def table_disagrees(x: Evidence) -> Found | None:
     """Find a step that the environment's own `P` does not have."""
     if x.table is None and not x.wrong_P:
         return None
     return Found(*x.wrong_P) if x.wrong_P else None
 
 
-def unsolvable(x: Examination) -> Found | None:
+def unsolvable(x: Evidence) -> Found | None:
     """Find that all policies earn the same."""
     if x.solved is None or x.table is None or x.table.by_time or x.solved.best - x.solved.worst > EQUAL:
         return None
     return Found(f"nothing can be learned: every policy earns {decimal(x.solved.best)}")
 
 
-def one_action(x: Examination) -> Found | None:
+def one_action(x: Evidence) -> Found | None:
     """Find that one action is optimal everywhere."""
     found = x.solved
     if found is None or found.best - found.random <= EQUAL * max(1.0, abs(found.best)):
@@ -208,7 +207,7 @@ def one_action(x: Examination) -> Found | None:
     return None
 
 
-def nothing_told_apart(x: Examination) -> Found | None:
+def nothing_told_apart(x: Evidence) -> Found | None:
     """Find that all episodes of a large environment earned the same."""
     if x.solved is not None:
         return None
@@ -218,7 +217,7 @@ def nothing_told_apart(x: Examination) -> Found | None:
     return Found(f"every episode earned {decimal(*returns)}, with random actions and with each fixed one")
 
 
-def hidden_state(x: Examination) -> Found | None:
+def hidden_state(x: Evidence) -> Found | None:
     """Find two states with the same observation and different futures."""
     table = x.table
     if table is None or x.classes is None:
@@ -232,7 +231,7 @@ def hidden_state(x: Examination) -> Found | None:
     return Found(words, _traces(x, pair, actions))
 
 
-def hidden_reward(x: Examination) -> Found | None:
+def hidden_reward(x: Evidence) -> Found | None:
     """Find two states with the same observation that pay differently for the same action."""
     table = x.table
     if table is None or x.classes is None:
@@ -247,7 +246,7 @@ def hidden_reward(x: Examination) -> Found | None:
     return None
 
 
-def _alike(x: Examination, values: list[Any]) -> tuple[int, int] | None:
+def _alike(x: Evidence, values: list[Any]) -> tuple[int, int] | None:
     """Return two states in which episodes act that look alike and have different values."""
     first: dict[Hashable, int] = {}
     assert x.table is not None
@@ -258,17 +257,17 @@ def _alike(x: Examination, values: list[Any]) -> tuple[int, int] | None:
     return None
 
 
-def _traces(x: Examination, pair: tuple[int, int], actions: list[Any]) -> Trace | None:
-    found: list[Part] = []
+def _traces(x: Evidence, pair: tuple[int, int], actions: list[Any]) -> Trace | None:
+    found: list[TracePart] = []
     for s in pair:
         trace = x.table.traces[s] if x.table is not None else None
         if trace is None:
             return None
-        found.append(Part(trace[0].seed, (*trace[0].actions, *actions)))
+        found.append(TracePart(trace[0].seed, (*trace[0].actions, *actions)))
     return tuple(found)
 
 
-def by_time(x: Examination) -> Found | None:
+def by_time(x: Evidence) -> Found | None:
     """Find a reward or an end that depends on the time."""
     if x.table is None or x.table.by_time is None:
         return None
@@ -277,7 +276,7 @@ def by_time(x: Examination) -> Found | None:
     return Found(words + shown(x.table.actions[a]), trace)
 
 
-def same_actions(x: Examination) -> Found | None:
+def same_actions(x: Evidence) -> Found | None:
     """Find actions that do the same in every state."""
     groups = x.equal_actions()
     if not groups:
@@ -286,7 +285,7 @@ def same_actions(x: Examination) -> Found | None:
     return Found(f"these actions do the same in every state: {listed}")
 
 
-def unreached(x: Examination) -> Found | None:
+def unreached(x: Evidence) -> Found | None:
     """Find declared states that no episode enters."""
     if x.table is None or x.table.declared is None:
         return None
@@ -296,7 +295,7 @@ def unreached(x: Examination) -> Found | None:
     return Found(f"no episode enters {plural(count, 'state')} of {x.table.declared:,}")
 
 
-def gymnasium_check(x: Examination) -> Found | None:
+def gymnasium_check(x: Evidence) -> Found | None:
     """Find what Gymnasium's own checker raises, where nothing else was found."""
     if x.found:
         return None
@@ -310,23 +309,23 @@ def gymnasium_check(x: Examination) -> Found | None:
 
 
 CHECKS = (
-    Check("exception", "fault", raises),
-    Check("observation", "fault", outside),
-    Check("reward", "fault", reward_type),
-    Check("changed later", "fault", mutated),
-    Check("same seed", "fault", not_reproducible),
-    Check("reset", "fault", kept_by_reset),
-    Check("instances", "fault", shared),
-    Check("time limit", "fault", ends_by_time),
-    Check("P", "fault", table_disagrees),
-    Check("unsolvable", "fault", unsolvable),
-    Check("check_env", "fault", gymnasium_check),
-    Check("truncation", "fact", truncated_by_state),
-    Check("hidden state", "fact", hidden_state),
-    Check("hidden reward", "fact", hidden_reward),
-    Check("time", "fact", by_time),
-    Check("one action", "fact", one_action),
-    Check("returns", "fact", nothing_told_apart),
-    Check("same actions", "fact", same_actions),
-    Check("unreached", "fact", unreached),
+    AuditCheck("exception", "fault", raises),
+    AuditCheck("observation", "fault", outside),
+    AuditCheck("reward", "fault", reward_type),
+    AuditCheck("changed later", "fault", mutated),
+    AuditCheck("same seed", "fault", not_reproducible),
+    AuditCheck("reset", "fault", kept_by_reset),
+    AuditCheck("instances", "fault", shared),
+    AuditCheck("time limit", "fault", ends_by_time),
+    AuditCheck("P", "fault", table_disagrees),
+    AuditCheck("unsolvable", "fault", unsolvable),
+    AuditCheck("check_env", "fault", gymnasium_check),
+    AuditCheck("truncation", "fact", truncated_by_state),
+    AuditCheck("hidden state", "fact", hidden_state),
+    AuditCheck("hidden reward", "fact", hidden_reward),
+    AuditCheck("time", "fact", by_time),
+    AuditCheck("one action", "fact", one_action),
+    AuditCheck("returns", "fact", nothing_told_apart),
+    AuditCheck("same actions", "fact", same_actions),
+    AuditCheck("unreached", "fact", unreached),
 )

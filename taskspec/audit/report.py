@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from taskspec.audit.examination import Examination
-from taskspec.audit.findings import CHECKS, Check, Found
+from taskspec.audit.evidence import Evidence
+from taskspec.audit.findings import CHECKS, AuditCheck, Found
 from taskspec.audit.subject import Subject
 from taskspec.base.display import decimal, estimate, plural
 from taskspec.base.limits import tell
@@ -14,10 +14,10 @@ from taskspec.scores.returns import Return
 
 
 @dataclass(frozen=True)
-class Entry:
+class Reported:
     """A check that found something; `trace` is the text that shows it."""
 
-    check: Check
+    check: AuditCheck
     found: Found
     trace: str
 
@@ -36,14 +36,14 @@ class Audit:
     name: str
     size: str
     values: tuple[tuple[str, str], ...]
-    entries: tuple[Entry, ...]
+    entries: tuple[Reported, ...]
     numbers: dict[str, Any]
 
-    def of(self, kind: str) -> list[Entry]:
+    def of(self, kind: str) -> list[Reported]:
         return [entry for entry in self.entries if entry.check.kind == kind]
 
     @property
-    def faults(self) -> list[Entry]:
+    def faults(self) -> list[Reported]:
         return self.of("fault")
 
     def record(self) -> dict[str, Any]:
@@ -57,19 +57,19 @@ class Audit:
 
 def examined(subject: Subject, seconds: float) -> Audit:
     """Look for everything in `CHECKS`."""
-    x = Examination(subject, seconds)
+    x = Evidence(subject, seconds)
     entries = []
     for check in CHECKS:
         tell(check.name)
         found = check.look(x)
         if found is not None:
             x.found[check.name] = found
-            entries.append(Entry(check, found, subject.text(found.trace) if found.trace else ""))
+            entries.append(Reported(check, found, subject.text(found.trace) if found.trace else ""))
     values, numbers = _values(x)
     return Audit(subject.name, _size(x), tuple(values), tuple(entries), numbers)
 
 
-def _size(x: Examination) -> str:
+def _size(x: Evidence) -> str:
     horizon = "no time limit seen" if x.horizon is None else f"{x.horizon:,} steps"
     if x.table is None:
         return f"sampled, since {x.why_not}; {horizon}"
@@ -77,7 +77,7 @@ def _size(x: Examination) -> str:
     return f"{plural(len(x.entered), 'state')}, {plural(len(x.table.actions), 'action')}, {horizon}{chance}"
 
 
-def _values(x: Examination) -> tuple[list[tuple[str, str]], dict[str, Any]]:
+def _values(x: Evidence) -> tuple[list[tuple[str, str]], dict[str, Any]]:
     """Return returns in words and as numbers: those of the table, or else means of episodes with their intervals."""
     words = []
     numbers: dict[str, Any] = {}

@@ -26,7 +26,7 @@ _PART = re.compile(r"\s*([a-z]?)(\d*):(?=\[)")
 
 
 @dataclass(frozen=True)
-class Part:
+class TracePart:
     """Consecutive actions of one instance, which is reset first where there is a seed."""
 
     seed: int | None
@@ -46,12 +46,12 @@ class Deadline:
         return time.process_time() > self._busy or time.monotonic() > self._clock
 
 
-Trace = tuple[Part, ...]
+Trace = tuple[TracePart, ...]
 """Parts in the order in which they are played; instances with different letters live side by side."""
 
 
 @dataclass(frozen=True)
-class Step:
+class EnvStep:
     """The result of a reset (its action is None) or a step; `seen` and `seen_info` are copies that can be compared."""
 
     action: Any
@@ -75,11 +75,11 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Episode:
+class EnvEpisode:
     """An episode of random actions, from its reset on."""
 
     seed: int
-    steps: tuple[Step, ...]
+    steps: tuple[EnvStep, ...]
 
     @property
     def actions(self) -> tuple[Any, ...]:
@@ -87,37 +87,37 @@ class Episode:
 
     def trace(self, length: int | None = None) -> Trace:
         """Return the first steps of the episode as a trace."""
-        return (Part(self.seed, self.actions[:length]),)
+        return (TracePart(self.seed, self.actions[:length]),)
 
 
-class Instance:
+class EnvInstance:
     """One instance of the environment; exceptions of the environment become steps with an error."""
 
     def __init__(self, env: Any) -> None:
         self.env = env
 
-    def copy(self) -> Instance:
-        return Instance(copy.deepcopy(self.env))
+    def copy(self) -> EnvInstance:
+        return EnvInstance(copy.deepcopy(self.env))
 
-    def reset(self, seed: int) -> Step:
+    def reset(self, seed: int) -> EnvStep:
         try:
             with interrupted(PATIENCE):
                 observation, info = self.env.reset(seed=seed)
-            return Step(None, observation, frozen(observation), info=info, seen_info=frozen(info))
+            return EnvStep(None, observation, frozen(observation), info=info, seen_info=frozen(info))
         except (Exception, Late) as error:
-            return Step(None, error=f"reset {_words(error)}")
+            return EnvStep(None, error=f"reset {_words(error)}")
 
-    def step(self, action: Any) -> Step:
+    def step(self, action: Any) -> EnvStep:
         try:
             with interrupted(PATIENCE):
                 observation, reward, terminated, truncated, info = self.env.step(action)
-            return Step(action, observation, frozen(observation), reward, terminated, truncated, info, frozen(info))
+            return EnvStep(action, observation, frozen(observation), reward, terminated, truncated, info, frozen(info))
         except (Exception, Late) as error:
-            return Step(action, error=f"step {_words(error)}")
+            return EnvStep(action, error=f"step {_words(error)}")
 
-    def play(self, part: Part) -> list[Step]:
+    def play(self, part: TracePart) -> list[EnvStep]:
         """Play a part of a trace, up to an error."""
-        steps: list[Step] = []
+        steps: list[EnvStep] = []
         if part.seed is not None:
             steps.append(self.reset(part.seed))
         for action in part.actions:
@@ -150,20 +150,20 @@ class Subject:
         self.action_space = copy.deepcopy(env.action_space)
         self.limit: int | None = None if env.spec is None else env.spec.max_episode_steps
 
-    def make(self) -> Instance:
+    def make(self) -> EnvInstance:
         """Return a new instance."""
         try:
             if self._function is None:
-                return Instance(gymnasium.make(self.name, disable_env_checker=True, **self.kwargs))
-            return Instance(self._function(**self.kwargs))
+                return EnvInstance(gymnasium.make(self.name, disable_env_checker=True, **self.kwargs))
+            return EnvInstance(self._function(**self.kwargs))
         except Exception as error:
             raise spec_error("E713", f"'{self.name}' cannot be made; it {_words(error)}") from error
 
-    def play(self, trace: Trace, world: int = 0) -> list[Step]:
+    def play(self, trace: Trace, world: int = 0) -> list[EnvStep]:
         """Play a trace in new instances; `world` seeds the global generators, on which nothing should depend."""
         random.seed(world)
         np.random.seed(world)  # noqa: NPY002
-        instances: dict[str, Instance] = {}
+        instances: dict[str, EnvInstance] = {}
         steps = []
         for part in trace:
             if part.instance not in instances:
@@ -171,14 +171,14 @@ class Subject:
             steps += instances[part.instance].play(part)
         return steps
 
-    def episode(self, seed: int, instance: Instance | None = None, repeat: Any = None) -> Episode:
+    def episode(self, seed: int, instance: EnvInstance | None = None, repeat: Any = None) -> EnvEpisode:
         """Return an episode of random actions, or of one action again and again."""
         instance = instance or self.make()
         self.action_space.seed(seed)
         steps = [instance.reset(seed)]
         while not steps[-1].is_last and len(steps) <= MOST_STEPS:
             steps.append(instance.step(self.action_space.sample() if repeat is None else repeat))
-        return Episode(seed, tuple(steps))
+        return EnvEpisode(seed, tuple(steps))
 
     def actions(self, most: int = 64) -> list[Any] | None:
         """Return all actions; None where there are too many, or infinitely many."""
@@ -217,7 +217,7 @@ class Subject:
                     raise ValueError("a part is missing")
                 actions, at = json.JSONDecoder().raw_decode(text, found.end())
                 seed = int(found[2]) if found[2] else None
-                parts.append(Part(seed, tuple(self.action_space.from_jsonable(actions)), found[1]))
+                parts.append(TracePart(seed, tuple(self.action_space.from_jsonable(actions)), found[1]))
         except (ValueError, TypeError) as error:
             hint = "a seed and actions, such as 3:[0,1]; letters name instances: a3:[0] b4:[1] a:[0]"
             raise spec_error("E713", f"'{text}' is not a trace: {error}", hint) from None
@@ -268,7 +268,7 @@ def shown(value: Any, most: int = 60) -> str:
     return text if len(text) <= most else f"{text[: most - 4]} ..."
 
 
-def first_difference(one: Sequence[Step], other: Sequence[Step]) -> int | None:
+def first_difference(one: Sequence[EnvStep], other: Sequence[EnvStep]) -> int | None:
     """Return the number of the first step that differs; None where there is none."""
     for i, (a, b) in enumerate(zip(one, other, strict=False)):
         if a.outcome != b.outcome:

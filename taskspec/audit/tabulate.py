@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.audit.snapshot import Place, drawn, reseed, snapshot
-from taskspec.audit.subject import Deadline, Episode, Instance, Part, Step, Subject, Trace, frozen
+from taskspec.audit.subject import Deadline, EnvEpisode, EnvInstance, EnvStep, Subject, Trace, TracePart, frozen
 from taskspec.model.model import Model, RoundingTerms, scipy_sparse
 from taskspec.model.model import Step as ModelStep
 from taskspec.model.transitions import Steps
@@ -38,7 +38,7 @@ class Untabulated(Exception):
 
 
 @dataclass(eq=False)
-class Table:
+class StateTable:
     """An environment as a finite decision process.
 
     Attributes:
@@ -68,7 +68,7 @@ class Table:
     states: dict[Hashable, int] = field(default_factory=dict)
     ignored: frozenset[Place] = frozenset()
 
-    def add(self, key: Hashable, step: Step, trace: Trace | None) -> int:
+    def add(self, key: Hashable, step: EnvStep, trace: Trace | None) -> int:
         """Return the number of a state, which may be new."""
         if key not in self.states:
             self.states[key] = len(self.states)
@@ -78,7 +78,7 @@ class Table:
             self.traces.append(trace)
         return self.states[key]
 
-    def ends(self, step: Step, t: int) -> bool:
+    def ends(self, step: EnvStep, t: int) -> bool:
         """Return whether the step to time t ends the episode by the environment's rules, and not by its time limit."""
         is_late = self.horizon is not None and t >= self.horizon
         return bool(step.terminated or (step.truncated and not is_late))
@@ -129,7 +129,7 @@ reward: 0
 """
 
 
-def by_probabilities(subject: Subject, horizon: int | None) -> Table | None:
+def by_probabilities(subject: Subject, horizon: int | None) -> StateTable | None:
     """Return the table of an environment that has Gymnasium's `P` and `initial_state_distrib`; None without them."""
     env = subject.make().env.unwrapped
     P = getattr(env, "P", None)
@@ -139,9 +139,9 @@ def by_probabilities(subject: Subject, horizon: int | None) -> Table | None:
         return None
     if not len(P) == len(start) == getattr(subject.observation_space, "n", None):
         return None
-    table = Table(actions, horizon, declared=len(P))
+    table = StateTable(actions, horizon, declared=len(P))
     for s in range(len(P)):
-        table.add(frozen(s), Step(None, s, frozen(s)), None)
+        table.add(frozen(s), EnvStep(None, s, frozen(s)), None)
         for a in range(len(actions)):
             outcomes: Counter[Outcome] = Counter()
             for p, to, reward, ends in P[s][a]:
@@ -151,7 +151,7 @@ def by_probabilities(subject: Subject, horizon: int | None) -> Table | None:
     return table
 
 
-class Search:
+class TableSearch:
     """The table of an environment by copies: every action from every state, level by level from the start.
 
     Args:
@@ -177,12 +177,12 @@ class Search:
         self.subject = subject
         self.ignored = ignored
         self.until = until
-        self.table = Table(actions, horizon, is_start_estimated=True, ignored=ignored)
+        self.table = StateTable(actions, horizon, is_start_estimated=True, ignored=ignored)
         self.deepest = deepest
-        self.waiting: deque[tuple[int, int, Instance | None, Trace]] = deque()
+        self.waiting: deque[tuple[int, int, EnvInstance | None, Trace]] = deque()
         self.listed: set[int] = set()
 
-    def run(self) -> Table:
+    def run(self) -> StateTable:
         """Return the table."""
         instance = self.subject.make()
         starts: Counter[int] = Counter()
@@ -190,7 +190,7 @@ class Search:
             step = instance.reset(seed)
             if step.error:
                 raise Untabulated(step.error)
-            starts[self._state(instance, step, 0, (Part(seed),))] += 1
+            starts[self._state(instance, step, 0, (TracePart(seed),))] += 1
             if seed == STARTS // 10 and len(starts) == 1:
                 break
             if seed >= 60 and len(starts) > seed * 0.9:
@@ -201,7 +201,7 @@ class Search:
             self.table.rows[s] = [self._outcomes(s, a, depth, held, trace) for a in range(len(self.table.actions))]
         return self.table
 
-    def _state(self, instance: Instance, step: Step, depth: int, trace: Trace) -> int:
+    def _state(self, instance: EnvInstance, step: EnvStep, depth: int, trace: Trace) -> int:
         """Return the number of the state that an instance is in; a new one is put on the list, unless no episode acts there."""
         state = self.table.add(snapshot(instance.env).key(self.ignored), step, trace)
         if not self.table.ends(step, depth) and depth < self.deepest and state not in self.listed:
@@ -211,7 +211,7 @@ class Search:
             raise Untabulated(f"more than {len(self.table.states):,} states were found")
         return state
 
-    def _fork(self, held: Instance | None, trace: Trace) -> Instance:
+    def _fork(self, held: EnvInstance | None, trace: Trace) -> EnvInstance:
         """Return an instance in a state: a copy, or a new one that played the actions that lead there."""
         if held is not None:
             return held.copy()
@@ -220,9 +220,9 @@ class Search:
             instance.play(part)
         return instance
 
-    def _outcomes(self, s: int, a: int, depth: int, held: Instance | None, trace: Trace) -> dict[Outcome, float]:
+    def _outcomes(self, s: int, a: int, depth: int, held: EnvInstance | None, trace: Trace) -> dict[Outcome, float]:
         (part,) = trace
-        after = (Part(part.seed, (*part.actions, self.table.actions[a])),)
+        after = (TracePart(part.seed, (*part.actions, self.table.actions[a])),)
         counts: Counter[Outcome] = Counter()
         is_drawn = False
         for repeat in range(REPEATS):
@@ -246,7 +246,7 @@ class Search:
         return {outcome: n / counts.total() for outcome, n in counts.items()}
 
 
-def _copied(instance: Instance) -> Instance | None:
+def _copied(instance: EnvInstance) -> EnvInstance | None:
     try:
         return instance.copy()
     except Exception:
@@ -256,7 +256,9 @@ def _copied(instance: Instance) -> Instance | None:
 # -- compared with episodes -------------------------------------------------------------------------------------------
 
 
-def compare(table: Table, subject: Subject, episodes: Sequence[Episode], ignored: frozenset[Place] | None) -> None:
+def compare(
+    table: StateTable, subject: Subject, episodes: Sequence[EnvEpisode], ignored: frozenset[Place] | None
+) -> None:
     """Play episodes again, and compare each step with the table; `ignored` as in the search, None for a table of `P`.
 
     Raises:
@@ -281,7 +283,7 @@ def compare(table: Table, subject: Subject, episodes: Sequence[Episode], ignored
             state = None if ends else to
 
 
-def _known(table: Table, instance: Instance, step: Step, ignored: frozenset[Place] | None) -> int | None:
+def _known(table: StateTable, instance: EnvInstance, step: EnvStep, ignored: frozenset[Place] | None) -> int | None:
     key: Hashable = step.seen
     if ignored is not None:
         key = snapshot(instance.env).key(ignored)

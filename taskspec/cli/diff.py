@@ -16,7 +16,7 @@ from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.abstraction.difference import Comparison
+    from taskspec.abstraction.difference import TaskRelation
     from taskspec.task.task import Task
 
 GIT = "git:"
@@ -86,7 +86,7 @@ def _task(target: str, variant: str | None) -> Task:
     return build(read_text(found.stdout, path), variant, {}, suite_of(Path(path)))
 
 
-def _print(found: Comparison, first: str, second: str) -> None:
+def _print(found: TaskRelation, first: str, second: str) -> None:
     out = console()
     style = "good" if found.relation in ("identical", "same task") else "warn"
     out.print(line((found.relation, style), f": {found.words}"))

@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from taskspec import source
-from taskspec.abstraction.difference import Comparison, compare
+from taskspec.abstraction.difference import TaskRelation, compare
 from taskspec.task.build import build
 from tests.shared.commands import Done, spec
 from tests.verification.oracle.reference.model import Key, Model
@@ -230,7 +230,7 @@ def truth(one: Model, other: Model) -> str:
     return "same optimal policy" if best[0] == best[1] else "different"
 
 
-def found_for(one: str, other: str) -> Comparison:
+def found_for(one: str, other: str) -> TaskRelation:
     return compare(*(build(source.read_text(text)) for text in (one, other)))
 
 

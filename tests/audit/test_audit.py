@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from taskspec.audit import subject as subjects
-from taskspec.audit.examination import Examination
+from taskspec.audit.evidence import Evidence
 from taskspec.audit.report import Audit, examined
 from taskspec.audit.subject import Subject, frozen
 from tests.audit.environments import PLANTED, RIGHT
@@ -55,11 +55,11 @@ def test_nothing_is_wrong_with_the_environments_of_gymnasium(name: str) -> None:
 
 
 def test_a_table_by_copies_has_the_values_of_the_own_one() -> None:
-    lake = Examination(Subject("FrozenLake-v1", {"is_slippery": False}), 60.0)
+    lake = Evidence(Subject("FrozenLake-v1", {"is_slippery": False}), 60.0)
     expected = lake.solved
     assert lake.table is not None and lake.table.declared == 16
     subject = Subject(f"{PLACE}:lake_without_table", {})
-    copied = Examination(subject, 60.0)
+    copied = Evidence(subject, 60.0)
     assert copied.table is not None and copied.table.declared is None
     assert copied.solved is not None and expected is not None
     assert copied.solved.best == expected.best == 1.0
@@ -79,7 +79,7 @@ def test_estimated_chance_is_near_the_right_one() -> None:
                 Q[x, y, a] += p * (0.99 if to == (3, 3) else V[to] - 0.01)
         V = Q.max(axis=2)
         V[3, 3] = 0
-    x = Examination(Subject(f"{PLACE}:Slippery", {}), 60.0)
+    x = Evidence(Subject(f"{PLACE}:Slippery", {}), 60.0)
     assert x.solved is not None and x.table is not None
     assert len(x.table.drawn) == 15 * 4
     assert x.solved.best == pytest.approx(V[0, 0], abs=0.02)

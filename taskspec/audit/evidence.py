@@ -13,8 +13,8 @@ import numpy as np
 
 from taskspec.abstraction.bisimulation import Rows, levels, signature
 from taskspec.audit.snapshot import Place, Snapshot, counters, place_value, snapshot, totals
-from taskspec.audit.subject import MOST_STEPS, Deadline, Episode, Part, Step, Subject, Trace
-from taskspec.audit.tabulate import Search, Table, Untabulated, by_probabilities, compare
+from taskspec.audit.subject import MOST_STEPS, Deadline, EnvEpisode, EnvStep, Subject, Trace, TracePart
+from taskspec.audit.tabulate import StateTable, TableSearch, Untabulated, by_probabilities, compare
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import decimal
 from taskspec.base.limits import tell
@@ -32,7 +32,7 @@ MOST_RETURNS = 1_000
 
 
 @dataclass(frozen=True)
-class Values:
+class TableValues:
     """Expected returns of a table: of the best and the worst policy, of random actions, and of each action alone."""
 
     best: float
@@ -41,7 +41,7 @@ class Values:
     constant: tuple[float, ...]
 
 
-class Examination:
+class Evidence:
     """The evidence about an environment; each part is worked out when it is asked for.
 
     Args:
@@ -70,9 +70,9 @@ class Examination:
     # -- episodes -----------------------------------------------------------------------------------------------------
 
     @cached_property
-    def episodes(self) -> list[Episode]:
+    def episodes(self) -> list[EnvEpisode]:
         """Episodes of random actions, each in an instance of its own."""
-        found: list[Episode] = []
+        found: list[EnvEpisode] = []
         end = self.until(0.05)
         for seed in range(EPISODES):
             tell(f"episode {seed + 1}")
@@ -82,7 +82,7 @@ class Examination:
         return found
 
     @cached_property
-    def all_episodes(self) -> list[Episode]:
+    def all_episodes(self) -> list[EnvEpisode]:
         """The episodes, and one of each action again and again."""
         repeated = [self.subject.episode(0, repeat=action) for action in self.subject.actions() or []]
         return [*self.episodes, *repeated]
@@ -136,7 +136,7 @@ class Examination:
         is_own = len(lengths) == 1 and bool(self.counters) and max(len(e.actions) for e in self.episodes) in lengths
         return lengths.pop() if is_own else None
 
-    def last_steps_without_time(self) -> Iterator[tuple[Episode, Step, Step]]:
+    def last_steps_without_time(self) -> Iterator[tuple[EnvEpisode, EnvStep, EnvStep]]:
         """Yield episodes with their last step, and with the same step where the counters of steps are those of a reset."""
         for episode in self.episodes[: 2 * WATCHED]:
             if (
@@ -166,7 +166,7 @@ class Examination:
         if not ended:
             return None
         episode = min(ended, key=lambda each: len(each.steps))
-        step = self.subject.play((Part(episode.seed, (*episode.actions, episode.actions[-1])),))[-1]
+        step = self.subject.play((TracePart(episode.seed, (*episode.actions, episode.actions[-1])),))[-1]
         if step.error:
             return step.error
         return f"{'ends again' if step.terminated else 'goes on'}, and pays {decimal(float(step.reward))}"
@@ -174,7 +174,7 @@ class Examination:
     # -- the table ----------------------------------------------------------------------------------------------------
 
     @cached_property
-    def table(self) -> Table | None:
+    def table(self) -> StateTable | None:
         """The environment as a table; None where it has none, for the reason in `why_not`."""
         try:
             return self._tabulated()
@@ -184,7 +184,7 @@ class Examination:
             self.why_not = f"{type(error).__name__}: {error}"
         return None
 
-    def _tabulated(self) -> Table:
+    def _tabulated(self) -> StateTable:
         if any(step.error for episode in self.episodes for step in episode.steps):
             raise Untabulated("it raises exceptions")
         table = by_probabilities(self.subject, self.horizon)
@@ -200,14 +200,14 @@ class Examination:
         self._check_recurrence()
         return self._found_by_search()
 
-    def _found_by_search(self) -> Table:
+    def _found_by_search(self) -> StateTable:
         """Return the table of the smallest states that suffice: without sums and histories, without counters, or whole."""
         limits = frozenset(place for place in self.counters if place[-1] == "_elapsed_steps")
         tries = [(totals(self.snapshots), math.inf), (self.counters, math.inf), (limits, self.horizon or math.inf)]
         by_time = None
         for ignored, deepest in dict(tries).items():
             try:
-                table = Search(self.subject, self.horizon, ignored, self.until(0.2), deepest).run()
+                table = TableSearch(self.subject, self.horizon, ignored, self.until(0.2), deepest).run()
                 compare(table, self.subject, self.episodes, ignored)
             except Untabulated as error:
                 reason = error
@@ -230,7 +230,7 @@ class Examination:
             raise Untabulated("its states seldom recur")
 
     @cached_property
-    def solved(self) -> Values | None:
+    def solved(self) -> TableValues | None:
         """The values of the table."""
         if self.table is None:
             return None
@@ -243,7 +243,9 @@ class Examination:
                 pi = np.zeros(shape)
                 pi[a] = 1
                 constant.append(solver.value(Given(stationary(pi))).value)
-            return Values(solver.best().value, solver.worst().value, solver.value(Uniform()).value, tuple(constant))
+            return TableValues(
+                solver.best().value, solver.worst().value, solver.value(Uniform()).value, tuple(constant)
+            )
         except SpecError as error:
             self.why_not = error.diagnostics[0].message
             return None
