@@ -88,10 +88,10 @@ def assembled(source: Source, start: Mapping[int, Number], rows: Sequence[Row], 
             continue
         found.append(tuple(own.get(name, usual) for name in names))
     first = _normal(source, "the start distribution", [start.get(s, Fraction(0)) for s in range(len(rows))])
-    given = {"states": plain_names([f"s{s}" for s in range(len(rows))], "s")} | other
+    given: dict[str, Any] = {"horizon": None, "states": plain_names([f"s{s}" for s in range(len(rows))], "s")} | other
     return FrozenTask(
         name="Imported", actions=plain_names(names, "a"), start=tuple(first), outcomes=tuple(found),
-        **({"horizon": None} | given),
+        **given,
     )  # fmt: skip
 
 
@@ -99,7 +99,7 @@ def _checked(source: Source, s: int, outcomes: Sequence[FrozenOutcome], count: i
     for outcome in outcomes:
         if not 0 <= outcome.state < count:
             source.wrong(f"state {s} leads to state {outcome.state}, which does not exist")
-        if not (math.isfinite(outcome.reward) and abs(outcome.reward) <= LARGEST):
+        if not (math.isfinite(outcome.reward) and -LARGEST <= outcome.reward <= LARGEST):
             source.wrong(f"state {s} pays a reward that is not finite, or too large")
     likely = [outcome for outcome in outcomes if outcome.probability]
     shares = _normal(source, f"state {s}", [outcome.probability for outcome in likely])
@@ -112,7 +112,7 @@ def _normal(source: Source, place: str, probabilities: Sequence[Number]) -> list
     if not all(0 <= p <= 1 for p in probabilities):
         source.wrong(f"{place} has a probability that is not between 0 and 1")
     total = sum(probabilities)
-    if not abs(total - 1) <= SLACK:
+    if not -SLACK <= total - 1 <= SLACK:
         source.wrong(f"the probabilities of {place} sum to {float(total):.6g}, not to 1")
     if isinstance(total, Fraction) and total != 1:
         return [p / total for p in probabilities]

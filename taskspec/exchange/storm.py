@@ -130,13 +130,15 @@ def compared(model: Model, found: FrozenTask, format: Format) -> Iterator[Compar
     random = at_random(ready)
     (middle,) = solved(format.write(random), format.suffix, property_of(random, "max"))
     theirs = {"optimal": best, "random": middle, "worst": worst}
-    for which, ours in _ours(model, ready).items():
+    for which, ours in _ours(model, found).items():
         yield Comparison(which, ours, theirs[which])
 
 
-def _ours(model: Model, ready: FrozenTask) -> dict[str, Enclosure]:
+def _ours(model: Model, found: FrozenTask) -> dict[str, Enclosure]:
     """Return our returns: rationals where there are some, else with bounds of rounding errors."""
-    if model.horizon is None:
+    is_rational = all(isinstance(outcome.probability, Fraction) for _, _, outcome in found.steps())
+    if model.horizon is None and is_rational:
+        ready = settled(found)
         with suppress(Inexact):
             best, random, worst = (stationary_return(ready, pick) for pick in (max, None, min))
             return {name: Enclosure.exactly(v) for name, v in (("optimal", best), ("random", random), ("worst", worst))}
@@ -225,9 +227,10 @@ def _policy_values(ready: FrozenTask, policy: Shares) -> list[Fraction]:
         rows[s] = {j: p / left for j, p in row.items()}
         constants[s] /= left
         for k, other in enumerate(rows):
-            share = other.pop(s, None) if k != s else None
-            if share is not None:
-                constants[k] += share * constants[s]
-                for j, p in rows[s].items():
-                    other[j] = other.get(j, Fraction(0)) + share * p
+            if k == s or s not in other:
+                continue
+            share = other.pop(s)
+            constants[k] += share * constants[s]
+            for j, p in rows[s].items():
+                other[j] = other.get(j, Fraction(0)) + share * p
     return constants

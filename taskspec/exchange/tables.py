@@ -381,7 +381,7 @@ def _distribution(pairs: Iterable[tuple[str, Number]]) -> str:
 
 
 def _claim(name: str, value: Number) -> str:
-    near = small_fraction(value, SIMPLE, EXACT * abs(value))
+    near = small_fraction(value, SIMPLE, EXACT * abs(float(value)))
     return f"  - {name} == {repr(value) if near is None else near}"
 
 
