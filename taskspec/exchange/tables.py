@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import keyword
 import re
+import textwrap
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -103,6 +104,18 @@ class FrozenTask:
     def spec(self) -> str:
         """Return the text of a spec."""
         return "\n".join(_lines(self)) + "\n"
+
+    def called(self, name: str, title: str, summary: str, description: str) -> FrozenTask:
+        """Return the same task with a name and a text of its own; states and actions are numbered."""
+        text = {
+            "title": title,
+            "summary": summary,
+            "description": "\n".join(textwrap.wrap(description, 110)),
+            "capability": "separation",
+        }
+        states = tuple(f"s{i}" for i in range(len(self.states)))
+        actions = tuple(f"a{i}" for i in range(len(self.actions)))
+        return replace(self, name=name, states=states, actions=actions, text=text)
 
     def task(self, suite: str = "") -> Task:
         """Return the task of the spec."""
@@ -350,9 +363,13 @@ class _Table:
             yield f"{indent}  else: {common}"
 
     def _row(self, rows: Mapping[tuple[str, ...], str], keys: tuple[str, ...]) -> str:
-        """Return one row: a value where all are equal, or values by the next key."""
+        """Return one row: a value where all are equal, or values by the next key.
+
+        A distribution that all share stands under `else`: alone it would be read as values by the next key.
+        """
+        first = next(iter(rows.values()))
         if len(set(rows.values())) == 1:
-            return next(iter(rows.values()))
+            return f"{{else: {first}}}" if keys and first.startswith("{") else first
         below: dict[str, dict[tuple[str, ...], str]] = {}
         for key, value in rows.items():
             below.setdefault(key[0], {})[key[1:]] = value
