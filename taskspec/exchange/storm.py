@@ -55,6 +55,9 @@ def solved(content: bytes, suffix: str, *properties: str) -> list[Fraction]:
         path = Path(folder) / f"task{suffix}"
         path.write_bytes(content)
         model = _READERS[suffix](stormpy, str(path))
+    paid = model.reward_models["reward"]
+    if not (paid.has_state_rewards or paid.has_state_action_rewards or paid.has_transition_rewards):
+        return [Fraction(0) for _ in properties]  # Storm refuses to add up rewards where there are none
     first = model.initial_states[0]
     parsed = [stormpy.parse_properties(each)[0] for each in properties]
     return [_fraction(str(stormpy.model_checking(model, each).get_value(first))) for each in parsed]
@@ -96,7 +99,7 @@ class Comparison:
 
     @property
     def agrees(self) -> bool:
-        """Whether Storm's value is ours, or lies within our bounds."""
+        """Return whether Storm's value is ours, or lies within our bounds."""
         return self.ours.low <= self.storm <= self.ours.high
 
     @property
