@@ -16,7 +16,7 @@ from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.exchange.formats import Format
+    from taskspec.exchange.formats import ModelFormat
     from taskspec.task.task import Task
 
 FORMATS = ("umb", "prism", "jani", "drn", "gym-p", "npz")
@@ -24,7 +24,9 @@ READ = ("umb", "drn", "gym-p", "npz")
 ExportFormat = Annotated[
     str, options.formats_option(FORMATS, "umb, prism, jani and drn for model checkers, gym-p and npz for Python.")
 ]
-ImportFormat = Annotated[str | None, options.formats_option(READ, "Format of the file; by default from its suffix.")]
+ImportFormat = Annotated[
+    str | None, options.formats_option(READ, "ModelFormat of the file; by default from its suffix.")
+]
 
 
 def export(
@@ -71,7 +73,7 @@ def export(
         _verify(found[0], chosen, model, tables, json)
 
 
-def _verify(task: Task, format: Format, model: Any, tables: Any, json: bool) -> None:
+def _verify(task: Task, format: ModelFormat, model: Any, tables: Any, json: bool) -> None:
     """Print our returns beside Storm's; the exit status is 1 where they differ."""
     from taskspec.exchange.storm import compared
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.diagnostics import spec_error
-from taskspec.exchange.reading import MOST_BYTES, Row, Source, assembled
+from taskspec.exchange.reading import MOST_BYTES, ForeignFile, Row, assembled
 from taskspec.exchange.tables import FrozenOutcome, FrozenTask
 
 COLUMNS = {
@@ -44,7 +44,7 @@ def write_p(task: FrozenTask) -> bytes:
     return (json.dumps(data) + "\n").encode()
 
 
-def read_p(source: Source) -> FrozenTask:
+def read_p(source: ForeignFile) -> FrozenTask:
     """Return the task of such a file; `P` alone, without other keys, starts in state 0."""
     try:
         data = json.loads(source.text())
@@ -71,7 +71,7 @@ def read_environment(name: str) -> FrozenTask:
     except Exception as error:  # the code of the environment is not ours
         raise spec_error("E701", f"there is no file '{name}', and no such environment: {error}") from error
     inner: Any = env.unwrapped
-    source = Source(name, b"")
+    source = ForeignFile(name, b"")
     if not isinstance(getattr(inner, "P", None), Mapping):
         source.wrong("the environment has no table `P`")
     start = getattr(inner, "initial_state_distrib", None)
@@ -83,7 +83,7 @@ def read_environment(name: str) -> FrozenTask:
     return _of_p(source, inner.P, other)
 
 
-def _of_p(source: Source, P: Any, other: Mapping[str, Any]) -> FrozenTask:
+def _of_p(source: ForeignFile, P: Any, other: Mapping[str, Any]) -> FrozenTask:
     """Return the task of a table by state and action, keys being numbers or their texts."""
     try:
         by_state = {int(s): {int(a): list(outcomes) for a, outcomes in row.items()} for s, row in P.items()}
@@ -140,7 +140,7 @@ def write_npz(task: FrozenTask) -> bytes:
     return result.getvalue()
 
 
-def read_npz(source: Source) -> FrozenTask:
+def read_npz(source: ForeignFile) -> FrozenTask:
     """Return the task of such arrays; nothing in them is executed."""
     arrays = _loaded(source)
     columns = []
@@ -168,7 +168,7 @@ def read_npz(source: Source) -> FrozenTask:
     return assembled(source, dict(enumerate(start.tolist())), rows, **_rest(other))
 
 
-def _loaded(source: Source) -> dict[str, Any]:
+def _loaded(source: ForeignFile) -> dict[str, Any]:
     try:
         with zipfile.ZipFile(io.BytesIO(source.content)) as archive:
             if sum(member.file_size for member in archive.infolist()) > MOST_BYTES:

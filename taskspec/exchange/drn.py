@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from fractions import Fraction
 
-from taskspec.exchange.reading import Source, assembled
+from taskspec.exchange.reading import ForeignFile, assembled
 from taskspec.exchange.settled import expected_rewards
 from taskspec.exchange.tables import FrozenOutcome, FrozenTask
 
@@ -45,7 +45,7 @@ def write(task: FrozenTask) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def read(source: Source) -> FrozenTask:
+def read(source: ForeignFile) -> FrozenTask:
     """Return the settled task of a file; rewards of states and actions are added, of the first reward model."""
     return _Reader(source).task()
 
@@ -53,7 +53,7 @@ def read(source: Source) -> FrozenTask:
 class _Reader:
     """The states of a file, line by line."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: ForeignFile) -> None:
         self.source = source
         self.rows: list[dict[str, list[FrozenOutcome]]] = []
         self.labels: dict[str, set[int]] = {}

@@ -11,7 +11,7 @@ from taskspec.base.diagnostics import spec_error
 from taskspec.base.records import entries_by_name
 from taskspec.exchange import arrays, drn, prism, umb
 from taskspec.exchange.freeze import tables
-from taskspec.exchange.reading import MOST_BYTES, Source
+from taskspec.exchange.reading import MOST_BYTES, ForeignFile
 from taskspec.exchange.settled import settled, unsettled
 from taskspec.exchange.tables import FrozenTask
 from taskspec.model.extract import extract
@@ -23,7 +23,7 @@ MOST_STATES = 100_000
 
 
 @dataclass(frozen=True)
-class Format:
+class ModelFormat:
     """A format of files.
 
     Attributes:
@@ -37,7 +37,7 @@ class Format:
     suffix: str
     summary: str
     write: Callable[[FrozenTask], bytes]
-    read: Callable[[Source], FrozenTask] | None
+    read: Callable[[ForeignFile], FrozenTask] | None
     is_settled: bool
     is_text: bool
     keeps: frozenset[str]
@@ -45,12 +45,12 @@ class Format:
 
 def _format(
     name: str, suffix: str, summary: str, write: Callable[[FrozenTask], bytes],
-    read: Callable[[Source], FrozenTask] | None, kind: str, keeps: str,
-) -> Format:  # fmt: skip
-    return Format(name, suffix, summary, write, read, "settled" in kind, "text" in kind, frozenset(keeps.split()))
+    read: Callable[[ForeignFile], FrozenTask] | None, kind: str, keeps: str,
+) -> ModelFormat:  # fmt: skip
+    return ModelFormat(name, suffix, summary, write, read, "settled" in kind, "text" in kind, frozenset(keeps.split()))
 
 
-FORMATS: dict[str, Format] = entries_by_name((
+FORMATS: dict[str, ModelFormat] = entries_by_name((
     _format("umb", ".umb", "unified Markov binary: Storm, PRISM, Modest, stormvogel", umb.write, umb.read,
             "settled binary", "rationals rewards labels"),
     _format("prism", ".prism", "the language of PRISM and Storm", prism.prism, None, "settled text", "rationals labels"),
@@ -81,12 +81,12 @@ def _finite(task: Task) -> Task:
     return task if found is None else found.stand_in
 
 
-def written(found: FrozenTask, format: Format) -> bytes:
+def written(found: FrozenTask, format: ModelFormat) -> bytes:
     """Return the content of a file."""
     return format.write(settled(found) if format.is_settled else found)
 
 
-def notes(task: Task, found: FrozenTask, format: Format) -> Iterator[str]:
+def notes(task: Task, found: FrozenTask, format: ModelFormat) -> Iterator[str]:
     """Yield what a format does not carry of a task, and how it says the rest."""
     if _finite(task) is not task:
         yield f"states: those of the abstraction of {task.name}"
@@ -106,7 +106,7 @@ def notes(task: Task, found: FrozenTask, format: Format) -> Iterator[str]:
     yield from _notes_on_time(found, format)
 
 
-def _notes_on_time(found: FrozenTask, format: Format) -> Iterator[str]:
+def _notes_on_time(found: FrozenTask, format: ModelFormat) -> Iterator[str]:
     if found.values and "t" in found.values[0]:
         yield "time: the component t of the state"
     if not format.is_settled:
@@ -154,7 +154,7 @@ def read(place: str, format: str | None = None) -> FrozenTask:
     try:
         if path.stat().st_size > MOST_BYTES:
             raise spec_error("E728", f"{place} has more than {MOST_BYTES:,} bytes")
-        source = Source(place, path.read_bytes())
+        source = ForeignFile(place, path.read_bytes())
     except OSError as error:
         raise spec_error("E711", f"{place}: {error.strerror or error}") from error
     found = chosen.read(source)

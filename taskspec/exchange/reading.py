@@ -25,7 +25,7 @@ _NUMBER = re.compile(r"[-+]?\d{1,300}(\.\d{0,300})?([eE][-+]?\d{1,3})?(/\d{1,300
 
 
 @dataclass(frozen=True)
-class Source:
+class ForeignFile:
     """A file that is read: its name for messages, and its content."""
 
     name: str
@@ -63,7 +63,7 @@ Row = Mapping[str, Sequence[FrozenOutcome]]
 """The outcomes of a state by the name of the action."""
 
 
-def assembled(source: Source, start: Mapping[int, Number], rows: Sequence[Row], **other: Any) -> FrozenTask:
+def assembled(source: ForeignFile, start: Mapping[int, Number], rows: Sequence[Row], **other: Any) -> FrozenTask:
     """Return the tables of a file after checks of every number.
 
     An action that a state does not have does the same there as the state's first one. A state without actions stays.
@@ -95,7 +95,7 @@ def assembled(source: Source, start: Mapping[int, Number], rows: Sequence[Row], 
     )  # fmt: skip
 
 
-def _checked(source: Source, s: int, outcomes: Sequence[FrozenOutcome], count: int) -> Outcomes:
+def _checked(source: ForeignFile, s: int, outcomes: Sequence[FrozenOutcome], count: int) -> Outcomes:
     for outcome in outcomes:
         if not 0 <= outcome.state < count:
             source.wrong(f"state {s} leads to state {outcome.state}, which does not exist")
@@ -107,7 +107,7 @@ def _checked(source: Source, s: int, outcomes: Sequence[FrozenOutcome], count: i
     return merged(FrozenOutcome(share, o.state, o.reward, o.ends) for o, share in kept)
 
 
-def _normal(source: Source, place: str, probabilities: Sequence[Number]) -> list[Number]:
+def _normal(source: ForeignFile, place: str, probabilities: Sequence[Number]) -> list[Number]:
     """Return probabilities that sum to 1."""
     if not all(0 <= p <= 1 for p in probabilities):
         source.wrong(f"{place} has a probability that is not between 0 and 1")

@@ -14,7 +14,7 @@ from typing import Any
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import need
-from taskspec.exchange.formats import Format
+from taskspec.exchange.formats import ModelFormat
 from taskspec.exchange.prism import property_of
 from taskspec.exchange.settled import END, at_random, settled
 from taskspec.exchange.tables import FrozenTask
@@ -90,7 +90,7 @@ _READERS: dict[str, Callable[[Any, str], Any]] = {
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ComparedReturn:
     """A return of a task by its exact model and by Storm."""
 
     which: str
@@ -115,7 +115,7 @@ class Comparison:
         return str(self.storm) if self.storm.denominator < SHORT else digits(self.storm)
 
 
-def compared(model: Model, found: FrozenTask, format: Format) -> Iterator[Comparison]:
+def compared(model: Model, found: FrozenTask, format: ModelFormat) -> Iterator[ComparedReturn]:
     """Yield the optimal, worst and random return of a task, solved by Storm from what a format says.
 
     Args:
@@ -134,7 +134,7 @@ def compared(model: Model, found: FrozenTask, format: Format) -> Iterator[Compar
     (middle,) = solved(format.write(random), format.suffix, property_of(random, "max"))
     theirs = {"optimal": best, "random": middle, "worst": worst}
     for which, ours in _ours(model, found).items():
-        yield Comparison(which, ours, theirs[which])
+        yield ComparedReturn(which, ours, theirs[which])
 
 
 def _ours(model: Model, found: FrozenTask) -> dict[str, Enclosure]:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base import __version__
-from taskspec.exchange.reading import MOST_BYTES, MOST_OUTCOMES, MOST_ROWS, Source, assembled
+from taskspec.exchange.reading import MOST_BYTES, MOST_OUTCOMES, MOST_ROWS, ForeignFile, assembled
 from taskspec.exchange.tables import FrozenOutcome, FrozenTask, Number
 
 INDEX = "index.json"
@@ -118,7 +118,7 @@ def _rationals(values: Sequence[Number]) -> tuple[bytes, dict[str, Any]]:
 # -- reading ----------------------------------------------------------------------------------------------------------
 
 
-def read(source: Source) -> FrozenTask:
+def read(source: ForeignFile) -> FrozenTask:
     """Return the settled task of a file; rewards of states, choices and branches are added, of the first reward."""
     return _Archive(source).task()
 
@@ -126,7 +126,7 @@ def read(source: Source) -> FrozenTask:
 class _Archive:
     """The files of an archive, with checks of their sizes."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: ForeignFile) -> None:
         self.source = source
         self.files: dict[str, bytes] = {}
         total = 0
