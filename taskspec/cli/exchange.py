@@ -24,9 +24,7 @@ READ = ("umb", "drn", "gym-p", "npz")
 ExportFormat = Annotated[
     str, options.formats_option(FORMATS, "umb, prism, jani and drn for model checkers, gym-p and npz for Python.")
 ]
-ImportFormat = Annotated[
-    str | None, options.formats_option(READ, "ModelFormat of the file; by default from its suffix.")
-]
+ImportFormat = Annotated[str | None, options.formats_option(READ, "Format of the file; by default from its suffix.")]
 
 
 def export(

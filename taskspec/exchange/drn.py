@@ -47,10 +47,10 @@ def write(task: FrozenTask) -> bytes:
 
 def read(source: ForeignFile) -> FrozenTask:
     """Return the settled task of a file; rewards of states and actions are added, of the first reward model."""
-    return _Reader(source).task()
+    return _DrnReader(source).task()
 
 
-class _Reader:
+class _DrnReader:
     """The states of a file, line by line."""
 
     def __init__(self, source: ForeignFile) -> None:

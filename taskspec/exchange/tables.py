@@ -239,7 +239,7 @@ def _lines(task: FrozenTask) -> Iterator[str]:
     if task.discount != 1:
         yield f"discount: {written(task.discount)}"
     yield from ("initial:", f"  s: {_distribution(zip(task.states, task.start, strict=True))}", "dynamics:")
-    yield from _Table("  s'", task, _next_states(task)).lines()
+    yield from _TableText("  s'", task, _next_states(task)).lines()
     yield from _rewards(task)
     yield from _ends(task)
     yield "expert: optimal"
@@ -284,14 +284,14 @@ def _rewards(task: FrozenTask) -> Iterator[str]:
     found: Entries = {}
     for s, a, outcome in _taken(task):
         found[task.states[s], task.actions[a], task.states[outcome.state]] = written(outcome.reward)
-    table = _Table("reward", task, found)
+    table = _TableText("reward", task, found)
     if table.cells > limits().cells:
         found = {}
         for s in task.acting:
             for a, outcomes in enumerate(task.outcomes[s]):
                 mean = sum(outcome.probability * outcome.reward for outcome in outcomes)
                 found[task.states[s], task.actions[a], ""] = written(mean)
-        table = _Table("reward", task, found)
+        table = _TableText("reward", task, found)
     yield from table.lines()
 
 
@@ -304,7 +304,7 @@ def _ends(task: FrozenTask) -> Iterator[str]:
         found[task.states[s], task.actions[a], task.states[outcome.state]] = str(outcome.ends).lower()
     if "true" not in found.values():
         return
-    table = _Table("terminal", task, found)
+    table = _TableText("terminal", task, found)
     ends = [name for name in task.states if table.rows.get((name,)) == "true"]
     if table.keys == ("s'",) and len(ends) <= MOST_ENDS:
         yield f"terminal: s' == {ends[0]}" if len(ends) == 1 else f"terminal: s' in {{{', '.join(ends)}}}"
@@ -317,7 +317,7 @@ def _taken(task: FrozenTask) -> Iterator[tuple[int, int, FrozenOutcome]]:
     return ((s, a, outcome) for s, a, outcome in task.steps() if s in task.acting)
 
 
-class _Table:
+class _TableText:
     """A decision table with as few keys as tell its values apart."""
 
     def __init__(self, name: str, task: FrozenTask, entries: Entries) -> None:
