@@ -19,6 +19,7 @@ from taskspec.cli.data import demos, preferences
 from taskspec.cli.diff import diff
 from taskspec.cli.docs import docs, figure
 from taskspec.cli.exam import exam
+from taskspec.cli.exchange import export, import_task
 from taskspec.cli.help import Command, Commands
 from taskspec.cli.mutate import mutate
 from taskspec.cli.options import flowed
@@ -40,6 +41,7 @@ COMMANDS = (
     ("mutate", mutate, WRITE),
     ("build", build, WRITE),
     ("freeze", freeze, WRITE),
+    ("import", import_task, WRITE),
     ("schema", scaffold.schema, WRITE),
     ("run", running.run, USE),
     ("play", running.play, USE),
@@ -52,6 +54,7 @@ COMMANDS = (
     ("audit", audit, USE),
     ("demos", demos, USE),
     ("preferences", preferences, USE),
+    ("export", export, PRINT),
     ("docs", docs, PRINT),
     ("figure", figure, PRINT),
 )
