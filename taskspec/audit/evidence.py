@@ -256,10 +256,10 @@ class Evidence:
         """Returns of the best policy of a table with estimated chance, in the environment itself."""
         assert self.table is not None
         plan = optimal_plan(self.table.model(self.horizon or MOST_STEPS))
-        instance = self.subject.make()
         found: list[float] = []
         end = self.until(0.1)
         while not end.is_over and len(found) < MOST_RETURNS:
+            instance = self.subject.make()
             step = instance.reset(len(found))
             total = 0.0
             for t in range(self.horizon or MOST_STEPS):

@@ -184,9 +184,9 @@ class TableSearch:
 
     def run(self) -> StateTable:
         """Return the table."""
-        instance = self.subject.make()
         starts: Counter[int] = Counter()
         for seed in range(STARTS):
+            instance = self.subject.make()
             step = instance.reset(seed)
             if step.error:
                 raise Untabulated(step.error)
@@ -289,5 +289,5 @@ def _known(table: StateTable, instance: EnvInstance, step: EnvStep, ignored: fro
         key = snapshot(instance.env).key(ignored)
     state = table.states.get(key)
     if state is not None and table.observations[state] != step.seen:
-        raise Untabulated("its object does not hold all that the observation depends on")
+        raise Untabulated("what is observed is drawn, or depends on what its object does not hold")
     return state
