@@ -208,7 +208,8 @@ class Evidence:
         by_time = None
         for ignored, deepest in dict(tries).items():
             try:
-                table = TableSearch(self.subject, self.horizon, ignored, self.until(0.2), deepest).run()
+                search = TableSearch(self.subject, self.horizon, ignored, self.counters, self.until(0.2), deepest)
+                table = search.run()
                 compare(table, self.subject, self.episodes, ignored)
             except Untabulated as error:
                 reason = error

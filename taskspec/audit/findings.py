@@ -272,8 +272,8 @@ def by_time(x: Evidence) -> Found | None:
     if x.table is None or x.table.by_time is None:
         return None
     s, a, trace = x.table.by_time
-    words = f"the reward or the end depends on the time, which is not observed: {shown(x.table.shown[s])}, action "
-    return Found(words + shown(x.table.actions[a]), trace)
+    words = f"the reward or the end depends on the time: in {shown(x.table.shown[s])}, for action {shown(x.table.actions[a])}"
+    return Found(words, trace)
 
 
 def same_actions(x: Evidence) -> Found | None:
