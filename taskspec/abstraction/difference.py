@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -317,8 +317,8 @@ def _joined(one: ExactTask, other: ExactTask, order: Sequence[int], t: int) -> R
     return rows
 
 
-def _merged(start: Mapping[int, Fraction], classes: Sequence[int], shift: int) -> Counter[int]:
-    found: Counter[int] = Counter()
+def _merged(start: Mapping[int, Fraction], classes: Sequence[int], shift: int) -> dict[int, Fraction]:
+    found: dict[int, Fraction] = defaultdict(Fraction)
     for s, p in start.items():
         found[classes[s + shift]] += p
     return found
@@ -359,12 +359,13 @@ def _by_rewards(one: ExactTask, other: ExactTask, difference: FirstDifference) -
             words = f"the reward is the same{scale}, shaped by a potential; the same actions are optimal"
             return TaskRelation("shaped reward", words, difference, returns)
     others_acting = [np.flatnonzero(level) for _, level in other.model.levels()]
-    is_same = [set(where[states]) for states in acting] == [set(states) for states in others_acting]
+    if [set(where[states]) for states in acting] != [set(states) for states in others_acting]:
+        return TaskRelation("different", "other states are visited", difference, returns)
     pairs = _advantages(solvers, where, acting, is_random=False)
-    if is_same and all(((mine >= -EQUAL) == (theirs >= -EQUAL)).all() for mine, theirs in pairs):
+    if all(((mine >= -EQUAL) == (theirs >= -EQUAL)).all() for mine, theirs in pairs):
         words = "in every state and at every time, the same actions are optimal"
         return TaskRelation("same optimal policy", words, difference, returns)
-    return TaskRelation("different", "other actions are optimal, or other states are visited", difference, returns)
+    return TaskRelation("different", "other actions are optimal", difference, returns)
 
 
 def _same_observations(one: ExactTask, other: ExactTask, where: Array, t: int) -> bool:
@@ -372,12 +373,12 @@ def _same_observations(one: ExactTask, other: ExactTask, where: Array, t: int) -
     return one.observed(one.at(t)) == [theirs[s] for s in where]
 
 
-def _moves(x: ExactTask, t: int) -> dict[Hashable, Counter[Hashable]]:
+def _moves(x: ExactTask, t: int) -> dict[Hashable, dict[Hashable, Fraction]]:
     """Return the outcomes of steps without their rewards, by name."""
-    found: dict[Hashable, Counter[Hashable]] = {}
+    found: dict[Hashable, dict[Hashable, Fraction]] = {}
     for s in np.flatnonzero(x.model.acting).tolist():
         for a in range(len(x.actions)):
-            merged: Counter[Hashable] = Counter()
+            merged: dict[Hashable, Fraction] = defaultdict(Fraction)
             for (name, _, ends), p in x.named(t, s, a).items():
                 merged[name, ends] += p
             found[x.names[s], a] = merged

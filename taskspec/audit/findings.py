@@ -214,7 +214,7 @@ def nothing_told_apart(x: Evidence) -> Found | None:
     returns = {round(value, 9) for values in x.returns.values() for value in values}
     if len(returns) != 1:
         return None
-    return Found(f"every episode earned {decimal(*returns)}, with random actions and with each fixed one")
+    return Found(f"every episode earned {decimal(returns.pop())}, with random actions and with each fixed one")
 
 
 def hidden_state(x: Evidence) -> Found | None:
