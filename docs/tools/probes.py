@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from docs.tools.markdown import code, filled, table
+from docs.tools.markdown import filled, table
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import number
 from taskspec.exam.examining import tasks_of
