@@ -18,6 +18,7 @@ from taskspec.cli.data import demos, preferences
 from taskspec.cli.docs import docs, figure
 from taskspec.cli.exam import exam
 from taskspec.cli.help import Command, Commands
+from taskspec.cli.lsp import lsp
 from taskspec.cli.mutate import mutate
 from taskspec.cli.options import flowed
 from taskspec.cli.report import report
@@ -38,6 +39,7 @@ COMMANDS = (
     ("build", build, WRITE),
     ("freeze", freeze, WRITE),
     ("schema", scaffold.schema, WRITE),
+    ("lsp", lsp, WRITE),
     ("run", running.run, USE),
     ("play", running.play, USE),
     ("solve", scoring.solve, USE),
