@@ -69,7 +69,7 @@ class Analysis:
 
     @cached_property
     def declarations(self) -> dict[str, Declaration]:
-        """What the text declares, by name; labels of choices included."""
+        """The names that the text declares; labels of choices included."""
         found: dict[str, Declaration] = {}
         for attempt in self.attempts:
             for path, name, noun in declared(attempt.merged):

@@ -1,4 +1,4 @@
-"""What can be written at a place: keys of the schema, their values, and the names of an expression."""
+"""Completion of a place: keys of the schema, their values, and the names of an expression."""
 
 from __future__ import annotations
 

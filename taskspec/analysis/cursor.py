@@ -1,4 +1,4 @@
-"""What stands at a place of a spec that is being typed: a mark is put there, and looked for in the document that is read."""
+"""The path of a place in a spec that is being typed: a mark is put there, and looked for in the document that is read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a word of a spec means: its type, range and value, where it is declared, and where it is used."""
+"""Meanings of the words of a spec: type, range and value, the place of the declaration, and all uses."""
 
 from __future__ import annotations
 

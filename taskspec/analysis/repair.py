@@ -29,7 +29,7 @@ class Reading(NamedTuple):
 
 
 def read_tolerantly(text: str, name: str) -> Reading:
-    """Return a text as a document, as far as it can be read. Never raises for a bad text."""
+    """Return a text as a document, without the lines that cannot be read. Never raises for a bad text."""
     first: tuple[Diagnostic, ...] = ()
     lines = text.split("\n")
     repaired: set[int] = set()

@@ -126,7 +126,7 @@ class Advice(str):
 
 
 class Fix(NamedTuple):
-    """What to write in a place."""
+    """A place, and the text to write there."""
 
     span: Span
     replacement: str
@@ -156,7 +156,7 @@ class Diagnostic:
 
     @property
     def fix(self) -> Fix | None:
-        """What the hint says to write, where the text that it replaces stands once in the line that is marked."""
+        """The replacement that the hint gives; None unless the text that it replaces occurs exactly once in the marked line."""
         span = self.span
         if span is None or span.line != span.end_line or not isinstance(self.hint, Advice):
             return None

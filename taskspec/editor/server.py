@@ -1,7 +1,7 @@
 """A language server for specs: mistakes while typing, completion, meanings, places of names, fixes, and exact scores.
 
-What can be said at once is said by `taskspec.analysis`. Soundness, claims and scores of a saved file come from `taskspec check`
-and `taskspec solve` in processes of their own, which end when the file is saved again.
+`taskspec.analysis` answers at once. Soundness, claims and scores of a saved file come from `taskspec check` and `taskspec solve`
+in processes of their own, which end when the file is saved again.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class Server(LanguageServer):
 
 
 class Checked:
-    """What a check of a saved file found: its text, its warnings and failed claims, and what stands above its sections."""
+    """The results of a check of a saved file: its text, warnings and failed claims, and the lines above its sections."""
 
     def __init__(self, text: str) -> None:
         self.text = text
