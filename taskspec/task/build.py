@@ -97,7 +97,7 @@ def check_document(
 
 @dataclass(frozen=True)
 class Attempt:
-    """The result of building a spec or variant that may have mistakes: the names of each section and, where there is no mistake, the task."""
+    """A spec or variant that may have mistakes: the names of each section and, where there is no mistake, the task."""
 
     merged: Merged
     names: Names
