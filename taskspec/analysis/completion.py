@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from taskspec.analysis.analysis import Analysis, own
 from taskspec.analysis.cursor import cursor
+from taskspec.analysis.forms import schemas, type_of
 from taskspec.analysis.meanings import describe
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.lang.operators import FUNCTIONS
@@ -16,7 +17,6 @@ from taskspec.lang.scope import Scope, Unavailable
 from taskspec.rules import claim_rules
 from taskspec.source import Path
 from taskspec.task.names import signature
-from taskspec.task.schema.export import json_schema
 
 _EXPRESSIONS = ("Expression", "Bound", "Horizon", "Constant", "Definition", "Shape")
 """What the schema calls values that are expressions."""
@@ -60,7 +60,7 @@ def _keys(analysis: Analysis, inside: Path, word: str) -> Iterator[Completion]:
     for schema in schemas(inside):
         for key, about in schema.get("properties", {}).items():
             if key not in present and about is not False:
-                yield Completion(key, "key", _type_of(about), about.get("description", ""))
+                yield Completion(key, "key", type_of(about), about.get("description", ""))
     for name, noun in _entries(analysis, inside):
         if name not in present:
             yield Completion(name, noun)
@@ -179,54 +179,3 @@ def _claim_words() -> tuple[Completion, ...]:
     ):
         words += [Completion(name, kind, word.written, word.doc) for name, word in table.items()]
     return tuple(words)
-
-
-# -- the schema ---------------------------------------------------------------------------------------------------
-
-
-def schemas(path: Path) -> list[dict[str, Any]]:
-    """Return what the JSON Schema of specs says of the value at a path, one entry for each form that it may have."""
-    return list(_schemas(tuple(path)))
-
-
-@lru_cache(maxsize=512)
-def _schemas(path: Path) -> tuple[dict[str, Any], ...]:
-    root = _root()
-    if not path:
-        return tuple(_forms(root["$defs"]["Spec"]))
-    found: list[dict[str, Any]] = []
-    for outer in _schemas(path[:-1]):
-        found += _forms(_below(outer, path[-1]))
-    return tuple({id(each): each for each in found}.values())
-
-
-def _below(schema: dict[str, Any], step: str | int) -> Any:
-    if isinstance(step, int):
-        return schema.get("items")
-    properties = schema.get("properties", {})
-    return properties.get(step, schema.get("additionalProperties"))
-
-
-def _forms(schema: Any) -> Iterator[dict[str, Any]]:
-    """Yield a schema and those that it refers to, each a form of the value."""
-    if not isinstance(schema, dict):
-        return
-    yield schema
-    reference = schema.get("$ref")
-    if reference is not None:
-        yield from _forms(_root()["$defs"][reference.rpartition("/")[2]])
-    for word in ("then", "else"):
-        yield from _forms(schema.get(word))
-    for word in ("anyOf", "oneOf", "allOf"):
-        for each in schema.get(word, ()):
-            yield from _forms(each)
-
-
-@lru_cache
-def _root() -> dict[str, Any]:
-    return json_schema()
-
-
-def _type_of(schema: dict[str, Any]) -> str:
-    kinds = [each.get("title") or each.get("type") for each in _forms(schema)]
-    return next((str(kind) for kind in kinds[::-1] if isinstance(kind, str) and kind != "null"), "")

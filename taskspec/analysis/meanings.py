@@ -7,6 +7,7 @@ from typing import Any
 
 from taskspec.analysis.analysis import Analysis
 from taskspec.analysis.cursor import cursor, word_at
+from taskspec.analysis.forms import schemas
 from taskspec.base.diagnostics import CODES, Fix, Span
 from taskspec.base.display import interval, setting
 from taskspec.lang import syntax as s
@@ -43,8 +44,6 @@ def describe(bound: Binding | None) -> str:
 
 def hover(analysis: Analysis, offset: int) -> str | None:
     """Return what is known of the word at an offset, in Markdown; None where nothing is."""
-    from taskspec.analysis.completion import schemas
-
     word, start = word_at(analysis.text, offset)
     if not word:
         return _of_mistakes(analysis, offset)
