@@ -17,6 +17,7 @@ from taskspec.cli.check import check
 from taskspec.cli.data import demos, preferences
 from taskspec.cli.docs import docs, figure
 from taskspec.cli.exam import exam
+from taskspec.cli.exchange import export, import_task
 from taskspec.cli.help import Command, Commands
 from taskspec.cli.lsp import lsp
 from taskspec.cli.mutate import mutate
@@ -38,6 +39,7 @@ COMMANDS = (
     ("mutate", mutate, WRITE),
     ("build", build, WRITE),
     ("freeze", freeze, WRITE),
+    ("import", import_task, WRITE),
     ("schema", scaffold.schema, WRITE),
     ("lsp", lsp, WRITE),
     ("run", running.run, USE),
@@ -50,6 +52,7 @@ COMMANDS = (
     ("separate", separate, USE),
     ("demos", demos, USE),
     ("preferences", preferences, USE),
+    ("export", export, PRINT),
     ("docs", docs, PRINT),
     ("figure", figure, PRINT),
 )
