@@ -12,9 +12,11 @@ import typer
 from taskspec.base import __version__
 from taskspec.cli import overview, scaffold, scoring
 from taskspec.cli import run as running
+from taskspec.cli.audit import audit
 from taskspec.cli.build import build
 from taskspec.cli.check import check
 from taskspec.cli.data import demos, preferences
+from taskspec.cli.diff import diff
 from taskspec.cli.docs import docs, figure
 from taskspec.cli.exam import exam
 from taskspec.cli.exchange import export, import_task
@@ -36,6 +38,7 @@ COMMANDS = (
     ("explain", overview.explain, READ),
     ("new", scaffold.new, WRITE),
     ("check", check, WRITE),
+    ("diff", diff, WRITE),
     ("mutate", mutate, WRITE),
     ("build", build, WRITE),
     ("freeze", freeze, WRITE),
@@ -50,6 +53,7 @@ COMMANDS = (
     ("exam", exam, USE),
     ("report", report, USE),
     ("separate", separate, USE),
+    ("audit", audit, USE),
     ("demos", demos, USE),
     ("preferences", preferences, USE),
     ("export", export, PRINT),
