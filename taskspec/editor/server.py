@@ -46,7 +46,7 @@ class Server(LanguageServer):
         self.analyses: dict[str, Analysis] = {}
         self.known: dict[str, Analysis] = {}
         """The last analysis of each document in which there were tasks."""
-        self.checked: dict[str, Checked] = {}
+        self.checked: dict[str, SavedFile] = {}
         self.checks: dict[str, asyncio.Task[None]] = {}
 
     def analysis(self, uri: str) -> tuple[Analysis, TextDocument]:
@@ -73,7 +73,7 @@ class Server(LanguageServer):
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, problems))
 
 
-class Checked:
+class SavedFile:
     """The results of a check of a saved file: its text, warnings and failed claims, and the lines above its sections."""
 
     def __init__(self, text: str) -> None:
@@ -265,7 +265,7 @@ async def _check(ls: Server, uri: str) -> None:
     found, document = ls.analysis(uri)
     if not _IS_SPEC.search(found.text) or not Path(document.path).is_file():
         return
-    checked = Checked(found.text)
+    checked = SavedFile(found.text)
     ls.checked[uri] = checked
     report = await _output("check", "--json", document.path)
     if report is None:
