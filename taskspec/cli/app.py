@@ -17,7 +17,7 @@ from taskspec.cli.build import build
 from taskspec.cli.check import check
 from taskspec.cli.data import demos, preferences
 from taskspec.cli.diff import diff
-from taskspec.cli.docs import docs, figure
+from taskspec.cli.docs import card, docs, figure
 from taskspec.cli.exam import exam
 from taskspec.cli.exchange import export, import_task
 from taskspec.cli.help import Command, Commands
@@ -58,6 +58,7 @@ COMMANDS = (
     ("preferences", preferences, USE),
     ("export", export, PRINT),
     ("docs", docs, PRINT),
+    ("card", card, PRINT),
     ("figure", figure, PRINT),
 )
 
