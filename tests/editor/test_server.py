@@ -167,6 +167,6 @@ def test_other_files_are_left_alone(tmp_path: Path) -> None:
         await editor.open()
         assert await editor.change(editor.text, "services:\n  web: {image: x\n") == []
         offered = await editor.client.text_document_completion_async(lsp.CompletionParams(**editor.place("  we")))
-        assert offered.items == []
+        assert list(offered.items) == []
 
     edited(tmp_path, script)
