@@ -189,7 +189,13 @@ def _explain(code: Code) -> None:
 
         out.print(Markdown(code.explanation, code_theme="ansi_dark"))
     else:
-        say(code.explanation)
+        parts = []
+        for i, part in enumerate(code.explanation.split("```")):
+            if i % 2:
+                parts.append(f"```{part}```")
+            else:
+                parts += [" ".join(paragraph.split()) for paragraph in part.split("\n\n") if paragraph.strip()]
+        out.print("\n\n".join(parts))
 
 
 def _code_record(c: Code) -> dict[str, str]:
