@@ -1,4 +1,4 @@
-"""Printed pages of specs that the pages were not written for: nothing runs out of the line or off the page, and no page is left empty."""
+"""Printed pages of specs that the pages were not written for: nothing runs off them, and none is left empty."""
 
 from __future__ import annotations
 
