@@ -299,7 +299,8 @@ def _text(diagnostic: Diagnostic, color: bool, width: int | None) -> str:
     place = f"{visible(str(span), keep='')}: " if span is not None else ""
     name = f"{code.severity}[{code.code} {code.slug}]"
     message = _wrapped(visible(diagnostic.message), width, len(f"{place}{name}: "), 4)
-    lines = [f"{place}{paint[code.severity]}{name}{paint['reset']}: {message}"]
+    gap = "" if message.startswith("\n") else " "
+    lines = [f"{place}{paint[code.severity]}{name}{paint['reset']}:{gap}{message}"]
     remarks = [("note", note) for note in diagnostic.notes]
     if diagnostic.hint is not None:
         remarks.insert(0, ("hint", diagnostic.hint))
