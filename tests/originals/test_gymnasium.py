@@ -6,6 +6,7 @@ FrozenLake, CliffWalking and Taxi are compared in every state with every action,
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ import taskspec
 from taskspec import draws
 from taskspec.data.tabular import tabular
 from taskspec.lang.variates import WordLayout
-from tests.originals.beside import ALPHA, STEPS, Gymnasium, among_outcomes, any_action, side_by_side
+from tests.originals.beside import ALPHA, STEPS, Case, Gymnasium, among_outcomes, any_action, cases, side_by_side
 from tests.shared.specs import spec_file
 
 stats = pytest.importorskip("scipy.stats")
@@ -184,25 +185,37 @@ def test_taxi_starts() -> None:
     assert stats.chisquare(counts[possible], expected).pvalue > ALPHA
 
 
-SMOOTH = {
-    "CartPole-v1": ("cart_pole", ("x", "v", "theta", "omega"), 0.0),
-    "MountainCar-v0": ("mountain_car", ("x", "v"), 1e-12),
-    "MountainCarContinuous-v0": ("mountain_car_continuous", ("x", "v"), 2e-6),
-    "Pendulum-v1": ("pendulum", ("theta", "omega"), 1e-5),
-    "Acrobot-v1": ("acrobot", ("s",), 1e-10),
-}
-"""Environments, with our spec, its state, and how far a step may differ: Gymnasium computes two of them in float32."""
-smooth = pytest.mark.parametrize("name", SMOOTH)
+def at(*names: str) -> Callable[[Any], dict[str, float]]:
+    return lambda env: dict(zip(names, map(float, env.state), strict=True))
 
 
-def old_acrobot(name: str) -> None:
-    if name == "Acrobot-v1" and gym.__version__ < "1":
+def links(env: Any) -> dict[str, Any]:
+    return {"s": env.state}
+
+
+CASES = [
+    Case("classic_control/CartPole", lambda: Gymnasium(gym.make("CartPole-v1"), at("x", "v", "theta", "omega"))),
+    Case("classic_control/MountainCar", lambda: Gymnasium(gym.make("MountainCar-v0"), at("x", "v")), tolerance=1e-12),
+    Case(
+        "classic_control/MountainCarContinuous",
+        lambda: Gymnasium(gym.make("MountainCarContinuous-v0"), at("x", "v")),
+        tolerance=2e-6,
+    ),
+    Case("classic_control/Pendulum", lambda: Gymnasium(gym.make("Pendulum-v1"), at("theta", "omega")), tolerance=1e-5),
+    Case("classic_control/Acrobot", lambda: Gymnasium(gym.make("Acrobot-v1"), links), tolerance=1e-10),
+]
+"""Gymnasium computes two of them in float32."""
+
+
+def original(case: Case) -> Any:
+    if "Acrobot" in case.task and gym.__version__ < "1":
         pytest.skip("Gymnasium 0.29's Acrobot needs NumPy 1")
+    return case.original()
 
 
-@smooth
-def test_smooth_spaces(name: str) -> None:
-    theirs, ours = gym.make(name), make(SMOOTH[name][0])
+@cases(CASES)
+def test_smooth_spaces(case: Case) -> None:
+    theirs, ours = original(case).env, case.make()
     seen = theirs.observation_space
     largest = np.finfo(np.float32).max  # stands for infinity in Gymnasium 0.29
     low, high = (np.where(np.abs(b) == largest, np.copysign(np.inf, b), b) for b in (seen.low, seen.high))
@@ -211,20 +224,11 @@ def test_smooth_spaces(name: str) -> None:
 
 
 @STEPS
-@smooth
-def test_smooth_steps(name: str, steps: int) -> None:
+@cases(CASES)
+def test_smooth_steps(case: Case, steps: int) -> None:
     """Equal steps; where they differ by rounding, ours is put into Gymnasium's state before each of them."""
-    old_acrobot(name)
-    spec, names, tolerance = SMOOTH[name]
-
-    def state(env: Any) -> dict[str, Any]:
-        if names == ("s",):
-            return {"s": env.state}
-        return dict(zip(names, map(float, env.state), strict=True))
-
-    theirs = Gymnasium(gym.make(name), state)
-    ended = side_by_side(make(spec), theirs, steps, act=pushes, put=tolerance > 0, tolerance=tolerance)
-    assert ended > 0
+    put = case.tolerance > 0
+    assert side_by_side(case.make(), original(case), steps, act=pushes, put=put, tolerance=case.tolerance) > 0
 
 
 def pushes(rng: np.random.Generator, state: Any, space: Any) -> Any:
@@ -234,19 +238,16 @@ def pushes(rng: np.random.Generator, state: Any, space: Any) -> Any:
     return 2 * (state["v"] >= 0) if hasattr(space, "n") else np.sign([state["v"] or 1]).astype(np.float32)
 
 
-@smooth
-def test_smooth_horizons(name: str) -> None:
-    old_acrobot(name)
-    spec, names, _ = SMOOTH[name]
-    limit = gym.spec(name).max_episode_steps
-    assert limit is not None
-    ours = make(spec)
+@cases(CASES)
+def test_smooth_horizons(case: Case) -> None:
+    limit = original(case).env.spec.max_episode_steps
+    ours = case.make()
     ours.reset(seed=0)
     action = ours.action_space.n // 2 if hasattr(ours.action_space, "n") else np.zeros(1, dtype=np.float32)
     for t in range(limit):
-        if name == "CartPole-v1":
-            x, v, theta, omega = (float(ours.state[key]) for key in names)
-            action = int(x + 2 * v + 20 * theta + 5 * omega > 0)
+        if "CartPole" in case.task:
+            s = ours.state
+            action = int(s["x"] + 2 * s["v"] + 20 * s["theta"] + 5 * s["omega"] > 0)
         *_, terminated, truncated, _ = ours.step(action)
         assert not terminated
         assert truncated == (t == limit - 1)
