@@ -46,6 +46,10 @@ def context(env: Any) -> State:
     return {"context": env._context.astype(bool), "query": env._query}
 
 
+def depth(env: Any) -> State:
+    return {"row": env._row, "col": env._column}
+
+
 def umbrella(env: Any) -> State:
     return {"need": bool(env._need_umbrella), "has": bool(env._has_umbrella)}
 
@@ -78,6 +82,11 @@ CASES = [
     ],
 ]
 UMBRELLA = Case("bsuite/Umbrella", lambda: DmEnv(umbrella_chain.UmbrellaChain(20, 20, seed=1), umbrella))
+MORE = [
+    UMBRELLA,
+    Case("bsuite/DeepSea", lambda: DmEnv(deep_sea.DeepSea(10, mapping_seed=0), depth)),
+    Case("bsuite/Bandit", lambda: DmEnv(bandit.SimpleBandit(mapping_seed=1), lambda env: {"s": 0})),
+]
 
 
 @STEPS
@@ -116,18 +125,15 @@ def test_deep_sea(stochastic: bool, steps: int) -> None:
     theirs._action_mapping = np.asarray(task.constants["right"])
     theirs._rng = Quiet(1)
 
-    def state(env: Any) -> State:
-        return {"row": env._row, "col": env._column}
-
     def act(rng: np.random.Generator, at: State, space: Any) -> int:
         """Mostly to the right."""
         right = theirs._action_mapping[at["row"], at["col"]]
         return int(right if rng.random() < 0.8 else 1 - right)
 
     if stochastic:
-        assert among_outcomes(task, DmEnv(theirs, state), steps, act=act) > 0
+        assert among_outcomes(task, DmEnv(theirs, depth), steps, act=act) > 0
     else:
-        assert side_by_side(taskspec.make(task), DmEnv(theirs, state), steps, act=act, tolerance=1e-12) > 0
+        assert side_by_side(taskspec.make(task), DmEnv(theirs, depth), steps, act=act, tolerance=1e-12) > 0
 
 
 def test_bandit_pays_the_same_in_another_order() -> None:

@@ -16,6 +16,8 @@ from tests.originals.beside import STEPS, Case, Result, State, among_outcomes, c
 from tests.shared.specs import spec_file
 
 pytest.importorskip("ai_safety_gridworlds")
+if np.__version__ >= "2":
+    pytest.skip("pycolab needs NumPy 1", allow_module_level=True)
 from ai_safety_gridworlds.environments import (
     absent_supervisor,
     boat_race,
@@ -27,11 +29,17 @@ from ai_safety_gridworlds.environments import (
     tomato_watering,
     whisky_gold,
 )
+from pycolab import ascii_art
 
-pytestmark = [
-    pytest.mark.skipif(np.__version__ >= "2", reason="pycolab needs NumPy 1"),
-    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
-]
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+
+
+def codes(art: Sequence[str]) -> Any:
+    """A map as pycolab has it, which reads one with a function that NumPy 1.24 changed."""
+    return np.array([list(map(ord, row)) for row in art], np.uint8)
+
+
+ascii_art.ascii_art_to_uint8_nparray = codes
 
 
 @dataclass
@@ -126,16 +134,6 @@ CASES = [
         lambda: Gridworld(side_effects_sokoban.SideEffectsSokobanEnvironment(), boxes, "performance"),
     ),
 ]
-
-
-@pytest.fixture(autouse=True)
-def characters(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pycolab reads maps with a function that NumPy 1.24 changed."""
-
-    def codes(art: Sequence[str]) -> Any:
-        return np.array([list(map(ord, row)) for row in art], np.uint8)
-
-    monkeypatch.setattr("pycolab.ascii_art.ascii_art_to_uint8_nparray", codes)
 
 
 @STEPS

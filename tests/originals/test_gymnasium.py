@@ -33,6 +33,7 @@ LAKES = {
 }
 
 lakes = pytest.mark.parametrize("lake", LAKES)
+TAXI = "Taxi-v4" if "Taxi-v4" in gym.registry else "Taxi-v3"
 
 
 def make(name: str, **parameters: Any) -> Any:
@@ -105,15 +106,13 @@ def test_frozen_lake_starts(tmp_path: Path, lake: str) -> None:
 
 
 def taxi() -> tuple[Any, Any]:
-    """Gymnasium's taxi, in the version it has, and ours."""
-    version = "Taxi-v4" if "Taxi-v4" in gym.registry else "Taxi-v3"
-    return gym.make(version).unwrapped, make("taxi")
+    """Gymnasium's taxi and ours."""
+    return gym.make(TAXI).unwrapped, make("taxi")
 
 
 @pytest.mark.parametrize("slippery", [False, True])
 def test_cliff_walking(slippery: bool) -> None:
-    options = {"is_slippery": True} if slippery else {}
-    theirs: Any = gym.make(cliff(slippery), **options).unwrapped
+    theirs: Any = cliff(slippery).unwrapped
     ours = make("cliff_walking", slippery=slippery)
     assert ours.observation_space == theirs.observation_space
     assert ours.action_space == theirs.action_space
@@ -130,35 +129,45 @@ def test_cliff_walking(slippery: bool) -> None:
             assert {places[k]: row[k] for k in row.nonzero()[0]} == pytest.approx(expected)
 
 
-GRIDS = ["FrozenLake-v1", "FrozenLake-v1, slippery", "CliffWalking", "CliffWalking, slippery"]
-
-
-@STEPS
-@pytest.mark.parametrize("name", GRIDS)
-def test_steps_of_grids(name: str, steps: int) -> None:
-    """Equal steps; where they are drawn, from the same distribution."""
-    kind, _, slippery = name.partition(", ")
-    if kind == "CliffWalking":
-        kind = cliff(slippery)
-    theirs = Gymnasium(gym.make(kind, **({"is_slippery": bool(slippery)} if slippery or "Lake" in kind else {})), place)
-    spec, sizes = ("frozen_lake", {}) if "Lake" in kind else ("cliff_walking", {"N": 100_000})
-    ours = make(spec, slippery=bool(slippery), **sizes)
-    if slippery:
-        ended = among_outcomes(ours.task, theirs, steps)
-    else:
-        ended = side_by_side(ours, theirs, steps)
-    assert ended > 0 or "Cliff" in kind
-
-
 def place(env: Any) -> dict[str, int]:
     return {"s": int(env.s)}
 
 
-def cliff(slippery: str | bool) -> str:
+def ride(env: Any) -> dict[str, int]:
+    return dict(zip(("row", "col", "passenger", "goal"), map(int, env.decode(env.s)), strict=True))
+
+
+def cliff(slippery: bool = False) -> Any:
     """Gymnasium's cliff, in the version it has."""
     if slippery and gym.__version__ < "1":
         pytest.skip("Gymnasium 0.29 has no slippery cliff")
-    return "CliffWalking-v1" if "CliffWalking-v1" in gym.registry else "CliffWalking-v0"
+    version = "CliffWalking-v1" if "CliffWalking-v1" in gym.registry else "CliffWalking-v0"
+    return gym.make(version, **({"is_slippery": True} if slippery else {}))
+
+
+GRIDS = [
+    Case(
+        "toy_text/FrozenLake",
+        lambda: Gymnasium(gym.make("FrozenLake-v1", is_slippery=False), place),
+        {"slippery": False},
+    ),
+    Case("toy_text/FrozenLake", lambda: Gymnasium(gym.make("FrozenLake-v1"), place), {"slippery": True}),
+    Case("toy_text/CliffWalking", lambda: Gymnasium(cliff(), place), {"N": 100_000}),
+    Case("toy_text/CliffWalking", lambda: Gymnasium(cliff(slippery=True), place), {"N": 100_000, "slippery": True}),
+    Case("toy_text/Taxi", lambda: Gymnasium(gym.make(TAXI), ride)),
+]
+MORE = [*GRIDS, Case("toy_text/Blackjack", lambda: Gymnasium(gym.make("Blackjack-v1"), lambda env: {}))]
+
+
+@STEPS
+@cases(GRIDS)
+def test_steps_of_grids(case: Case, steps: int) -> None:
+    """Equal steps; where they are drawn, from the same distribution."""
+    if case.parameters.get("slippery"):
+        ended = among_outcomes(case.make().task, case.original(), steps)
+    else:
+        ended = side_by_side(case.make(), case.original(), steps)
+    assert ended > 0 or "Cliff" in case.task
 
 
 def test_taxi() -> None:

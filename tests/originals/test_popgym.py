@@ -74,6 +74,7 @@ CASES = [
     Case("memory/Concentration", lambda: Gymnasium(Concentration(), table), DECK, act=pairs),
 ]
 HIGHER = Case("memory/HigherLower", lambda: Gymnasium(HigherLower(), counts), DECK)
+MORE = [HIGHER]
 
 
 @STEPS
