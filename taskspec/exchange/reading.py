@@ -69,7 +69,7 @@ BROKEN = (
 
 
 def guarded(read: Callable[[ForeignFile], FrozenTask]) -> Callable[[ForeignFile], FrozenTask]:
-    """Return a reader that turns whatever another one raises about a file into E728."""
+    """Return a reader with E728 in place of each exception that another reader raises."""
 
     def safely(source: ForeignFile) -> FrozenTask:
         try:
