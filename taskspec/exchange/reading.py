@@ -76,8 +76,11 @@ def guarded(read: Callable[[ForeignFile], FrozenTask]) -> Callable[[ForeignFile]
             return read(source)
         except SpecError:
             raise
+        except KeyError as error:
+            source.wrong(f"it has no {error}")
         except BROKEN as error:
-            source.wrong(f"this is no such file: {str(error) or type(error).__name__}")
+            reason = str(error).partition("\n")[0] or type(error).__name__
+            source.wrong(f"it is not in the format that its name says: {reason}")
 
     return safely
 

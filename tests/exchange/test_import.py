@@ -161,7 +161,7 @@ def test_a_wrong_umb_file_is_refused(tmp_path: Path) -> None:
     large = tarfile.TarInfo("index.json")
     large.size = 10**12
     cases = {
-        "this is no UMB file": b"not a tar file",
+        "not in the format": b"not a tar file",
         "more than 50,000,000 bytes": gzip.compress(large.tobuf()),
         "transition-system": packed({}),
         "discrete time": packed({"transition-system": SYSTEM | {"time": "stochastic"}}),
