@@ -125,6 +125,8 @@ def _last_step(model: Model) -> int | None:
 
 def _of_model(model: Model, last: int | None) -> FrozenTask:
     """Return the tables of the states that some episode visits; those in which none acts stay as they are and pay nothing."""
+    if model.legal is not None:
+        refuse(f"some actions of {model.task.id} are illegal, which tables of states leave out")
     n = model.n_states
     found: dict[tuple[int, int], dict[tuple[int, bool], tuple[float, float]]] = {}
     table = outcome_table(model)

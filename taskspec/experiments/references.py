@@ -19,13 +19,15 @@ GAMMA = 0.95
 def q_learning(case: Case) -> Array:
     """Return Q-values learned by bootstrapping from the best next action (Watkins 1989)."""
     Q, env, rng = _begin(case)
-    s, _ = env.reset()
+    s, info = env.reset()
     for _ in range(case.steps):
-        a = _action(Q[s], rng)
-        next_s, reward, terminated, truncated, _ = env.step(a)
-        V = 0.0 if terminated else Q[next_s].max()
+        a = _action(Q[s], info, rng)
+        next_s, reward, terminated, truncated, info = env.step(a)
+        V = 0.0 if terminated else Q[next_s, _legal(info, Q)].max()
         Q[s, a] += STEP_SIZE * (reward + GAMMA * V - Q[s, a])
-        s = env.reset()[0] if terminated or truncated else next_s
+        s = next_s
+        if terminated or truncated:
+            s, info = env.reset()
     return Q
 
 
@@ -33,11 +35,11 @@ def q_learning(case: Case) -> Array:
 def monte_carlo(case: Case) -> Array:
     """Return Q-values that are averages of returns (Sutton and Barto 2018, section 5.4); they know nothing beyond the horizon."""
     Q, env, rng = _begin(case)
-    s, _ = env.reset()
+    s, info = env.reset()
     episode = []
     for _ in range(case.steps):
-        a = _action(Q[s], rng)
-        next_s, reward, terminated, truncated, _ = env.step(a)
+        a = _action(Q[s], info, rng)
+        next_s, reward, terminated, truncated, info = env.step(a)
         episode.append((s, a, reward))
         s = next_s
         if terminated or truncated:
@@ -46,7 +48,7 @@ def monte_carlo(case: Case) -> Array:
                 rest += paid
                 Q[state, action] += STEP_SIZE * (rest - Q[state, action])
             episode = []
-            s, _ = env.reset()
+            s, info = env.reset()
     return Q
 
 
@@ -58,7 +60,13 @@ def _begin(case: Case) -> tuple[Array, Any, np.random.Generator]:
     return np.zeros((int(n_states), int(n_actions))), case.env(), np.random.default_rng(case.seed)
 
 
-def _action(values: Array, rng: np.random.Generator) -> int:
+def _legal(info: dict[str, Any], Q: Array) -> Array:
+    """Return the numbers of the legal actions, by the info of the last step or reset; all, without a mask."""
+    return np.flatnonzero(info.get("action_mask", np.ones(Q.shape[-1])))
+
+
+def _action(values: Array, info: dict[str, Any], rng: np.random.Generator) -> int:
+    legal = _legal(info, values)
     if rng.random() < EXPLORATION:
-        return int(rng.integers(len(values)))
-    return int(values.argmax())
+        return int(legal[rng.integers(len(legal))])
+    return int(legal[values[legal].argmax()])

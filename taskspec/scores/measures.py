@@ -58,7 +58,7 @@ def solution_length(model: Model) -> float:
         return action_values(model.step(t).P, reward, 1.0, value)
 
     def choose(t: int, q: Array) -> Array:
-        is_busy = (q[..., 0] > 0).any(axis=0)
+        is_busy = (model.among_legal(q[..., 0], 0.0) > 0).any(axis=0)
         length = np.where(plan(t) > 0, q[..., 1], np.inf).min(axis=0)
         return np.stack([is_busy, np.where(is_busy, length, 0.0)], axis=-1)
 
@@ -73,7 +73,7 @@ def _pays(model: Model, t: int) -> Array:
     if step.rounding.lowest < 0 < step.rounding.highest:  # outcomes of both signs may cancel
         found = outcome_table(model, t)
         paid = np.bincount(found.row, found.reward != 0, len(paid)) > 0
-    return np.asarray(paid.reshape(model.n_actions, model.n_states), np.float64)
+    return np.asarray(model.among_legal(paid.reshape(model.n_actions, model.n_states), False), np.float64)
 
 
 # -- outcomes of one step ---------------------------------------------------------------------------------------------
@@ -124,11 +124,14 @@ class RandomSteps:
     def _listed(self, t: int) -> StepOutcomes:
         n = self.model.n_states
         found = self.steps.table(self.model.codes, t)
-        acting = self.model.acting[found.row % n]
+        chance = self.model.uniform.reshape(-1)[found.row]
+        acting = self.model.acting[found.row % n] & (chance > 0)
         keys = (found.row % n, found.column, found.ends, found.reward.astype(np.float64))
-        (state, target, ends, reward), weight = merge_outcomes([key[acting] for key in keys], found.weight[acting])
+        (state, target, ends, reward), weight = merge_outcomes(
+            [key[acting] for key in keys], (found.weight * chance)[acting]
+        )
         first = np.searchsorted(state, np.arange(n + 1))
-        return StepOutcomes(state, target, reward, ends, weight / self.model.n_actions, first)
+        return StepOutcomes(state, target, reward, ends, weight, first)
 
 
 # -- probability of a reward ------------------------------------------------------------------------------------------
@@ -312,11 +315,11 @@ class _Lookahead:
         for t in range(self.horizon):
             q = self.q(t, values[t + 1])
             optimal = self.optimal(t)
-            wrong = np.where(optimal, -np.inf, q.value + q.error).max(axis=0)
+            wrong = np.where(optimal, -np.inf, self.model.among_legal(q.value + q.error, -np.inf)).max(axis=0)
             clear = optimal & (q.value - q.error > wrong)
             if (states & ~clear.any(axis=0)).any():
                 return math.inf
-            top = q.value.max(axis=0)
+            top = self.numbers.top(q).value
             spread = (top - self.worst[t].value) * (self.best[t].value - self.worst[t].value)
             needed = np.ceil(BERNSTEIN * tries * spread[states] / (top - wrong)[states] ** 2)
             most = max(most, float(needed.max(initial=1.0)))
@@ -332,7 +335,7 @@ def value_norm(model: Model) -> float:
         V = plan.best[t + 1].value
         P = model.step(t).P
         spread = P @ V**2 - (P @ V) ** 2
-        variance = spread.reshape(model.n_actions, model.n_states)[:, acting]
+        variance = model.among_legal(spread.reshape(model.n_actions, model.n_states), 0.0)[:, acting]
         largest = max(largest, float(variance.max()))
     return math.sqrt(largest)
 

@@ -36,12 +36,13 @@ _WITHOUT_ACTION = {
 }
 _MAPS = ("seen", "done")
 """Sections of a symmetry: the maps of what is observed, and of actions."""
-_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction", "figure", "first memory", "memory", *_MAPS)
+_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction", "figure", "legal", "first memory", "memory", *_MAPS)
 _OUTSIDE_STEPS = ("initial", "observation")
 """Sections in which a noise may stand that depends on no step."""
 _NO_DRAWS = {
     "absorbing": "an absorbing reward is a fixed number",
     "claims": "a claim is a statement about exact results",
+    "legal": "an action is legal in a state, or not",
     "first memory": "a memory holds what was seen and done",
     "memory": "a memory holds what was seen and done",
     "abstraction": "an abstraction is a function of the state",
@@ -171,7 +172,11 @@ class Names:
     def _bind_time(self, bindings: dict[str, Binding], section: str) -> None:
         b = self.context.builder
         horizon = self.context.horizon
-        if horizon is None:
+        if section == "legal":
+            hint = "a component of the state can count the steps"
+            for name in ("t", "T"):
+                bindings[name] = Unavailable("E302", f"`{name}` cannot be used in `legal`", hint)
+        elif horizon is None:
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0))
             bindings.setdefault("T", Unavailable("E302", "there is no horizon 'T': it is `none`"))
         else:
