@@ -199,6 +199,7 @@ def _equations(task: Task) -> Iterator[RenderableType]:
     """Yield sections in the order of a paper's appendix, with their lines."""
     sections = task.source.surface.sections
     blocks: dict[str, list[Line]] = {"constants": _constants(task)}
+    blocks["legal"] = _named({"": sections.get("legal")})
     for key in ("definitions", "noise", "initial", "dynamics"):
         blocks[key] = _named(sections.get(key) or {})
     for key in ("reward", "terminal", "absorbing_reward"):

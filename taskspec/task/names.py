@@ -172,11 +172,7 @@ class Names:
     def _bind_time(self, bindings: dict[str, Binding], section: str) -> None:
         b = self.context.builder
         horizon = self.context.horizon
-        if section == "legal":
-            hint = "a component of the state can count the steps"
-            for name in ("t", "T"):
-                bindings[name] = Unavailable("E302", f"`{name}` cannot be used in `legal`", hint)
-        elif horizon is None:
+        if horizon is None:
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0))
             bindings.setdefault("T", Unavailable("E302", "there is no horizon 'T': it is `none`"))
         else:
@@ -186,6 +182,9 @@ class Names:
                 last = horizon - 1
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0, last))
             bindings["T"] = Value(b.scalar(horizon))
+        if section == "legal":
+            hint = "a component of the state can count the steps"
+            bindings["t"] = Unavailable("E302", "the time 't' cannot be used in `legal`", hint)
 
     # -- the end --------------------------------------------------------------------------------------------------
 
