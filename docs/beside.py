@@ -47,7 +47,7 @@ def _task(each: Page, writer: MarkdownWriter, printed: Mapping[str, list[str]]) 
     for title, lines in printed.items():
         left, right = ("<br>".join(cells) for cells in (lines, here.get(title, ["–"])))
         yield f"| {title} | {left} | {right} |"
-    yield f"\n[The whole page](suite/{each.anchor}.md)\n"
+    yield ""
 
 
 if __name__ == "__main__":

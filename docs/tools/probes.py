@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from docs.tools.markdown import code, table
+from docs.tools.markdown import code, filled, table
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import number
 from taskspec.exam.examining import tasks_of
@@ -19,7 +19,7 @@ from taskspec.scores.returns import Results
 from taskspec.task.schema.experiments import DiagnosisEntry
 from taskspec.task.task import Task
 
-PROSE = Path(__file__).with_suffix(".md")
+PAGE = Path(__file__).parents[1] / "probes.md"
 GAMMAS = (0.9, 0.99)
 """Discounts of learners."""
 PASSES = 0.9
@@ -39,9 +39,8 @@ def probes() -> str:
         ))  # fmt: skip
         for name in found:
             missed.pop(name, None)
-    text = PROSE.read_text(encoding="utf-8").replace("<!-- probes -->", table(header, rows))
-    text = text.replace("<!-- missed -->", ", ".join(missed))
-    return text.replace("<!-- diagnoses -->", _diagnoses())
+    parts = {"probes": table(header, rows), "missed": ", ".join(missed), "diagnoses": _diagnoses()}
+    return filled(PAGE, parts)
 
 
 def _diagnoses() -> str:

@@ -1,7 +1,7 @@
 """Diagnostics: a place in a text, a code from a closed table, a message and a hint; and how they are rendered.
 
-The codes are read from `errors.md` beside this file; `docs/errors.md` is a copy of it. A new code is a new entry: an
-anchor, the heading `### E302 unknown-name: title`, and an explanation in Markdown with a wrong and a corrected example.
+The codes are read from `errors.md` beside this file, which the documentation shows. A new code is a new entry: an anchor,
+the heading `### E302 unknown-name: title`, and an explanation in Markdown with a wrong and a corrected example.
 
 Columns and offsets count characters (code points), lines and columns start at 1, and ends are exclusive.
 """

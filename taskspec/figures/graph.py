@@ -263,7 +263,7 @@ def _vertex(v: Vertex, spot: Spot, plan: Plan, says: Captions, overlay: Overlay)
     elif isinstance(v, int):
         if spot.rim:
             yield shape(x, y, spot.half + RIM, RADIUS + RIM, "paper")
-        body = shape(x, y, spot.half, RADIUS, says.fills.get(v, "paper"))
+        body = replace(shape(x, y, spot.half, RADIUS, says.fills.get(v, "paper")), state=v)
         yield body
         if v in overlay.occupancy:
             yield shape(x, y, spot.half, RADIUS, "accent", min(1.0, overlay.occupancy[v]))

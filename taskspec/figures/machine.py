@@ -34,7 +34,7 @@ from taskspec.printers import tree as m
 from taskspec.printers.names import Notation, of_task
 from taskspec.printers.text import plain
 from taskspec.registry import load
-from taskspec.task.parts import Component
+from taskspec.task.parts import DEFAULT, Component
 from taskspec.task.task import Task
 
 MAX_STATES = 1500
@@ -272,6 +272,15 @@ class Captions:
         task = self.machine.task
         state = reads_of(task, overlay.here)
         return int(self.space.encode([state[c.read] for c in task.state], 1)[0][0])
+
+
+def state_labels(task: Task) -> Mapping[int, m.Math]:
+    """Return the symbols of the states of a task that has a graph, by code; none for other tasks."""
+    kind = DEFAULT if task.annotations.figure is None else task.annotations.figure.kind
+    machine = explore(task) if kind == DEFAULT and len(task.state) == 1 else None
+    if machine is None or task.modifiers:
+        return {}
+    return Captions(machine).labels
 
 
 SIDE = 7.0  # of the table, in centimetres

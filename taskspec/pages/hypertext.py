@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from typing import Any, assert_never
 
@@ -25,9 +25,13 @@ _SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
 
 @dataclass(frozen=True)
 class HtmlWriter:
-    """Writes prose; sources that are known are cited by author and year."""
+    """Writes prose; sources that are known are cited by author and year.
+
+    `states` are codes of states by their symbols: lines of transitions from them are marked, so that a figure can point at them.
+    """
 
     references: Mapping[str, Reference]
+    states: Mapping[str, int] = field(default_factory=dict)
 
     def words(
         self,
@@ -61,6 +65,9 @@ class HtmlWriter:
         for title, values in zip(settings, line.values, strict=False):
             if values:
                 out += Markup('<span class="values">{}: {}</span>').format(title, self.prose(values))
+        state = self.states.get(origin_of(line.content))
+        if state is not None:
+            return Markup('<span data-of="{}">{}</span>').format(state, out)
         return out
 
     def prose(self, content: p.Inlines) -> Markup:
@@ -136,6 +143,15 @@ def formula(math: m.Math, display: bool = False) -> Markup:
     alt = escape(plain(math), quote=True)
     inner = " ".join(_infix(mathml(piece)) for piece in pieces)
     return Markup(f'<span class="formula long" role="math" aria-label="{alt}">{inner}</span>')
+
+
+def origin_of(content: p.Inlines) -> str:
+    """Return the symbol of the state that a line of transitions starts from; "" for other lines."""
+    match content:
+        case (p.Formula(math=m.Row(items=(origin, m.Arrow(), *_))), *_):
+            return plain(origin)
+        case _:
+            return ""
 
 
 def _pieces(math: m.Math) -> list[m.Math]:

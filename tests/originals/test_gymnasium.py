@@ -1,7 +1,6 @@
-"""Specs of Gymnasium's own environments against the originals: equal spaces, steps and endings.
+"""Toy text and classic control beside Gymnasium's own environments: equal spaces, steps and endings.
 
-FrozenLake and Taxi are compared in every state with every action; the others step by step along
-random episodes. Random steps are compared by chi-square tests at level `ALPHA` on fixed seeds.
+FrozenLake, CliffWalking and Taxi are compared in every state with every action, too.
 """
 
 from __future__ import annotations
@@ -16,12 +15,14 @@ import pytest
 from gymnasium.envs.toy_text.frozen_lake import MAPS, generate_random_map
 
 import taskspec
+from taskspec import draws
 from taskspec.data.tabular import tabular
+from taskspec.lang.variates import WordLayout
+from tests.originals.beside import ALPHA, STEPS, Gymnasium, among_outcomes, any_action, side_by_side
 from tests.shared.specs import spec_file
 
 stats = pytest.importorskip("scipy.stats")
 
-ALPHA = 1e-6
 LAKES = {
     **MAPS,
     "random 5": generate_random_map(size=5, p=0.7, seed=1),
@@ -102,21 +103,6 @@ def test_frozen_lake_starts(tmp_path: Path, lake: str) -> None:
     assert fits(starts, {state: p for state, p in expected if p > 0})
 
 
-def test_frozen_lake_episodes(tmp_path: Path) -> None:
-    """The same actions lead through the same episode, to its end, when nothing slips."""
-    _, ours = frozen_lake(tmp_path, MAPS["4x4"], slippery=False)
-    theirs = gym.make("FrozenLake-v1", is_slippery=False)
-    rng = np.random.default_rng(0)
-    for seed in range(50):
-        assert ours.reset(seed=seed)[0] == theirs.reset(seed=seed)[0]
-        done = False
-        while not done:
-            action = int(rng.integers(4))
-            result = theirs.step(action)[:4]
-            assert ours.step(action)[:4] == result
-            done = result[2] or result[3]
-
-
 def taxi() -> tuple[Any, Any]:
     """Gymnasium's taxi, in the version it has, and ours."""
     version = "Taxi-v4" if "Taxi-v4" in gym.registry else "Taxi-v3"
@@ -125,11 +111,8 @@ def taxi() -> tuple[Any, Any]:
 
 @pytest.mark.parametrize("slippery", [False, True])
 def test_cliff_walking(slippery: bool) -> None:
-    if slippery and gym.__version__ < "1":
-        pytest.skip("Gymnasium 0.29 has no slippery cliff")
-    version = "CliffWalking-v1" if "CliffWalking-v1" in gym.registry else "CliffWalking-v0"
     options = {"is_slippery": True} if slippery else {}
-    theirs: Any = gym.make(version, **options).unwrapped
+    theirs: Any = gym.make(cliff(slippery), **options).unwrapped
     ours = make("cliff_walking", slippery=slippery)
     assert ours.observation_space == theirs.observation_space
     assert ours.action_space == theirs.action_space
@@ -146,18 +129,35 @@ def test_cliff_walking(slippery: bool) -> None:
             assert {places[k]: row[k] for k in row.nonzero()[0]} == pytest.approx(expected)
 
 
-def test_cliff_walking_steps() -> None:
-    version = "CliffWalking-v1" if "CliffWalking-v1" in gym.registry else "CliffWalking-v0"
-    theirs: Any = gym.make(version)
-    ours = make("cliff_walking", N=100_000)
-    rng = np.random.default_rng(3)
-    assert ours.reset(seed=0)[0] == theirs.reset(seed=0)[0]
-    for action in rng.integers(4, size=100_000):
-        expected = theirs.step(int(action))
-        assert ours.step(int(action))[:4] == expected[:4]
-        if expected[2]:
-            ours.reset()
-            theirs.reset()
+GRIDS = ["FrozenLake-v1", "FrozenLake-v1, slippery", "CliffWalking", "CliffWalking, slippery"]
+
+
+@STEPS
+@pytest.mark.parametrize("name", GRIDS)
+def test_steps_of_grids(name: str, steps: int) -> None:
+    """Equal steps; where they are drawn, from the same distribution."""
+    kind, _, slippery = name.partition(", ")
+    if kind == "CliffWalking":
+        kind = cliff(slippery)
+    theirs = Gymnasium(gym.make(kind, **({"is_slippery": bool(slippery)} if slippery or "Lake" in kind else {})), place)
+    spec, sizes = ("frozen_lake", {}) if "Lake" in kind else ("cliff_walking", {"N": 100_000})
+    ours = make(spec, slippery=bool(slippery), **sizes)
+    if slippery:
+        ended = among_outcomes(ours.task, theirs, steps)
+    else:
+        ended = side_by_side(ours, theirs, steps)
+    assert ended > 0 or "Cliff" in kind
+
+
+def place(env: Any) -> dict[str, int]:
+    return {"s": int(env.s)}
+
+
+def cliff(slippery: str | bool) -> str:
+    """Gymnasium's cliff, in the version it has."""
+    if slippery and gym.__version__ < "1":
+        pytest.skip("Gymnasium 0.29 has no slippery cliff")
+    return "CliffWalking-v1" if "CliffWalking-v1" in gym.registry else "CliffWalking-v0"
 
 
 def test_taxi() -> None:
@@ -173,6 +173,25 @@ def test_taxi() -> None:
             assert result == next(iter(outcomes(entries))), (state, action)
 
 
+@STEPS
+def test_masks_of_taxi(steps: int) -> None:
+    """Equal masks in the infos of resets and steps, whether or not the action was legal."""
+    theirs, ours = taxi()
+    rng = np.random.default_rng(0)
+    for episode in range(steps // 50):
+        _, expected = theirs.reset(seed=episode)
+        row, col, passenger, goal = (int(v) for v in theirs.decode(theirs.s))
+        _, found = ours.reset(seed=0, options={"state": {"row": row, "col": col, "passenger": passenger, "goal": goal}})
+        for _ in range(50):
+            assert found["action_mask"].dtype == expected["action_mask"].dtype
+            assert np.array_equal(found["action_mask"], expected["action_mask"])
+            action = ours.action_space.sample(found["action_mask"] if rng.random() < 0.8 else None)
+            *_, ended, _, expected = theirs.step(action)
+            *_, found = ours.step(action)
+            if ended:
+                break
+
+
 def test_taxi_starts() -> None:
     theirs, ours = taxi()
     ours.reset(seed=0)
@@ -184,18 +203,25 @@ def test_taxi_starts() -> None:
     assert stats.chisquare(counts[possible], expected).pvalue > ALPHA
 
 
-# environment, spec, names of the entries of Gymnasium's state, error allowed after one step
-SMOOTH = [
-    ("CartPole-v1", "cart_pole", ("x", "v", "theta", "omega"), 1e-6),
-    ("MountainCarContinuous-v0", "mountain_car_continuous", ("x", "v"), 2e-6),
-    ("Pendulum-v1", "pendulum", ("theta", "omega"), 2e-5),
-]
-smooth = pytest.mark.parametrize(("name", "spec", "names", "tolerance"), SMOOTH, ids=[entry[1] for entry in SMOOTH])
+SMOOTH = {
+    "CartPole-v1": ("cart_pole", ("x", "v", "theta", "omega"), 0.0),
+    "MountainCar-v0": ("mountain_car", ("x", "v"), 1e-12),
+    "MountainCarContinuous-v0": ("mountain_car_continuous", ("x", "v"), 2e-6),
+    "Pendulum-v1": ("pendulum", ("theta", "omega"), 1e-5),
+    "Acrobot-v1": ("acrobot", ("s",), 1e-10),
+}
+"""Environments, with our spec, its state, and how far a step may differ: Gymnasium computes two of them in float32."""
+smooth = pytest.mark.parametrize("name", SMOOTH)
+
+
+def old_acrobot(name: str) -> None:
+    if name == "Acrobot-v1" and gym.__version__ < "1":
+        pytest.skip("Gymnasium 0.29's Acrobot needs NumPy 1")
 
 
 @smooth
-def test_smooth_spaces(name: str, spec: str, names: tuple[str, ...], tolerance: float) -> None:
-    theirs, ours = gym.make(name), make(spec)
+def test_smooth_spaces(name: str) -> None:
+    theirs, ours = gym.make(name), make(SMOOTH[name][0])
     seen = theirs.observation_space
     largest = np.finfo(np.float32).max  # stands for infinity in Gymnasium 0.29
     low, high = (np.where(np.abs(b) == largest, np.copysign(np.inf, b), b) for b in (seen.low, seen.high))
@@ -203,59 +229,39 @@ def test_smooth_spaces(name: str, spec: str, names: tuple[str, ...], tolerance: 
     assert ours.action_space == theirs.action_space
 
 
+@STEPS
 @smooth
-def test_smooth_episodes(name: str, spec: str, names: tuple[str, ...], tolerance: float) -> None:
-    """Step by step along Gymnasium's episodes, ours being put into its state before every step."""
-    theirs, ours = gym.make(name), make(spec)
-    ours.reset(seed=0)
-    for seed in range(8):
-        theirs.action_space.seed(seed)
-        theirs.reset(seed=seed)
-        terminated = truncated = False
-        while not (terminated or truncated):
-            action = _push(theirs, seed)
-            put(ours, **dict(zip(names, map(float, theirs.unwrapped.state), strict=True)))
-            their_obs, their_reward, terminated, truncated, _ = theirs.step(action)
-            obs, reward, ended, _, _ = ours.step(action)
-            np.testing.assert_allclose(obs, their_obs, rtol=tolerance, atol=tolerance)
-            assert reward == pytest.approx(float(their_reward), rel=tolerance, abs=tolerance)
-            assert ended == terminated
+def test_smooth_steps(name: str, steps: int) -> None:
+    """Equal steps; where they differ by rounding, ours is put into Gymnasium's state before each of them."""
+    old_acrobot(name)
+    spec, names, tolerance = SMOOTH[name]
+
+    def state(env: Any) -> dict[str, Any]:
+        if names == ("s",):
+            return {"s": env.state}
+        return dict(zip(names, map(float, env.state), strict=True))
+
+    theirs = Gymnasium(gym.make(name), state)
+    ended = side_by_side(make(spec), theirs, steps, act=pushes, put=tolerance > 0, tolerance=tolerance)
+    assert ended > 0
 
 
-def _push(env: Any, seed: int) -> Any:
-    """A random action, or in every second episode one that pushes the way the system moves."""
-    if seed % 2 or isinstance(env.action_space, gym.spaces.Discrete):
-        return env.action_space.sample()
-    return env.action_space.high if env.unwrapped.state[1] >= 0 else env.action_space.low
+def pushes(rng: np.random.Generator, state: Any, space: Any) -> Any:
+    """Mostly the action with which a car gets up its hill; random ones otherwise."""
+    if "v" not in state or "theta" in state or rng.random() < 0.2:
+        return any_action(rng, state, space)
+    return 2 * (state["v"] >= 0) if hasattr(space, "n") else np.sign([state["v"] or 1]).astype(np.float32)
 
 
 @smooth
-def test_smooth_trajectories(name: str, spec: str, names: tuple[str, ...], tolerance: float) -> None:
-    """Whole episodes from one start, with nothing put right on the way: the ends agree."""
-    theirs, ours = gym.make(name), make(spec)
-    for seed in range(5):
-        theirs.action_space.seed(seed)
-        theirs.reset(seed=seed)
-        put(ours, **dict(zip(names, map(float, theirs.unwrapped.state), strict=True)))
-        done = False
-        steps = 0
-        while not done and steps < 100:
-            action = theirs.action_space.sample()
-            their_obs, _, terminated, truncated, _ = theirs.step(action)
-            obs, _, ended, stopped, _ = ours.step(action)
-            np.testing.assert_allclose(obs, their_obs, rtol=1e-3, atol=1e-3)
-            assert (ended, stopped) == (terminated, truncated)
-            done = terminated or truncated
-            steps += 1
-
-
-@smooth
-def test_smooth_horizons(name: str, spec: str, names: tuple[str, ...], tolerance: float) -> None:
+def test_smooth_horizons(name: str) -> None:
+    old_acrobot(name)
+    spec, names, _ = SMOOTH[name]
     limit = gym.spec(name).max_episode_steps
     assert limit is not None
     ours = make(spec)
     ours.reset(seed=0)
-    action = np.zeros(1, dtype=np.float32) if name != "CartPole-v1" else 0
+    action = ours.action_space.n // 2 if hasattr(ours.action_space, "n") else np.zeros(1, dtype=np.float32)
     for t in range(limit):
         if name == "CartPole-v1":
             x, v, theta, omega = (float(ours.state[key]) for key in names)
@@ -286,3 +292,46 @@ def test_smooth_starts_are_uniform(spec: str, ranges: dict[str, tuple[float, flo
             assert set(values) == {low}
         else:
             assert stats.kstest(values, "uniform", (low, high - low)).pvalue > ALPHA
+
+
+class Deck:
+    """Stands for a random generator: hands out given cards."""
+
+    def __init__(self, cards: list[int]) -> None:
+        self.cards = iter(cards)
+
+    def choice(self, deck: Any) -> int:
+        return next(self.cards)
+
+
+@STEPS
+def test_blackjack_is_played_as_gymnasiums(steps: int) -> None:
+    theirs: Any = gym.make("Blackjack-v1").unwrapped
+    ours = make("blackjack")
+    task = ours.task
+    layout = WordLayout.of((*task.process.next, task.process.reward, task.process.terminal, *task.next_observation))
+    card, dealt = (next(d for d in layout.draws if d.type.size == n) for n in (1, 12))
+    rng = np.random.default_rng(0)
+    ours.reset(seed=11)
+    n = 0
+    game = -1
+    while n < steps:
+        game += 1
+        if game:
+            ours.reset()
+        theirs.reset(seed=game)
+        state = ours.state
+        total, ace = state["hand"].tolist()
+        theirs.player = [1, total - 1] if ace else [total // 2, total - total // 2]
+        done = False
+        while not done:
+            words = draws.words(11, draws.STEP, n, layout.count)
+            cards = [min(1 + draws.index(w, 13), 10) for w in words]
+            hidden, *later = cards[layout.first[dealt.site] :][:12]
+            theirs.dealer = [state["dealer"], hidden]
+            action = int(rng.integers(2))
+            theirs._np_random = Deck(later if action == 0 else [cards[layout.first[card.site]]])
+            expected, found = theirs.step(action), ours.step(action)
+            assert found[1:3] == expected[1:3]
+            assert found[0].tolist() == [int(v) for v in expected[0]]
+            n, done = n + 1, found[2]
