@@ -181,7 +181,7 @@ class Environment(gymnasium.Env[Any, Any]):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """How Gymnasium made it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
+        """Gymnasium's spec of it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
         return self._spec
 
     @spec.setter

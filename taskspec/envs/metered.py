@@ -23,7 +23,7 @@ class Meter(Protocol):
         """Note that new episodes begin in all lanes."""
 
     def spend(self, steps: int) -> None:
-        """Is told before steps are taken; what it raises ends in the hands of whoever wanted them."""
+        """Count steps before they are taken; its exceptions reach the caller of the step."""
 
     def paid(self, before: Any, actions: Any, after: Any, rewards: Array) -> Array:
         """Return the rewards (N,) that are paid for N steps, from those of the task; observations and actions are batches."""

@@ -225,7 +225,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """How Gymnasium made it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
+        """Gymnasium's spec of it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
         return self._spec
 
     @spec.setter

@@ -171,11 +171,11 @@ SIGNS: dict[Outcome, str] = {"confirmed": "✓", "refuted": "✗", "undecided": 
 LEGEND = "A finding is confirmed if it holds everywhere in the 95 % intervals (in brackets), refuted if nowhere."
 
 
-def markdown(found: FindingsResult, told: Sequence[str] = ()) -> str:
+def markdown(found: FindingsResult, origin: Sequence[str] = ()) -> str:
     """Return a page in Markdown: the number of findings with each outcome, a table of all of them, and how it was run.
 
     Args:
-        told: lines about the origin of the results: machine, versions, command.
+        origin: lines about the origin of the results: machine, versions, command.
     """
     described = found.described
     lines = [f"# {described.title or 'Findings'}", ""]
@@ -189,12 +189,12 @@ def markdown(found: FindingsResult, told: Sequence[str] = ()) -> str:
         lines += [described.doc, ""]
     rows = [_row(each, found.sets) for each in found.results]
     lines += _table(["", "the paper says", *found.sets], rows)
-    if told:
-        lines += ["", "## How it was run", "", *(f"- {line}" for line in told)]
+    if origin:
+        lines += ["", "## How it was run", "", *(f"- {line}" for line in origin)]
     return "\n".join(lines) + "\n"
 
 
-def html(found: FindingsResult, told: Sequence[str] = ()) -> str:
+def html(found: FindingsResult, origin: Sequence[str] = ()) -> str:
     """Return the same page as HTML that stands alone."""
     described = found.described
     findings = [
@@ -205,7 +205,7 @@ def html(found: FindingsResult, told: Sequence[str] = ()) -> str:
         for each in found.results
     ]  # fmt: skip
     return page_of(
-        "findings.html", title=described.title or "Findings", doc=described.doc or "", told=told, findings=findings,
+        "findings.html", title=described.title or "Findings", doc=described.doc or "", origin=origin, findings=findings,
         tallies={name: found.counts(name) for name in found.sets}, legend=LEGEND,
     )  # fmt: skip
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -73,6 +74,18 @@ class FrozenTask:
     def spec(self) -> str:
         """Return the text of a spec."""
         return "\n".join(_lines(self)) + "\n"
+
+    def called(self, name: str, title: str, summary: str, description: str) -> FrozenTask:
+        """Return the same task with a name and a text of its own; states and actions are numbered."""
+        text = {
+            "title": title,
+            "summary": summary,
+            "description": "\n".join(textwrap.wrap(description, 110)),
+            "capability": "separation",
+        }
+        states = tuple(f"s{i}" for i in range(len(self.states)))
+        actions = tuple(f"a{i}" for i in range(len(self.actions)))
+        return replace(self, name=name, states=states, actions=actions, text=text)
 
     def task(self, suite: str = "") -> Task:
         """Return the task of the spec."""
@@ -315,9 +328,14 @@ def _by(entries: Entries, keys: Sequence[str]) -> dict[tuple[str, ...], str] | N
 
 
 def _row(below: dict[tuple[str, ...], str], states: Sequence[str]) -> str:
-    """Return one row of a table: a value, or values by action, or by action and next state."""
-    if len(set(below.values())) == 1:
-        return next(iter(below.values()))
+    """Return one row of a table: a value, or values by action, or by action and next state.
+
+    A distribution that all actions share is written for each of them: alone it would be read as values by action.
+    """
+    first = next(iter(below.values()))
+    is_distribution = first.startswith("{") and () not in below
+    if len(set(below.values())) == 1 and not is_distribution:
+        return first
     cells = []
     for key in dict.fromkeys(key[0] for key in below):
         inner = {entry[1:]: value for entry, value in below.items() if entry[0] == key}

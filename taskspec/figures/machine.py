@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from taskspec.base.diagnostics import SpecError
-from taskspec.base.display import number
+from taskspec.base.display import number, plural
 from taskspec.base.limits import limits
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.scene import (
@@ -310,7 +310,7 @@ def matrix(task: Task, overlay: Overlay) -> Scene | None:
     if machine.timed:
         notes.append("The time ends episodes, too.")
     notes += drawn.says.unmarked(machine.states)
-    alt = f"Transitions of {task.name} as a table: {len(machine.states)} states, {machine.n_actions} actions"
+    alt = f"Transitions of {task.name} as a table: {plural(len(machine.states), 'state')}, {plural(machine.n_actions, 'action')}"
     items = [*drawn.cells(), *drawn.results(), *drawn.labels(), *drawn.starts()]
     return fitted(items, alt, tuple(notes), drawn=DRAWN)
 

@@ -105,7 +105,7 @@ class Scene:
     """Items from back to front, inside a frame; `alt` describes them in words.
 
     `focus` is where the present state of a frame is, which stays in sight if there is no room for all. `drawn` has for each
-    part of an overlay a description of how it is drawn, in which `{0}` stands for the scale. Figures have a serif font, which
+    part of an overlay a description of how it is drawn, in which `{0}` is the scale. Figures have a serif font, which
     suits mathematics; charts have none.
     """
 

@@ -26,7 +26,7 @@ GRACE = 1.0
 
 
 class Ending(NamedTuple):
-    """How a call ended, in the words of its process; the process that waited for it reports those that `died`."""
+    """The end of a call, as its process reports it; the process that waited for it reports those that `died`."""
 
     status: Literal["done", "failed", "timed_out", "quarantined", "died"]
     result: str | None = None

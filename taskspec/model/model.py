@@ -45,7 +45,7 @@ Sparse = Any  # scipy.sparse.csr_array
 
 @dataclass(frozen=True)
 class RoundingTerms:
-    """What bounds of rounding errors need to know of a step.
+    """The quantities of a step on which bounds of rounding errors depend.
 
     `terms` is the largest number of outcomes of a row; the rewards of all outcomes are from `lowest` to `highest`.
     """
@@ -62,7 +62,7 @@ class RoundingTerms:
 
 @dataclass(frozen=True)
 class Step:
-    """What a step does at some time.
+    """The transitions and rewards of a step at some time.
 
     `P` (A*S, S) is the probability that the episode goes on in s', `P_end` (A*S, S) that it terminates there (None: no
     step terminates); rows of both together sum to 1. `R` (A*S,) is the expected reward. Entries of a row may repeat a column.
@@ -87,7 +87,7 @@ class Step:
         return replace(self, R=R, rounding=RoundingTerms(self.rounding.terms, lowest, highest))
 
     def same(self, other: Step) -> bool:
-        """Return whether two times are alike, so that one can stand for both."""
+        """Return whether two times have equal steps, so that one can be used for both."""
         if len(self.matrices) != len(other.matrices) or not np.array_equal(self.R, other.R):
             return False
         for a, b in zip(self.matrices, other.matrices, strict=True):
@@ -129,7 +129,7 @@ class Model:
 
     @property
     def is_timed(self) -> bool:
-        """Whether dynamics or rewards depend on the time."""
+        """True where dynamics or rewards depend on the time."""
         return len(self.steps) > 1
 
     def step(self, t: int) -> Step:

@@ -1,4 +1,4 @@
-"""What modifiers do to the parts of a task: state added, actions and observations replaced, draws made."""
+"""Changes of the parts of a task by modifiers: state added, actions and observations replaced, draws made."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def acting(b: Builder, task: Task, executed: Mapping[str, Node]) -> Task:
 
 
 def meaning(b: Builder, task: Task, meant: Mapping[str, Node]) -> Task:
-    """Return the task in which each action stands for another one, by name; its expert remembers those that are meant."""
+    """Return the task in which each action is replaced by another one, by name; its expert remembers those that are meant."""
     reads = {(Role.ACTION, name): node for name, node in meant.items()}
     changed = acting(b, task, meant)
     if task.process.legal is not None:

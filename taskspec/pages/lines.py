@@ -128,7 +128,7 @@ def _space(
 def _components(
     w: Writing, declared: Mapping[str, ComponentEntry], components: tuple[Component, ...]
 ) -> Iterator[Inlines]:
-    """Yield what each component is, and what its labels stand for."""
+    """Yield what each component is, and the values of its labels."""
     for c in components:
         name = [w.symbol(c.name)]
         if len(components) > 1:

@@ -66,7 +66,7 @@ class Cite:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Whether something was found to hold; None where it was not decided."""
+    """A mark of a verdict: holds or not, None where it was not decided."""
 
     holds: bool | None
     text: str

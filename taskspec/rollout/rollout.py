@@ -174,7 +174,7 @@ def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
 def _affordable(task: Task) -> int:
     """Return the number of steps for constant actions, which lead far: more than for others if steps are cheap.
 
-    They are taken one after the other as far as an episode goes, and side by side beyond, which is quicker.
+    They are taken one after the other within an episode, and side by side beyond, which is quicker.
     """
     cost = Cost((*task.process.next, task.process.reward, task.process.terminal), simulated=True)
     return max(STEPS, min(MANY_STEPS, int(HELD / cost.seconds(LANES))))
@@ -218,7 +218,7 @@ def _spread(values: Array, lanes: int) -> Array:
 
 
 def entered(task: Task, reads: Mapping[Key, Array], ends: bool, rng: np.random.Generator) -> dict[Key, Array]:
-    """Return the next states of reads, and their times, as far as they stay in the state space.
+    """Return the next states of reads that stay in the state space, and their times.
 
     A step that ends the episode counts with `ends` alone: a state that only such steps lead to is one that no episode acts in.
     """

@@ -256,7 +256,7 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
     Args:
         unable: tasks by learner that quantifiers pass over.
         bound: variables of comprehensions, each with its task or learner.
-        collector: for mistakes in a rule that is only checked: one member of each group stands for all.
+        collector: for mistakes in a rule that is only checked: one member of each group is tried.
     """
 
     scores: SeedScores

@@ -197,7 +197,7 @@ class Difficulty(Mapping[str, float | None]):
         return len(self.measured)
 
     def record(self) -> dict[str, Any]:
-        """As plain data for JSON: the measures by name, and the reasons why some are None."""
+        """Return plain data for JSON: the measures by name, and the reasons why some are None."""
         return {**self.measured, "why_not": dict(self.why_not)}
 
     def rows(self) -> list[tuple[str, float | None, str, str]]:

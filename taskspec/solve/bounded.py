@@ -116,7 +116,7 @@ class Policy:
 
 @dataclass(frozen=True, slots=True)
 class Slack:
-    """Bounds on errors of the probabilities of outcomes, as far as they come from the probabilities of draws.
+    """Bounds on those errors of the probabilities of outcomes that come from the probabilities of draws.
 
     `relative` is that of every outcome, `absolute` is added to each for probabilities that are computed at run time;
     outcomes of probability `missing` together were left out, and pay at most `beyond` in size.
@@ -139,7 +139,7 @@ class Slack:
             relative += outcomes.steps(draw) * UNIT
             is_written = not outcomes.weighted or isinstance(draw.args[0], Const)
             if not is_written and not (outcomes.by_row and row_table(draw.args[0]) is not None):
-                absolute += COMPUTED * outcomes.chances(draw)
+                absolute += COMPUTED * outcomes.inputs(draw)
             if outcomes.tail:
                 missing += TAIL * draw.type.size
         beyond = 0.0
@@ -188,7 +188,7 @@ class Bounded:
 
     @cached_property
     def is_whole(self) -> bool:
-        """Whether values of deterministic policies are never rounded: one outcome for each action, whole rewards, small sums."""
+        """True where values of deterministic policies are exact: one outcome for each action, whole rewards, small sums."""
         steps = self.model.steps
         if self.model.discount != 1 or max(step.rounding.size for step in steps) * max(1, self.horizon) >= 2**53:
             return False
@@ -221,7 +221,7 @@ class Bounded:
 
     @cached_property
     def is_signed(self) -> bool:
-        """Whether no step pays more than 0, or none less."""
+        """True where no step pays more than 0, or none less."""
         found = [step.rounding for step in self.model.steps]
         return all(r.lowest >= 0 for r in found) or all(r.highest <= 0 for r in found)
 

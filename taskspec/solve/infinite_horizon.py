@@ -71,7 +71,7 @@ def chain_values(matrix: Any, gain: Array, inside: Array) -> Array:
 
 
 def fixed_point(image: Callable[[Array], Array], value: Array, cost: int) -> Array:
-    """Return a fixed point of an operator by repeated substitution, as far as `WORK` goes; `cost` is in non-zeros."""
+    """Return a fixed point of an operator by repeated substitution, within the limit `WORK`; `cost` is in non-zeros."""
     before = np.inf
     for _ in range(WORK // (SWEEP + cost + len(value)) + 1):
         better = image(value)

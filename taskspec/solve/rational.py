@@ -88,7 +88,7 @@ class Scaled:
 
     @classmethod
     def of(cls, values: Array) -> Scaled:
-        """From an array of rationals, or of ints."""
+        """Return them from an array of rationals, or of ints."""
         flat = values.reshape(-1).tolist()
         known: dict[int, Fraction] = {}
         for v in flat:  # one object often stands in many places

@@ -65,7 +65,7 @@ class TextProblem(NamedTuple):
 
 @dataclass(slots=True)
 class Syntax:
-    """What the parser said when it gave up, and how far it had come."""
+    """The parser's message when it gave up, and its place."""
 
     problem: str
     context: str
@@ -82,7 +82,7 @@ class Syntax:
 
 @dataclass(slots=True)
 class Composed:
-    """The tree of a text as far as it could be read, and why it could be read no further."""
+    """The tree of the part of a text that could be read, and the reason why the rest could not."""
 
     root: Node | None = None
     syntax: Syntax | None = None

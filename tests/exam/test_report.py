@@ -80,7 +80,13 @@ def test_the_first_line_has_the_cause_the_worst_score_and_what_to_do(results: di
     assert shown.lead == "Prolongs episodes: its learned reward is positive (EarlyTermNeg −1.70)."
     assert shown.advice == 'Let terminal states absorb (`ending="absorb"`) and learn their reward as well.'
     assert [row.name for row in shown.rows] == ["Sort", "EarlyTermNeg", "RiskyPath", "Branching", "NoisyObs"]
-    assert shown.passed == "Passed: EarlyTermPos 1.00, Parabola 0.96"
+    assert shown.passed == "Passed: EarlyTermPos 1.00, Parabola 0.96."
+
+
+def test_without_twins_what_one_fixed_action_passes_is_told_apart() -> None:
+    found = exam({"EarlyTermPos": 1.0, "Parabola": 1.0, "Sort": 0.5})
+    assert card(found).passed == "Passed: Parabola 1.00. Passes, but so does one fixed action: EarlyTermPos 1.00."
+    assert card(exam({"EarlyTermPos": 1.0})).lead == "Passes, but so does one fixed action: EarlyTermPos."
 
 
 @pytest.mark.parametrize(
@@ -120,7 +126,7 @@ def test_the_terminal_shows_all_of_it(
     monkeypatch.setenv("COLUMNS", "80")
     print_exam(results, console(wide=True))
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
-    assert "Passed: EarlyTermPos 1.00, Parabola 0.96" in lines
+    assert "Passed: EarlyTermPos 1.00, Parabola 0.96." in lines
     (risky,) = (line for line in lines if line.startswith("✗ RiskyPath"))
     assert "○" in risky and "●" in risky and risky.endswith("1.00 0.20 1.00 14/14")
     (early,) = (line for line in lines if line.startswith("✗ EarlyTermNeg"))
@@ -222,7 +228,7 @@ def test_the_matrix_has_the_verdict_as_colour_and_the_diagnosis_as_word() -> Non
     cells = {(name, task): cell for name, row in zip(found.learners, found.cells, strict=True)
              for task, cell in zip(found.tasks, row, strict=True)}  # fmt: skip
     assert [cells["GAIL", task].word for task in ("EarlyTermPos", "EarlyTermNeg", "Sort")] == [
-        "",
+        "passes",
         "survival pays",
         "fails",
     ]

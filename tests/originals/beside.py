@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -33,6 +34,7 @@ class Result(NamedTuple):
     reward: float
     terminated: bool
     truncated: bool
+    measures: Mapping[str, float] = MappingProxyType({})
 
 
 class Original(Protocol):
@@ -131,11 +133,13 @@ def side_by_side(
             np.testing.assert_allclose(seen(our_view), look(their_view), rtol=tolerance, atol=tolerance)
         action = act(rng, theirs.state(), ours.action_space)
         expected = theirs.step(translate(action))
-        our_view, reward, terminated, truncated, _ = ours.step(action)
+        our_view, reward, terminated, truncated, info = ours.step(action)
         their_view = expected.observation
         if rewards:
             assert reward == pytest.approx(expected.reward, rel=tolerance or 1e-12, abs=tolerance or 1e-12)
         assert_same(ours.state, theirs.state(), tolerance)
+        for name, value in expected.measures.items():
+            assert info["measures"][name] == pytest.approx(value, abs=1e-9)
         running = not (expected.terminated or expected.truncated)
         if put:
             assert bool(terminated) == bool(expected.terminated)

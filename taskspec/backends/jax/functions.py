@@ -82,7 +82,7 @@ class Gymnax:
 
     @property
     def num_actions(self) -> int:
-        """How many actions there are; the size of an action that is an array."""
+        """The number of actions; the size of an action that is an array."""
         if self._flat:
             return math.prod(self._acted.counts)
         if self._acted.form == "discrete":
@@ -161,7 +161,7 @@ _DTYPES = {"int": jnp.int32, "real": jnp.float32}
 
 @dataclass(frozen=True)
 class OpenParameters:
-    """What a task leaves open, and the conditions that the spec has for it, each with what to say where it does not hold."""
+    """The open parameters of a task, and the conditions that the spec has for it, each with its message."""
 
     varying: tuple[Parameter, ...]
     bound: tuple[str, ...] = ()
@@ -208,7 +208,7 @@ class OpenParameters:
         return reward
 
     def check(self, params: Any) -> None:
-        """Refuse (E704) values that the spec does not allow together, as far as they are known."""
+        """Refuse (E704) known values that the spec does not allow together."""
         for message, holds in zip(self.messages, self.conditions(*self.values(params)), strict=True):
             known = _known(holds)
             if known is not None and not known.all():
@@ -234,7 +234,7 @@ def _params(opened: OpenParameters) -> Any:
     base = namedtuple("Params", ("max_steps_in_episode", *known))  # type: ignore[misc]
 
     class Params(base):
-        """What a caller may want to know, and the parameters that may differ between lanes."""
+        """The horizon, and the parameters that may differ between lanes."""
 
         __slots__ = ()
 
@@ -289,7 +289,7 @@ def _known(value: Any) -> AnyArray | None:
 
 
 def _check(parameter: Parameter, value: Any) -> None:
-    """Refuse (E703) values that the spec does not allow, as far as they are known."""
+    """Refuse (E703) known values that the spec does not allow."""
     known = _known(value)
     if known is None:
         return

@@ -95,7 +95,7 @@ class State(NamedTuple):
 
 
 class StepResult(NamedTuple):
-    """What a step gives, lanes last: observation components, float32 reward, two flags, and float32 measures."""
+    """The results of a step, lanes last: observation components, float32 reward, two flags, and float32 measures."""
 
     observation: tuple[AnyArray, ...]
     reward: AnyArray

@@ -45,7 +45,7 @@ def scalar_namespace() -> dict[str, Any]:
 
 
 class Clock(NamedTuple):
-    """Where an environment stands: steps of this episode, steps of those before it, resets, and whether it is running."""
+    """The counters of an environment: steps of this episode, steps of those before it, resets, and whether it is running."""
 
     time: int = 0
     past: int = 0

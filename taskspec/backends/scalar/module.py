@@ -32,7 +32,7 @@ from taskspec.task.task import Task
 
 @dataclass(frozen=True)
 class Parts:
-    """What a module is generated from."""
+    """The parts from which a module is generated."""
 
     task: Task
     invariants: Invariants

@@ -98,7 +98,7 @@ class World:
 
     @property
     def may_end(self) -> bool:
-        """Whether there are terminal states."""
+        """True where there are terminal states."""
         return not (isinstance(self.task.process.terminal, Const) and not self.task.process.terminal.value)
 
     @property

@@ -48,7 +48,7 @@ Changeable = Literal[
 
 
 class Source(Strict):
-    """Where the task comes from."""
+    """A source of the task."""
 
     key: str = Field(description="Key of the bibliography entry.")
     where: str | None = Field(None, description="Sections, pages or names in the source.")
@@ -159,7 +159,7 @@ else:
 
 
 class FigureEntry(Strict):
-    """How to draw the task; the other keys depend on the kind."""
+    """The figure of the task; the other keys depend on the kind."""
 
     kind: FigureKindName = Field(description="Kind of figure.")
     at: Expression | None = Field(
@@ -369,7 +369,7 @@ Variant = _partial(
 
 
 class Head(Strict):
-    """What every file begins with, and the variants."""
+    """The keys that every file begins with, and the variants."""
 
     taskspec: int = Field(description="Version of the format of this file: 1.", json_schema_extra={"const": FORMAT})
     name: Name = Field(description="Name of the task, and of its environments.")

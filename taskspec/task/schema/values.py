@@ -64,7 +64,7 @@ WORDS = (*keyword.kwlist, "true", "false")
 
 
 class Problem(NamedTuple):
-    """What is wrong with a part of a value: `path` leads from the value to the part."""
+    """A mistake in a part of a value: `path` leads from the value to the part."""
 
     code: str
     path: tuple[str | int, ...]
@@ -297,7 +297,7 @@ def _keys(value: dict[str, Any], keys: tuple[str, ...], what: str) -> Iterator[P
 
 
 def constant(value: Any) -> Iterator[Problem]:
-    """Yield an expression, or a grid of letters with what each of them stands for."""
+    """Yield an expression, or a grid of letters with the value of each."""
     if not (isinstance(value, dict) and value.keys() & {"grid", "legend"}):
         yield from expression(value)
         return
