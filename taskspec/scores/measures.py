@@ -124,14 +124,13 @@ class RandomSteps:
     def _listed(self, t: int) -> StepOutcomes:
         n = self.model.n_states
         found = self.steps.table(self.model.codes, t)
-        chance = self.model.uniform.reshape(-1)[found.row]
-        acting = self.model.acting[found.row % n] & (chance > 0)
+        uniform = self.model.uniform
+        acting = self.model.acting[found.row % n] & (uniform.reshape(-1)[found.row] > 0)
         keys = (found.row % n, found.column, found.ends, found.reward.astype(np.float64))
-        (state, target, ends, reward), weight = merge_outcomes(
-            [key[acting] for key in keys], (found.weight * chance)[acting]
-        )
+        (state, target, ends, reward), weight = merge_outcomes([key[acting] for key in keys], found.weight[acting])
         first = np.searchsorted(state, np.arange(n + 1))
-        return StepOutcomes(state, target, reward, ends, weight, first)
+        number = np.count_nonzero(uniform, axis=0)  # of actions
+        return StepOutcomes(state, target, reward, ends, weight / number[state], first)
 
 
 # -- probability of a reward ------------------------------------------------------------------------------------------
