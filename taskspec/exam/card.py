@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taskspec.exam import score_rows
-from taskspec.exam.learned import USUAL_CODE, learned_notes
+from taskspec.exam.learned import learned_notes
 from taskspec.exam.score_rows import PUBLISHED, TaskRow, counted, decimal, listed, named
 from taskspec.exam.verdicts import FEWEST
 
@@ -72,7 +72,8 @@ def card(exam: Mapping[str, Any]) -> Card:
     rows = sorted((row for row in run if row.grade not in PASSING or row.id in flagged), key=lambda row: row.rank)
     passed = [row for row in run if row not in rows]
     lead, advice = _lead(exam, rows, passed)
-    notes = [*learned_notes(exam["scores"]), *(f"it cannot learn {text}" for text in score_rows.left_out(exam))]
+    notes = [f"undecided, more seeds would tell: {text}" for text in exam.get("undecided", ())]
+    notes += [*learned_notes(exam["scores"]), *(f"it cannot learn {text}" for text in score_rows.left_out(exam))]
     return Card(
         exam["learner"], score_rows.headline(exam), lead, advice, _passed(passed), tuple(rows or passed),
         tuple(passed if rows else ()), tuple(exam["diagnoses"]), tuple(flag_lines(exam["flags"])), tuple(notes),
@@ -94,8 +95,7 @@ def _lead(exam: Mapping[str, Any], rows: Sequence[TaskRow], passed: Sequence[Tas
     """Return what is wrong, in a sentence, and what to do about it."""
     for flag in exam["flags"]:
         if flag["kind"] in CAUSES:
-            sentence, _, advice = flag["message"].partition(USUAL_CODE)
-            return _sentence(sentence), advice
+            return _sentence(flag["message"]), flag.get("advice", "")
     if exam["diagnoses"]:
         first = exam["diagnoses"][0]
         places = [row for row in rows if row.id in first["tasks"]]
@@ -151,13 +151,20 @@ def flag_lines(flags: Iterable[Mapping[str, Any]]) -> list[FlagLine]:
     """Return flags, those with the same message on several tasks as one; numbers in it may differ."""
     groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for flag in flags:
-        same = re.sub(r"[−-]?\d[\d.,]*(e[+-]?\d+)?", "0", flag["message"])
+        same = re.sub(r"[−-]?\d[\d.,]*(e[+-]?\d+)?", "0", flag_text(flag))
         groups.setdefault((flag["kind"], same), []).append(flag)
     lines = []
     for (kind, _), group in groups.items():
         ordered = sorted(group, key=lambda flag: -abs(flag["effect"] or 0.0))
-        lines.append(FlagLine(kind, tuple(named(flag["task"]) for flag in ordered), ordered[0]["message"]))
+        lines.append(FlagLine(kind, tuple(named(flag["task"]) for flag in ordered), flag_text(ordered[0])))
     return lines
+
+
+def flag_text(flag: Mapping[str, Any]) -> str:
+    """Return the message of a flag with its advice."""
+    if "advice" in flag:
+        return f"{flag['message']} Usual code: {flag['advice']}"
+    return str(flag["message"])
 
 
 # -- several learners

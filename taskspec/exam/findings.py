@@ -261,8 +261,7 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
         return []
     book = read_exam(path)
     scores = SeedScores({ONE: exam})
-    evaluator = ScoreEvaluator(scores, book.names)
-    truths = {rule.name: evaluator.truth(rule.condition) for rule in book.rules}
+    truths = _truths(book, scores)
     holding = {name for name, truth in truths.items() if truth.holds}
     alone = {rule.name for rule in book.rules if isinstance(rule.entry, DiagnosisEntry) and rule.entry.alone}
     if holding & alone:
@@ -280,6 +279,34 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
                 "evidence": [str(each) for each in evidence],
             })  # fmt: skip
     return found
+
+
+def undecided(exam: Mapping[str, Any], suite: str | Path) -> list[str]:
+    """Return the diagnoses whose conditions hold for the mean scores, but not in all of their intervals, with the nearest number.
+
+    Args:
+        exam, suite: as of `diagnose`.
+    """
+    path = file_of(suite, EXAM)
+    if path is None:
+        return []
+    book = read_exam(path)
+    scores = SeedScores({ONE: exam})
+    truths = _truths(book, scores)
+    at_means = _truths(book, scores, of_means=True)
+    found = []
+    for rule in book.rules:
+        evidence = truths[rule.name].evidence
+        is_open = truths[rule.name].holds is None and at_means[rule.name].holds
+        if is_open and isinstance(rule.entry, DiagnosisEntry) and all(math.isfinite(each.margin) for each in evidence):
+            nearest = min(evidence, key=lambda each: each.margin)
+            found.append(f"{rule.entry.message} ({nearest})")
+    return found
+
+
+def _truths(book: RuleBook, scores: SeedScores, of_means: bool = False) -> dict[str, Truth[Comparison]]:
+    evaluator = ScoreEvaluator(scores, book.names, of_means=of_means)
+    return {rule.name: evaluator.truth(rule.condition) for rule in book.rules}
 
 
 def _cited(entry: DiagnosisEntry, references: Mapping[str, Reference]) -> str:

@@ -19,7 +19,7 @@ from taskspec.rollout.statistics import seeds_interval
 from taskspec.rules.score_rules import side
 
 COLUMNS = (
-    "task", "twin", "probe", "seed", "deterministic", "stochastic", "half", "return", "error", "steps", "demonstrations",
+    "task", "twin", "peek", "seed", "deterministic", "stochastic", "half", "return", "error", "steps", "demonstrations",
     "comparisons", "seconds", "starc", "reward_regret",
 )  # fmt: skip
 """Of a score, as `exam.json` calls them; learning curves are left to it."""

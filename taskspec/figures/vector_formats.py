@@ -38,7 +38,7 @@ def svg_document(scene: sc.Scene, body: str, kind: str) -> str:
     font = escape(_FONTS[scene.font])
     text = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" '
-        f'class="{kind}" font-family="{font}"><title>{escape(scene.alt)}</title>{body}</svg>'
+        f'class="{kind}" style="--own:{width}px" font-family="{font}"><title>{escape(scene.alt)}</title>{body}</svg>'
     )
     return visible(text, ON_PAGES)
 

@@ -136,7 +136,9 @@ def formula(math: m.Math, display: bool = False) -> Markup:
     """Return mathematics in a line; a long formula in pieces, so that the browser can break the line between them."""
     if display:
         return Markup(f'<span class="display">{mathml(math, block=True)}</span>')
-    pieces = _pieces(math) if m.width(math) > BREAK_AFTER else [math]
+    pieces = _pieces(_flat(math)) if m.width(math) > BREAK_AFTER else [math]
+    if max(map(m.width, pieces)) > BREAK_AFTER:
+        pieces = _pieces(_flat(math, inside=True))
     if len(pieces) == 1:
         kind = "rigid" if m.width(math) > BREAK_AFTER else "formula"
         return Markup(f'<span class="{kind}">{mathml(math)}</span>')
@@ -154,9 +156,10 @@ def origin_of(content: p.Inlines) -> str:
             return ""
 
 
-def _pieces(math: m.Math) -> list[m.Math]:
+def _pieces(items: Iterable[m.Math]) -> list[m.Math]:
+    """Return items in rows, each from a sign to the next one."""
     out: list[list[m.Math]] = [[]]
-    for item in _flat(math):
+    for item in items:
         if isinstance(item, m.Sym) and item.text in _SIGNS and item.text != "," and len(out[-1]) > 0:
             out.append([])
         out[-1].append(item)
@@ -165,10 +168,15 @@ def _pieces(math: m.Math) -> list[m.Math]:
     return [m.row(*items) for items in out if items]
 
 
-def _flat(math: m.Math) -> list[m.Math]:
-    if isinstance(math, m.Row):
-        return [x for item in math.items for x in _flat(item)]
-    return [math]
+def _flat(math: m.Math, inside: bool = False) -> list[m.Math]:
+    """Return the items of rows in rows; with `inside` also those within brackets that are as high as a line."""
+    match math:
+        case m.Row(items=items):
+            return [x for item in items for x in _flat(item, inside)]
+        case m.Fence(left=left, body=body, right=right) if inside and not m.is_tall(body):
+            return [m.Sym(left), *_flat(body, inside), m.Sym(right)]
+        case _:
+            return [math]
 
 
 def _infix(element: str) -> str:

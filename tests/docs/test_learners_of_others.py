@@ -32,7 +32,7 @@ def test_examples_are_short(name: str) -> None:
 def test_examples_learn(learner: str, package: str, task: str, steps: int, tmp_path: Path) -> None:
     pytest.importorskip(package)
     found = examine(
-        str(LEARNERS / learner), tasks=[task], seeds=1, steps=steps, transitions=500, twins=0, probes=False,
+        str(LEARNERS / learner), tasks=[task], seeds=1, steps=steps, transitions=500, twins=0, peeks=False,
         out=tmp_path, running=Running(1),
     )  # fmt: skip
     (score,) = found["scores"]

@@ -121,25 +121,29 @@ def side_by_side(
         The number of episodes that ended.
     """
     rng = np.random.default_rng(3)
+    look = shown or seen
     ended = 0
     running = False
     for _ in range(steps):
         if not running:
             their_view = theirs.reset(seed=ended)
+            state = theirs.state()
         if put or not running:
-            our_view, _ = ours.reset(seed=0, options={"state": dict(theirs.state())})
+            our_view, _ = ours.reset(seed=0, options={"state": dict(state)})
         if seen is not None:
-            look = shown or seen
-            np.testing.assert_allclose(seen(our_view), look(their_view), rtol=tolerance, atol=tolerance)
-        action = act(rng, theirs.state(), ours.action_space)
+            assert_close("observation", seen(our_view), look(their_view), tolerance)
+        action = act(rng, state, ours.action_space)
         expected = theirs.step(translate(action))
         our_view, reward, terminated, truncated, info = ours.step(action)
         their_view = expected.observation
+        state = theirs.state()
         if rewards:
-            assert reward == pytest.approx(expected.reward, rel=tolerance or 1e-12, abs=tolerance or 1e-12)
-        assert_same(ours.state, theirs.state(), tolerance)
+            assert_close("reward", reward, expected.reward, tolerance or 1e-12)
+        found = ours.state
+        for name, value in state.items():
+            assert_close(name, found[name], value, tolerance)
         for name, value in expected.measures.items():
-            assert info["measures"][name] == pytest.approx(value, abs=1e-9)
+            assert_close(name, info["measures"][name], value, 1e-9)
         running = not (expected.terminated or expected.truncated)
         if put:
             assert bool(terminated) == bool(expected.terminated)
@@ -149,12 +153,14 @@ def side_by_side(
     return ended
 
 
-def assert_same(ours: State, theirs: State, tolerance: float) -> None:
-    for name, value in theirs.items():
-        if isinstance(value, str):
-            assert ours[name] == value, name
-        else:
-            np.testing.assert_allclose(ours[name], value, rtol=tolerance, atol=tolerance, err_msg=name)
+def assert_close(what: str, ours: Any, theirs: Any, tolerance: float) -> None:
+    """Compare labels, numbers or arrays, up to an absolute and relative tolerance."""
+    if isinstance(theirs, str):
+        assert ours == theirs, what
+        return
+    difference = np.abs(np.asarray(ours, dtype=float) - np.asarray(theirs, dtype=float))
+    allowed = tolerance * (1 + np.abs(np.asarray(theirs, dtype=float)))
+    assert np.shape(ours) == np.shape(theirs) and (difference <= allowed).all(), (what, ours, theirs)
 
 
 def among_outcomes(
@@ -183,13 +189,15 @@ def among_outcomes(
     for _ in range(steps):
         if not running:
             theirs.reset(seed=ended)
+            following = theirs.state()
             t = 0
-        before = dict(theirs.state())
+        before = following
         action = act(rng, before, task.action_space)
         result = theirs.step(translate(action))
-        outcome = (outcomes.code(theirs.state()), bool(result.terminated), round(float(result.reward), 9))
+        following = theirs.state()
+        outcome = (outcomes.code(following), bool(result.terminated), round(float(result.reward), 9))
         chances = outcomes.of(before, action, t)
-        assert outcome in chances, (before, action, theirs.state(), result)
+        assert outcome in chances, (before, action, following, result)
         chance, below = chances[outcome]
         if chance < 1:
             uniform.append(below + chance * rng.random())

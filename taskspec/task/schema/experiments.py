@@ -184,7 +184,7 @@ class Experiment(Strict):
     twins: int | None = Field(
         None, ge=0, description="Twins of each task that learners are examined on; 2 unless given."
     )
-    probes: bool = Field(True, description="Whether it is tried if learners look at rewards that are withheld.")
+    peeks: bool = Field(True, description="Whether it is tried if learners look at rewards that are withheld.")
     seeds: int | None = Field(
         None, ge=1,
         description="How often each policy is rolled out (1 unless given), and each learner trained (15), with another seed.",
