@@ -12,11 +12,14 @@ import typer
 from taskspec.base import __version__
 from taskspec.cli import overview, scaffold, scoring
 from taskspec.cli import run as running
+from taskspec.cli.audit import audit
 from taskspec.cli.build import build
 from taskspec.cli.check import check
 from taskspec.cli.data import demos, preferences
+from taskspec.cli.diff import diff
 from taskspec.cli.docs import docs, figure
 from taskspec.cli.exam import exam
+from taskspec.cli.exchange import export, import_task
 from taskspec.cli.help import Command, Commands
 from taskspec.cli.mutate import mutate
 from taskspec.cli.options import flowed
@@ -34,9 +37,11 @@ COMMANDS = (
     ("explain", overview.explain, READ),
     ("new", scaffold.new, WRITE),
     ("check", check, WRITE),
+    ("diff", diff, WRITE),
     ("mutate", mutate, WRITE),
     ("build", build, WRITE),
     ("freeze", freeze, WRITE),
+    ("import", import_task, WRITE),
     ("schema", scaffold.schema, WRITE),
     ("run", running.run, USE),
     ("play", running.play, USE),
@@ -46,8 +51,10 @@ COMMANDS = (
     ("exam", exam, USE),
     ("report", report, USE),
     ("separate", separate, USE),
+    ("audit", audit, USE),
     ("demos", demos, USE),
     ("preferences", preferences, USE),
+    ("export", export, PRINT),
     ("docs", docs, PRINT),
     ("figure", figure, PRINT),
 )

@@ -155,7 +155,7 @@ def _print_cover(found: Covering, family: str, folder: Path) -> None:
 
 def _report(found: Separation, family: str, output: Path, json: bool) -> None:
     """Print what was found, and write its spec."""
-    from taskspec.experiments.frozen import FrozenTask
+    from taskspec.exchange.tables import FrozenTask
     from taskspec.experiments.separate import finding
 
     if json:
@@ -205,7 +205,7 @@ def freeze(
 
     States that no episode visits are left out; exact returns become claims.
     """
-    from taskspec.experiments.frozen import freeze as frozen
+    from taskspec.exchange.freeze import freeze as frozen
     from taskspec.targets import tasks_of
 
     given = list(parameters or [])

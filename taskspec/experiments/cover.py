@@ -21,9 +21,10 @@ from taskspec.base.display import fixed
 from taskspec.base.limits import tell
 from taskspec.base.limits import written as written_limits
 from taskspec.exam.trial import key_of
+from taskspec.exchange.freeze import freeze
+from taskspec.exchange.tables import FrozenTask
 from taskspec.experiments import races
 from taskspec.experiments.experiment_file import ExperimentFile, learner_place
-from taskspec.experiments.frozen import FrozenTask, freeze
 from taskspec.experiments.instances import Instance
 from taskspec.experiments.races import Contestant
 from taskspec.experiments.shrink import size

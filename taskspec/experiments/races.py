@@ -15,8 +15,9 @@ from taskspec.exam.case import Case, ExamTerms, Source
 from taskspec.exam.examinee import learner_of, train_at
 from taskspec.exam.learned import Learned
 from taskspec.exam.trial import results_of
+from taskspec.exchange.freeze import freeze
+from taskspec.exchange.tables import FrozenTask
 from taskspec.experiments.experiment_file import ExperimentFile, described, read
-from taskspec.experiments.frozen import FrozenTask, freeze
 from taskspec.experiments.instances import Instance, expand
 from taskspec.experiments.references import monte_carlo, q_learning
 from taskspec.learners import CannotLearn

@@ -17,9 +17,10 @@ import numpy as np
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import fixed, interval
 from taskspec.base.limits import written as written_limits
+from taskspec.exchange.freeze import freeze
+from taskspec.exchange.tables import FrozenTask
 from taskspec.experiments import races
 from taskspec.experiments.experiment_file import ExperimentFile
-from taskspec.experiments.frozen import FrozenTask, freeze
 from taskspec.experiments.instances import Instance
 from taskspec.experiments.races import Contestant, Subject
 from taskspec.experiments.shrink import shrink

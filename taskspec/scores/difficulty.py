@@ -165,10 +165,9 @@ _MEASURES = [
         _on_model(value_norm)),
     Measure(
         "effective_horizon", "steps",
-        "A bound on the effective horizon of a deterministic task: exhaustive search over this many steps takes as many episodes "
-        "as looking k steps ahead, with enough random episodes each time to choose correctly.",
-        r"\min_k k + \log_{\lvert A \rvert} \max_{t, s}"
-        r" \lceil \tfrac{28}{3} v_{t,s} d_{t,s}^{-2} \log(2 T \lvert A \rvert^k) \rceil",
+        "The least k + log_A m for which greedy over random policy, which judges every sequence of k actions by m random "
+        "episodes, is optimal with probability 1/2, in a deterministic task.",
+        r"\min \{k + \log_{\lvert A \rvert} m : P(\text{GORP}(k, m) \text{ is optimal}) \geq \tfrac12\}",
         LAIDLAW, _on_model(effective_horizon)),
 ]  # fmt: skip
 MEASURES: dict[str, Measure] = entries_by_name(_MEASURES)

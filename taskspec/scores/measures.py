@@ -14,6 +14,7 @@ from taskspec.base.limits import count, how_to_raise, limits
 from taskspec.model.model import Model, refuse, scipy_sparse
 from taskspec.model.space import entries_of
 from taskspec.model.transitions import Steps, merge_outcomes
+from taskspec.scores.gorp import Gorp
 from taskspec.solve.backward import Plan, action_values, all_values, backward, first_values
 from taskspec.solve.bounded import Bound, Bounded
 from taskspec.solve.infinite_horizon import chain_values, fixed_point, leading_to
@@ -237,18 +238,11 @@ def _extremes(steps: RandomSteps, horizon: int, extreme: np.ufunc) -> list[Array
 #
 # After C. Laidlaw, S. Russell and A. Dragan, "Bridging RL Theory and Practice with the Effective Horizon" (NeurIPS 2023). Q1 is
 # the action value of uniformly random actions, and Q(k+1) one Bellman backup of Qk. A task is k-QVI-solvable if every policy
-# that is greedy for Qk is optimal. GORP plays the first action of the best of all A^k action sequences, each judged by m
-# episodes that go on at random; the effective horizon is the least k + log_A m by which it is optimal with probability 1/2.
-#
-# The bound on m: let v be the largest Qk less the worst return from the state, times the largest possible return less that,
-# and d the gap of Qk between the best action and those that are not optimal. By Bernstein's inequality the mean of m returns
-# is off by d/2 with probability exp(-m d^2 / 4 / (2 v + v / 3)) at most. There are A^k sequences at each of T times, so that
-# m = 28/3 v / d^2 log(2 T A^k) is enough.
+# that is greedy for Qk is optimal.
 
 SWEEP_RATE = 1e8
 """Nominal number of transitions per second, in all backups together."""
 OVERHEAD = 20_000
-BERNSTEIN = 28 / 3
 
 
 class _Lookahead:
@@ -306,25 +300,6 @@ class _Lookahead:
             states = self.onwards(t, states, taken)
         return True
 
-    def episodes(self, k: int, values: list[Bound]) -> float:
-        """Return the bound on m, the number of episodes for each sequence of k actions; infinite where there is none."""
-        states = self.model.start > 0
-        most = 1.0
-        tries = math.log(2 * self.horizon) + k * math.log(self.model.n_actions)
-        for t in range(self.horizon):
-            q = self.q(t, values[t + 1])
-            optimal = self.optimal(t)
-            wrong = np.where(optimal, -np.inf, self.model.among_legal(q.value + q.error, -np.inf)).max(axis=0)
-            clear = optimal & (q.value - q.error > wrong)
-            if (states & ~clear.any(axis=0)).any():
-                return math.inf
-            top = self.numbers.top(q).value
-            spread = (top - self.worst[t].value) * (self.best[t].value - self.worst[t].value)
-            needed = np.ceil(BERNSTEIN * tries * spread[states] / (top - wrong)[states] ** 2)
-            most = max(most, float(needed.max(initial=1.0)))
-            states = self.onwards(t, states, clear)
-        return most
-
 
 def value_norm(model: Model) -> float:
     """Return the largest standard deviation of the optimal value of the next state, over states and actions of all times."""
@@ -346,16 +321,5 @@ def least_lookahead(model: Model) -> int:
 
 
 def effective_horizon(model: Model) -> float:
-    """Return an upper bound of the effective horizon of a deterministic task: the least k + log_A m over k."""
-    if model.n_actions == 1:
-        refuse("there is only one action")
-    is_drawn = Steps(model.task).reward is not model.task.process.reward
-    if is_drawn or np.count_nonzero(model.start) > 1 or any(step.rounding.terms > 1 for step in model.steps):
-        refuse("the bound holds for deterministic tasks with one first state")
-    ahead = _Lookahead(model)
-    least = float(ahead.horizon)  # all sequences of all actions, one episode each
-    for k, values in ahead.rounds():
-        if k >= least:
-            break
-        least = min(least, k + math.log(ahead.episodes(k, values), model.n_actions))
-    return least
+    """Return the effective horizon of a deterministic task."""
+    return Gorp(model, _Lookahead(model).optimal).horizon_in_steps()

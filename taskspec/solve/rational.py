@@ -140,13 +140,13 @@ class RationalStep:
 class Rational:
     """Arithmetic on values (S,), action values (A, S) and policies (A, S) as `Scaled`.
 
-    `work` is how many operations on short numbers it costs to go from the last step to the first.
+    `work` is how many operations on short numbers it costs to go from the last step to the first; `most` is its limit.
 
     Raises:
         Inexact: for models that are too large, or whose probabilities are no rationals.
     """
 
-    def __init__(self, model: Model, reader: Reader) -> None:
+    def __init__(self, model: Model, reader: Reader, most: float | None = None) -> None:
         self.model = model
         self.reader = reader
         self.shape = (model.n_actions, model.n_states)
@@ -155,9 +155,9 @@ class Rational:
         self.discount = reader(model.discount)
         steps = Steps(model.task)
         size = model.n_states * model.n_actions * steps.branching
-        if model.horizon is None or size * len(model.steps) > MOST_OUTCOMES:
+        if model.horizon is None or size * len(model.steps) > (most or MOST_OUTCOMES):
             raise Inexact
-        if model.entries / len(model.steps) * model.horizon > MOST_WORK:
+        if model.entries / len(model.steps) * model.horizon > (most or MOST_WORK):
             raise Inexact
         codes, weights = steps.starts(self.probabilities)
         start = _objects([Fraction(0)] * model.n_states)
@@ -166,7 +166,7 @@ class Rational:
         self.steps = [self._step(steps, t) for t in range(len(model.steps))]
         bits = max(s.weights.over for s in self.steps).bit_length() + self.discount.denominator.bit_length()
         self.work = max(len(s.columns) for s in self.steps) * model.horizon * (1 + bits * model.horizon / WIDE)
-        if self.work > MOST_WORK:
+        if self.work > (most or MOST_WORK):
             raise Inexact
 
     def _step(self, steps: Steps, t: int) -> RationalStep:

@@ -10,7 +10,8 @@ import pytest
 
 from taskspec import experiments, load
 from taskspec.exact import Results
-from taskspec.experiments.frozen import FrozenTask, freeze
+from taskspec.exchange.freeze import freeze
+from taskspec.exchange.tables import FrozenTask
 from taskspec.experiments.races import contestant
 from taskspec.experiments.separate import Search
 from taskspec.experiments.shrink import shrink, size
