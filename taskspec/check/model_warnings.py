@@ -18,6 +18,7 @@ from taskspec.rollout.rollout import at_random, is_bounded
 from taskspec.scores.partial_observability import pomdp_bounds
 from taskspec.scores.returns import Results
 from taskspec.task.build import build
+from taskspec.task.legal import with_all_actions
 from taskspec.task.parts import Component, Soft, by_name
 from taskspec.task.task import Task
 
@@ -190,7 +191,7 @@ def illegal(context: LintContext) -> Iterator[Doubt]:
     best = context.results.optimal
     if not task.mask or best is None:
         return
-    free = Results(task.with_process(legal=None), limit=context.results.limit).optimal
+    free = Results(with_all_actions(task), limit=context.results.limit).optimal
     if free is not None and free.value > best.value + SAME * max(1.0, abs(best.value)):
         message = f"illegal actions pay: the best policy returns {words(free.value)}, and {words(best.value)} with legal actions"
         yield Doubt(context.key("legal"), message, "let them change nothing, or end the episode, or cost something")

@@ -19,6 +19,7 @@ from taskspec.scores.returns import Results
 from taskspec.solve.backward import Boltzmann, Uniform
 from taskspec.solve.constrained import constrained_optimum, pareto_front
 from taskspec.solve.plans import MaxEnt
+from taskspec.task.legal import with_all_actions
 from taskspec.task.task import Task
 
 SPEC = """
@@ -139,7 +140,7 @@ def test_soft_policies(tmp_path: Path, bonus: float) -> None:
 def test_linear_programs_keep_to_legal_actions(tmp_path: Path, horizon: int | str, bonus: float) -> None:
     """Where nothing is illegal, a limit on the measure of it gives the same optimum."""
     task = ring(tmp_path, horizon, bonus)
-    free = task.with_process(legal=None)
+    free = with_all_actions(task)
     best = Results(task).optimal
     assert best is not None
     limited = constrained_optimum(free, ["illegal<=0"])
