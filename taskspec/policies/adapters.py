@@ -216,6 +216,7 @@ class Predictor(ObservationPolicy):
     def probabilities(self, observations: Any, legal: Array | None = None) -> Array | None:
         if self.deterministic:
             return None
+        found: Array | None
         if self.gives_probabilities:
             found = np.asarray(self.gives_probabilities(self.normalise(observations)), np.float64)
         else:

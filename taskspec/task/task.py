@@ -302,7 +302,7 @@ class Task:
             return ()
         (c,) = self.action
         b = self.new_builder()
-        conditions = []
+        conditions: list[Node] = []
         for value in range(int(c.least), int(c.most) + 1):
             action = b.scalar(bool(value) if c.type.kind is Kind.BOOL else value)
             conditions += b.substitute([legal], {(Role.ACTION, c.name): action})
