@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, raise_if_errors
+from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, in_order, raise_if_errors
 from taskspec.base.limits import Limits, limits
 from taskspec.base.records import all_names
 from taskspec.lang.check import check_uncalled
@@ -90,19 +90,72 @@ def check_document(
     Raises:
         SpecError: with every mistake of the shape, and those that do not follow from it.
     """
+    from taskspec.task.schema.check import check_shape
+
+    if check_shape(document):
+        raise_if_errors(attempts(document, variants, values)[1])
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A spec or variant that may have mistakes: the names of each section and, where there is no mistake, the task."""
+
+    merged: Merged
+    names: Names
+    task: Task | None = None
+
+
+def attempts(
+    document: Document, variants: Sequence[str | None] = (), values: Mapping[str, Any] | None = None
+) -> tuple[list[Attempt], tuple[Diagnostic, ...]]:
+    """Return what can be made of a document, and its mistakes; what does not have the shape of a spec is left out.
+
+    Args:
+        variants: the tasks that are meant, all of them unless given.
+    """
     from taskspec.task.schema.check import check_shape, remainder
 
     found = list(check_shape(document))
-    if not found:
-        return
-    rest, words = remainder(document)
-    if rest is not None:
-        for variant in variants or variant_names(rest.data).values():
-            try:
-                build_merged(merge(rest, variant), values or {}, "")
-            except SpecError as error:
-                found += [d for d in error.diagnostics if not _follows(d, words)]
-    raise_if_errors(list({(d.code, d.span): d for d in found}.values()))
+    is_whole = not found
+    rest: Document | None = document
+    words: set[str] = set()
+    if not is_whole:
+        rest, words = remainder(document)
+    if rest is None:
+        return [], in_order(found)
+    made = []
+    for variant in variants or variant_names(rest.data).values():
+        attempt, mistakes = _attempt(merge(rest, variant), values or {})
+        if attempt is not None:
+            made.append(attempt)
+        found += [d for d in mistakes if is_whole or not _follows(d, words)]
+    return made, in_order({(d.code, d.span): d for d in found}.values())
+
+
+def _attempt(merged: Merged, values: Mapping[str, Any]) -> tuple[Attempt | None, Sequence[Diagnostic]]:
+    from taskspec.task.schema.check import validated
+
+    mistakes: tuple[Diagnostic, ...] = ()
+    try:
+        validated(merged)
+    except SpecError as error:
+        mistakes = error.diagnostics
+    attempt = None
+    try:
+        if mistakes:  # what is there has meanings all the same
+            merged = replace(merged, data=_EMPTY | merged.data)
+            validated(merged)
+        attempt = Attempt(merged, Names(Context(merged, Collector())))
+        task = _checked(attempt.names, values, "")
+        if not mistakes:
+            attempt = replace(attempt, task=task)
+    except SpecError as error:
+        mistakes += error.diagnostics
+    return attempt, mistakes
+
+
+_EMPTY: dict[str, Any] = {"state": {}, "action": {}, "horizon": 1, "initial": {}, "dynamics": {}, "reward": 0}
+"""Sections in the place of those that a spec does not have yet."""
 
 
 def _follows(found: Diagnostic, words: set[str]) -> bool:
@@ -118,7 +171,7 @@ def _kind(value: Any) -> tuple[str, float]:
 @lru_cache(maxsize=256)
 def _built(document: Document, variant: str | None, given: tuple[Any, ...], suite: str, _within: Limits) -> Task:
     values = {name: value for name, value, _ in given}
-    return _checked(merge(document, variant), values, suite)
+    return _fresh(merge(document, variant), values, suite)
 
 
 class BoundParameters(NamedTuple):
@@ -217,28 +270,31 @@ def build_merged(merged: Merged, parameters: Mapping[str, Any], suite: str) -> T
     from taskspec.task.schema.check import validated
 
     validated(merged)
-    return _checked(merged, parameters, suite)
+    return _fresh(merged, parameters, suite)
 
 
-def _checked(merged: Merged, parameters: Mapping[str, Any], suite: str) -> Task:
+def _fresh(merged: Merged, parameters: Mapping[str, Any], suite: str) -> Task:
     """Return the task of merged sections whose shape is right."""
-    collector = Collector()
+    return _checked(Names(Context(merged, Collector())), parameters, suite)
+
+
+def _checked(names: Names, parameters: Mapping[str, Any], suite: str) -> Task:
+    context = names.context
     try:
-        return _pipeline(Context(merged, collector), dict(parameters), suite)
+        return _pipeline(context, names, dict(parameters), suite)
     except Refused as refused:  # a limit of the whole task, reached outside of any expression
-        collector.raise_if_errors()
-        place = merged.span(("name",))
+        context.collector.raise_if_errors()
+        place = context.merged.span(("name",))
         raise SpecError([Diagnostic(refused.code, place, refused.message, refused.hint)]) from None
 
 
-def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
+def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str) -> Task:
     """Return the task of a merged spec: everything declared is bound, then each section becomes nodes, in this order.
 
     Mistakes are collected in `context` and raised together, as soon as nothing more can be read without what is broken.
     """
     collector = context.collector
     builder = context.builder
-    names = Names(context)
 
     # What the sections stand on.
     check_names(context.merged, collector)

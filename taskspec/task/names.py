@@ -335,7 +335,7 @@ _RESERVED = {
 def check_names(merged: Merged, collector: Collector) -> None:
     """Report (E309) every declared name that is taken: by a declaration above it, or by the language."""
     known: dict[str, tuple[str, Span]] = {}
-    for path, name, what in _declared(merged):
+    for path, name, what in declared(merged):
         place = merged.key_span(path)
         if name in known:
             before, there = known[name]
@@ -352,7 +352,7 @@ def check_names(merged: Merged, collector: Collector) -> None:
         known.setdefault(name, (what, place))
 
 
-def _declared(merged: Merged) -> Iterator[tuple[Path, str, str]]:
+def declared(merged: Merged) -> Iterator[tuple[Path, str, str]]:
     """Path, name and kind of everything that a spec declares, in the order of the sections."""
     for section, what in _SECTIONS.items():
         for written in merged.data.get(section) or {}:
