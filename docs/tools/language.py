@@ -146,6 +146,7 @@ PLACES = (
     ("`discount`", "discount", '"(@) / 9"'),
     ("`noise`", "noise", '{"n": "UniformInt(0, 1)", "m": "@"}'),
     ("`initial`", "initial", '{"x": 0, "y": "@"}'),
+    ("`legal`", "legal", '"(@) == 1"'),
     ("`dynamics`", "dynamics", """{"x'": "x + a", "y'": "@"}"""),
     ("`reward`", "reward", '"@"'),
     ("`measures`", "measures", '{"m": "@"}'),

@@ -23,13 +23,14 @@ from taskspec.source import Document, Packed, packed, unpacked
 from taskspec.task import declarations, sections
 from taskspec.task.annotations import figure, read_examples, remembered, symmetries
 from taskspec.task.context import Context
+from taskspec.task.legal import legal_condition
 from taskspec.task.merge import Merged, abstracted, merge, stripped, variant_names
 from taskspec.task.names import Names, check_names, signature
 from taskspec.task.parts import Component, Modifier, Parameter, Varying
 from taskspec.task.task import Annotations, Process, Task, TaskSource, task_id
 
 SEMANTIC = (
-    "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount", "initial",
+    "constants", "definitions", "noise", "state", "action", "legal", "observation", "horizon", "terminal", "discount", "initial",
     "dynamics", "reward", "absorbing_reward", "memory", "expert", "abstraction", "info",
     "symmetries", "measures",
 )  # fmt: skip
@@ -318,6 +319,7 @@ def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str)
         following = sections.saturate(context, names, initial, changed)
         reward = sections.single_number(context, "reward", REAL, names.scope("reward"))
         terminal = sections.end_condition(context, names)
+    legal = legal_condition(context, names)
     absorbing = sections.single_number(context, "absorbing_reward", REAL, names.scope("absorbing"), default=0)
     with builder.written() as observation_draws:
         observation = sections.observed(context, names, initial, following)
@@ -345,6 +347,7 @@ def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str)
         initial=raw_initial, dynamics=raw_next, reward=[reward], terminal=[terminal], absorbing_reward=[absorbing],
         abstraction=mapped, observation=observation.nodes, expert=expert if isinstance(expert, tuple) else (),
         memory=() if memory is None else memory.lines, measures=tuple(measures.values()),
+        legal=() if legal is None else (legal,),
     )  # fmt: skip
     collector.raise_if_errors()
     constants = declarations.fixed_constants(context)
@@ -354,7 +357,7 @@ def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str)
         tuple(initial), tuple(following), raw_initial, raw_next, reward, terminal, absorbing,
         reset_draws=tuple((initial_draws | observation_draws).values()),
         step_draws=tuple((dynamics_draws | observation_draws | measure_draws).values()),
-        required=tuple(context.required), measures=measures,
+        required=tuple(context.required), measures=measures, legal=legal,
     )  # fmt: skip
     annotations = Annotations(expert, memory, claims=claims, examples=examples, figure=drawn, symmetries=mirrors)
     return Task(source, context.state, context.action, observation, context.horizon, discount, process, annotations)
@@ -417,7 +420,7 @@ def build_varying(task: Task, names: Sequence[str]) -> Task:
         built = build_merged(stripped(merge(task.source.document, task.source.variant)), given, task.source.suite)
     except SpecError as error:
         raise SpecError(_refused(d, names) for d in error.diagnostics) from None
-    read = {name for role, name in reads((*built.reset_roots, *built.step_roots)) if role is Role.PARAMETER}
+    read = {name for role, name in reads(built.roots) if role is Role.PARAMETER}
     for name in names:
         if name not in read:
             raise _error(f"parameter {name} has no effect on what a step gives, and cannot differ between lanes")

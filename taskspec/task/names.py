@@ -36,12 +36,13 @@ _WITHOUT_ACTION = {
 }
 _MAPS = ("seen", "done")
 """Sections of a symmetry: the maps of what is observed, and of actions."""
-_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction", "figure", "first memory", "memory", *_MAPS)
+_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction", "figure", "legal", "first memory", "memory", *_MAPS)
 _OUTSIDE_STEPS = ("initial", "observation")
 """Sections in which a noise may stand that depends on no step."""
 _NO_DRAWS = {
     "absorbing": "an absorbing reward is a fixed number",
     "claims": "a claim is a statement about exact results",
+    "legal": "an action is legal in a state, or not",
     "first memory": "a memory holds what was seen and done",
     "memory": "a memory holds what was seen and done",
     "abstraction": "an abstraction is a function of the state",
@@ -181,6 +182,9 @@ class Names:
                 last = horizon - 1
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0, last))
             bindings["T"] = Value(b.scalar(horizon))
+        if section == "legal":
+            hint = "a component of the state can count the steps"
+            bindings["t"] = Unavailable("E302", "the time 't' cannot be used in `legal`", hint)
 
     # -- the end --------------------------------------------------------------------------------------------------
 

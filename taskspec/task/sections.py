@@ -36,7 +36,7 @@ def parse_sections(context: Context) -> None:
             elif name != "space":
                 path: Path = (section, name, "value") if is_bounded(value) else (section, name)
                 exprs[name] = context.forms.expr(path)
-    for section in ("reward", "terminal", "absorbing_reward"):
+    for section in ("reward", "terminal", "absorbing_reward", "legal"):
         if section in context.data:
             context.exprs[section] = context.forms.expr((section,))
 

@@ -183,6 +183,25 @@ def test_taxi() -> None:
             assert result == next(iter(outcomes(entries))), (state, action)
 
 
+@STEPS
+def test_masks_of_taxi(steps: int) -> None:
+    """Equal masks in the infos of resets and steps, whether or not the action was legal."""
+    theirs, ours = taxi()
+    rng = np.random.default_rng(0)
+    for episode in range(steps // 50):
+        _, expected = theirs.reset(seed=episode)
+        row, col, passenger, goal = (int(v) for v in theirs.decode(theirs.s))
+        _, found = ours.reset(seed=0, options={"state": {"row": row, "col": col, "passenger": passenger, "goal": goal}})
+        for _ in range(50):
+            assert found["action_mask"].dtype == expected["action_mask"].dtype
+            assert np.array_equal(found["action_mask"], expected["action_mask"])
+            action = ours.action_space.sample(found["action_mask"] if rng.random() < 0.8 else None)
+            *_, ended, _, expected = theirs.step(action)
+            *_, found = ours.step(action)
+            if ended:
+                break
+
+
 def test_taxi_starts() -> None:
     theirs, ours = taxi()
     ours.reset(seed=0)
