@@ -10,12 +10,16 @@ from taskspec.exam import Running, examine
 from tests.docs.test_snippets import DOCS
 
 LEARNERS = DOCS / "howto" / "learners"
-SHORT = ("sb3", "sb3_contrib_trpo", "cleanrl_style", "d3rlpy_bc")
+SHORT = (
+    "sb3", "sb3_contrib_trpo", "cleanrl_style", "d3rlpy_bc", "tianshou_dqn", "torchrl_dqn", "rllib_ppo", "rejax_ppo",
+)  # fmt: skip
 """The files on the page; the others are for releases of a library before and after a repair."""
 CASES = [
     ("sb3.py:ppo", "stable_baselines3", 3000), ("sb3.py:dqn", "stable_baselines3", 3000),
     ("sb3.py:a2c", "stable_baselines3", 6000), ("sb3_contrib_trpo.py:train", "sb3_contrib", 3000),
     ("cleanrl_style.py:train", "torch", 3000), ("d3rlpy_bc.py:train", "d3rlpy", 1), ("skrl_dqn.py:train", "skrl", 4000),
+    ("tianshou_dqn.py:train", "tianshou", 3000), ("torchrl_dqn.py:train", "torchrl", 3000),
+    ("rllib_ppo.py:train", "ray.rllib", 3000), ("rejax_ppo.py:train", "rejax", 16000),
 ]  # fmt: skip
 
 
