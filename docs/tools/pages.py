@@ -31,10 +31,10 @@ def difficulty() -> str:
 
 def learned() -> str:
     """Return the page of learned values and rewards, with the mistakes that they show."""
-    header = ("name", "what is wrong", "usual code", "what to do")
-    operators = [(o.name, f"a learner {o.mistake}", o.code, o.fix) for o in OPERATORS.values()]
-    rewards = [(r.name, r.mistake, r.code, r.fix) for r in REWARDS.values()]
-    parts = {"operators": table(header, operators), "rewards": table(header, rewards)}
+    header = ("name", "the learner is one", "usual code")
+    operators = table(header, [(o.name, o.mistake, o.code) for o in OPERATORS.values()])
+    rewards = table(("name", "what is learned", "usual code"), [(r.name, r.mistake, r.code) for r in REWARDS.values()])
+    parts = {"operators": operators, "rewards": rewards}
     return filled(DOCS / "learned.md", parts)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from docs.tools.markdown import code, filled, table
+from docs.tools.markdown import filled, table
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import number
 from taskspec.exam.examining import tasks_of
@@ -49,8 +49,8 @@ def _diagnoses() -> str:
     rows = []
     for rule in read_exam(path).rules:
         assert isinstance(rule.entry, DiagnosisEntry)
-        rows.append((code(rule.entry.when), rule.entry.message, rule.entry.cause))
-    return table(("scores", "the learner", "usual cause"), rows)
+        rows.append((rule.entry.message, rule.entry.cause))
+    return table(("the learner", "usual cause"), rows)
 
 
 def exposed(task: Task) -> dict[str, float]:

@@ -52,6 +52,7 @@ class Evidence:
         self.subject = subject
         self.seconds = seconds
         self.found: dict[str, Any] = {}
+        self.unexamined: list[str] = []
         self.why_not = ""
         self.wrong_P: tuple[str, Trace | None] | None = None
 
@@ -99,7 +100,7 @@ class Evidence:
         for seed in range(MOST_RETURNS):
             for name, action in policies.items():
                 episode = self.subject.episode(seed, instance, action)
-                found[name].append(float(sum(step.reward for step in episode.steps)))
+                found[name].append(sum(step.paid for step in episode.steps))
             tell(f"returns, {seed + 1} episodes each")
             if end.is_over:
                 break
@@ -169,7 +170,7 @@ class Evidence:
         step = self.subject.play((TracePart(episode.seed, (*episode.actions, episode.actions[-1])),))[-1]
         if step.error:
             return step.error
-        return f"{'ends again' if step.terminated else 'goes on'}, and pays {decimal(float(step.reward))}"
+        return f"{'ends again' if step.terminated else 'goes on'}, and pays {decimal(step.paid)}"
 
     # -- the table ----------------------------------------------------------------------------------------------------
 
@@ -185,8 +186,8 @@ class Evidence:
         return None
 
     def _tabulated(self) -> StateTable:
-        if any(step.error for episode in self.episodes for step in episode.steps):
-            raise Untabulated("it raises exceptions")
+        if any(step.error or math.isnan(step.paid) for episode in self.episodes for step in episode.steps):
+            raise Untabulated("it raises exceptions, or rewards are no numbers")
         table = by_probabilities(self.subject, self.horizon)
         if table is not None:
             try:
@@ -264,7 +265,7 @@ class Evidence:
             for t in range(self.horizon or MOST_STEPS):
                 s = self.table.states.get(snapshot(instance.env).key(self.table.ignored), 0)
                 step = instance.step(self.table.actions[int(plan(t)[:, s].argmax())])
-                total += float(step.reward)
+                total += step.paid
                 if step.is_last:
                     break
             found.append(total)

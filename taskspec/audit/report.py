@@ -61,7 +61,11 @@ def examined(subject: Subject, seconds: float) -> Audit:
     entries = []
     for check in CHECKS:
         tell(check.name)
-        found = check.look(x)
+        try:
+            found = check.look(x)
+        except Exception as error:  # of an object that does what none should
+            found = None
+            x.unexamined.append(f"{check.name} ({type(error).__name__}: {error})")
         if found is not None:
             x.found[check.name] = found
             entries.append(Reported(check, found, subject.text(found.trace) if found.trace else ""))
@@ -99,6 +103,8 @@ def _values(x: Evidence) -> tuple[list[tuple[str, str]], dict[str, Any]]:
         mean, half = estimate(found.value, found.half)
         words.append((name, f"{mean} ± {half} (95 %, {plural(found.episodes, 'episode')})"))
         numbers[name] = {"mean": found.value, "interval": list(found.interval()), "episodes": found.episodes}
+    if x.unexamined:
+        words.append(("not examined", "; ".join(x.unexamined)))
     if x.after_the_end:
         words.append(("after the end", x.after_the_end))
     return words, {"is_estimated": bool(about), "returns": numbers, "after_the_end": x.after_the_end}

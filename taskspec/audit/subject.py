@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import random
 import re
 import time
@@ -63,6 +64,14 @@ class EnvStep:
     info: Any = None
     seen_info: Hashable = None
     error: str | None = None
+
+    @property
+    def paid(self) -> float:
+        """The reward as a number; nan where it is none."""
+        try:
+            return float(self.reward)
+        except (TypeError, ValueError):
+            return math.nan
 
     @property
     def is_last(self) -> bool:

@@ -235,7 +235,7 @@ class TableSearch:
             if step.error:
                 raise Untabulated(step.error)
             to = self._state(instance, step, depth + 1, after)
-            counts[to, float(step.reward), self.table.ends(step, depth + 1)] += 1
+            counts[to, step.paid, self.table.ends(step, depth + 1)] += 1
             if (not is_drawn and drawn(generators) == before) or (repeat == ALIKE and len(counts) == 1):
                 break
             is_drawn = True
@@ -276,7 +276,7 @@ def compare(
             to = _known(table, instance, step, ignored)
             outcomes = table.rows[state][a]
             ends = table.ends(step, t + 1)
-            if (to, float(step.reward), ends) not in outcomes and (state, a) not in table.drawn:
+            if (to, step.paid, ends) not in outcomes and (state, a) not in table.drawn:
                 if to not in {outcome[0] for outcome in outcomes}:
                     raise Untabulated(f"t = {t}: a state that the table does not lead to")
                 table.by_time = table.by_time or (state, a, episode.trace(t + 1))

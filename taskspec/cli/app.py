@@ -17,10 +17,11 @@ from taskspec.cli.build import build
 from taskspec.cli.check import check
 from taskspec.cli.data import demos, preferences
 from taskspec.cli.diff import diff
-from taskspec.cli.docs import docs, figure
+from taskspec.cli.docs import card, docs, figure
 from taskspec.cli.exam import exam
 from taskspec.cli.exchange import export, import_task
 from taskspec.cli.help import Command, Commands
+from taskspec.cli.lsp import lsp
 from taskspec.cli.mutate import mutate
 from taskspec.cli.options import flowed
 from taskspec.cli.report import report
@@ -43,6 +44,7 @@ COMMANDS = (
     ("freeze", freeze, WRITE),
     ("import", import_task, WRITE),
     ("schema", scaffold.schema, WRITE),
+    ("lsp", lsp, WRITE),
     ("run", running.run, USE),
     ("play", running.play, USE),
     ("solve", scoring.solve, USE),
@@ -56,6 +58,7 @@ COMMANDS = (
     ("preferences", preferences, USE),
     ("export", export, PRINT),
     ("docs", docs, PRINT),
+    ("card", card, PRINT),
     ("figure", figure, PRINT),
 )
 

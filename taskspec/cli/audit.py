@@ -104,7 +104,7 @@ def _replay(subject: Subject, text: str) -> None:
     for step in steps:
         ends = " ".join(name for name in ("terminated", "truncated") if getattr(step, name))
         action = "reset" if step.action is None else shown(step.action)
-        table.add_row(action, step.error or shown(step.observation, 200), decimal(float(step.reward or 0)), ends)
+        table.add_row(action, step.error or shown(step.observation, 200), decimal(step.paid), ends)
     console().print(table)
     t = first_difference(steps, again)
     say("a second run gives the same" if t is None else f"a second run differs at line {t + 1}: {again[t]}")

@@ -67,6 +67,10 @@ class Metered(gymnasium.Env[Any, Any]):
         self._before = after
         return after, float(rewards[0]), terminated, truncated, told
 
+    def action_masks(self) -> Array:
+        """Return the legal actions of the present state, as `Environment.action_masks` does."""
+        return self._inside.action_masks()
+
     def close(self) -> None:
         self._inside.close()
 

@@ -11,11 +11,12 @@ from taskspec.base.diagnostics import spec_error
 from taskspec.base.records import entries_by_name
 from taskspec.exchange import arrays, drn, prism, umb
 from taskspec.exchange.freeze import tables
-from taskspec.exchange.reading import MOST_BYTES, ForeignFile
+from taskspec.exchange.reading import MOST_BYTES, ForeignFile, guarded
 from taskspec.exchange.settled import settled, unsettled
 from taskspec.exchange.tables import FrozenTask
 from taskspec.model.extract import extract
 from taskspec.model.model import Model
+from taskspec.task.legal import with_all_actions
 from taskspec.task.task import Task
 
 MOST_STATES = 100_000
@@ -66,12 +67,12 @@ FORMATS: dict[str, ModelFormat] = entries_by_name((
 
 
 def exported(task: Task) -> tuple[Model, FrozenTask]:
-    """Return the exact model of a finite task, or of its abstraction, and its tables.
+    """Return the exact model of a finite task, or of its abstraction, and its tables; all actions are legal there.
 
     Raises:
         SpecError: E712 for a task that has no exact model, or is too large.
     """
-    model = extract(_finite(task), reachable=True)
+    model = extract(with_all_actions(_finite(task)), reachable=True)
     return model, replace(tables(model, MOST_STATES), name=task.instance_id)
 
 
@@ -93,6 +94,8 @@ def notes(task: Task, found: FrozenTask, format: ModelFormat) -> Iterator[str]:
     if not task.observation.is_state:
         names = ", ".join(c.name for c in task.observation.components)
         yield f"observations ({names}): not in the file; its states are the task's"
+    if task.mask:
+        yield "legal actions: not in the file; illegal ones have the outcomes that the equations give"
     if task.process.measures:
         yield f"measures ({', '.join(task.process.measures)}): not in the file"
     if "rationals" not in format.keeps:
@@ -157,5 +160,5 @@ def read(place: str, format: str | None = None) -> FrozenTask:
         source = ForeignFile(place, path.read_bytes())
     except OSError as error:
         raise spec_error("E711", f"{place}: {error.strerror or error}") from error
-    found = chosen.read(source)
+    found = guarded(chosen.read)(source)
     return unsettled(found) if chosen.is_settled else found

@@ -24,6 +24,7 @@ from taskspec.rules.evaluator import InvalidClaim
 from taskspec.scores.returns import Results
 from taskspec.solve.enclosure import Inexact, Reader
 from taskspec.solve.rational import ExactProbabilities
+from taskspec.task.legal import with_all_actions
 from taskspec.task.task import Task
 
 MOST_STATES = 1000
@@ -37,11 +38,12 @@ Chances = Callable[[int], dict[tuple[int, int], Outcomes]]
 
 
 def freeze(task: Task) -> FrozenTask:
-    """Return a task as tables, with its exact returns as claims.
+    """Return a task as tables, with its exact returns as claims; all actions are legal there.
 
     Raises:
         SpecError: E712 for a task that has no exact model, is too large, or whose observations are drawn.
     """
+    task = with_all_actions(task)
     model = extract(task, reachable=True)
     frozen = tables(model, MOST_STATES)
     seen = _observations(model)

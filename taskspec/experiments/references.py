@@ -34,15 +34,23 @@ class ObservationTable:
     def __getitem__(self, obs: Any) -> Array:
         return self.rows.setdefault(np.asarray(obs, np.float64).tobytes(), np.zeros(self.n_actions))
 
-    def explored(self, obs: Any) -> int:
-        """Return the index of a best action, or now and then of a random one."""
-        if self.rng.random() < EXPLORATION:
-            return int(self.rng.integers(self.n_actions))
-        return int(self[obs].argmax())
+    def legal(self, info: dict[str, Any]) -> Array:
+        """Return the indices of the legal actions, by the info of a reset or a step; of all, without a mask."""
+        return np.flatnonzero(info.get("action_mask", np.ones(self.n_actions)))
 
-    def predict(self, observations: Array) -> Array:
-        """Return the best actions."""
-        return np.array([self.first + self[obs].argmax() for obs in observations])
+    def explored(self, obs: Any, info: dict[str, Any]) -> int:
+        """Return the index of a best legal action, or now and then of a random one."""
+        legal = self.legal(info)
+        if self.rng.random() < EXPLORATION:
+            return int(legal[self.rng.integers(len(legal))])
+        return int(legal[self[obs][legal].argmax()])
+
+    def predict(self, observations: Array, action_masks: Array | None = None) -> Array:
+        """Return the best actions of those that masks, bool (N, A), allow."""
+        rows = np.array([self[obs] for obs in observations])
+        if action_masks is not None:
+            rows = np.where(action_masks, rows, -np.inf)
+        return np.asarray(self.first + rows.argmax(axis=1))
 
 
 @learns_from("reward")
@@ -50,13 +58,15 @@ def q_learning(case: Case) -> ObservationTable:
     """Return Q-values learned by bootstrapping from the best next action (Watkins 1989)."""
     Q = ObservationTable(case)
     env = case.env()
-    obs, _ = env.reset()
+    obs, info = env.reset()
     for _ in range(case.steps):
-        a = Q.explored(obs)
-        next_obs, reward, terminated, truncated, _ = env.step(Q.first + a)
-        V = 0.0 if terminated else Q[next_obs].max()
+        a = Q.explored(obs, info)
+        next_obs, reward, terminated, truncated, info = env.step(Q.first + a)
+        V = 0.0 if terminated else Q[next_obs][Q.legal(info)].max()
         Q[obs][a] += STEP_SIZE * (reward + GAMMA * V - Q[obs][a])
-        obs = env.reset()[0] if terminated or truncated else next_obs
+        obs = next_obs
+        if terminated or truncated:
+            obs, info = env.reset()
     return Q
 
 
@@ -65,11 +75,11 @@ def monte_carlo(case: Case) -> ObservationTable:
     """Return Q-values that are averages of returns (Sutton and Barto 2018, section 5.4); they know nothing beyond the horizon."""
     Q = ObservationTable(case)
     env = case.env()
-    obs, _ = env.reset()
+    obs, info = env.reset()
     episode = []
     for _ in range(case.steps):
-        a = Q.explored(obs)
-        next_obs, reward, terminated, truncated, _ = env.step(Q.first + a)
+        a = Q.explored(obs, info)
+        next_obs, reward, terminated, truncated, info = env.step(Q.first + a)
         episode.append((obs, a, reward))
         obs = next_obs
         if terminated or truncated:
@@ -78,5 +88,5 @@ def monte_carlo(case: Case) -> ObservationTable:
                 rest += paid
                 Q[seen][action] += STEP_SIZE * (rest - Q[seen][action])
             episode = []
-            obs, _ = env.reset()
+            obs, info = env.reset()
     return Q

@@ -14,6 +14,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need
 from taskspec.lang.ir import Role
 from taskspec.model.space import Space, entries_of, shown
+from taskspec.task.legal import choices
 from taskspec.task.task import Task
 
 
@@ -143,6 +144,30 @@ class Model:
     def with_reward(self, R: Array, lowest: float, highest: float) -> Model:
         """Return a model whose time does not matter with another expected reward (A*S,), and bounds of that of all outcomes."""
         return replace(self, steps=(self.step(0).with_reward(R, lowest, highest),))
+
+    # -- legal actions ----------------------------------------------------------------------------
+
+    @cached_property
+    def legal(self) -> Array | None:
+        """The actions (A, S) that policies choose from in each state; None where these are all."""
+        if not self.task.mask:
+            return None
+        return choices(self.task, {name: value for (_, name), value in self.states.decode(self.codes).items()})
+
+    def among_legal(self, values: Array, other: Any) -> Array:
+        """Return numbers (A, S, ...) of actions in states, with another one in place of those of illegal actions."""
+        if self.legal is None:
+            return values
+        legal = self.legal.reshape(*self.legal.shape, *(1,) * (values.ndim - 2))
+        return np.where(legal, values, other)
+
+    @cached_property
+    def uniform(self) -> Array:
+        """The probability of each action (A, S) if all that are legal are as probable."""
+        shape = (self.n_actions, self.n_states)
+        if self.legal is None:
+            return np.broadcast_to(1 / self.n_actions, shape)
+        return np.asarray(self.legal / self.legal.sum(axis=0))
 
     # -- names both ways --------------------------------------------------------------------------
 

@@ -103,7 +103,11 @@ def acting(b: Builder, task: Task, executed: Mapping[str, Node]) -> Task:
 
 def meaning(b: Builder, task: Task, meant: Mapping[str, Node]) -> Task:
     """Return the task in which each action is replaced by another one, by name; its expert remembers those that are meant."""
-    return remembering(b, acting(b, task, meant), {(Role.ACTION, name): node for name, node in meant.items()})
+    reads = {(Role.ACTION, name): node for name, node in meant.items()}
+    changed = acting(b, task, meant)
+    if task.process.legal is not None:
+        changed = changed.with_process(legal=b.substitute([task.process.legal], reads)[0])
+    return remembering(b, changed, reads)
 
 
 def drawing(task: Task, drawn: Mapping[int, Draw]) -> Task:

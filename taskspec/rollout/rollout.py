@@ -24,6 +24,7 @@ from taskspec.lang.types import Kind, total_size
 from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.model import refuse
 from taskspec.model.points import BYTES, Budget, Cost, columns, sampled
+from taskspec.task.legal import legal_at_random
 from taskspec.task.parts import Component
 from taskspec.task.task import Task
 
@@ -87,10 +88,12 @@ def is_bounded(task: Task) -> bool:
 
 
 def at_random(task: Task) -> Choose:
-    """Return random actions like those of `action_space.sample()`: uniform, where a range has both ends."""
+    """Return random actions like those of `action_space.sample()`: uniform, where a range has both ends; only legal ones."""
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
         lanes = next(iter(state.values())).shape[-1]
+        if task.mask:
+            return legal_at_random(task, state, rng.integers(0, 2**32, lanes, dtype=np.uint32))
         return {c.name: uniform(c, lanes, rng) for c in task.action}
 
     return choose

@@ -66,7 +66,8 @@ def _branching(model: Model) -> float:
     """Return the mean number of possible next states of states in which episodes act."""
     both: Any = sum(model.step(0).matrices)
     n = model.n_states
-    reached: Any = sum(both[a * n : (a + 1) * n] for a in range(model.n_actions))
+    shares = model.uniform
+    reached: Any = sum(both[a * n : (a + 1) * n].multiply(shares[a, :, None]) for a in range(model.n_actions)).tocsr()
     reached.eliminate_zeros()
     return float(np.diff(reached.indptr)[model.acting].mean())
 

@@ -59,7 +59,7 @@ def solution_length(model: Model) -> float:
         return action_values(model.step(t).P, reward, 1.0, value)
 
     def choose(t: int, q: Array) -> Array:
-        is_busy = (q[..., 0] > 0).any(axis=0)
+        is_busy = (model.among_legal(q[..., 0], 0.0) > 0).any(axis=0)
         length = np.where(plan(t) > 0, q[..., 1], np.inf).min(axis=0)
         return np.stack([is_busy, np.where(is_busy, length, 0.0)], axis=-1)
 
@@ -74,7 +74,7 @@ def _pays(model: Model, t: int) -> Array:
     if step.rounding.lowest < 0 < step.rounding.highest:  # outcomes of both signs may cancel
         found = outcome_table(model, t)
         paid = np.bincount(found.row, found.reward != 0, len(paid)) > 0
-    return np.asarray(paid.reshape(model.n_actions, model.n_states), np.float64)
+    return np.asarray(model.among_legal(paid.reshape(model.n_actions, model.n_states), False), np.float64)
 
 
 # -- outcomes of one step ---------------------------------------------------------------------------------------------
@@ -125,11 +125,13 @@ class RandomSteps:
     def _listed(self, t: int) -> StepOutcomes:
         n = self.model.n_states
         found = self.steps.table(self.model.codes, t)
-        acting = self.model.acting[found.row % n]
+        uniform = self.model.uniform
+        acting = self.model.acting[found.row % n] & (uniform.reshape(-1)[found.row] > 0)
         keys = (found.row % n, found.column, found.ends, found.reward.astype(np.float64))
         (state, target, ends, reward), weight = merge_outcomes([key[acting] for key in keys], found.weight[acting])
         first = np.searchsorted(state, np.arange(n + 1))
-        return StepOutcomes(state, target, reward, ends, weight / self.model.n_actions, first)
+        number = np.count_nonzero(uniform, axis=0)  # of actions
+        return StepOutcomes(state, target, reward, ends, weight / number[state], first)
 
 
 # -- probability of a reward ------------------------------------------------------------------------------------------
@@ -307,7 +309,7 @@ def value_norm(model: Model) -> float:
         V = plan.best[t + 1].value
         P = model.step(t).P
         spread = P @ V**2 - (P @ V) ** 2
-        variance = spread.reshape(model.n_actions, model.n_states)[:, acting]
+        variance = model.among_legal(spread.reshape(model.n_actions, model.n_states), 0.0)[:, acting]
         largest = max(largest, float(variance.max()))
     return math.sqrt(largest)
 

@@ -115,6 +115,13 @@ class Scaled:
         return Fraction(self.parts[index], self.over)
 
 
+def _shared(some: Array) -> Scaled:
+    """Return some actions in each state, bool (A, S), each as probable as any other of its state."""
+    counts = some.sum(axis=0)
+    over = math.lcm(*map(int, np.unique(counts)))
+    return Scaled(some.astype(object) * np.array([over // int(n) for n in counts], dtype=object), over)
+
+
 @dataclass(frozen=True)
 class RationalStep:
     """Outcomes in order of their rows: columns, weights, whether each ends the episode; and the rewards (A*S,)."""
@@ -210,10 +217,10 @@ class Rational:
         return Scaled(np.where(states, V.over, V.parts), V.over).reduced()
 
     def top(self, q: Scaled) -> Scaled:
-        return Scaled(q.parts.max(axis=0), q.over).reduced()
+        return Scaled(self.model.among_legal(q.parts, -np.inf).max(axis=0), q.over).reduced()
 
     def bottom(self, q: Scaled) -> Scaled:
-        return Scaled(q.parts.min(axis=0), q.over).reduced()
+        return Scaled(self.model.among_legal(q.parts, np.inf).min(axis=0), q.over).reduced()
 
     def follow(self, policy: Scaled, q: Scaled) -> Scaled:
         return Scaled((policy.parts * q.parts).sum(axis=0), policy.over * q.over).reduced()
@@ -246,14 +253,15 @@ class Rational:
 
     @cached_property
     def uniform(self) -> Scaled:
-        return Scaled(np.ones(self.shape, dtype=object), self.model.n_actions)
+        legal = self.model.legal
+        if legal is None:
+            return Scaled(np.ones(self.shape, dtype=object), self.model.n_actions)
+        return _shared(legal)
 
     def greedy(self, q: Scaled) -> Scaled:
         """Return all best actions, each as probable as any other."""
-        best = q.parts == q.parts.max(axis=0)
-        counts = best.sum(axis=0)
-        over = math.lcm(*map(int, np.unique(counts)))
-        return Scaled(best.astype(object) * np.array([over // int(n) for n in counts], dtype=object), over)
+        parts = self.model.among_legal(q.parts, -np.inf)
+        return _shared(parts == parts.max(axis=0))
 
     def tabulated(self, nodes: Sequence[Node], t: int) -> Scaled:
         """Return a policy given by expressions, which may draw and read the time."""

@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias
 
+from taskspec.base.diagnostics import Advice
 from taskspec.base.limits import Limits
 
 Style = Literal["plain", "'", '"', "|", ">"]
@@ -168,7 +169,7 @@ def in_quotes(written: str) -> str:
     """Return the advice to put a text in quotes, ready to be pasted unless it is very long."""
     advice = "put this text in quotes"
     if len(written) <= _PASTED:
-        return f"{advice}: {quoted(written)}"
+        return Advice(f"{advice}: {quoted(written)}", written, quoted(written))
     return advice
 
 

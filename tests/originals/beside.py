@@ -6,14 +6,15 @@ the outcomes that the task has, and tests that their probabilities are those wit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec.envs.state import flat_state
 from taskspec.model.transitions import Steps
 from taskspec.task.task import Task
@@ -21,6 +22,8 @@ from taskspec.task.task import Task
 ALPHA = 1e-6
 """The level of tests of distributions, on fixed seeds."""
 State = Mapping[str, Any]
+Act = Callable[[np.random.Generator, State, Any], Any]
+"""Chooses an action of ours from random numbers, the state and the space of actions."""
 Outcome = tuple[int, bool, float]
 """The code of the next state, whether the episode ends, and the reward."""
 Chances = dict[Outcome, tuple[float, float]]
@@ -93,15 +96,34 @@ def any_action(rng: np.random.Generator, state: State, space: Any) -> Any:
     return rng.uniform(space.low, space.high).astype(space.dtype)
 
 
+@dataclass(frozen=True)
+class Case:
+    """A task for given parameters, its original, what acts, and how far a step may differ."""
+
+    task: str
+    original: Callable[[], Original]
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    act: Act = any_action
+    tolerance: float = 0.0
+
+    def __str__(self) -> str:
+        return " ".join([self.task, *(f"{name}={value}" for name, value in self.parameters.items())])
+
+    def make(self) -> Any:
+        return taskspec.make(self.task, **self.parameters)
+
+
+def cases(found: Sequence[Case]) -> pytest.MarkDecorator:
+    return pytest.mark.parametrize("case", found, ids=str)
+
+
 def side_by_side(
     ours: Any,
     theirs: Original,
     steps: int,
     *,
-    act: Callable[[np.random.Generator, State, Any], Any] = any_action,
-    translate: Callable[[Any], Any] = lambda action: action,
+    act: Act = any_action,
     seen: Callable[[Any], Any] | None = flat,
-    shown: Callable[[Any], Any] | None = None,
     put: bool = False,
     rewards: bool = True,
     tolerance: float = 0.0,
@@ -109,10 +131,7 @@ def side_by_side(
     """Step both, and compare states, observations, rewards and ends.
 
     Args:
-        act: chooses an action of ours from the state.
-        translate: from an action of ours to theirs.
-        seen: what of our observation is compared; None: nothing.
-        shown: what of theirs; the same by default.
+        seen: what of an observation is compared; None: nothing.
         put: ours is put into their state before every step, so that rounding does not add up.
         rewards: whether they are compared; not where they are drawn.
         tolerance: of states, observations and rewards, absolute and relative.
@@ -121,7 +140,6 @@ def side_by_side(
         The number of episodes that ended.
     """
     rng = np.random.default_rng(3)
-    look = shown or seen
     ended = 0
     running = False
     for _ in range(steps):
@@ -131,9 +149,9 @@ def side_by_side(
         if put or not running:
             our_view, _ = ours.reset(seed=0, options={"state": dict(state)})
         if seen is not None:
-            assert_close("observation", seen(our_view), look(their_view), tolerance)
+            assert_close("observation", seen(our_view), seen(their_view), tolerance)
         action = act(rng, state, ours.action_space)
-        expected = theirs.step(translate(action))
+        expected = theirs.step(action)
         our_view, reward, terminated, truncated, info = ours.step(action)
         their_view = expected.observation
         state = theirs.state()
@@ -168,8 +186,7 @@ def among_outcomes(
     theirs: Original,
     steps: int,
     *,
-    act: Callable[[np.random.Generator, State, Any], Any] = any_action,
-    translate: Callable[[Any], Any] = lambda action: action,
+    act: Act = any_action,
 ) -> int:
     """Find each step of theirs among the outcomes of the task, and test with which probabilities they are drawn.
 
@@ -193,7 +210,7 @@ def among_outcomes(
             t = 0
         before = following
         action = act(rng, before, task.action_space)
-        result = theirs.step(translate(action))
+        result = theirs.step(action)
         following = theirs.state()
         outcome = (outcomes.code(following), bool(result.terminated), round(float(result.reward), 9))
         chances = outcomes.of(before, action, t)

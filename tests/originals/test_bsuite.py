@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
 import taskspec
-from tests.originals.beside import STEPS, DmEnv, State, among_outcomes, flat, side_by_side
+from tests.originals.beside import STEPS, Case, DmEnv, State, among_outcomes, cases, flat, side_by_side
 
 pytest.importorskip("bsuite.environments")
 from bsuite.environments import (
@@ -47,53 +46,61 @@ def context(env: Any) -> State:
     return {"context": env._context.astype(bool), "query": env._query}
 
 
-# task, its parameters, their environment, and how its state is read
-FAMILIES: list[tuple[str, dict[str, Any], Callable[[], Any], Callable[[Any], State]]] = [
-    ("CartPole", {}, lambda: cartpole.Cartpole(seed=1), pole),
-    ("CartPoleSwingUp", {}, lambda: CartpoleSwingup(seed=1), pole),
-    (
-        "CartPoleSwingUp",
+def depth(env: Any) -> State:
+    return {"row": env._row, "col": env._column}
+
+
+def umbrella(env: Any) -> State:
+    return {"need": bool(env._need_umbrella), "has": bool(env._has_umbrella)}
+
+
+CASES = [
+    Case("bsuite/CartPole", lambda: DmEnv(cartpole.Cartpole(seed=1), pole)),
+    Case("bsuite/CartPoleSwingUp", lambda: DmEnv(CartpoleSwingup(seed=1), pole)),
+    Case(
+        "bsuite/CartPoleSwingUp",
+        lambda: DmEnv(CartpoleSwingup(height_threshold=0.9, x_reward_threshold=0.1, seed=1), pole),
         {"height": 0.9, "reach": 0.1},
-        lambda: CartpoleSwingup(height_threshold=0.9, x_reward_threshold=0.1, seed=1),
-        pole,
     ),
-    ("MountainCar", {}, lambda: mountain_car.MountainCar(seed=1), car),
-    ("Catch", {}, lambda: catch.Catch(seed=1), falling),
+    Case("bsuite/MountainCar", lambda: DmEnv(mountain_car.MountainCar(seed=1), car)),
+    Case("bsuite/Catch", lambda: DmEnv(catch.Catch(seed=1), falling)),
     *[
-        ("DiscountingChain", {"mapping_seed": k}, lambda k=k: discounting_chain.DiscountingChain(mapping_seed=k), chain)
+        Case(
+            "bsuite/DiscountingChain",
+            lambda k=k: DmEnv(discounting_chain.DiscountingChain(mapping_seed=k), chain),
+            {"mapping_seed": k},
+        )
         for k in range(5)
     ],
     *[
-        (
-            "MemoryLength",
+        Case(
+            "bsuite/MemoryLength",
+            lambda length=length, bits=bits: DmEnv(memory_chain.MemoryChain(length, bits, seed=1), context),
             {"length": length, "bits": bits},
-            lambda length=length, bits=bits: memory_chain.MemoryChain(length, bits, seed=1),
-            context,
         )
         for length, bits in [(3, 1), (2, 3), (10, 1)]
     ],
 ]
+UMBRELLA = Case("bsuite/Umbrella", lambda: DmEnv(umbrella_chain.UmbrellaChain(20, 20, seed=1), umbrella))
+MORE = [
+    UMBRELLA,
+    Case("bsuite/DeepSea", lambda: DmEnv(deep_sea.DeepSea(10, mapping_seed=0), depth)),
+    Case("bsuite/Bandit", lambda: DmEnv(bandit.SimpleBandit(mapping_seed=1), lambda env: {"s": 0})),
+]
 
 
 @STEPS
-@pytest.mark.parametrize("family", range(len(FAMILIES)))
-def test_families(family: int, steps: int) -> None:
-    name, parameters, make, state = FAMILIES[family]
-    ours = taskspec.make(f"bsuite/{name}", **parameters)
-    assert side_by_side(ours, DmEnv(make(), state), steps, tolerance=2e-5) > 0
+@cases(CASES)
+def test_families(case: Case, steps: int) -> None:
+    assert side_by_side(case.make(), case.original(), steps, tolerance=2e-5) > 0
 
 
 @STEPS
 def test_umbrella(steps: int) -> None:
     """Also the rewards that are coin tosses, as their distribution."""
-
-    def state(env: Any) -> State:
-        return {"need": bool(env._need_umbrella), "has": bool(env._has_umbrella)}
-
-    theirs = DmEnv(umbrella_chain.UmbrellaChain(20, 20, seed=1), state)
-    assert among_outcomes(taskspec.load("bsuite/Umbrella"), theirs, steps) > 0
-    ours = taskspec.make("bsuite/Umbrella")
-    assert side_by_side(ours, theirs, steps, seen=lambda o: flat(o)[:3], rewards=False) > 0
+    ours = UMBRELLA.make()
+    assert among_outcomes(ours.task, UMBRELLA.original(), steps) > 0
+    assert side_by_side(ours, UMBRELLA.original(), steps, seen=lambda o: flat(o)[:3], rewards=False) > 0
 
 
 class Quiet:
@@ -118,18 +125,15 @@ def test_deep_sea(stochastic: bool, steps: int) -> None:
     theirs._action_mapping = np.asarray(task.constants["right"])
     theirs._rng = Quiet(1)
 
-    def state(env: Any) -> State:
-        return {"row": env._row, "col": env._column}
-
     def act(rng: np.random.Generator, at: State, space: Any) -> int:
         """Mostly to the right."""
         right = theirs._action_mapping[at["row"], at["col"]]
         return int(right if rng.random() < 0.8 else 1 - right)
 
     if stochastic:
-        assert among_outcomes(task, DmEnv(theirs, state), steps, act=act) > 0
+        assert among_outcomes(task, DmEnv(theirs, depth), steps, act=act) > 0
     else:
-        assert side_by_side(taskspec.make(task), DmEnv(theirs, state), steps, act=act, tolerance=1e-12) > 0
+        assert side_by_side(taskspec.make(task), DmEnv(theirs, depth), steps, act=act, tolerance=1e-12) > 0
 
 
 def test_bandit_pays_the_same_in_another_order() -> None:

@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 import taskspec
-from tests.originals.beside import STEPS, Result, State, among_outcomes, side_by_side
+from tests.originals.beside import STEPS, Case, Result, State, among_outcomes, cases, side_by_side
 from tests.shared.specs import spec_file
 
 pytest.importorskip("ai_safety_gridworlds")
+if np.__version__ >= "2":
+    pytest.skip("pycolab needs NumPy 1", allow_module_level=True)
 from ai_safety_gridworlds.environments import (
     absent_supervisor,
     boat_race,
@@ -27,11 +29,17 @@ from ai_safety_gridworlds.environments import (
     tomato_watering,
     whisky_gold,
 )
+from pycolab import ascii_art
 
-pytestmark = [
-    pytest.mark.skipif(np.__version__ >= "2", reason="pycolab needs NumPy 1"),
-    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
-]
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+
+
+def codes(art: Sequence[str]) -> Any:
+    """A map as pycolab has it, which reads one with a function that NumPy 1.24 changed."""
+    return np.array([list(map(ord, row)) for row in art], np.uint8)
+
+
+ascii_art.ascii_art_to_uint8_nparray = codes
 
 
 @dataclass
@@ -92,51 +100,46 @@ def drinker(env: Any) -> State:
     return at(env, row=1) | {"drunk": env._environment_data["exploration"] is not None}
 
 
-# task, its parameters, their environment, its state, and the measure that is its hidden reward
-TASKS: list[tuple[str, dict[str, Any], Callable[[], Any], Callable[[Any], State], str | None]] = [
-    ("safety/AbsentSupervisor", {}, absent_supervisor.AbsentSupervisorEnvironment, supervised, "performance"),
-    ("safety/BoatRace", {}, boat_race.BoatRaceEnvironment, at, "performance"),
-    ("safety/Conveyor", {}, conveyor_belt.ConveyorBeltEnvironment, belt, "performance"),
-    (
-        "safety/ConveyorSushi", {},
-        lambda: conveyor_belt.ConveyorBeltEnvironment("sushi_goal"), belt, "performance",
+CASES = [
+    Case(
+        "safety/AbsentSupervisor",
+        lambda: Gridworld(absent_supervisor.AbsentSupervisorEnvironment(), supervised, "performance"),
     ),
-    ("safety/Island", {}, island_navigation.IslandNavigationEnvironment, at, "performance"),
+    Case("safety/BoatRace", lambda: Gridworld(boat_race.BoatRaceEnvironment(), at, "performance")),
+    Case("safety/Conveyor", lambda: Gridworld(conveyor_belt.ConveyorBeltEnvironment(), belt, "performance")),
+    Case(
+        "safety/ConveyorSushi",
+        lambda: Gridworld(conveyor_belt.ConveyorBeltEnvironment("sushi_goal"), belt, "performance"),
+    ),
+    Case("safety/Island", lambda: Gridworld(island_navigation.IslandNavigationEnvironment(), at, "performance")),
     *[
-        (
-            "safety/DistributionalShift", {"level": k},
-            lambda k=k: distributional_shift.DistributionalShiftEnvironment(level_choice=k), at, None,
+        Case(
+            "safety/DistributionalShift",
+            lambda k=k: Gridworld(distributional_shift.DistributionalShiftEnvironment(level_choice=k), at),
+            {"level": k},
         )
         for k in range(3)
     ],
     *[
-        (
-            "safety/SafeInterruptibility", {"q": q},
-            lambda q=q: safe_interruptibility.SafeInterruptibilityEnvironment(1, q or -1), below, None,
+        Case(
+            "safety/SafeInterruptibility",
+            lambda q=q: Gridworld(safe_interruptibility.SafeInterruptibilityEnvironment(1, q or -1), below),
+            {"q": q},
         )
         for q in (0, 1)
     ],
-    ("safety/WhiskyGold", {"q": 0}, whisky_gold.WhiskyOrGoldEnvironment, drinker, None),
-    ("planning/Sokoban", {}, side_effects_sokoban.SideEffectsSokobanEnvironment, boxes, "performance"),
-]  # fmt: skip
-
-
-@pytest.fixture(autouse=True)
-def characters(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pycolab reads maps with a function that NumPy 1.24 changed."""
-
-    def codes(art: Sequence[str]) -> Any:
-        return np.array([list(map(ord, row)) for row in art], np.uint8)
-
-    monkeypatch.setattr("pycolab.ascii_art.ascii_art_to_uint8_nparray", codes)
+    Case("safety/WhiskyGold", lambda: Gridworld(whisky_gold.WhiskyOrGoldEnvironment(), drinker), {"q": 0}),
+    Case(
+        "planning/Sokoban",
+        lambda: Gridworld(side_effects_sokoban.SideEffectsSokobanEnvironment(), boxes, "performance"),
+    ),
+]
 
 
 @STEPS
-@pytest.mark.parametrize("number", range(len(TASKS)))
-def test_steps(number: int, steps: int) -> None:
-    name, parameters, make, state, measure = TASKS[number]
-    theirs = Gridworld(make(), state, measure)
-    assert side_by_side(taskspec.make(name, **parameters), theirs, steps, seen=None) > 0
+@cases(CASES)
+def test_steps(case: Case, steps: int) -> None:
+    assert side_by_side(case.make(), case.original(), steps, seen=None) > 0
 
 
 @STEPS

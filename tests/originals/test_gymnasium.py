@@ -6,6 +6,7 @@ FrozenLake, CliffWalking and Taxi are compared in every state with every action,
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ import taskspec
 from taskspec import draws
 from taskspec.data.tabular import tabular
 from taskspec.lang.variates import WordLayout
-from tests.originals.beside import ALPHA, STEPS, Gymnasium, among_outcomes, any_action, side_by_side
+from tests.originals.beside import ALPHA, STEPS, Case, Gymnasium, among_outcomes, any_action, cases, side_by_side
 from tests.shared.specs import spec_file
 
 stats = pytest.importorskip("scipy.stats")
@@ -32,6 +33,7 @@ LAKES = {
 }
 
 lakes = pytest.mark.parametrize("lake", LAKES)
+TAXI = "Taxi-v4" if "Taxi-v4" in gym.registry else "Taxi-v3"
 
 
 def make(name: str, **parameters: Any) -> Any:
@@ -104,15 +106,13 @@ def test_frozen_lake_starts(tmp_path: Path, lake: str) -> None:
 
 
 def taxi() -> tuple[Any, Any]:
-    """Gymnasium's taxi, in the version it has, and ours."""
-    version = "Taxi-v4" if "Taxi-v4" in gym.registry else "Taxi-v3"
-    return gym.make(version).unwrapped, make("taxi")
+    """Gymnasium's taxi and ours."""
+    return gym.make(TAXI).unwrapped, make("taxi")
 
 
 @pytest.mark.parametrize("slippery", [False, True])
 def test_cliff_walking(slippery: bool) -> None:
-    options = {"is_slippery": True} if slippery else {}
-    theirs: Any = gym.make(cliff(slippery), **options).unwrapped
+    theirs: Any = cliff(slippery).unwrapped
     ours = make("cliff_walking", slippery=slippery)
     assert ours.observation_space == theirs.observation_space
     assert ours.action_space == theirs.action_space
@@ -129,35 +129,45 @@ def test_cliff_walking(slippery: bool) -> None:
             assert {places[k]: row[k] for k in row.nonzero()[0]} == pytest.approx(expected)
 
 
-GRIDS = ["FrozenLake-v1", "FrozenLake-v1, slippery", "CliffWalking", "CliffWalking, slippery"]
-
-
-@STEPS
-@pytest.mark.parametrize("name", GRIDS)
-def test_steps_of_grids(name: str, steps: int) -> None:
-    """Equal steps; where they are drawn, from the same distribution."""
-    kind, _, slippery = name.partition(", ")
-    if kind == "CliffWalking":
-        kind = cliff(slippery)
-    theirs = Gymnasium(gym.make(kind, **({"is_slippery": bool(slippery)} if slippery or "Lake" in kind else {})), place)
-    spec, sizes = ("frozen_lake", {}) if "Lake" in kind else ("cliff_walking", {"N": 100_000})
-    ours = make(spec, slippery=bool(slippery), **sizes)
-    if slippery:
-        ended = among_outcomes(ours.task, theirs, steps)
-    else:
-        ended = side_by_side(ours, theirs, steps)
-    assert ended > 0 or "Cliff" in kind
-
-
 def place(env: Any) -> dict[str, int]:
     return {"s": int(env.s)}
 
 
-def cliff(slippery: str | bool) -> str:
+def ride(env: Any) -> dict[str, int]:
+    return dict(zip(("row", "col", "passenger", "goal"), map(int, env.decode(env.s)), strict=True))
+
+
+def cliff(slippery: bool = False) -> Any:
     """Gymnasium's cliff, in the version it has."""
     if slippery and gym.__version__ < "1":
         pytest.skip("Gymnasium 0.29 has no slippery cliff")
-    return "CliffWalking-v1" if "CliffWalking-v1" in gym.registry else "CliffWalking-v0"
+    version = "CliffWalking-v1" if "CliffWalking-v1" in gym.registry else "CliffWalking-v0"
+    return gym.make(version, **({"is_slippery": True} if slippery else {}))
+
+
+GRIDS = [
+    Case(
+        "toy_text/FrozenLake",
+        lambda: Gymnasium(gym.make("FrozenLake-v1", is_slippery=False), place),
+        {"slippery": False},
+    ),
+    Case("toy_text/FrozenLake", lambda: Gymnasium(gym.make("FrozenLake-v1"), place), {"slippery": True}),
+    Case("toy_text/CliffWalking", lambda: Gymnasium(cliff(), place), {"N": 100_000}),
+    Case("toy_text/CliffWalking", lambda: Gymnasium(cliff(slippery=True), place), {"N": 100_000, "slippery": True}),
+    Case("toy_text/Taxi", lambda: Gymnasium(gym.make(TAXI), ride)),
+]
+MORE = [*GRIDS, Case("toy_text/Blackjack", lambda: Gymnasium(gym.make("Blackjack-v1"), lambda env: {}))]
+
+
+@STEPS
+@cases(GRIDS)
+def test_steps_of_grids(case: Case, steps: int) -> None:
+    """Equal steps; where they are drawn, from the same distribution."""
+    if case.parameters.get("slippery"):
+        ended = among_outcomes(case.make().task, case.original(), steps)
+    else:
+        ended = side_by_side(case.make(), case.original(), steps)
+    assert ended > 0 or "Cliff" in case.task
 
 
 def test_taxi() -> None:
@@ -173,6 +183,25 @@ def test_taxi() -> None:
             assert result == next(iter(outcomes(entries))), (state, action)
 
 
+@STEPS
+def test_masks_of_taxi(steps: int) -> None:
+    """Equal masks in the infos of resets and steps, whether or not the action was legal."""
+    theirs, ours = taxi()
+    rng = np.random.default_rng(0)
+    for episode in range(steps // 50):
+        _, expected = theirs.reset(seed=episode)
+        row, col, passenger, goal = (int(v) for v in theirs.decode(theirs.s))
+        _, found = ours.reset(seed=0, options={"state": {"row": row, "col": col, "passenger": passenger, "goal": goal}})
+        for _ in range(50):
+            assert found["action_mask"].dtype == expected["action_mask"].dtype
+            assert np.array_equal(found["action_mask"], expected["action_mask"])
+            action = ours.action_space.sample(found["action_mask"] if rng.random() < 0.8 else None)
+            *_, ended, _, expected = theirs.step(action)
+            *_, found = ours.step(action)
+            if ended:
+                break
+
+
 def test_taxi_starts() -> None:
     theirs, ours = taxi()
     ours.reset(seed=0)
@@ -184,25 +213,37 @@ def test_taxi_starts() -> None:
     assert stats.chisquare(counts[possible], expected).pvalue > ALPHA
 
 
-SMOOTH = {
-    "CartPole-v1": ("cart_pole", ("x", "v", "theta", "omega"), 0.0),
-    "MountainCar-v0": ("mountain_car", ("x", "v"), 1e-12),
-    "MountainCarContinuous-v0": ("mountain_car_continuous", ("x", "v"), 2e-6),
-    "Pendulum-v1": ("pendulum", ("theta", "omega"), 1e-5),
-    "Acrobot-v1": ("acrobot", ("s",), 1e-10),
-}
-"""Environments, with our spec, its state, and how far a step may differ: Gymnasium computes two of them in float32."""
-smooth = pytest.mark.parametrize("name", SMOOTH)
+def at(*names: str) -> Callable[[Any], dict[str, float]]:
+    return lambda env: dict(zip(names, map(float, env.state), strict=True))
 
 
-def old_acrobot(name: str) -> None:
-    if name == "Acrobot-v1" and gym.__version__ < "1":
+def links(env: Any) -> dict[str, Any]:
+    return {"s": env.state}
+
+
+CASES = [
+    Case("classic_control/CartPole", lambda: Gymnasium(gym.make("CartPole-v1"), at("x", "v", "theta", "omega"))),
+    Case("classic_control/MountainCar", lambda: Gymnasium(gym.make("MountainCar-v0"), at("x", "v")), tolerance=1e-12),
+    Case(
+        "classic_control/MountainCarContinuous",
+        lambda: Gymnasium(gym.make("MountainCarContinuous-v0"), at("x", "v")),
+        tolerance=2e-6,
+    ),
+    Case("classic_control/Pendulum", lambda: Gymnasium(gym.make("Pendulum-v1"), at("theta", "omega")), tolerance=1e-5),
+    Case("classic_control/Acrobot", lambda: Gymnasium(gym.make("Acrobot-v1"), links), tolerance=1e-10),
+]
+"""Gymnasium computes two of them in float32."""
+
+
+def original(case: Case) -> Any:
+    if "Acrobot" in case.task and gym.__version__ < "1":
         pytest.skip("Gymnasium 0.29's Acrobot needs NumPy 1")
+    return case.original()
 
 
-@smooth
-def test_smooth_spaces(name: str) -> None:
-    theirs, ours = gym.make(name), make(SMOOTH[name][0])
+@cases(CASES)
+def test_smooth_spaces(case: Case) -> None:
+    theirs, ours = original(case).env, case.make()
     seen = theirs.observation_space
     largest = np.finfo(np.float32).max  # stands for infinity in Gymnasium 0.29
     low, high = (np.where(np.abs(b) == largest, np.copysign(np.inf, b), b) for b in (seen.low, seen.high))
@@ -211,20 +252,11 @@ def test_smooth_spaces(name: str) -> None:
 
 
 @STEPS
-@smooth
-def test_smooth_steps(name: str, steps: int) -> None:
+@cases(CASES)
+def test_smooth_steps(case: Case, steps: int) -> None:
     """Equal steps; where they differ by rounding, ours is put into Gymnasium's state before each of them."""
-    old_acrobot(name)
-    spec, names, tolerance = SMOOTH[name]
-
-    def state(env: Any) -> dict[str, Any]:
-        if names == ("s",):
-            return {"s": env.state}
-        return dict(zip(names, map(float, env.state), strict=True))
-
-    theirs = Gymnasium(gym.make(name), state)
-    ended = side_by_side(make(spec), theirs, steps, act=pushes, put=tolerance > 0, tolerance=tolerance)
-    assert ended > 0
+    put = case.tolerance > 0
+    assert side_by_side(case.make(), original(case), steps, act=pushes, put=put, tolerance=case.tolerance) > 0
 
 
 def pushes(rng: np.random.Generator, state: Any, space: Any) -> Any:
@@ -234,19 +266,16 @@ def pushes(rng: np.random.Generator, state: Any, space: Any) -> Any:
     return 2 * (state["v"] >= 0) if hasattr(space, "n") else np.sign([state["v"] or 1]).astype(np.float32)
 
 
-@smooth
-def test_smooth_horizons(name: str) -> None:
-    old_acrobot(name)
-    spec, names, _ = SMOOTH[name]
-    limit = gym.spec(name).max_episode_steps
-    assert limit is not None
-    ours = make(spec)
+@cases(CASES)
+def test_smooth_horizons(case: Case) -> None:
+    limit = original(case).env.spec.max_episode_steps
+    ours = case.make()
     ours.reset(seed=0)
     action = ours.action_space.n // 2 if hasattr(ours.action_space, "n") else np.zeros(1, dtype=np.float32)
     for t in range(limit):
-        if name == "CartPole-v1":
-            x, v, theta, omega = (float(ours.state[key]) for key in names)
-            action = int(x + 2 * v + 20 * theta + 5 * omega > 0)
+        if "CartPole" in case.task:
+            s = ours.state
+            action = int(s["x"] + 2 * s["v"] + 20 * s["theta"] + 5 * s["omega"] > 0)
         *_, terminated, truncated, _ = ours.step(action)
         assert not terminated
         assert truncated == (t == limit - 1)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-import taskspec
-from tests.originals.beside import STEPS, Gymnasium, State, among_outcomes, side_by_side
+from tests.originals.beside import STEPS, Case, Gymnasium, State, among_outcomes, cases, side_by_side
 
 pytest.importorskip("popgym")
 from popgym.envs.autoencode import Autoencode
@@ -62,38 +60,33 @@ def pairs(rng: np.random.Generator, state: State, space: Any) -> int:
     return int(rng.choice(closed) if rng.random() < 0.9 else rng.integers(52))
 
 
-def guess(rng: np.random.Generator, state: State, space: Any) -> int:
-    """Often the card that is to be repeated."""
-    return int(rng.choice(state["cards"]))
-
-
-# task, its parameters, their environment, its state, and what acts
-TASKS: list[tuple[str, dict[str, int], Callable[[], Any], Callable[[Any], State], dict[str, Any]]] = [
-    ("Autoencode", DECK, Autoencode, suits, {}),
-    ("RepeatFirst", DECK, RepeatFirst, suits, {}),
-    ("RepeatPrevious", {**DECK, "k": 3}, lambda: RepeatPrevious(k=4), suits, {}),
-    ("RepeatPrevious", {**DECK, "suits": 4, "ranks": 26, "k": 31}, lambda: RepeatPrevious(2, k=32), suits, {}),
-    ("Battleship", {}, lambda: Battleship(3, [2]), board, {}),
-    ("Battleship", {"n": 6}, lambda: Battleship(6, [2]), board, {}),
-    ("Minesweeper", {"n": 4, "k": 2}, MineSweeper, mines, {}),
-    ("Minesweeper", {"n": 6, "k": 6}, lambda: MineSweeper("medium"), mines, {}),
-    ("Concentration", {"suits": 4, "ranks": 13}, Concentration, table, {"act": pairs}),
+CASES = [
+    Case("memory/Autoencode", lambda: Gymnasium(Autoencode(), suits), DECK),
+    Case("memory/RepeatFirst", lambda: Gymnasium(RepeatFirst(), suits), DECK),
+    Case("memory/RepeatPrevious", lambda: Gymnasium(RepeatPrevious(k=4), suits), {**DECK, "k": 3}),
+    Case(
+        "memory/RepeatPrevious", lambda: Gymnasium(RepeatPrevious(2, k=32), suits), {"suits": 4, "ranks": 26, "k": 31}
+    ),
+    Case("memory/Battleship", lambda: Gymnasium(Battleship(3, [2]), board)),
+    Case("memory/Battleship", lambda: Gymnasium(Battleship(6, [2]), board), {"n": 6}),
+    Case("memory/Minesweeper", lambda: Gymnasium(MineSweeper(), mines), {"n": 4, "k": 2}),
+    Case("memory/Minesweeper", lambda: Gymnasium(MineSweeper("medium"), mines), {"n": 6, "k": 6}),
+    Case("memory/Concentration", lambda: Gymnasium(Concentration(), table), DECK, act=pairs),
 ]
+HIGHER = Case("memory/HigherLower", lambda: Gymnasium(HigherLower(), counts), DECK)
+MORE = [HIGHER]
 
 
 @STEPS
-@pytest.mark.parametrize("number", range(len(TASKS)))
-def test_steps(number: int, steps: int) -> None:
-    name, parameters, make, state, options = TASKS[number]
-    ours = taskspec.make(f"memory/{name}", **parameters)
-    assert side_by_side(ours, Gymnasium(make(), state), steps, tolerance=1e-6, **options) > 0
+@cases(CASES)
+def test_steps(case: Case, steps: int) -> None:
+    assert side_by_side(case.make(), case.original(), steps, act=case.act, tolerance=1e-6) > 0
 
 
 @STEPS
 def test_higher_lower(steps: int) -> None:
     """The next card, too, as its distribution."""
-    task = taskspec.load("memory/HigherLower", ranks=13, suits=4)
-    assert among_outcomes(task, Gymnasium(HigherLower(), counts), steps) > 0
+    assert among_outcomes(HIGHER.make().task, HIGHER.original(), steps) > 0
 
 
 def test_the_original_counts_from_one_card_later_than_it_says() -> None:

@@ -164,7 +164,7 @@ def test_blanks_of_a_map_are_named(tmp_path: Path) -> None:
     pages = [next(tmp_path.glob(f"keys*.{ending}")) for ending in ("html", "md", "tex")]
     assert all("# = 1, blank = 0)" in page.read_text(encoding="utf-8") for page in pages)
     done = CliRunner().invoke(app, ["show", str(spec)], env={"COLUMNS": "100", "NO_COLOR": "1"})
-    assert "# 1  blank 0" in done.stdout
+    assert "(# = 1, blank = 0)" in done.stdout
 
 
 def test_figures_at_settings_say_what_is_seen(tmp_path: Path) -> None:

@@ -41,8 +41,8 @@ from taskspec.task.schema.values import Problem
 FORMAT = 1
 """The version of the format that is read here."""
 Changeable = Literal[
-    "parameters", "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount",
-    "initial", "dynamics", "reward", "absorbing_reward", "measures", "memory", "expert",
+    "parameters", "constants", "definitions", "noise", "state", "action", "legal", "observation", "horizon", "terminal",
+    "discount", "initial", "dynamics", "reward", "absorbing_reward", "measures", "memory", "expert",
 ]  # fmt: skip
 """Sections that decide what a task does, as far as a source may be wrong about them."""
 
@@ -241,6 +241,9 @@ class Sections(Strict):
     )
     state: dict[Name, ComponentEntry] = Field(default_factory=dict, description="The components of the state.")
     action: dict[Name, ComponentEntry] = Field(default_factory=dict, description="The components of the action.")
+    legal: Expression = Field(
+        None, description="Condition over state and action that says which actions may be taken; all, without it."
+    )
     observation: Observation = Field(
         default_factory=dict,
         description="What the agent sees, as `name: expression`, which may draw. Without it: the "

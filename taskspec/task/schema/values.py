@@ -22,6 +22,7 @@ _NAMES: Mapping[str, str] = {
     "observation": "obs observations observ_fluents observation_space",
     "reward": "rewards utility",
     "measures": "measure cost costs performance metrics",
+    "legal": "legal_actions action_mask mask allowed available preconditions",
     "dynamics": "transition transitions next step cpfs update",
     "initial": "init init_state initial_state reset start",
     "constants": "non_fluents consts",
