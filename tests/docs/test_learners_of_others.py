@@ -11,8 +11,8 @@ from tests.docs.test_snippets import DOCS
 
 LEARNERS = DOCS / "howto" / "learners"
 SHORT = (
-    "sb3", "sb3_contrib_trpo", "sb3_contrib_maskable_ppo", "cleanrl_style", "d3rlpy_bc", "tianshou_dqn", "torchrl_dqn", "rllib_ppo",
-    "rejax_ppo",
+    "sb3", "sb3_contrib_trpo", "sb3_contrib_maskable_ppo", "cleanrl_style", "d3rlpy_bc", "tianshou_dqn", "torchrl_dqn",
+    "rllib_ppo", "rejax_ppo",
 )  # fmt: skip
 """The files on the page; the others are for releases of a library before and after a repair."""
 CASES = [
