@@ -36,14 +36,14 @@ def exams() -> dict[str, dict[str, Any]]:
 
 def page() -> str:
     """Return the page."""
-    laws = [(code(law.name), code(law.modifier), law.keeps, law.cause) for law in LAWS.values()]
+    laws = [(code(law.name), code(law.modifier), law.cause) for law in LAWS.values()]
     found = exams()
     rows = []
     for law in LAWS:
         cells = [_cell(exam["laws"], law) for exam in found.values()]
         if any(cells):
             rows.append((code(law), *cells))
-    header = ("law", "modifier", "what it keeps", "what usually breaks it")
+    header = ("law", "modifier", "what usually breaks it")
     parts = {"laws": table(header, laws), "learners": table(("law", *found), rows)}
     return filled(PAGE, parts)
 

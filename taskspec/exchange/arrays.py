@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.diagnostics import spec_error
-from taskspec.exchange.reading import MOST_BYTES, ForeignFile, Row, assembled
+from taskspec.exchange.reading import MOST_BYTES, ForeignFile, Row, assembled, guarded
 from taskspec.exchange.tables import FrozenOutcome, FrozenTask
 
 COLUMNS = {
@@ -46,12 +46,7 @@ def write_p(task: FrozenTask) -> bytes:
 
 def read_p(source: ForeignFile) -> FrozenTask:
     """Return the task of such a file; `P` alone, without other keys, starts in state 0."""
-    try:
-        data = json.loads(source.text())
-    except (ValueError, RecursionError) as error:
-        source.wrong(f"this is no JSON: {error}")
-    if not isinstance(data, dict):
-        source.wrong("this is no table `P` by state and action")
+    data = json.loads(source.text())
     return _of_p(source, data.get("P", data), data if "P" in data else {})
 
 
@@ -80,36 +75,24 @@ def read_environment(name: str) -> FrozenTask:
         "horizon": env.spec.max_episode_steps if env.spec is not None else None,
     }
     env.close()
-    return _of_p(source, inner.P, other)
+    return guarded(lambda source: _of_p(source, inner.P, other))(source)
 
 
 def _of_p(source: ForeignFile, P: Any, other: Mapping[str, Any]) -> FrozenTask:
     """Return the task of a table by state and action, keys being numbers or their texts."""
-    try:
-        by_state = {int(s): {int(a): list(outcomes) for a, outcomes in row.items()} for s, row in P.items()}
-        rows: list[Row] = []
-        for s in range(len(by_state)):
-            row = {}
-            for a, outcomes in sorted(by_state[s].items()):
-                row[str(a)] = [FrozenOutcome(float(p), int(to), float(r), bool(ends)) for p, to, r, ends in outcomes]
-            rows.append(row)
-        initial = other.get("initial") or [1.0]
-        start = {s: float(p) for s, p in enumerate(initial)}
-    except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
-        source.wrong("this is no table `P[state][action]` of lists [probability, next state, reward, terminated]")
-    return assembled(source, start, rows, **_rest(other))
-
-
-def _rest(other: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the attributes of tables among other data, those that make sense."""
-    horizon = other.get("horizon")
-    discount = other.get("discount")
-    found: dict[str, Any] = {}
-    if isinstance(horizon, int) and not isinstance(horizon, bool) and horizon > 0:
-        found["horizon"] = horizon
-    if isinstance(discount, float) and 0 <= discount <= 1:
-        found["discount"] = discount
-    return found
+    by_state = {int(s): {int(a): outcomes for a, outcomes in row.items()} for s, row in P.items()}
+    names = list(other.get("actions", ()))
+    rows: list[Row] = []
+    for s in range(len(by_state)):
+        row = {}
+        for a, outcomes in sorted(by_state[s].items()):
+            row[str(names[a]) if a < len(names) else str(a)] = [
+                FrozenOutcome(float(p), int(to), float(r), bool(ends)) for p, to, r, ends in outcomes
+            ]
+        rows.append(row)
+    start = {s: float(p) for s, p in enumerate(other.get("initial") or [1.0])}
+    states = other.get("states", ())
+    return assembled(source, start, rows, states, other.get("horizon"), other.get("discount", 1.0))
 
 
 def _steps(task: FrozenTask) -> int | None:
@@ -143,37 +126,23 @@ def write_npz(task: FrozenTask) -> bytes:
 def read_npz(source: ForeignFile) -> FrozenTask:
     """Return the task of such arrays; nothing in them is executed."""
     arrays = _loaded(source)
-    columns = []
-    for name, kind in COLUMNS.items():
-        column = arrays.get(name)
-        if column is None or column.ndim != 1 or not np.can_cast(column.dtype, kind, "same_kind"):
-            source.wrong(f"the array `{name}` is missing, or has other numbers than are expected")
-        columns.append(column.astype(kind).tolist())
-    if len({len(column) for column in columns}) > 1:
-        source.wrong("the arrays of outcomes have different lengths")
-    start = arrays.get("start")
-    if start is None or start.ndim != 1 or start.dtype.kind != "f":
-        source.wrong("the array `start` is missing, or has no floats")
+    columns = [arrays[name].astype(kind, casting="same_kind").tolist() for name, kind in COLUMNS.items()]
+    start = arrays["start"].astype(np.float64, casting="same_kind").tolist()
     rows: list[dict[str, list[FrozenOutcome]]] = [{} for _ in start]
-    names = [str(name) for name in arrays.get("actions", np.array([])).reshape(-1)]
+    names = arrays["actions"].tolist()
     for s, a, to, probability, reward, ends in zip(*columns, strict=True):
         if not 0 <= s < len(rows) or a < 0:
             source.wrong(f"there is no state {s}, or no action {a}")
-        name = names[a] if a < len(names) else f"a{a}"
-        rows[s].setdefault(name, []).append(FrozenOutcome(probability, to, reward, ends))
-    other: dict[str, Any] = {}
-    for key in ("horizon", "discount"):
-        if key in arrays and arrays[key].size == 1:
-            other[key] = arrays[key].reshape(-1)[0].item()
-    return assembled(source, dict(enumerate(start.tolist())), rows, **_rest(other))
+        rows[s].setdefault(str(names[a]), []).append(FrozenOutcome(probability, to, reward, ends))
+    horizon = int(arrays["horizon"]) or None
+    return assembled(
+        source, dict(enumerate(start)), rows, arrays["states"].tolist(), horizon, float(arrays["discount"])
+    )
 
 
 def _loaded(source: ForeignFile) -> dict[str, Any]:
-    try:
-        with zipfile.ZipFile(io.BytesIO(source.content)) as archive:
-            if sum(member.file_size for member in archive.infolist()) > MOST_BYTES:
-                source.wrong(f"unpacked, it has more than {MOST_BYTES:,} bytes")
-        with np.load(io.BytesIO(source.content), allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
-    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile, NotImplementedError, MemoryError) as error:
-        source.wrong(f"these are no arrays of NumPy: {error}")
+    with zipfile.ZipFile(io.BytesIO(source.content)) as archive:
+        if sum(member.file_size for member in archive.infolist()) > MOST_BYTES:
+            source.wrong(f"unpacked, it has more than {MOST_BYTES:,} bytes")
+    with np.load(io.BytesIO(source.content), allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}

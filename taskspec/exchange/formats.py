@@ -11,7 +11,7 @@ from taskspec.base.diagnostics import spec_error
 from taskspec.base.records import entries_by_name
 from taskspec.exchange import arrays, drn, prism, umb
 from taskspec.exchange.freeze import tables
-from taskspec.exchange.reading import MOST_BYTES, ForeignFile
+from taskspec.exchange.reading import MOST_BYTES, ForeignFile, guarded
 from taskspec.exchange.settled import settled, unsettled
 from taskspec.exchange.tables import FrozenTask
 from taskspec.model.extract import extract
@@ -160,5 +160,5 @@ def read(place: str, format: str | None = None) -> FrozenTask:
         source = ForeignFile(place, path.read_bytes())
     except OSError as error:
         raise spec_error("E711", f"{place}: {error.strerror or error}") from error
-    found = chosen.read(source)
+    found = guarded(chosen.read)(source)
     return unsettled(found) if chosen.is_settled else found

@@ -16,6 +16,7 @@ from taskspec.base.limits import limits
 from taskspec.exchange.formats import read
 from taskspec.exchange.settled import PHASE
 from taskspec.exchange.tables import FrozenTask, Number, plain_names, separated, visited
+from taskspec.model.extract import OVERHEAD, SWEEP
 from taskspec.model.model import NoModel, scipy_sparse
 from taskspec.solve.backward import action_values, backward, first_values
 from taskspec.solve.infinite_horizon import chain_values
@@ -102,7 +103,8 @@ def _width(task: FrozenTask) -> int | None:
 def _returns(task: FrozenTask) -> dict[str, Number]:
     """Return the optimal and random return of the tables themselves, without the spec.
 
-    The optimal one is left out where some policy never ends an episode, as no claim about it can be proved then.
+    Both are left out where they would take too long; the optimal one where some policy never ends an episode, as no claim
+    about it can be proved then.
     """
     P, R = _arrays(task)
     start = np.array([float(p) for p in task.start])
@@ -110,6 +112,8 @@ def _returns(task: FrozenTask) -> dict[str, Number]:
     uniform = np.full(R.shape, 1 / len(R))
     found: dict[str, Number] = {}
     if task.horizon is not None:
+        if task.horizon * (P.nnz + OVERHEAD) > limits().seconds * SWEEP:
+            return {}
 
         def backup(t: int, V: Array) -> Array:
             return action_values(P, R, gamma, V)

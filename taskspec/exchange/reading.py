@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import lzma
 import math
 import re
-from collections.abc import Mapping, Sequence
+import tarfile
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, NoReturn
 
 from taskspec.base.diagnostics import Diagnostic, Origin, Span, SpecError
+from taskspec.base.limits import limits
 from taskspec.exchange.tables import FrozenOutcome, FrozenTask, Number, Outcomes, merged, plain_names
 
 MOST_BYTES = 50_000_000
@@ -43,10 +48,7 @@ class ForeignFile:
 
     def text(self) -> str:
         """Return the content as text."""
-        try:
-            return self.content.decode("utf-8")
-        except UnicodeDecodeError:
-            raise SpecError([Diagnostic("E728", None, f"{self.name}: this is no text in UTF-8")]) from None
+        return self.content.decode("utf-8")
 
     def number(self, text: str, line: int | None = None) -> Fraction:
         """Return a number such as `1/3`, `0.25` or `1e-3`."""
@@ -59,11 +61,38 @@ class ForeignFile:
         return Fraction(top) / below
 
 
+BROKEN = (
+    ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, OSError, RecursionError, NotImplementedError, TypeError,
+    ValueError, lzma.LZMAError, tarfile.TarError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+"""What readers raise where a file is not what they expect."""
+
+
+def guarded(read: Callable[[ForeignFile], FrozenTask]) -> Callable[[ForeignFile], FrozenTask]:
+    """Return a reader with E728 in place of each exception that another reader raises."""
+
+    def safely(source: ForeignFile) -> FrozenTask:
+        try:
+            return read(source)
+        except SpecError:
+            raise
+        except KeyError as error:
+            source.wrong(f"it has no {error}")
+        except BROKEN as error:
+            reason = str(error).partition("\n")[0] or type(error).__name__
+            source.wrong(f"it is not in the format that its name says: {reason}")
+
+    return safely
+
+
 Row = Mapping[str, Sequence[FrozenOutcome]]
 """The outcomes of a state by the name of the action."""
 
 
-def assembled(source: ForeignFile, start: Mapping[int, Number], rows: Sequence[Row], **other: Any) -> FrozenTask:
+def assembled(
+    source: ForeignFile, start: Mapping[int, Number], rows: Sequence[Row], states: Sequence[object] = (),
+    horizon: int | None = None, discount: float = 1.0, **other: Any,
+) -> FrozenTask:  # fmt: skip
     """Return the tables of a file after checks of every number.
 
     An action that a state does not have does the same there as the state's first one. A state without actions stays.
@@ -72,8 +101,14 @@ def assembled(source: ForeignFile, start: Mapping[int, Number], rows: Sequence[R
         source: the file.
         start: the probabilities of first states.
         rows: the outcomes in each state.
+        states: their names, if the file has some.
+        horizon, discount: of the task.
         other: further attributes of the tables.
     """
+    if horizon is not None and not (type(horizon) is int and 0 < horizon <= limits().horizon):
+        source.wrong(f"the horizon is {horizon}; it must be between 1 and {limits().horizon:,}")
+    if not 0 <= discount <= 1:
+        source.wrong(f"the discount is {discount}; it must be between 0 and 1")
     names = list(dict.fromkeys(name for row in rows for name in row)) or ["only"]
     if len(rows) * len(names) > MOST_ROWS:
         source.wrong(f"{len(rows):,} states with {len(names):,} actions; {MOST_ROWS:,} pairs are the most that is read")
@@ -88,10 +123,11 @@ def assembled(source: ForeignFile, start: Mapping[int, Number], rows: Sequence[R
             continue
         found.append(tuple(own.get(name, usual) for name in names))
     first = _normal(source, "the start distribution", [start.get(s, Fraction(0)) for s in range(len(rows))])
-    given: dict[str, Any] = {"horizon": None, "states": plain_names([f"s{s}" for s in range(len(rows))], "s")} | other
+    if len(states) != len(rows):
+        states = range(len(rows))
     return FrozenTask(
-        name="Imported", actions=plain_names(names, "a"), start=tuple(first), outcomes=tuple(found),
-        **given,
+        name="Imported", states=plain_names([str(name) for name in states], "s"), actions=plain_names(names, "a"),
+        start=tuple(first), outcomes=tuple(found), horizon=horizon, discount=discount, **other,
     )  # fmt: skip
 
 

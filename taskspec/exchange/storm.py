@@ -139,7 +139,7 @@ def compared(model: Model, found: FrozenTask, format: ModelFormat) -> Iterator[C
 
 def _ours(model: Model, found: FrozenTask) -> dict[str, Enclosure]:
     """Return our returns: rationals where there are some, else with bounds of rounding errors."""
-    is_rational = all(isinstance(outcome.probability, Fraction) for _, _, outcome in found.steps())
+    is_rational = not any(isinstance(outcome.probability, float) for _, _, outcome in found.steps())
     if model.horizon is None and is_rational:
         ready = settled(found)
         with suppress(Inexact):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import keyword
 import re
 import textwrap
@@ -207,7 +208,7 @@ def written(value: Number) -> str:
         if max(value.numerator.bit_length(), value.denominator.bit_length()) <= LONGEST:
             return str(value)
         value = float(value)
-    near = small_fraction(value, PLAIN, EXACT * max(1.0, abs(value)))
+    near = small_fraction(value, PLAIN, EXACT * abs(value))
     return repr(value) if near is None else str(near)
 
 
@@ -403,4 +404,4 @@ def _claim(name: str, value: Number) -> str:
 
 
 def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return json.dumps(text, ensure_ascii=False)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base import __version__
-from taskspec.exchange.reading import MOST_BYTES, MOST_OUTCOMES, MOST_ROWS, ForeignFile, assembled
+from taskspec.exchange.reading import MOST_BYTES, MOST_OUTCOMES, ForeignFile, assembled
 from taskspec.exchange.tables import FrozenOutcome, FrozenTask, Number
 
 INDEX = "index.json"
@@ -124,172 +124,126 @@ def read(source: ForeignFile) -> FrozenTask:
 
 
 class _Archive:
-    """The files of an archive, with checks of their sizes."""
+    """The files of an archive; what contradicts the specification raises some exception."""
 
     def __init__(self, source: ForeignFile) -> None:
         self.source = source
         self.files: dict[str, bytes] = {}
         total = 0
-        try:
-            with tarfile.open(fileobj=io.BytesIO(source.content)) as tar:
-                for member in tar:
-                    total += member.size
-                    if total > MOST_BYTES:
-                        source.wrong(f"unpacked, it has more than {MOST_BYTES:,} bytes")
-                    content = tar.extractfile(member) if member.isfile() else None
-                    if content is not None:
-                        self.files[member.name.removeprefix("./").removeprefix("/")] = content.read()
-            self.index = json.loads(self.files.get(INDEX, b""))
-        except (tarfile.TarError, EOFError, OSError, ValueError, RecursionError) as error:
-            source.wrong(f"this is no UMB file: {error}")
-        self.system = self._get(self.index, "transition-system", dict)
-        if self.system.get("time") != "discrete" or self._count("#players") > 1:
+        with tarfile.open(fileobj=io.BytesIO(source.content)) as tar:
+            for member in tar:
+                total += member.size
+                if total > MOST_BYTES:
+                    source.wrong(f"unpacked, it has more than {MOST_BYTES:,} bytes")
+                content = tar.extractfile(member) if member.isfile() else None
+                if content is not None:
+                    self.files[member.name.removeprefix("./").removeprefix("/")] = content.read()
+        self.index: dict[str, Any] = json.loads(self.files[INDEX])
+        self.system = self.index["transition-system"]
+        if self.system["time"] != "discrete" or self.system["#players"] > 1:
             source.wrong("only Markov chains and Markov decision processes in discrete time are read")
-        self.states = self._count("#states")
-        self.choices = self._count("#choices")
-        self.branches = self._count("#branches")
-        if max(self.states, self.choices) > MOST_ROWS or self.branches > MOST_OUTCOMES:
-            source.wrong(f"it has more than {MOST_ROWS:,} choices, or more than {MOST_OUTCOMES:,} branches")
+        self.sizes = {entity: int(self.system[f"#{entity}"]) for entity in ("states", "choices", "branches")}
+        if max(self.sizes.values()) > MOST_OUTCOMES:
+            source.wrong(f"it has more than {MOST_OUTCOMES:,} states, choices or branches")
 
-    def _get(self, data: Any, key: str, kind: type) -> Any:
-        value = data.get(key) if isinstance(data, dict) else None
-        if not isinstance(value, kind):
-            self.source.wrong(f"the index has no `{key}`, or one of the wrong type")
-        return value
+    def _array(self, name: str, kind: str, size: int) -> list[Any]:
+        """Return the numbers of a file, as many as there should be."""
+        found = np.frombuffer(self.files[name], kind)
+        if len(found) != size:
+            self.source.wrong(f"`{name}` has {len(found):,} numbers, not {size:,}")
+        return list(found.tolist())
 
-    def _count(self, key: str) -> int:
-        count: int = self._get(self.system, key, int)
-        if count < 0:
-            self.source.wrong(f"`{key}` is negative")
-        return count
+    def _ranges(self, name: str, size: int) -> list[slice]:
+        """Return the range of each entity; one after the other where the file is absent."""
+        bounds = self._array(name, "<u8", size + 1) if name in self.files else range(size + 1)
+        return [slice(a, b) for a, b in pairwise(bounds)]
 
-    def _array(self, name: str, kind: str, size: int) -> Any:
-        """Return the numbers of a file; None where it is absent."""
-        content = self.files.get(name)
-        if content is None:
-            return None
-        if len(content) != size * np.dtype(kind).itemsize:
-            self.source.wrong(f"`{name}` has {len(content):,} bytes, not those of {size:,} numbers")
-        return np.frombuffer(content, kind)
-
-    def _ranges(self, name: str, size: int, total: int) -> list[int]:
-        found = self._array(name, "<u8", size + 1)
-        bounds = [*range(size + 1)] if found is None else found.tolist()
-        if bounds[0] != 0 or bounds[-1] != total or any(a > b for a, b in pairwise(bounds)):
-            self.source.wrong(f"`{name}` is no list of ranges")
-        return bounds
-
-    def _numbers(self, name: str, kind: Any, size: int) -> list[Number]:
-        """Return doubles or rationals; zeros where the file is absent."""
+    def _numbers(self, name: str, kind: Mapping[str, Any], entity: str, usual: int = 0) -> list[Number]:
+        """Return doubles or rationals; the usual number where the file is absent."""
+        size = self.sizes[entity]
         if name not in self.files:
-            return [Fraction(0)] * size
-        form = self._get(kind, "type", str)
-        if form == "double":
-            return list(self._array(name, "<f8", size).tolist())
-        bits = kind.get("size", _RATIONAL)
-        if form != "rational" or not isinstance(bits, int) or bits % _RATIONAL or bits <= 0:
-            self.source.wrong(f"`{name}` has numbers of the type {form}, which is not read")
-        content = self.files[name]
-        half = bits // 16
-        if len(content) != 2 * half * size:
-            self.source.wrong(f"`{name}` has {len(content):,} bytes, not those of {size:,} rationals")
+            return [Fraction(usual)] * size
+        if kind["type"] == "double":
+            return self._array(name, "<f8", size)
+        half = int(kind.get("size", _RATIONAL)) // 16
+        if kind["type"] != "rational" or len(self.files[name]) != 2 * half * size:
+            self.source.wrong(f"`{name}` does not have {size:,} doubles or rationals")
         found: list[Number] = []
-        for at in range(0, len(content), 2 * half):
-            below = int.from_bytes(content[at + half : at + 2 * half], "little")
-            if below == 0:
-                self.source.wrong(f"`{name}` has a rational with the denominator 0")
-            found.append(Fraction(int.from_bytes(content[at : at + half], "little", signed=True), below))
+        for at in range(0, 2 * half * size, 2 * half):
+            above = int.from_bytes(self.files[name][at : at + half], "little", signed=True)
+            found.append(Fraction(above, int.from_bytes(self.files[name][at + half : at + 2 * half], "little")))
         return found
 
-    def _flags(self, name: str) -> list[int]:
+    def _flags(self, name: str) -> frozenset[int]:
         """Return the states that are marked."""
-        content = self._array(name, "<u8", -(-self.states // 64))
-        if content is None:
-            return []
-        marks = np.unpackbits(content.view(np.uint8), bitorder="little")[: self.states]
-        return [int(s) for s in np.flatnonzero(marks)]
+        marks = np.unpackbits(np.frombuffer(self.files.get(name, b""), np.uint8), bitorder="little")
+        return frozenset(np.flatnonzero(marks[: self.sizes["states"]]).tolist())
 
-    def _strings(self, count: int) -> list[str]:
-        strings = self.files.get(f"{ACTIONS}strings.bin", b"")
-        if f"{ACTIONS}string-mapping.bin" not in self.files:
-            return [f"a{i}" for i in range(count)]
-        bounds = self._ranges(f"{ACTIONS}string-mapping.bin", count, len(strings))
-        return [strings[a:b].decode("utf-8", "replace") for a, b in pairwise(bounds)]
-
-    def _rewards(self) -> tuple[list[Number], list[Number], list[Number]]:
-        """Return the first reward of states, choices and branches."""
-        known = (self.index.get("annotations") or {}).get("rewards") or {}
-        name = next(iter(known), "")
-        kind = self._get(known[name], "type", dict) if known else None
-        folder = f"annotations/rewards/{name}"
-        sizes = {"states": self.states, "choices": self.choices, "branches": self.branches}
-        of_states, of_choices, of_branches = (
-            self._numbers(f"{folder}/{entity}/values.bin", kind, size) for entity, size in sizes.items()
-        )
-        return of_states, of_choices, of_branches
+    def _actions(self) -> list[str]:
+        """Return the name of the action of each choice."""
+        count = self.system["#choice-actions"]
+        used = [0] * self.sizes["choices"]
+        if f"{ACTIONS}values.bin" in self.files:
+            used = self._array(f"{ACTIONS}values.bin", "<u4", self.sizes["choices"])
+        text = self.files.get(f"{ACTIONS}strings.bin")
+        if text is None:
+            return [f"a{i}" for i in used]
+        names = [text[part].decode("utf-8", "replace") for part in self._ranges(f"{ACTIONS}string-mapping.bin", count)]
+        return [names[i] for i in used]
 
     def task(self) -> FrozenTask:
-        first = self._ranges(STATES, self.states, self.choices)
-        begins = self._ranges(BRANCHES, self.choices, self.branches)
-        targets = self._array(TARGETS, "<u8", self.branches)
-        if targets is None:
-            self.source.wrong(f"it has no `{TARGETS}`")
-        shares: list[Number] = [Fraction(1)] * self.branches
-        if PROBABILITIES in self.files:
-            shares = self._numbers(PROBABILITIES, self.system.get("branch-probability-type"), self.branches)
-        names = self._strings(self._count("#choice-actions"))
-        used = self._array(f"{ACTIONS}values.bin", "<u4", self.choices)
-        of_states, of_choices, of_branches = self._rewards()
+        annotations = self.index.get("annotations", {})
+        name, kind = next(iter(annotations.get("rewards", {}).items()), ("", {"type": {}}))
+        folder = f"annotations/rewards/{name}"
+        paid = {each: self._numbers(f"{folder}/{each}/values.bin", kind["type"], each) for each in self.sizes}
+        targets = self._array(TARGETS, "<u8", self.sizes["branches"])
+        share_type = self.system.get("branch-probability-type", {})
+        shares = self._numbers(PROBABILITIES, share_type, "branches", 1)
+        branches = self._ranges(BRANCHES, self.sizes["choices"])
+        names = self._actions()
         rows = []
-        for s in range(self.states):
+        for s, choices in enumerate(self._ranges(STATES, self.sizes["states"])):
             row: dict[str, list[FrozenOutcome]] = {}
-            for choice in range(first[s], first[s + 1]):
-                name = f"a{choice - first[s]}"
-                if used is not None and used[choice] < len(names):
-                    name = names[used[choice]]
-                if name in row:
-                    name = f"{name}_{choice - first[s]}"
-                paid = of_states[s] + of_choices[choice]
-                row[name] = [
-                    FrozenOutcome(shares[b], int(targets[b]), paid + of_branches[b], False)
-                    for b in range(begins[choice], begins[choice + 1])
-                ]
+            for choice in range(self.sizes["choices"])[choices]:
+                before = paid["states"][s] + paid["choices"][choice]
+                outcomes = []
+                for b in range(self.sizes["branches"])[branches[choice]]:
+                    outcomes.append(FrozenOutcome(shares[b], targets[b], before + paid["branches"][b], False))
+                row[names[choice] if names[choice] not in row else f"a{len(row)}"] = outcomes
             rows.append(row)
-        initial = self._flags(INITIAL) or [0]
+        first = self._flags(INITIAL) or {0}
         labels = {}
-        for identifier, entry in ((self.index.get("annotations") or {}).get("aps") or {}).items():
-            alias = entry.get("alias", identifier) if isinstance(entry, dict) else identifier
-            labels[str(alias)] = frozenset(self._flags(f"annotations/aps/{identifier}/states/values.bin"))
-        horizon = ((self.index.get("file-data") or {}).get("parameters") or {}).get("horizon")
+        for identifier, entry in annotations.get("aps", {}).items():
+            labels[str(entry.get("alias", identifier))] = self._flags(f"annotations/aps/{identifier}/states/values.bin")
+        horizon = (self.index.get("file-data", {}).get("parameters") or {}).get("horizon")
         return assembled(
-            self.source, {s: Fraction(1, len(initial)) for s in initial}, rows, labels=labels, values=self._values(),
-            horizon=horizon if isinstance(horizon, int) and horizon > 0 else None,
+            self.source, {s: Fraction(1, len(first)) for s in first}, rows, labels=labels, values=self._values(),
+            horizon=horizon,
         )  # fmt: skip
 
     def _values(self) -> tuple[dict[str, int], ...]:
         """Return the values of the variables of states, where all of them are ints or truth values in one class."""
-        classes = ((self.index.get("valuations") or {}).get("states") or {}).get("classes") or [{}]
+        classes = self.index.get("valuations", {}).get("states", {}).get("classes", [])
         layout = []
         at = 0
-        for variable in classes[0].get("variables") or []:
-            kind = variable.get("type") or {}
-            size = variable.get("padding") or kind.get("size", 1 if kind.get("type") == "bool" else 64)
-            if "name" in variable:
-                if kind.get("type") not in ("int", "uint", "bool") or variable.get("is-optional"):
-                    return ()
-                layout.append((str(variable["name"]), at, size, kind["type"] == "int", variable.get("offset", 0)))
-            at += size
+        for variable in classes[0]["variables"] if len(classes) == 1 else ():
+            kind = variable.get("type", {"type": "padding", "size": variable.get("padding")})
+            if kind["type"] not in ("int", "uint", "bool", "padding") or variable.get("is-optional"):
+                return ()
+            layout.append((variable.get("name"), at, int(kind["size"]), kind["type"], variable.get("offset", 0)))
+            at += int(kind["size"])
         content = self.files.get(VALUATIONS, b"")
-        if not layout or len(classes) > 1 or len(content) * 8 != at * self.states:
+        if not layout or at % 8 or len(content) * 8 != at * self.sizes["states"]:
             return ()
         found = []
-        for s in range(self.states):
-            packed = int.from_bytes(content[s * at // 8 : (s + 1) * at // 8], "little")
+        for start in range(0, len(content), at // 8):
+            packed = int.from_bytes(content[start : start + at // 8], "little")
             row = {}
-            for name, low, size, is_signed, offset in layout:
-                value = (packed >> low) & ((1 << size) - 1)
-                if is_signed and value >> (size - 1):
+            for name, low, size, kind, offset in layout:
+                value = (packed >> low) % (1 << size)
+                if kind == "int" and value >> (size - 1):
                     value -= 1 << size
-                row[name] = value + offset
+                if name is not None:
+                    row[str(name)] = value + offset
             found.append(row)
         return tuple(found)

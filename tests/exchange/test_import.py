@@ -161,14 +161,14 @@ def test_a_wrong_umb_file_is_refused(tmp_path: Path) -> None:
     large = tarfile.TarInfo("index.json")
     large.size = 10**12
     cases = {
-        "this is no UMB file": b"not a tar file",
+        "not in the format": b"not a tar file",
         "more than 50,000,000 bytes": gzip.compress(large.tobuf()),
-        "`transition-system`": packed({}),
+        "transition-system": packed({}),
         "discrete time": packed({"transition-system": SYSTEM | {"time": "stochastic"}}),
-        "`#states`": packed({"transition-system": SYSTEM | {"#states": "4"}}),
-        "more than 100,000 choices": packed({"transition-system": SYSTEM | {"#choices": 2**60}}),
-        "`branch-to-target.bin`": packed({"transition-system": SYSTEM}),
-        "not those of 1 numbers": packed({"transition-system": SYSTEM}, **{"branch-to-target.bin": b"123"}),
+        "#players": packed({"transition-system": {"time": "discrete"}}),
+        "more than 500,000 states": packed({"transition-system": SYSTEM | {"#choices": 2**60}}),
+        "branch-to-target.bin": packed({"transition-system": SYSTEM}),
+        "has 2 numbers, not 1": packed({"transition-system": SYSTEM}, **{"branch-to-target.bin": b"0" * 16}),
         "leads to state": packed({"transition-system": SYSTEM}, **{"branch-to-target.bin": b"\xff" * 8}),
     }
     for message, content in cases.items():
