@@ -173,6 +173,15 @@ def test_npz_holds_arrays_that_load_without_pickles(tmp_path: Path) -> None:
         assert arrays["horizon"] == 5
 
 
+def test_illegal_actions_are_left_out_for_model_checkers() -> None:
+    """Gambler may stake no more than there is; tables for Python have all actions, as environments do."""
+    program = Done("export", "textbook/Gambler", "-f", "prism").out
+    assert sum("] s=1 & phase=1 ->" in line for line in program.splitlines()) == 1
+    done = Done("export", "textbook/Gambler", "-f", "gym-p")
+    assert len(json.loads(done.out)["P"]["1"]) == 50
+    assert "legal actions: not in the file" in done.err
+
+
 def test_time_becomes_a_component_of_the_state() -> None:
     model, found = formats.exported(load("bsuite/Umbrella"))
     assert model.is_timed
