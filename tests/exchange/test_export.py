@@ -137,7 +137,7 @@ def test_umbi_reads_umb(tmp_path: Path) -> None:
     except ValueError as error:  # umbi 0.2.5 fails on valuations with bitstring 5
         pytest.skip(str(error))
     assert found.num_states == 26
-    assert found.choice_action_to_name == ["stay", "left", "right", "up", "down"]
+    assert found.choice_action_to_name == ["up", "down", "left", "right", "stay"]
     assert {branch.prob for branch in found.get_state_choices(0)[0].branches} == {Fraction(1, 4)}
 
 
