@@ -208,7 +208,8 @@ class Evidence:
         by_time = None
         for ignored, deepest in dict(tries).items():
             try:
-                table = TableSearch(self.subject, self.horizon, ignored, self.until(0.2), deepest).run()
+                search = TableSearch(self.subject, self.horizon, ignored, self.counters, self.until(0.2), deepest)
+                table = search.run()
                 compare(table, self.subject, self.episodes, ignored)
             except Untabulated as error:
                 reason = error
@@ -256,10 +257,10 @@ class Evidence:
         """Returns of the best policy of a table with estimated chance, in the environment itself."""
         assert self.table is not None
         plan = optimal_plan(self.table.model(self.horizon or MOST_STEPS))
-        instance = self.subject.make()
         found: list[float] = []
         end = self.until(0.1)
         while not end.is_over and len(found) < MOST_RETURNS:
+            instance = self.subject.make()
             step = instance.reset(len(found))
             total = 0.0
             for t in range(self.horizon or MOST_STEPS):

@@ -214,7 +214,7 @@ def nothing_told_apart(x: Evidence) -> Found | None:
     returns = {round(value, 9) for values in x.returns.values() for value in values}
     if len(returns) != 1:
         return None
-    return Found(f"every episode earned {decimal(*returns)}, with random actions and with each fixed one")
+    return Found(f"every episode earned {decimal(returns.pop())}, with random actions and with each fixed one")
 
 
 def hidden_state(x: Evidence) -> Found | None:
@@ -272,8 +272,8 @@ def by_time(x: Evidence) -> Found | None:
     if x.table is None or x.table.by_time is None:
         return None
     s, a, trace = x.table.by_time
-    words = f"the reward or the end depends on the time, which is not observed: {shown(x.table.shown[s])}, action "
-    return Found(words + shown(x.table.actions[a]), trace)
+    words = f"the reward or the end depends on the time: in {shown(x.table.shown[s])}, for action {shown(x.table.actions[a])}"
+    return Found(words, trace)
 
 
 def same_actions(x: Evidence) -> Found | None:

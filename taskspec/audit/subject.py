@@ -271,6 +271,10 @@ def frozen(value: Any) -> Hashable:
 
 def shown(value: Any, most: int = 60) -> str:
     """Return an observation or a reward in a few words."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}: {shown(inner, most)}' for key, inner in value.items())}}}"
+    if isinstance(value, np.ndarray) and value.size > most // 4:
+        return f"an array {value.shape}"
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     text = " ".join(repr(value).split())

@@ -20,6 +20,7 @@ from taskspec.printers.markup import mathml
 from taskspec.printers.text import plain
 
 BREAK_AFTER = 34.0  # letters of a formula that is longer than a line on small screens
+SPLIT_AFTER = 44.0  # letters of a formula that is decided case by case, and wider than small screens
 _SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
 
 
@@ -136,6 +137,9 @@ def formula(math: m.Math, display: bool = False) -> Markup:
     """Return mathematics in a line; a long formula in pieces, so that the browser can break the line between them."""
     if display:
         return Markup(f'<span class="display">{mathml(math, block=True)}</span>')
+    match _flat(math):
+        case [*left, m.Cases(rows=rows)] if m.width(math) > SPLIT_AFTER:
+            return _split(math, left, rows)
     pieces = _pieces(_flat(math)) if m.width(math) > BREAK_AFTER else [math]
     if max(map(m.width, pieces)) > BREAK_AFTER:
         pieces = _pieces(_flat(math, inside=True))
@@ -145,6 +149,14 @@ def formula(math: m.Math, display: bool = False) -> Markup:
     alt = escape(plain(math), quote=True)
     inner = " ".join(_infix(mathml(piece)) for piece in pieces)
     return Markup(f'<span class="formula long" role="math" aria-label="{alt}">{inner}</span>')
+
+
+def _split(math: m.Math, left: list[m.Math], rows: Iterable[tuple[m.Math, m.Math]]) -> Markup:
+    """Return a formula that ends case by case as a grid, in whose cells lines can break."""
+    cells = Markup("").join(Markup("<span>{}</span>").format(formula(part)) for row in rows for part in row)
+    before = formula(m.row(*left)) if left else ""
+    whole = '<span class="split" role="math" aria-label="{}">{}<span class="rows">{}</span></span>'
+    return Markup(whole).format(plain(math), before, cells)
 
 
 def origin_of(content: p.Inlines) -> str:

@@ -48,3 +48,14 @@ def test_pages_of_foreign_specs_are_full_and_nothing_runs_off_them(tmp_path: Pat
     ends = filled(path)
     assert max(ends) < 0.95
     assert [(i, end) for i, end in enumerate(ends[:-2], start=1) if end < LEAST] == []
+
+
+def test_wide_formulas_can_break_into_lines_on_small_screens(tmp_path: Path) -> None:
+    """A formula that is decided case by case is a grid of cells, and one in brackets is cut at its signs."""
+    write([ROOT / "tasks" / f"{name}.yaml" for name in ("pomdp/tiger", "toy_text/taxi")], ["html"], tmp_path)
+    tiger = (tmp_path / "tiger.html").read_text(encoding="utf-8")
+    reward = tiger.partition('id="rewards"')[2].partition("</dd>")[0]
+    grid = re.findall(r'<span class="split" role="math" aria-label="R\(tiger, a\) = \{ −1 if a = listen;[^"]*"', reward)
+    assert len(grid) == 1 and reward.count("<math") > 2 * 4  # four cases, each a value and a condition in pieces
+    taxi = (tmp_path / "taxi.html").read_text(encoding="utf-8")
+    assert 'class="rigid"' not in taxi.partition('id="dynamics"')[2].partition("</dd>")[0]
