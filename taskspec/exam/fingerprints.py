@@ -108,7 +108,7 @@ def way(dynamics: Dynamics, operator: BellmanOperator, acts: Acts, is_critic: bo
             stride = FIRST_STRIDE / rates.max()
         Q = Q - np.expm1(-stride * rates) * error
         stride *= GROWTH
-        change = float(np.abs(error[:, dynamics.acted]).max())
+        change = float(np.abs(error * (rates > 0)).max())
         if change <= PRECISION * size:
             settles = True
             break

@@ -84,7 +84,8 @@ def _mask_inverted(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
 
 
 def _mask_late(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return s.R + s.gamma * (1 - acts.after_end) * (s.following(V) + s.ending(V))
+    found: Array = s.R + s.gamma * (1 - acts.after_end) * (s.following(V) + s.ending(V))
+    return found
 
 
 def _last_reward_masked(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:

@@ -39,7 +39,7 @@ class Tables:
         np.savez_compressed(folder / NAME, **self.arrays)
 
     def keeping(self, train: Callable[[Case], Any]) -> Callable[[Case], Any]:
-        """Return a learner that keeps what it learns on tasks as they are printed."""
+        """Return a learner that keeps what it learns, first of the tasks that are not negated."""
 
         @wraps(train)
         def learner(case: Case) -> Any:
@@ -58,9 +58,11 @@ class Tables:
         sees_reward = "reward" in exam["learns_from"]
         scores = []
         for score in exam["scores"]:
-            learned = self._learned(score["task"], score["seed"])
-            if learned is not None and score["twin"] is None and score["probe"] is None:
-                score = {**score, **_distances(score["task"], learned, sees_reward)}  # type: ignore[typeddict-item]
+            task = score["task"] if score["twin"] is None else f"{score['task']}+{score['twin']}"
+            learned = self._learned(task, score["seed"])
+            if learned is not None and score["probe"] is None:
+                now = learned_fields(load(task), learned, sees_reward)
+                score = {**score, "operators": now.get("operators"), "rewards": now.get("rewards")}
             scores.append(score)
         return {**exam, "scores": scores}
 
@@ -89,8 +91,3 @@ def _tables(case: Case, learned: Any) -> dict[str, Any]:
         rows = [learned.reward(observations, np.full_like(observations, a), None) for a in range(case.action_space.n)]
         found["reward"] = np.stack(rows, axis=1)
     return {name: np.array(each) for name, each in found.items() if each is not None}
-
-
-def _distances(task: str, learned: Learned, sees_reward: bool) -> dict[str, Any]:
-    found = learned_fields(load(task), learned, sees_reward)
-    return {name: found[name] for name in ("operators", "rewards") if name in found}
