@@ -2,7 +2,8 @@
 
 The pages are plain Markdown that reads well in the repository, too. What the site needs beyond them is worked out here
 and in the modules beside this one: tables of contents from the links on index pages, pages for files above this folder,
-mathematics as MathML, which needs no network, galleries, and figures in the colours of the site.
+pages made of the program and of the suites, mathematics as MathML, which needs no network, galleries, and figures in the
+colours of the site.
 """
 
 from __future__ import annotations
@@ -24,9 +25,12 @@ author = project_copyright = "the taskspec authors"
 version = release = __version__
 
 DOCS = Path(__file__).parent
-sys.path.insert(0, str(DOCS))
+sys.path[:0] = [str(DOCS), str(DOCS.parent)]
 
-from galleries import SUITES, below, thumbnails, with_drawings, with_figures, with_gallery  # noqa: E402
+import galleries  # noqa: E402
+
+from docs.tools.commands import commands  # noqa: E402
+from docs.tools.names import names  # noqa: E402
 
 extensions = ["myst_parser", "sphinx_copybutton"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
@@ -44,8 +48,10 @@ html_show_sphinx = html_show_sourcelink = html_copy_source = False
 html_static_path = ["static"]
 html_css_files = ["site.css", "gallery.css"]
 
-SHOWN = {"contributing": "CONTRIBUTING.md", "security": "SECURITY.md"}
+SHOWN = {"contributing": "CONTRIBUTING.md", "security": "SECURITY.md", "errors": "taskspec/base/errors.md"}
 """Pages of the site, and the files above this folder that they show."""
+BUILT = {"commands": commands, "names": names}
+"""Pages of the site that are made of the program in full; the repository has a summary of each."""
 LINK = re.compile(r"\[[^\]]*\]\(([\w/-]+)\.md\)")
 ACCESSIBLE = (
     (r'class="caption" role="heading"', 'class="caption" role="heading" aria-level="2"'),
@@ -60,6 +66,7 @@ GROUP = re.compile(r"^- (?=[^\[])", re.MULTILINE)
 
 
 def setup(app: Any) -> dict[str, Any]:
+    app.connect("builder-inited", lambda app: galleries.write_pages())
     app.connect("source-read", read)
     app.connect("build-finished", finish)
     app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))
@@ -70,19 +77,21 @@ def read(app: Any, page: str, source: list[str]) -> None:
     """Put in the files that lie above this folder, and add the tables of contents."""
     if page in SHOWN:
         source[0] = (DOCS.parent / SHOWN[page]).read_text(encoding="utf-8").replace("](docs/", "](")
+    if page in BUILT:
+        source[0] = BUILT[page]()
+    if page in galleries.SUITES:
+        source[0] = galleries.gallery_page(page)
     for name, file in SHOWN.items():
-        source[0] = source[0].replace(f"](../{file}", f"]({name}.md").replace(f"]({file}", f"]({name}.md")
-    listed = below(page)
+        source[0] = re.sub(rf"\]\((?:\.\./)*{re.escape(file)}", f"]({name}.md", source[0])
+    listed = galleries.below(page)
     if listed is not None:
         source[0] += tree("", listed)
     elif page == "index":
         text, _, pages = source[0].partition("\n## Pages\n")
-        source[0] = HIDDEN + text.replace("<!-- tasks -->", thumbnails()) + contents(pages)
+        source[0] = HIDDEN + text.replace("<!-- tasks -->", galleries.thumbnails()) + contents(pages)
     if page == "library":
-        source[0] = with_drawings(source[0])
-    if page in SUITES:
-        source[0] = with_gallery(page, source[0])
-    source[0] = with_figures(source[0], (DOCS / page).parent)
+        source[0] = galleries.with_drawings(source[0])
+    source[0] = galleries.with_figures(source[0], (DOCS / page).parent)
 
 
 def finish(app: Any, error: Exception | None) -> None:

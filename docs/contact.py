@@ -1,26 +1,32 @@
-"""The contact sheets of all tasks: figures at several settings, and pages as wide as a telephone.
+"""The contact sheets: what people see of all tasks, to be looked at.
 
-Both on light paper, on dark paper, and as without the green cones.
+Figures at several settings, pages as wide as a telephone, and exams, each on light paper, on dark paper, and as without the green
+cones; and what commands print in 80 columns. Of the repository's tasks and of specs that only tests know.
 
-python docs/contact.py build/contact.html
+python docs/contact.py build/contact
 """
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
 
 from taskspec import registry
 from taskspec.base.files import write_text
+from taskspec.exam import report, results
 from taskspec.figures import Scene, scene, svg
 from taskspec.pages.render.html import gallery_style, page_style
 from taskspec.pages.write import gather_pages, write_pages
 from taskspec.task.task import Task
 
+ROOT = Path(__file__).resolve().parent.parent
 SETTINGS: Mapping[str, tuple[Mapping[str, Any], ...]] = {
     "branching": ({"L": 3, "B": 2}, {"L": 4, "B": 4}, {"L": 10, "B": 2}, {"L": 40, "B": 12}),
     "largest_sum": ({"L": 2}, {"L": 4}, {"L": 25}, {"L": 400}),
@@ -53,6 +59,11 @@ def drawn_names() -> list[str]:
     return [name for name in registry.task_ids() if not name.partition("-v")[0].endswith(TWINS)]
 
 
+def foreign_specs() -> list[str]:
+    """Paths of the specs that only tests know."""
+    return sorted(str(path) for path in (ROOT / "tests" / "specs").rglob("*.yaml"))
+
+
 def shown(ids: Iterable[str]) -> Iterator[tuple[Task, str]]:
     """Tasks at every setting, and the words for it; those without sizes once."""
     for name in ids:
@@ -74,9 +85,14 @@ def sheet(ids: Iterable[str]) -> str:
     assert light is not None
     style += f".light, .deuteranopic {light[1]} .dark {dark[1]}"
     rows = "".join(_row(task, words, scene(task)) for task, words in shown(ids))
-    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>Contact sheet</title>'
-    body = f"{FILTER}<table>{rows}</table>"
-    return f'<!doctype html><html lang="en"><head>{head}<style>{style}</style></head><body>{body}</body></html>\n'
+    return _document("Figures", style, f"<table>{rows}</table>")
+
+
+def _document(title: str, style: str, body: str) -> str:
+    head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{title}</title>'
+    return (
+        f'<!doctype html><html lang="en"><head>{head}<style>{style}</style></head><body>{FILTER}{body}</body></html>\n'
+    )
 
 
 def _row(task: Task, words: str, drawn: Scene | None) -> str:
@@ -88,34 +104,85 @@ def _row(task: Task, words: str, drawn: Scene | None) -> str:
 
 PHONE = 390
 """The width of a telephone's screen in pixels."""
-FRAMES = f"""
-iframe {{ width: {PHONE}px; height: 700px; border: 1px solid #8888; }}
-"""
+FRAMES = f"iframe {{ width: {PHONE}px; height: 700px; border: 1px solid #8888; }} iframe.whole {{ width: 1100px; }}"
 
 
-def page_sheet(ids: Iterable[str], folder: Path) -> str:
+def page_sheet(names: Iterable[str], folder: Path) -> str:
     """Write the pages of tasks into a folder, and return the page that shows them in every look."""
-    tasks = [registry.load(name) for name in ids]
-    suite = gather_pages(tasks, "Contact sheet")
+    suite = gather_pages([registry.load(name) for name in names], "Contact sheet")
     write_pages(suite, ["html"], folder)
+    return _frames({page.name: folder / f"{page.anchor}.html" for page in suite.pages}, folder.parent)
+
+
+def card_sheet(folder: Path) -> str:
+    """Write the pages of the exams of the documentation into a folder, and return the page that shows them in every look."""
+    found = {
+        path.parent.name: results.read(path.parent) for path in sorted(ROOT.glob("docs/results/paper/*/exam.json*"))
+    }
+    files = {}
+    for name, exam in found.items():
+        files[name] = folder / name / "report.html"
+        report.write(exam, folder / name, ["html"])
+    files["all"] = folder / "learners.html"
+    report.write_several(found, folder, ["html"])
+    return _frames(files, folder.parent)
+
+
+def _frames(files: Mapping[str, Path], folder: Path) -> str:
+    """Return the page that shows files in every look; it is in the folder."""
     rows = ""
-    for page in suite.pages:
-        frames = ""
-        text = (folder / f"{page.anchor}.html").read_text(encoding="utf-8")
-        write_text(folder / f"dark-{page.anchor}.html", text.replace("(prefers-color-scheme: dark)", "all"))
-        for look in LOOKS:
-            address = escape(f"{folder.name}/{'dark-' if look == 'dark' else ''}{page.anchor}.html")
-            frames += (
-                f'<iframe class="{look}" src="{address}" title="{escape(page.name)}, {look}" loading="lazy"></iframe>'
-            )
-        rows += f"<h2>{escape(page.name)}</h2>{frames}"
-    head = f'<meta charset="utf-8"><title>Pages</title><style>{STYLE}{FRAMES}</style>'
-    return f'<!doctype html><html lang="en"><head>{head}</head><body>{FILTER}{rows}</body></html>\n'
+    for name, path in files.items():
+        dark = path.with_name(f"dark-{path.name}")
+        write_text(dark, path.read_text(encoding="utf-8").replace("(prefers-color-scheme: dark)", "all"))
+        rows += f"<h2>{escape(name)}</h2>"
+        for look in (*LOOKS, "whole"):
+            address = escape((dark if look == "dark" else path).relative_to(folder).as_posix())
+            rows += f'<iframe class="{look}" src="{address}" title="{escape(name)}, {look}" loading="lazy"></iframe>'
+    return _document("Pages", STYLE + FRAMES, rows)
+
+
+COLUMNS = 80
+FOLDER = "tests/specs"
+ONE = "tests/specs/figures/keys.yaml"
+COMMANDS: tuple[Sequence[str], ...] = (
+    (), ("list",), ("check", FOLDER), ("check", "tests/errors"), ("show", ONE), ("show", "tests/specs/multi_choice.yaml"),
+    ("solve", ONE), ("solve", "Tiger", "--difficulty"), ("run", ONE), ("exam", "--help"),
+    ("exam", "q_learning", "--tasks", "tests/specs/values/end_in_place.yaml", "--seeds", "2", "-o", "{out}/exam"),
+    ("report", "docs/results/paper/gail_im"), ("report", "docs/results/paper"), ("docs", FOLDER, "-o", "{out}/docs"),
+    ("docs", "--help"), ("explain", "E403"), ("solve", "Riskypath"), ("figure", "classic_control/Pendulum", "-o", "{out}/x.bmp"),
+)  # fmt: skip
+"""What people run first, on specs of others."""
+
+
+def terminal_sheet() -> str:
+    """Return the page of what commands print; lines that are longer than the terminal are marked."""
+    body = ""
+    with tempfile.TemporaryDirectory() as out:
+        for command in COMMANDS:
+            words = [word.format(out=out) for word in command]
+            done = subprocess.run(
+                [sys.executable, "-m", "taskspec", *words], cwd=ROOT, capture_output=True, text=True, check=False,
+                env={**os.environ, "COLUMNS": str(COLUMNS), "NO_COLOR": "1", "PYTHONPATH": str(ROOT)},
+            )  # fmt: skip
+            lines = (done.stdout + done.stderr).splitlines()
+            shown = (escape(line) if len(line) <= COLUMNS else f"<mark>{escape(line)}</mark>" for line in lines)
+            body += f"<h2>taskspec {escape(' '.join(words))}</h2><pre>{chr(10).join(shown)}</pre>"
+    return _document("Terminal", f"pre {{ width: {COLUMNS}ch; outline: 1px solid #8888; }}", body)
+
+
+def write_all(folder: Path) -> Path:
+    """Write all sheets into a folder, and an index of them."""
+    names = [*drawn_names(), *foreign_specs()]
+    sheets = {
+        "figures": sheet(names), "pages": page_sheet(names, folder / "pages"), "cards": card_sheet(folder / "cards"),
+        "terminal": terminal_sheet(),
+    }  # fmt: skip
+    for name, text in sheets.items():
+        write_text(folder / f"{name}-sheet.html", text)
+    links = "".join(f'<li><a href="{name}-sheet.html">{name}</a></li>' for name in sheets)
+    write_text(folder / "index.html", _document("Contact sheets", "", f"<ul>{links}</ul>"))
+    return folder / "index.html"
 
 
 if __name__ == "__main__":
-    target = Path(sys.argv[1] if len(sys.argv) > 1 else "build/contact.html")
-    pages = target.with_name(f"{target.stem}-pages.html")
-    write_text(target, sheet(drawn_names()))
-    write_text(pages, page_sheet(drawn_names(), target.with_suffix("")))
-    sys.stdout.write(f"wrote {target} and {pages}\n")
+    sys.stdout.write(f"wrote {write_all(Path(sys.argv[1] if len(sys.argv) > 1 else 'build/contact'))}\n")

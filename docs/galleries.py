@@ -1,4 +1,4 @@
-"""Galleries of the suites' tasks, in place of the tables of index pages, and figures that follow the colours of the site."""
+"""Pages and galleries of the suites' tasks, and figures that follow the colours of the site."""
 
 from __future__ import annotations
 
@@ -7,14 +7,19 @@ from functools import lru_cache
 from pathlib import Path
 
 from taskspec import figures, pages, registry
+from taskspec.base.files import write_text
+from taskspec.pages.render import markdown
 from taskspec.pages.render.html import gallery
 from taskspec.pages.render.suite import Suite
 from taskspec.pages.write import gather_pages
 
-SUITES = {"suite/index": "derail", "seals/index": "seals"}
-"""Index pages, and the suites whose tasks they show."""
-FIGURES = Path(__file__).parent / "suite/figures"
-TABLE = re.compile(r"^\|.*\n(?:\|.*\n)+", re.MULTILINE)
+DOCS = Path(__file__).parent
+SUITES = {
+    "suite/index": ("derail", "The DERAIL suite"),
+    "seals/index": ("seals", "Cliff worlds and random decision processes"),
+}
+"""Index pages, and the suites whose tasks they show, with their headings."""
+FIGURES = DOCS / "suite/figures"
 ROW = re.compile(r"(?<=^\| )`([\w/]+-v\d+)`", re.MULTILINE)
 FIGURE = re.compile(r"!\[([^\]]*)\]\(([\w./-]+\.svg)\)")
 PAPER = re.compile(r'<rect width="[\d.]+" height="[\d.]+" fill="#ffffff"/>')
@@ -23,14 +28,26 @@ PAPER = re.compile(r'<rect width="[\d.]+" height="[\d.]+" fill="#ffffff"/>')
 @lru_cache
 def suite_of(page: str) -> Suite:
     """The tasks of an index page, with their scores."""
-    tasks = [registry.load(entry.id) for entry in registry.shipped().values() if entry.suite == SUITES[page]]
-    return gather_pages(tasks, facts={task.id: pages.gather(task) for task in tasks})
+    name, title = SUITES[page]
+    tasks = [registry.load(entry.id) for entry in registry.shipped().values() if entry.suite == name]
+    return gather_pages(tasks, title, facts={task.id: pages.gather(task) for task in tasks})
 
 
-def with_gallery(page: str, text: str) -> str:
-    """An index page with a gallery in place of its table."""
-    cards = gallery(suite_of(page))
-    return TABLE.sub(lambda _: f"```{{raw}} html\n{cards}\n```\n", text, count=1)
+def write_pages() -> None:
+    """Write a page, and its figures, for each task of the suites; only what changed, so that a second build is fast."""
+    for page in SUITES:
+        suite = suite_of(page)
+        files = {name: text for name, text in markdown(suite).items() if name != "index.md"}
+        files |= {f"figures/{anchor}.svg": figures.svg(scene) + "\n" for anchor, scene in suite.scenes.items()}
+        for name, text in files.items():
+            path = (DOCS / page).parent / name
+            if not path.exists() or path.read_text(encoding="utf-8") != text:
+                write_text(path, text)
+
+
+def gallery_page(page: str) -> str:
+    """An index page: a gallery of the tasks of its suite."""
+    return f"# {SUITES[page][1]}\n\n```{{raw}} html\n{gallery(suite_of(page))}\n```\n"
 
 
 def thumbnails() -> str:

@@ -206,7 +206,7 @@ def _instance_lanes(tasks: Sequence[Task], num_envs: int | None, options: dict[s
 
 
 def made_by(task: Task) -> EnvSpec | None:
-    """Return how Gymnasium makes a task's environment; None where no id that it knows stands for the task."""
+    """Return how Gymnasium makes a task's environment; None where it knows no id of the task."""
     from gymnasium.envs.registration import registry as known
 
     found = known.get(task.id)

@@ -19,6 +19,7 @@ from taskspec.base.diagnostics import TaskspecError, suggest
 from taskspec.base.display import count_of, plural
 from taskspec.base.files import safe_name
 from taskspec.exam.asked_tasks import exam_id, tasks_of
+from taskspec.exam.card import flag_text
 from taskspec.exam.examining import SUITES, examine
 from taskspec.exam.report import write
 from taskspec.exam.results import Exam
@@ -129,7 +130,7 @@ class ExamOutcome:
         problems = []
         for flag in self.exam["flags"]:
             if flag["kind"] not in allow:
-                problems.append((flag["task"], f"{flag['kind']} {flag['task']}: {flag['message']}"))
+                problems.append((flag["task"], f"{flag['kind']} {flag['task']}: {flag_text(flag)}"))
         for capability, verdict in self.exam["verdicts"].items():
             if verdict["verdict"] == "fails":
                 text = f"fails {capability}: {verdict.get('passed', 0)} of {verdict['seeds']} seeds pass"

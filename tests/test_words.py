@@ -1,8 +1,4 @@
-"""The words of docstrings, messages and the changelog: the field's own, as docs/glossary.md lists them.
-
-`words.yaml` lists the files that still have phrases of the older style, with how many; its numbers only shrink. After a file was
-rewritten, `pytest --update-golden tests/test_words.py` writes the smaller numbers.
-"""
+"""The words of docstrings and the changelog: the field's own, as docs/glossary.md lists them."""
 
 from __future__ import annotations
 
@@ -12,10 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import yaml
 
 ROOT = Path(__file__).parent.parent
-LIST = Path(__file__).with_name("words.yaml")
 PHRASES = re.compile(
     r"\b(told|laid over|comes? of|chances|anew|besides|of which|are alike|as it comes|is said|whatever|"
     r"comes? to the same|stands? for|what is left|as far as)\b"
@@ -47,15 +41,8 @@ def counted() -> dict[str, int]:
     return found
 
 
-def test_phrases_of_the_older_style_only_become_fewer(update_golden: bool) -> None:
-    allowed = yaml.safe_load(LIST.read_text(encoding="utf-8")) or {}
-    found = counted()
-    more = {path: number for path, number in found.items() if number > allowed.get(path, 0)}
-    assert more == {}, "write these docstrings with the words of docs/glossary.md"
-    if update_golden:
-        LIST.write_text("".join(f"{path}: {number}\n" for path, number in found.items()), encoding="utf-8")
-        return
-    assert found == allowed, "the list is longer than needed: pytest --update-golden tests/test_words.py"
+def test_docstrings_are_free_of_phrases_of_the_older_style() -> None:
+    assert counted() == {}, "write these docstrings with the words of docs/glossary.md"
 
 
 def test_the_changelog_is_short_and_plain() -> None:

@@ -6,7 +6,6 @@ import inspect
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from itertools import groupby
 from typing import Any, get_type_hints
 
 from typer.models import ArgumentInfo, OptionInfo
@@ -17,10 +16,14 @@ from taskspec.cli.options import flowed
 
 HEAD = """# Commands
 
-Generated from the program; `taskspec COMMAND --help` prints the same. The exit status is 0 on success, 1 if a problem was found
-or something failed, 2 for wrong usage, and 70 for an internal error, which is a bug in taskspec.
-
-These options mean the same in all commands that have them:
+The exit status is 0 on success, 1 if a problem was found or something failed, 2 for wrong usage, and 70 for an internal error,
+which is a bug in taskspec.
+"""
+IN_SHORT = """Generated from the program. `taskspec COMMAND --help` prints a command's arguments and options; on the site, this
+page has all of them.
+"""
+IN_FULL = """Generated from the program; `taskspec COMMAND --help` prints the same. These options mean the same in all commands
+that have them:
 """
 SHARED = 4
 """Options of that many commands, in the same words, are explained once."""
@@ -28,20 +31,36 @@ Row = tuple[str, str]
 MARKED = re.compile(r"\[(green|cyan|bold)\](.*?)\[/(?:\1)?\]")
 
 
+def overview() -> str:
+    """Return the page of the repository: each command in one sentence."""
+    rows = []
+    for _, group in _panels():
+        for name, function in group:
+            purpose = flowed(function.__doc__ or "").partition("\n\n")[0]
+            rows.append((code(f"taskspec {name}"), _plain(purpose)))
+    return "\n".join([HEAD, IN_SHORT, table(("command", "what it does"), rows), ""])
+
+
 def commands() -> str:
-    """The page."""
-    panels = list(dict.fromkeys(panel for _, _, panel in COMMANDS))
+    """Return the page of the site: each command with its arguments and options."""
     counted = Counter(row for _, function, _ in COMMANDS for row in _rows(function))
     shared = [row for row, count in counted.items() if count >= SHARED]
-    parts = [HEAD.rstrip("\n"), table(("option", "what it is"), shared)]
-    for panel, group in groupby(sorted(COMMANDS, key=lambda row: panels.index(row[2])), key=lambda row: row[2]):
+    parts = [HEAD.rstrip("\n"), IN_FULL.rstrip("\n"), table(("option", "what it is"), shared)]
+    for panel, group in _panels():
         parts.append(f"## {panel}")
-        for name, function, _ in group:
-            parts += _told(name, function, shared)
+        for name, function in group:
+            parts += _command(name, function, shared)
     return "\n\n".join(parts) + "\n"
 
 
-def _told(name: str, function: Callable[..., Any], shared: Sequence[Row]) -> Iterator[str]:
+def _panels() -> Iterator[tuple[str, list[tuple[str, Callable[..., Any]]]]]:
+    """Yield the groups of commands as the help lists them, with names and functions."""
+    panels = list(dict.fromkeys(panel for _, _, panel in COMMANDS))
+    for panel in panels:
+        yield panel, [(name, function) for name, function, its_panel in COMMANDS if its_panel == panel]
+
+
+def _command(name: str, function: Callable[..., Any], shared: Sequence[Row]) -> Iterator[str]:
     """A command's heading, what it does, its own arguments and options, and the names of those of other commands."""
     rows = _rows(function)
     own = [row for row in rows if row not in shared]

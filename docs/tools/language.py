@@ -48,6 +48,8 @@ def language() -> str:
 FIRST = ("taskspec", "name")
 LAST = ("variants", EXTENDS)
 NEEDED = "required"
+EXPLAINED = {"Component": "Parameter", "Memory": "Component"}
+"""Entries, and those explained before them whose keys they share."""
 
 
 def _sections() -> str:
@@ -64,15 +66,23 @@ def _sections() -> str:
 
 
 def _keys(definition: str) -> str:
-    """The keys of one kind of entry; those that are needed come first."""
-    schema = json_schema()["$defs"][definition]
+    """The keys of one kind of entry; those that are needed come first, those of an entry explained before in one row."""
+    definitions = json_schema()["$defs"]
+    schema = definitions[definition]
     needed = schema.get("required", ())
     properties: dict[str, Any] = schema["properties"]
-    ordered = sorted(properties, key=lambda key: key not in needed)
-    return table(
-        ("key", "", "what it is"),
-        ((code(key), NEEDED if key in needed else "", properties[key]["description"]) for key in ordered),
-    )
+    before = EXPLAINED.get(definition, "")
+    explained = definitions[before]["properties"] if before else {}
+    rows, known = [], []
+    for key in sorted(properties, key=lambda key: key not in needed):
+        text = properties[key]["description"]
+        if key not in needed and key in explained and explained[key]["description"] == text:
+            known.append(code(key))
+        else:
+            rows.append((code(key), NEEDED if key in needed else "", text))
+    if known:
+        rows.append((", ".join(known), "", f"As for a {before.lower()}."))
+    return table(("key", "", "what it is"), rows)
 
 
 # Expressions.
@@ -116,11 +126,10 @@ def _signature(dist: dists.Dist) -> str:
 
 
 AWKWARD = (
-    "1 / 0", "-1 / 0", "0 / 0", "7 // 0", "7 % 0", "7 // 2", "-7 // 2", "-7 % 2", "7 % -2", "1 / 3 + 1 / 6", "2**-2",
-    "0**0", "(-8.0)**0.5", "sqrt(-1)", "log(0)", "exp(1000)", "min(0/0, 1)", "max((0/0, 2))", "argmax((1, 3, 3))",
-    "argmin((0/0, 0/0))", "sort((2, 0/0, 1))", "argsort((1, 0, 1, 0))", "round(2.5)", "round(3.5)", "floor(1 / 0)",
-    "floor(-1 / 0)", "floor(0 / 0)", "sign(0 / 0)", "0 / 0 == 0 / 0", "True + True", "clip(5, 3, 0)", "put((1, 2, 3), 9, 0)",
-    "put((1, 2, 3), -1, 0)", "onehot(5, 3)", "sum(())", "prod(())", "all(())",
+    "1 / 0", "0 / 0", "7 // 0", "7 % 0", "-7 // 2", "-7 % 2", "7 % -2", "2**-2", "0**0", "(-8.0)**0.5", "sqrt(-1)", "log(0)",
+    "exp(1000)", "min(0/0, 1)", "max((0/0, 2))", "argmin((0/0, 0/0))", "sort((2, 0/0, 1))", "argsort((1, 0, 1, 0))",
+    "round(2.5)", "floor(1 / 0)", "floor(0 / 0)", "sign(0 / 0)", "0 / 0 == 0 / 0", "True + True", "clip(5, 3, 0)",
+    "put((1, 2, 3), 9, 0)", "put((1, 2, 3), -1, 0)", "onehot(5, 3)",
 )  # fmt: skip
 
 
@@ -137,6 +146,7 @@ PLACES = (
     ("`discount`", "discount", '"(@) / 9"'),
     ("`noise`", "noise", '{"n": "UniformInt(0, 1)", "m": "@"}'),
     ("`initial`", "initial", '{"x": 0, "y": "@"}'),
+    ("`legal`", "legal", '"(@) == 1"'),
     ("`dynamics`", "dynamics", """{"x'": "x + a", "y'": "@"}"""),
     ("`reward`", "reward", '"@"'),
     ("`measures`", "measures", '{"m": "@"}'),
@@ -153,10 +163,11 @@ NAMES = (
 
 
 def _visibility() -> str:
-    rows = (
-        (place, *("✓" if _fits(section, template, expression) else "" for _, expression in NAMES))
-        for place, section, template in PLACES
-    )
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for place, section, template in PLACES:
+        row = tuple("✓" if _fits(section, template, expression) else "" for _, expression in NAMES)
+        alike.setdefault(row, []).append(place)
+    rows = ((", ".join(places), *row) for row, places in alike.items())
     return table(("in", *(heading for heading, _ in NAMES)), rows)
 
 

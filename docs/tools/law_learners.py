@@ -7,84 +7,24 @@ from typing import Any
 import numpy as np
 
 from taskspec.exam import Case, learns_from
+from taskspec.experiments.references import ObservationTable, monte_carlo, q_learning
 
-Array = np.ndarray[Any, Any]
-
-
-class Table:
-    """Values of actions for each observation that was seen, of any kind of observation."""
-
-    def __init__(self, actions: int) -> None:
-        self.rows: dict[bytes, Array] = {}
-        self.actions = actions
-
-    def __getitem__(self, obs: Any) -> Array:
-        return self.rows.setdefault(np.asarray(obs, float).tobytes(), np.zeros(self.actions))
-
-    def predict(self, observations: Array) -> Array:
-        return np.array([self[obs].argmax() for obs in observations])
-
-
-def explored(q: Array, rng: np.random.Generator) -> int:
-    """Return a best action, or in three of ten steps a random one."""
-    if rng.random() < 0.3:
-        return int(rng.integers(len(q)))
-    return int(rng.choice(np.flatnonzero(q == q.max())))
+__all__ = ["monte_carlo", "q_learning"]
 
 
 @learns_from("reward")
-def q_learning(case: Case) -> Table:
-    """Tabular Q-learning."""
-    env = case.env()
-    rng = np.random.default_rng(case.seed)
-    table = Table(case.action_space.n)
-    obs, _ = env.reset()
-    for _ in range(case.steps):
-        action = explored(table[obs], rng)
-        after, reward, terminated, truncated, _ = env.step(action)
-        target = reward + (0 if terminated else 0.99 * table[after].max())
-        table[obs][action] += 0.1 * (target - table[obs][action])
-        obs = env.reset()[0] if terminated or truncated else after
-    return table
-
-
-@learns_from("reward")
-def monte_carlo(case: Case) -> Table:
-    """Monte Carlo control: no bootstrap."""
-    env = case.env()
-    rng = np.random.default_rng(case.seed)
-    table = Table(case.action_space.n)
-    obs, _ = env.reset()
-    episode = []
-    for _ in range(case.steps):
-        action = explored(table[obs], rng)
-        after, reward, terminated, truncated, _ = env.step(action)
-        episode.append((obs, action, reward))
-        obs = after
-        if terminated or truncated:
-            earned = 0.0
-            for seen, done, paid in reversed(episode):
-                earned += paid
-                table[seen][done] += 0.1 * (earned - table[seen][done])
-            episode = []
-            obs, _ = env.reset()
-    return table
-
-
-@learns_from("reward")
-def reinforce(case: Case) -> Table:
+def reinforce(case: Case) -> ObservationTable:
     """REINFORCE with a softmax over a table, and a running mean as baseline."""
     env = case.env()
-    rng = np.random.default_rng(case.seed)
-    table = Table(case.action_space.n)
+    table = ObservationTable(case)
     obs, _ = env.reset()
     episode = []
     baseline = 0.0
     for _ in range(case.steps):
         weights = np.exp(table[obs] - table[obs].max())
         pi = weights / weights.sum()
-        action = int(rng.choice(len(pi), p=pi))
-        after, reward, terminated, truncated, _ = env.step(action)
+        action = int(table.rng.choice(len(pi), p=pi))
+        after, reward, terminated, truncated, _ = env.step(table.first + action)
         episode.append((obs, action, pi, reward))
         obs = after
         if terminated or truncated:

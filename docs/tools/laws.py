@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from docs.tools.law_learners import LEARNERS
-from docs.tools.markdown import code, table
+from docs.tools.markdown import code, filled, table
 from taskspec.exam import Running, examine
 from taskspec.exam.laws import LAWS
 from taskspec.rules.score_rules import short_name
@@ -18,6 +18,7 @@ SEEDS = 5
 SHOWN = 0.1
 """The least change of a score that the table shows."""
 HERE = Path(__file__).parent
+PAGE = HERE.parent / "laws.md"
 
 
 def exams() -> dict[str, dict[str, Any]]:
@@ -35,16 +36,16 @@ def exams() -> dict[str, dict[str, Any]]:
 
 def page() -> str:
     """Return the page."""
-    laws = [(code(law.name), code(law.modifier), law.keeps, law.cause) for law in LAWS.values()]
+    laws = [(code(law.name), code(law.modifier), law.cause) for law in LAWS.values()]
     found = exams()
     rows = []
     for law in LAWS:
         cells = [_cell(exam["laws"], law) for exam in found.values()]
         if any(cells):
             rows.append((code(law), *cells))
-    text = (HERE / "laws.md").read_text(encoding="utf-8")
-    text = text.replace("<!-- laws -->", table(("law", "modifier", "what it keeps", "what usually breaks it"), laws))
-    return text.replace("<!-- learners -->", table(("law", *found), rows))
+    header = ("law", "modifier", "what usually breaks it")
+    parts = {"laws": table(header, laws), "learners": table(("law", *found), rows)}
+    return filled(PAGE, parts)
 
 
 def _cell(scores: list[dict[str, Any]], law: str) -> str:
@@ -64,4 +65,4 @@ def _cell(scores: list[dict[str, Any]], law: str) -> str:
 
 
 if __name__ == "__main__":
-    (HERE.parent / "laws.md").write_text(page(), encoding="utf-8")
+    PAGE.write_text(page(), encoding="utf-8")

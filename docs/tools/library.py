@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import json
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from docs.tools.markdown import code, table
 from taskspec import registry
+from taskspec.base.bibliography import beside
 from taskspec.base.display import number
-from taskspec.exact import Results, Return, difficulty, verdicts
+from taskspec.exact import Results, Return, difficulty
+from taskspec.lang.ir import Const
 from taskspec.task.record import size
 from taskspec.task.task import Task
 
 PROSE = Path(__file__).with_suffix(".md")
+SPEEDS = Path(__file__).with_name("library_speed.json")
+"""How many times faster tasks are than their originals, as `python -m tests.originals.speed` measured."""
 SUITES = {
     "textbook": "Textbook",
     "toy_text": "Gymnasium's toy text",
@@ -26,62 +32,133 @@ SUITES = {
     "operations": "Operations",
 }
 """Headings of the suites of the library."""
-PARITY = "tests/envs/test_gymnasium_parity.py"
-ORIGINALS = "tests/tasks/test_written_by_others.py"
-BSUITE = "tests/tasks/test_bsuite.py"
-COMPARED = {
-    "toy_text/FrozenLake": ("Gymnasium's FrozenLake-v1", "every state, action and outcome; episodes", PARITY),
-    "toy_text/Taxi": ("Gymnasium's Taxi-v3", "every state and action; the distribution of starts", PARITY),
-    "toy_text/CliffWalking": ("Gymnasium's CliffWalking", "every state and action; 100,000 steps", PARITY),
-    "toy_text/Blackjack": ("Gymnasium's Blackjack-v1", "hands dealt from the same cards", ORIGINALS),
-    "classic_control/CartPole": ("Gymnasium's CartPole-v1", "trajectories, in float32", PARITY),
-    "classic_control/MountainCar": ("Gymnasium's MountainCar-v0", "whole episodes, equal", ORIGINALS),
-    "classic_control/MountainCarContinuous": ("Gymnasium's MountainCarContinuous-v0", "trajectories", PARITY),
-    "classic_control/Pendulum": ("Gymnasium's Pendulum-v1", "trajectories", PARITY),
-    "classic_control/Acrobot": ("Gymnasium's Acrobot-v1", "400 random states", ORIGINALS),
-    "textbook/CarRental": ("value iteration in NumPy", "the optimal policy", ORIGINALS),
-    "planning/Life": ("the rules in NumPy", "random boards", ORIGINALS),
-    "planning/LightsOut": ("linear algebra over two elements", "solvable boards", ORIGINALS),
-    "planning/TicTacToe": ("minimax in Python", "all positions", ORIGINALS),
-    "bsuite/Bandit": ("bsuite 0.3.6", "rewards of all arms", BSUITE),
-    "bsuite/CartPole": ("bsuite 0.3.6", "10,000 steps", BSUITE),
-    "bsuite/Catch": ("bsuite 0.3.6", "10,000 steps", BSUITE),
-    "bsuite/DeepSea": ("bsuite 0.3.6", "1,000 episodes", BSUITE),
-    "bsuite/DiscountingChain": ("bsuite 0.3.6", "10,000 steps for each order", BSUITE),
-    "bsuite/MemoryLength": ("bsuite 0.3.6", "10,000 steps at three sizes", BSUITE),
-    "bsuite/MountainCar": ("bsuite 0.3.6", "10,000 steps", BSUITE),
-    "bsuite/Umbrella": ("bsuite 0.3.6", "10,000 steps, without the random rewards and bits", BSUITE),
-}
-"""What tests compare a task with, how, and the file of the test."""
+
+
+class Evidence(NamedTuple):
+    """Why tasks are what they claim to be: with what they were compared and how, or, without a test, an argument."""
+
+    suite: str
+    names: str
+    original: str
+    how: str
+    test: str | None = None
+
+    @property
+    def tasks(self) -> list[str]:
+        return [f"{self.suite}/{name}" for name in self.names.split()]
+
+
+RULES = "tests/tasks/test_written_by_others.py"
+ARGUED = "argued"
+EVIDENCE = (
+    Evidence("toy_text", "FrozenLake CliffWalking Taxi", "Gymnasium 1.4", "100,000 steps; every row of `P`", "gymnasium"),
+    Evidence("toy_text", "Blackjack", "Gymnasium 1.4", "100,000 steps with the same cards", "gymnasium"),
+    Evidence("classic_control", "CartPole", "Gymnasium 1.4", "100,000 steps, to the last bit", "gymnasium"),
+    Evidence("classic_control", "MountainCar Acrobot", "Gymnasium 1.4", "100,000 steps, within 1e-10", "gymnasium"),
+    Evidence(
+        "classic_control", "MountainCarContinuous Pendulum", "Gymnasium 1.4",
+        "100,000 steps, within its float32 (1e-5)", "gymnasium",
+    ),
+    Evidence(
+        "bsuite", "CartPole CartPoleSwingUp Catch DeepSea DiscountingChain MemoryLength MountainCar Umbrella", "bsuite 0.3.6",
+        "100,000 steps for each setting; noise as its distribution", "bsuite",
+    ),
+    Evidence("bsuite", "Bandit", "bsuite 0.3.6", "the rewards of all arms", "bsuite"),
+    Evidence("bsuite", "BernoulliBandit", "none", ARGUED),
+    Evidence(
+        "memory", "Autoencode Battleship Concentration HigherLower Minesweeper RepeatFirst RepeatPrevious", "POPGym 1.0.7",
+        "100,000 steps, with whole decks and larger boards", "popgym",
+    ),
+    Evidence("memory", "NBack Simon", "none", ARGUED),
+    Evidence("pomdp", "Shuttle Tiger Voicemail RockSample", "published files", "all probabilities and rewards", "pomdps"),
+    Evidence("pomdp", "Hallway", "none", "argued: much smaller"),
+    Evidence(
+        "safety", "AbsentSupervisor BoatRace Conveyor Island TomatoWatering", "gridworlds 1.5",
+        "100,000 steps, with the hidden reward", "gridworlds",
+    ),
+    Evidence(
+        "safety", "DistributionalShift SafeInterruptibility WhiskyGold", "gridworlds 1.5", "100,000 steps", "gridworlds"
+    ),
+    Evidence("planning", "Sokoban", "gridworlds 1.5", "100,000 steps, with the hidden reward", "gridworlds"),
+    Evidence("safety", "FriendOrFoe", "gridworlds 1.5", "argued: theirs estimates a policy over many episodes"),
+    Evidence("safety", "OffSwitch Vases", "papers without code", ARGUED),
+    Evidence("textbook", "WindyGrid", "S. Zhang's programs", "100,000 steps", "textbook"),
+    Evidence("textbook", "RandomWalk", "the book", "all printed values", "textbook"),
+    Evidence("textbook", "Gambler", "value iteration as in the book", "nine states", "textbook"),
+    Evidence("textbook", "Baird", "the book", "the expected update diverges", "textbook"),
+    Evidence("textbook", "CarRental", "value iteration in NumPy", "the optimal return", RULES),
+    Evidence("textbook", "ContextualBandit DriftingBandit MaximisationBias Recycling", "books without numbers", ARGUED),
+    Evidence("operations", "Inventory Secretary", "Puterman; Gilbert and Mosteller", "all printed values", "textbook"),
+    Evidence("operations", "AssetSelling Queue", "books without numbers", ARGUED),
+    Evidence("operations", "Epidemic Maintenance", "none", ARGUED),
+    Evidence("planning", "Life LightsOut Queens TicTacToe", "their rules in NumPy", "games of random moves", RULES),
+    Evidence("planning", "Hanoi KeyDoor RiverCrossing SlidingPuzzle ThreeInAColumn", "none", ARGUED),
+    Evidence(
+        "irl", "CausalConfusion FalseBelief MyopicExpert Scale Shaping SoftExpert StateOnly TwoGoals Unvisited",
+        "papers without code", ARGUED,
+    ),
+)  # fmt: skip
 
 
 def library() -> str:
     """Return the page of the library."""
+    speeds = json.loads(SPEEDS.read_text(encoding="utf-8"))
     parts = []
     errata = []
     for suite, heading in SUITES.items():
         tasks = [registry.load(name) for name in registry.task_ids() if name.startswith(f"{suite}/")]
-        parts.append(f"## {heading}\n\n{_values(tasks)}")
-        for task in tasks:
-            if task.source.merged.variant is None:
-                errata += [f"- **{task.name}**: {e.source}; here {e.here}." for e in task.spec.errata]
-    compared = [f"| {name} | {original} | {how} (`{test}`) |" for name, (original, how, test) in COMPARED.items()]
+        bases = {task.source.document.origin.name: task for task in tasks if task.source.merged.variant is None}
+        shown = [task for task in tasks if task in bases.values() or task.summary != _base(task, bases).summary]
+        parts.append(f"## {heading}\n\n{_values(suite, shown, speeds)}")
+        errata += [f"- {task.name}: {e.source}; here {e.here}." for task in bases.values() for e in task.spec.errata]
     text = PROSE.read_text(encoding="utf-8").replace("<!-- tables -->", "\n\n".join(parts))
-    return text.replace("<!-- compared -->", "\n".join(compared)).replace("<!-- errata -->", "\n".join(errata))
+    return text.replace("<!-- compared -->", "\n".join(_compared())).replace("<!-- errata -->", "\n".join(errata))
 
 
-def _values(tasks: Iterable[Task]) -> str:
-    header = ("task", "isolates", "what it is", "size", "optimal", "random", "look-ahead", "claims")
-    return table(header, [_row(task) for task in tasks])
+def _base(task: Task, bases: dict[str, Task]) -> Task:
+    return bases[task.source.document.origin.name]
 
 
-def _row(task: Task) -> tuple[str, ...]:
+def _compared() -> Iterator[str]:
+    for found in EVIDENCE:
+        names = found.names.split()
+        if found.test is None:
+            names = [
+                f"{name} {_after(registry.load(task))}".strip() for name, task in zip(names, found.tasks, strict=True)
+            ]
+        yield f"| {found.suite}: {', '.join(names)} | {found.original} | {found.how} |"
+
+
+def _values(suite: str, tasks: Iterable[Task], speeds: dict[str, float]) -> str:
+    header = ("task", "isolates", "what it is", "size", "optimal", "random", "steps", "look-ahead", "speed")
+    return table(header, [_row(task, speeds.get(f"{suite}/{task.name}")) for task in tasks])
+
+
+def _row(task: Task, speed: float | None) -> tuple[str, ...]:
     results = Results(task)
-    measured = difficulty(task, ["lookahead"])["lookahead"]
-    lookahead = "" if measured is None else number(measured)
-    proved = sum(verdict.status == "proved" for verdict in verdicts(task))
+    measured = difficulty(task, ["solution_length", "lookahead"])
+    steps, lookahead = ("" if value is None else number(value, 3) for value in measured.values())
+    if task.horizon is None and isinstance(task.process.terminal, Const):
+        steps = ""
+    ratio = "" if speed is None else f"×{float(f'{speed:.1g}'):,.0f}"
     values = (_shown(results.optimal), _shown(results.random))
-    return (code(task.id), task.capability, task.summary, size(task), *values, lookahead, str(proved or ""))
+    return (
+        code(task.name),
+        task.capability,
+        task.summary,
+        size(task).replace(" × ", "×"),
+        *values,
+        steps,
+        lookahead,
+        ratio,
+    )
+
+
+def _after(task: Task) -> str:
+    """Return the first work that a spec cites, in brackets."""
+    known = beside([task.source.document.origin.name])
+    works = [known[source.key] for source in task.spec.sources]
+    return "".join(f"({work.authors.partition(',')[0]} {work.plain('year')})" for work in works[:1])
 
 
 def _shown(found: Return | None) -> str:
@@ -90,4 +167,4 @@ def _shown(found: Return | None) -> str:
         return ""
     if found.exact:
         return number(found.value)
-    return f"≈ {found.value:.3g}"
+    return f"≈{number(found.value, 3)}"

@@ -1,8 +1,10 @@
-"""Markdown: tables and code."""
+"""Markdown: tables, code, and pages with parts that are generated."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -20,3 +22,18 @@ def code(text: str) -> str:
     if "`" in text:
         return f"`` {text} ``"
     return f"`{text}`"
+
+
+def filled(page: Path, parts: Mapping[str, str]) -> str:
+    """Return a page with its generated parts, which stand between `<!-- NAME -->` and `<!-- /NAME -->`, replaced.
+
+    Raises:
+        ValueError: where the page lacks one of them.
+    """
+    text = page.read_text(encoding="utf-8")
+    for name, part in parts.items():
+        place = re.compile(rf"(<!-- {name} -->(\n?)).*?(\n?<!-- /{name} -->)", re.DOTALL)
+        text, count = place.subn(lambda found, part=part: f"{found[1]}{part}{found[3]}", text)
+        if count != 1:
+            raise ValueError(f"{page.name} needs one part {name}")
+    return text

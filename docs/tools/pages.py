@@ -1,61 +1,48 @@
 """Write the generated pages of the documentation: `python -m docs.tools.pages`, in the root of a checkout.
 
-Prose of the pages is beside this file; tables in it come from what the program runs on.
-Outputs of examples are those that the pages have already; `tests/docs/test_snippets.py` checks them.
+Tables between `<!-- NAME -->` and `<!-- /NAME -->` come from what the program runs on; the prose around them is written on
+the page. Outputs of examples are those that the pages have already; `tests/docs/test_snippets.py` checks them.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from docs.tools.commands import commands
+from docs.tools.commands import overview
 from docs.tools.language import language
 from docs.tools.library import library
-from docs.tools.markdown import code, table
-from docs.tools.names import names
+from docs.tools.markdown import code, filled, table
 from docs.tools.probes import probes
-from taskspec.base.diagnostics import PAGE
 from taskspec.exam.operators import OPERATORS
 from taskspec.exam.starc import REWARDS
 from taskspec.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
 from taskspec.modifiers.entry import never
 from taskspec.scores.difficulty import MEASURES
 
-TOOLS = Path(__file__).parent
-DOCS = TOOLS.parent
-
-
-def errors() -> str:
-    """Return the guide to all errors."""
-    return PAGE.read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[1]
 
 
 def difficulty() -> str:
     """Return the page of difficulty measures."""
     rows = [(code(m.name), m.doc, f"${m.formula}$", m.unit, m.source) for m in MEASURES.values()]
     measures = table(("measure", "what it is", "", "unit", "after"), rows)
-    return _prose("difficulty").replace("<!-- measures -->", measures)
+    return filled(DOCS / "difficulty.md", {"measures": measures})
 
 
 def learned() -> str:
     """Return the page of learned values and rewards, with the mistakes that they show."""
-    header = ("name", "what is wrong", "usual code", "what to do")
-    text = _prose("learned")
-    rows = [(o.name, f"a learner {o.mistake}", o.code, o.fix) for o in OPERATORS.values()]
-    text = text.replace("<!-- operators -->", table(header, rows))
-    rows = [(r.name, r.mistake, r.code, r.fix) for r in REWARDS.values()]
-    return text.replace("<!-- rewards -->", table(header, rows))
+    header = ("name", "the learner is one", "usual code")
+    operators = table(header, [(o.name, o.mistake, o.code) for o in OPERATORS.values()])
+    rewards = table(("name", "what is learned", "usual code"), [(r.name, r.mistake, r.code) for r in REWARDS.values()])
+    parts = {"operators": operators, "rewards": rewards}
+    return filled(DOCS / "learned.md", parts)
 
 
 def modifiers() -> str:
     """Return the page of modifiers."""
     rows = [(code(name), entry.doc, _arguments(entry), _keeps(entry), entry.needs) for name, entry in MODIFIERS.items()]
     entries = table(("modifier", "what it does", "arguments", "what it keeps", "what it needs"), rows)
-    return _prose("modifiers").replace("<!-- modifiers -->", entries)
-
-
-def _prose(page: str) -> str:
-    return (TOOLS / f"{page}.md").read_text(encoding="utf-8")
+    return filled(DOCS / "modifiers.md", {"modifiers": entries})
 
 
 def _arguments(entry: ModifierEntry) -> str:
@@ -82,14 +69,12 @@ def _keeps(entry: ModifierEntry) -> str:
 
 
 PAGES = {
-    "commands": commands,
+    "commands": overview,
     "difficulty": difficulty,
-    "errors": errors,
     "language": language,
     "learned": learned,
     "library": library,
     "modifiers": modifiers,
-    "names": names,
     "probes": probes,
 }
 """The generated pages, by their name in the folder `docs`."""

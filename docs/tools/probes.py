@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from docs.tools.markdown import code, table
+from docs.tools.markdown import filled, table
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import number
 from taskspec.exam.dynamics import dynamics_of
@@ -20,7 +20,7 @@ from taskspec.scores.returns import Results
 from taskspec.task.schema.experiments import DiagnosisEntry
 from taskspec.task.task import Task
 
-PROSE = Path(__file__).with_suffix(".md")
+PAGE = Path(__file__).parents[1] / "probes.md"
 GAMMAS = (0.9, 0.99)
 """Discounts of learners."""
 PASSES = 0.9
@@ -40,9 +40,8 @@ def probes() -> str:
             task.name, task.capability, *map(_shown, measured.values()), _listed(found),
         ))  # fmt: skip
         missed -= set(found)
-    text = PROSE.read_text(encoding="utf-8").replace("<!-- probes -->", table(header, rows))
-    text = text.replace("<!-- missed -->", ", ".join(name for name in OPERATORS if name in missed))
-    return text.replace("<!-- diagnoses -->", _diagnoses())
+    known = ", ".join(name for name in OPERATORS if name in missed)
+    return filled(PAGE, {"probes": table(header, rows), "missed": known, "diagnoses": _diagnoses()})
 
 
 def _diagnoses() -> str:
@@ -51,8 +50,8 @@ def _diagnoses() -> str:
     rows = []
     for rule in read_exam(path).rules:
         assert isinstance(rule.entry, DiagnosisEntry)
-        rows.append((code(rule.entry.when), rule.entry.message, rule.entry.cause))
-    return table(("scores", "the learner", "usual cause"), rows)
+        rows.append((rule.entry.message, rule.entry.cause))
+    return table(("the learner", "usual cause"), rows)
 
 
 def exposed(task: Task) -> dict[str, float]:

@@ -1,3 +1,3 @@
-"""What everything else rests on: diagnostics, limits, files, ids, optional packages."""
+"""The basis of all other folders: diagnostics, limits, files, ids, optional packages."""
 
 __version__ = "0.1.0"

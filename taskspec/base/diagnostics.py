@@ -1,7 +1,7 @@
 """Diagnostics: a place in a text, a code from a closed table, a message and a hint; and how they are rendered.
 
-The codes are read from `errors.md` beside this file; `docs/errors.md` is a copy of it. A new code is a new entry: an
-anchor, the heading `### E302 unknown-name: title`, and an explanation in Markdown with a wrong and a corrected example.
+The codes are read from `errors.md` beside this file, which the documentation shows. A new code is a new entry: an anchor,
+the heading `### E302 unknown-name: title`, and an explanation in Markdown with a wrong and a corrected example.
 
 Columns and offsets count characters (code points), lines and columns start at 1, and ends are exclusive.
 """
@@ -12,15 +12,17 @@ import difflib
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 from taskspec.base.display import visible, visible_json
 from taskspec.base.records import dataclass
 
 __all__ = [
-    "CODES", "Code", "Diagnostic", "Format", "Origin", "Severity", "Span", "SpecError", "TaskspecError", "render",
+    "CODES", "Advice", "Code", "Diagnostic", "Fix", "Format", "Origin", "Severity", "Span", "SpecError", "TaskspecError",
+    "render",
 ]  # fmt: skip
 
 Format = Literal["text", "json", "github"]
@@ -110,6 +112,26 @@ class Span:
         return f"{self.origin.name}:{self.line}:{self.column}"
 
 
+class Advice(str):
+    """A hint that says what to write: `replacement` in the place of `replaced`, a part of the text that is marked."""
+
+    replaced: str
+    replacement: str
+
+    def __new__(cls, hint: str, replaced: str = "", replacement: str = "") -> Advice:
+        advice = super().__new__(cls, hint)
+        advice.replaced = replaced
+        advice.replacement = replacement
+        return advice
+
+
+class Fix(NamedTuple):
+    """A place, and the text to write there."""
+
+    span: Span
+    replacement: str
+
+
 class Placed(Protocol):
     """Anything that knows where it was written."""
 
@@ -131,6 +153,20 @@ class Diagnostic:
     def severity(self) -> Severity:
         """`error` or `warning`, as the table of codes says."""
         return CODES[self.code].severity
+
+    @property
+    def fix(self) -> Fix | None:
+        """The replacement that the hint gives; None unless the text that it replaces occurs exactly once in the marked line."""
+        span = self.span
+        if span is None or span.line != span.end_line or not isinstance(self.hint, Advice):
+            return None
+        marked = span.origin.line(span.line)[span.column - 1 : span.end_column - 1]
+        pattern = rf"(?<!\w){re.escape(self.hint.replaced)}(?!\w)"
+        places = list(re.finditer(pattern, marked))
+        if not self.hint.replaced or len(places) != 1:
+            return None
+        start = span.column + places[0].start()
+        return Fix(replace(span, column=start, end_column=start + len(self.hint.replaced)), self.hint.replacement)
 
 
 class TaskspecError(Exception):
@@ -211,11 +247,11 @@ def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     return tuple(sorted(dict.fromkeys(diagnostics), key=place))
 
 
-def suggest(name: str, candidates: Iterable[str]) -> str | None:
+def suggest(name: str, candidates: Iterable[str]) -> Advice | None:
     """Return `did you mean 'x'?` for the nearest candidate, or None when none is near."""
     near = nearest(name, candidates)
     if near is not None:
-        return f"did you mean {near!r}?"
+        return Advice(f"did you mean {near!r}?", name, near)
     return None
 
 
@@ -263,7 +299,8 @@ def _text(diagnostic: Diagnostic, color: bool, width: int | None) -> str:
     place = f"{visible(str(span), keep='')}: " if span is not None else ""
     name = f"{code.severity}[{code.code} {code.slug}]"
     message = _wrapped(visible(diagnostic.message), width, len(f"{place}{name}: "), 4)
-    lines = [f"{place}{paint[code.severity]}{name}{paint['reset']}: {message}"]
+    gap = "" if message.startswith("\n") else " "
+    lines = [f"{place}{paint[code.severity]}{name}{paint['reset']}:{gap}{message}"]
     remarks = [("note", note) for note in diagnostic.notes]
     if diagnostic.hint is not None:
         remarks.insert(0, ("hint", diagnostic.hint))

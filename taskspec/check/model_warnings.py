@@ -16,7 +16,9 @@ from taskspec.model.model import Model, differs
 from taskspec.model.space import plain, words
 from taskspec.rollout.rollout import at_random, is_bounded
 from taskspec.scores.partial_observability import pomdp_bounds
+from taskspec.scores.returns import Results
 from taskspec.task.build import build
+from taskspec.task.legal import with_all_actions
 from taskspec.task.parts import Component, Soft, by_name
 from taskspec.task.task import Task
 
@@ -89,6 +91,7 @@ def unread(context: LintContext) -> Iterator[Doubt]:
     nexts = by_name(task.state, task.process.next)
     measures = task.process.measures.values()
     used = followed_states(nexts, (task.process.reward, task.process.terminal, *measures))
+    used |= followed_states(nexts, task.mask, of_step=False)
     if not is_state:
         used |= followed_states(nexts, task.observation.nodes)
     for c, first, following in zip(task.state, task.process.initial, task.process.next, strict=True):
@@ -180,6 +183,18 @@ def inert(context: LintContext) -> Iterator[Doubt]:
         elif model is not None and model.acting.any() and differs(model, c.name)[0] is False:
             message = f"the action '{c.name}' changes neither the next state nor the reward, in any state"
             yield Doubt(context.key("action", c.name), message)
+
+
+def illegal(context: LintContext) -> Iterator[Doubt]:
+    """Yield the condition for legal actions where a policy that ignores it can earn more."""
+    task = context.task
+    best = context.results.optimal
+    if not task.mask or best is None:
+        return
+    free = Results(with_all_actions(task), limit=context.results.limit).optimal
+    if free is not None and free.value > best.value + SAME * max(1.0, abs(best.value)):
+        message = f"illegal actions pay: the best policy returns {words(free.value)}, and {words(best.value)} with legal actions"
+        yield Doubt(context.key("legal"), message, "let them change nothing, or end the episode, or cost something")
 
 
 # -- experts --------------------------------------------------------------------------------------

@@ -48,6 +48,7 @@ KINDS: tuple[WarningKind, ...] = (
     WarningKind("W519", model_warnings.unread),
     WarningKind("W519", model_warnings.forgotten),
     WarningKind("W522", spec_warnings.unproved_abstraction),
+    WarningKind("W528", model_warnings.illegal),
 )
 
 

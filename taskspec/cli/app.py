@@ -12,12 +12,16 @@ import typer
 from taskspec.base import __version__
 from taskspec.cli import overview, scaffold, scoring
 from taskspec.cli import run as running
+from taskspec.cli.audit import audit
 from taskspec.cli.build import build
 from taskspec.cli.check import check
 from taskspec.cli.data import demos, preferences
-from taskspec.cli.docs import docs, figure
+from taskspec.cli.diff import diff
+from taskspec.cli.docs import card, docs, figure
 from taskspec.cli.exam import exam
+from taskspec.cli.exchange import export, import_task
 from taskspec.cli.help import Command, Commands
+from taskspec.cli.lsp import lsp
 from taskspec.cli.mutate import mutate
 from taskspec.cli.options import flowed
 from taskspec.cli.report import report
@@ -34,10 +38,13 @@ COMMANDS = (
     ("explain", overview.explain, READ),
     ("new", scaffold.new, WRITE),
     ("check", check, WRITE),
+    ("diff", diff, WRITE),
     ("mutate", mutate, WRITE),
     ("build", build, WRITE),
     ("freeze", freeze, WRITE),
+    ("import", import_task, WRITE),
     ("schema", scaffold.schema, WRITE),
+    ("lsp", lsp, WRITE),
     ("run", running.run, USE),
     ("play", running.play, USE),
     ("solve", scoring.solve, USE),
@@ -46,9 +53,12 @@ COMMANDS = (
     ("exam", exam, USE),
     ("report", report, USE),
     ("separate", separate, USE),
+    ("audit", audit, USE),
     ("demos", demos, USE),
     ("preferences", preferences, USE),
+    ("export", export, PRINT),
     ("docs", docs, PRINT),
+    ("card", card, PRINT),
     ("figure", figure, PRINT),
 )
 

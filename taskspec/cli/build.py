@@ -12,7 +12,7 @@ import typer
 from taskspec.base import __version__
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.display import visible_json
-from taskspec.base.extras import install, is_installed
+from taskspec.base.extras import is_installed
 from taskspec.base.files import safe_name, write_text
 from taskspec.base.limits import tell, telling
 from taskspec.cli.check import print_reports, reported, verdict
@@ -108,9 +108,6 @@ def _write(tasks: Sequence[Task], results: _Results, folder: Path) -> Iterator[t
     yield folder / "source", "the generated code of every environment"
     if has_scores():
         yield _json(folder / "scores.json", results.scores), "optimal, expert, random and worst returns"
-    if not is_installed("markdown_it"):
-        say(f"documentation needs markdown-it-py, and is left out: {install('docs')}", err=True)
-        return
     suite = gather_pages(tasks, facts=results.facts)
     for name, what in DOCS.items():
         write_pages(suite, [name], folder / name)

@@ -46,6 +46,9 @@ def check(
     quick: Annotated[
         bool, typer.Option("--quick", help="Only soundness for the given parameters; no sanity checks, no claims.")
     ] = False,
+    fix: Annotated[
+        bool, typer.Option("--fix", help="Write what hints say to write into the files, and check them again.")
+    ] = False,
     jobs: options.Jobs = None,
     limits: options.LimitsGiven = None,
 ) -> None:
@@ -67,6 +70,9 @@ def check(
     if variant is not None:
         files = [replace(file, variants=(variant,)) for file in files]
     reports = _checked(others_of(targets or []), files, not quick, jobs)
+    if fix and _fix(reports):
+        files = files_of(targets or [], parameters or [], modifiers or [])
+        reports = _checked(others_of(targets or []), files, not quick, jobs)
     problems = [d for report in reports for d in report.diagnostics]
     errors, warnings = counts(problems)
     seconds = time.perf_counter() - start
@@ -81,6 +87,14 @@ def check(
         console(wide=True).print(verdict(reports, errors, warnings, seconds))
     if errors or (strict and warnings):
         raise typer.Exit(1)
+
+
+def _fix(reports: Sequence[FileReport]) -> int:
+    from taskspec.analysis.fixes import fix_files
+
+    number = fix_files(d for report in reports for d in report.diagnostics)
+    console(err=True).print(f"{plural(number, 'mistake')} put right")
+    return number
 
 
 def _checked(

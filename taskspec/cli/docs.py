@@ -1,4 +1,4 @@
-"""`taskspec docs` and `taskspec figure`: tasks in print."""
+"""`taskspec docs`, `taskspec card` and `taskspec figure`: tasks in print."""
 
 from __future__ import annotations
 
@@ -153,6 +153,34 @@ def _facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Fa
         except SpecError as error:
             problems += error.diagnostics
     return found
+
+
+def card(
+    task: options.TaskArgument,
+    format: Annotated[str, typer.Option("--format", "-f", metavar="md|json", help="Markdown, or JSON-LD.")] = "md",
+    variant: options.Variant = None,
+    parameters: options.Parameters = None,
+    modifiers: options.Modifiers = None,
+    limits: options.LimitsGiven = None,
+) -> None:
+    """Print the card of a task, for papers, data sets and hubs.
+
+    Name, version, capability, sources, parameters, spaces, horizon, returns, claims and licence: as Markdown with front
+    matter, or as JSON-LD in the terms of schema.org.
+    """
+    from taskspec.pages import card as cards
+    from taskspec.pages.facts import Facts, gather
+    from taskspec.targets import task_of
+
+    options.checked_choice("--format", format, ("md", "json"))
+    found = task_of(task, variant, parameters or [], modifiers or [])
+    with progress("scores"):
+        facts = gather(found) if has_scores() else Facts()
+    content = cards.linked_data(found, facts)
+    if format == "json":
+        write_json(content)
+    else:
+        say(cards.markdown(content), nl=False)
 
 
 def figure(

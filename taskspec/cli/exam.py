@@ -63,11 +63,9 @@ UntilSure = Annotated[
     bool, _option("--until-sure", help="Add seeds, up to 30, until each capability is mastered or failed.")
 ]
 Twins = Annotated[int | None, _option("--twins", min=0, help="Twins of each task that has some; 2 unless given.")]
-Probes = Annotated[
+Peeks = Annotated[
     bool | None,
-    _option(
-        "--probes/--no-probes", help="Whether to test if the learner uses rewards that are withheld; on by default."
-    ),
+    _option("--peeks/--no-peeks", help="Whether to test if the learner uses rewards that are withheld; on by default."),
 ]
 Laws = Annotated[
     bool | None,
@@ -105,7 +103,7 @@ def exam(
     until_sure: UntilSure = False,
     transitions: Transitions = None,
     twins: Twins = None,
-    probes: Probes = None,
+    peeks: Peeks = None,
     laws: Laws = None,
     learns_from: LearnsFrom = None,
     against: Against = None,
@@ -137,7 +135,7 @@ def exam(
 
     running = Running(jobs, cluster, time_limit, retry)
     counts = {"steps": _count("--steps", steps), "transitions": _count("--transitions", transitions)}
-    given = {"seeds": seeds, "twins": twins, "probes": probes, **counts}
+    given = {"seeds": seeds, "twins": twins, "peeks": peeks, **counts}
     terms: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     written = [read_if_experiment(learner) for learner in learners]
     if written[0] is not None:

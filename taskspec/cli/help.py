@@ -23,7 +23,7 @@ First commands:
 """
 LEFT = 26
 """The width of what stands left of an explanation; what is longer stands on a line of its own."""
-GENERIC = re.compile(r" ?(<str>|<path>|<file>|<directory>|<bool>|TEXT|PATH|FILE)$")
+GENERIC = re.compile(r" ?(<list\[\w+\]>|<str>|<path>|<file>|<directory>|<bool>|TEXT|PATH|FILE)$")
 NUMBERS = re.compile(r"<(int|float)( range)?>|(INTEGER|FLOAT)( RANGE)?")
 
 
@@ -110,9 +110,13 @@ def _print_help(command: Any, ctx: Any, panels: dict[str, list[tuple[str, str]]]
             out.print()
 
 
-def _usage(command: Any, ctx: Any) -> Iterable[str]:
-    pieces = command.collect_usage_pieces(ctx)
-    return (piece.strip("{}") for piece in pieces)
+def _usage(command: Any, ctx: Any) -> Iterator[str]:
+    """Yield the parts of a command, arguments as their help names them: dots, too, are there once."""
+    for piece in command.collect_usage_pieces(ctx):
+        plain = re.sub(r"[{}]", "", piece)
+        if "..." in plain[:-3]:
+            plain = plain.removesuffix("...")
+        yield re.sub(r"^\[(\[.*\](\.\.\.)?)\]$", r"\1", plain)
 
 
 def _print_rows(out: Any, rows: Iterable[tuple[str, str]]) -> None:

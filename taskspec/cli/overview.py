@@ -11,7 +11,17 @@ import typer
 from taskspec.base.diagnostics import CLASSES, CODES, Code, SpecError, spec_error, suggest
 from taskspec.base.display import plural, visible
 from taskspec.cli import options
-from taskspec.cli.console import VisibleText, colored, console, fail, line, say, write_json, write_records
+from taskspec.cli.console import (
+    VisibleText,
+    colored,
+    console,
+    fail,
+    line,
+    say,
+    terminal_width,
+    write_json,
+    write_records,
+)
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
@@ -188,8 +198,16 @@ def _explain(code: Code) -> None:
         from rich.markdown import Markdown
 
         out.print(Markdown(code.explanation, code_theme="ansi_dark"))
-    else:
+    elif terminal_width() is None:
         say(code.explanation)
+    else:
+        parts = []
+        for i, part in enumerate(code.explanation.split("```")):
+            if i % 2:
+                parts.append(f"```{part}```")
+            else:
+                parts += [" ".join(paragraph.split()) for paragraph in part.split("\n\n") if paragraph.strip()]
+        out.print("\n\n".join(parts))
 
 
 def _code_record(c: Code) -> dict[str, str]:

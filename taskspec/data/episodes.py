@@ -277,7 +277,7 @@ def _after(seen: Any, final: Any, ended: Array) -> Any:
 
 
 class _Tape:
-    """What every step did in every lane, as long as its first episode lasts."""
+    """The results of every step in every lane, while its first episode lasts."""
 
     def __init__(self) -> None:
         self.rows: list[tuple[Any, ...]] = []

@@ -67,7 +67,7 @@ class Teacher:
 
     @property
     def needs_range(self) -> bool:
-        """Whether answers depend on the range of returns."""
+        """True where answers depend on the range of returns."""
         return bool(self.boltzmann or self.equal or self.skipping is not None)
 
     def __str__(self) -> str:

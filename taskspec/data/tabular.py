@@ -88,7 +88,7 @@ class Tabular:
 
     @cached_property
     def observations(self) -> Seen:
-        """What is seen in each state, (S, *shape), as the environment shows it.
+        """The observation of each state, (S, *shape), as the environment gives it.
 
         Raises:
             SpecError: E712, where what is seen is drawn at every step, or depends on the time.
@@ -186,7 +186,7 @@ class Tabular:
 
 
 def tabular(task: TaskLike) -> Tabular:
-    """Return the exact model of a task as arrays; where episodes may end early, states that absorb stand for their ends.
+    """Return the exact model of a task as arrays; where episodes may end early, their ends are absorbing states.
 
     All states that are declared are there, where that is cheap and no end is terminal; else those that episodes enter. An action
     that would leave the state space, where no episode acts, leads nowhere else and pays nothing.

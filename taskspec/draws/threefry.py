@@ -49,7 +49,7 @@ _scratch = threading.local()
 def threefry(key: tuple[int, int], counter: tuple[int, int], lanes: int = 1) -> tuple[int, int]:
     """Threefry-2x32-20 of one block, or of many packed side by side in Python's long integers.
 
-    Block i occupies bits 64i to 64i + 63 of all four arguments and of both results, each of which
+    Block i occupies bits 64i to 64i + 63 of all four arguments and of both results; each
     holds 32 bits. The upper half of a field gives the shifts and carries room: one long operation
     then does the work of ``lanes`` short ones at little more than the price of one.
     """

@@ -12,13 +12,15 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, get_args
 
 import gymnasium
+import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from taskspec import draws
 from taskspec.backends.scalar import Clock, Lane, ScalarProgram, compile_scalar
+from taskspec.base.arrays import Array
 from taskspec.envs import window
 from taskspec.envs.options import ENDINGS, ActionError, NotRunningError, one_of, seed_of, with_horizon
-from taskspec.envs.state import flat_state, overridden, plain_state
+from taskspec.envs.state import flat_state, overridden, plain_state, require_legal
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.lang.variates import sampler
@@ -105,7 +107,10 @@ class Environment(gymnasium.Env[Any, Any]):
         if override is None:
             return result
         self.state = override
-        return self._observe(self._values()), {}
+        info: dict[str, Any] = {}
+        if self._lane.mask is not None:
+            info["action_mask"] = self._lane.mask()
+        return self._observe(self._values()), info
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Take a step: observation, reward, terminated, truncated, info.
@@ -156,6 +161,16 @@ class Environment(gymnasium.Env[Any, Any]):
             self._window = window.Window(self.task.id, self.metadata["render_fps"])
         self._window.show(self._drawn())
 
+    def action_masks(self) -> Array:
+        """Return the legal actions of the present state, bool (n,), as MaskablePPO asks for them.
+
+        Raises:
+            SpecError: E713, where the spec has no `legal:`.
+        """
+        require_legal(self.task)
+        assert self._lane.mask is not None
+        return self._lane.mask().astype(np.bool_)
+
     def get_keys_to_action(self) -> dict[tuple[int, ...], Any]:
         """Keys, by the numbers of their characters, to actions, as `gymnasium.utils.play` wants them.
 
@@ -166,7 +181,7 @@ class Environment(gymnasium.Env[Any, Any]):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """How Gymnasium made it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
+        """Gymnasium's spec of it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
         return self._spec
 
     @spec.setter

@@ -29,6 +29,7 @@ class FuncState(NamedTuple):
     paid: Any
     terminated: Any
     measures: Any
+    mask: Any
 
 
 class TaskFuncEnv(_FuncEnv):
@@ -45,11 +46,18 @@ class TaskFuncEnv(_FuncEnv):
 
     def initial(self, rng: Any, params: Any = None) -> FuncState:
         seen, state = self._functional.reset(rng, params)
-        return FuncState(state, seen, np.float32(0), np.False_, {})
+        return FuncState(state, seen, np.float32(0), np.False_, {}, self._mask(state, params))
 
     def transition(self, state: FuncState, action: Any, rng: Any, params: Any = None) -> FuncState:
         seen, following, reward, _, info = self._functional.step_env(state.state, action, params)
-        return FuncState(following, seen, reward, info["terminated"], info.get("measures", {}))
+        mask = info.get("action_mask", ())
+        return FuncState(following, seen, reward, info["terminated"], info.get("measures", {}), mask)
+
+    def _mask(self, state: State, params: Any) -> Any:
+        """Return the legal actions of a state; nothing, where all are."""
+        if not self._functional.task.mask:
+            return ()
+        return self._functional.action_mask(state, params)
 
     def get_default_params(self, **changes: Any) -> Any:
         """Return the parameters in `varying`, as the task was loaded with them or with other values (see `Functional`)."""
@@ -64,10 +72,17 @@ class TaskFuncEnv(_FuncEnv):
     def transition_info(
         self, state: FuncState, action: Any, next_state: FuncState, params: Any = None
     ) -> dict[str, Any]:
-        """Return the measures of a step, where the task has some."""
-        if not next_state.measures:
+        """Return the measures of a step, and the legal actions after it, where the task has some."""
+        info = self.state_info(next_state, params)
+        if next_state.measures:
+            info["measures"] = next_state.measures
+        return info
+
+    def state_info(self, state: FuncState, params: Any = None) -> dict[str, Any]:
+        """Return the legal actions of a state, where the task has `legal`."""
+        if not self._functional.task.mask:
             return {}
-        return {"measures": next_state.measures}
+        return {"action_mask": state.mask}
 
     def terminal(self, state: FuncState, rng: Any, params: Any = None) -> Any:
         return state.terminated

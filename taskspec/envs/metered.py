@@ -23,7 +23,7 @@ class Meter(Protocol):
         """Note that new episodes begin in all lanes."""
 
     def spend(self, steps: int) -> None:
-        """Is told before steps are taken; what it raises ends in the hands of whoever wanted them."""
+        """Count steps before they are taken; its exceptions reach the caller of the step."""
 
     def paid(self, before: Any, actions: Any, after: Any, rewards: Array) -> Array:
         """Return the rewards (N,) that are paid for N steps, from those of the task; observations and actions are batches."""
@@ -66,6 +66,10 @@ class Metered(gymnasium.Env[Any, Any]):
         self._meter.follow_one(reward, terminated or truncated)
         self._before = after
         return after, float(rewards[0]), terminated, truncated, told
+
+    def action_masks(self) -> Array:
+        """Return the legal actions of the present state, as `Environment.action_masks` does."""
+        return self._inside.action_masks()
 
     def close(self) -> None:
         self._inside.close()

@@ -44,6 +44,8 @@ def policy_for(name: str, env: Environment, seed: int) -> Act:
     """Return a policy that acts in an environment, one episode after the other."""
     if name == "random":
         env.action_space.seed(seed % 2**32)
+        if env.task.mask:
+            return lambda observation: env.action_space.sample(env.action_masks().astype(np.int8))
         return lambda observation: env.action_space.sample()
     task = env.task
     if is_script(name):
@@ -69,7 +71,7 @@ def _row(part: Any) -> Array:
 def _by_observation(policy: ObservationPolicy, env: Environment, draws: SharedDraws) -> Act:
     def act(observation: Any) -> Any:
         observations = map_parts(_row, observation)
-        batch = EpisodeBatch(env.time, {}, observations, draws, _RUNNING)
+        batch = EpisodeBatch(env.time, _states(env) if env.task.mask else {}, observations, draws, _RUNNING)
         return observation_of(np.asarray(policy.act(batch)), 0)
 
     return act
@@ -82,12 +84,7 @@ def _by_state(policy: TaskPolicy, env: Environment, draws: SharedDraws) -> Act:
     last: list[Flat] = []
 
     def act(observation: Any) -> Any:
-        states: dict[str, Array] = {}
-        for c in task.state:
-            value = env.state[c.name]
-            if c.domain is not None and not c.type.shape:
-                value = c.domain.index(value)
-            states[c.name] = _array(c, tuple(np.asarray(value).ravel().tolist()))
+        states = _states(env)
         if memory is not None:
             seen = unpack(task.observation_layout, observation)
             remembered[:] = recall(task, memory, seen, remembered, last, env.time)
@@ -98,6 +95,17 @@ def _by_state(policy: TaskPolicy, env: Environment, draws: SharedDraws) -> Act:
         return pack(policy.actions, last)
 
     return act
+
+
+def _states(env: Environment) -> dict[str, Array]:
+    """Return the present state by component, as a batch of one."""
+    states: dict[str, Array] = {}
+    for c in env.task.state:
+        value = env.state[c.name]
+        if c.domain is not None and not c.type.shape:
+            value = c.domain.index(value)
+        states[c.name] = _array(c, tuple(np.asarray(value).ravel().tolist()))
+    return states
 
 
 def _array(c: Component, flat: Flat) -> Array:

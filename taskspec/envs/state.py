@@ -15,6 +15,8 @@ from taskspec.base.records import all_names
 from taskspec.envs import window
 from taskspec.envs.options import LaneError, NotRunningError, StateError, one_of
 from taskspec.lang.types import Domain, Kind
+from taskspec.model.model import misused
+from taskspec.task.legal import action_mask
 from taskspec.task.parts import Component, RenderMode, are_finite
 from taskspec.task.spaces import single, space
 from taskspec.task.task import Task
@@ -152,6 +154,12 @@ def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str,
     return infos
 
 
+def masks(task: Task, engine: Engine) -> Array:
+    """Return the legal actions of all lanes, int8 (N, n)."""
+    states = {c.name: part for c, part in zip(task.state, engine.buffers.state, strict=True)}
+    return action_mask(task, states).T.astype(np.int8)
+
+
 def masked(measures: Mapping[str, Array], lanes: Array) -> dict[str, Any]:
     """Return measures (N,) by name as Gymnasium's vector environments have them: with masks, bool (N,), and 0 in other lanes."""
     if not lanes.any():
@@ -212,11 +220,31 @@ class LaneView:
                 return self.drawing.draw(self.task, self.state, self.time, episode=episode)
         return None
 
+    def action_masks(self) -> Array:
+        """Return the legal actions of the present state, bool (n,)."""
+        require_legal(self.task)
+        states = {
+            c.name: s[..., self.number, None] for c, s in zip(self.task.state, self.engine.buffers.state, strict=True)
+        }
+        return action_mask(self.task, states)[:, 0]
+
     def get_keys_to_action(self) -> dict[tuple[int, ...], Any]:
         return window.keys_to_action(self.task)
 
 
-KNOWN = ("task", "state", "time", "observation_space", "action_space", "render_mode", "render", "get_keys_to_action")
+KNOWN = (
+    "task", "state", "time", "observation_space", "action_space", "render_mode", "render", "action_masks", "get_keys_to_action",
+)  # fmt: skip
+
+
+def require_legal(task: Task) -> None:
+    """Refuse to say which actions are legal where all are.
+
+    Raises:
+        SpecError: E713.
+    """
+    if not task.mask:
+        misused(f"{task.id} has no `legal:`; all its actions are legal")
 
 
 def ask_lane(lane: LaneView, name: str, *args: Any, **options: Any) -> Any:

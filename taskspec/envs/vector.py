@@ -41,6 +41,7 @@ from taskspec.envs.state import (
     ask_lane,
     lane_render_mode,
     masked,
+    masks,
     refuse_to_set,
     state_rows,
     states,
@@ -159,7 +160,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         lanes = None if mask is None else self._lanes(mask)
         self._seed_streams(seed, lanes)
         self._engine.reset(lanes)
-        return self._observation(), {}
+        return self._observation(), self._legal()
 
     def step(self, actions: Any) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
         """Take a step in every lane: observations, rewards, terminated, truncated, infos.
@@ -186,6 +187,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             infos = states(self.task, *before, state_rows(self.task, self._engine.buffers.state))
         if stepped is not None:
             infos |= self._measured(stepped)
+        if self.task.mask:
+            infos |= self._legal()
         if self._reuse:
             return (self._seen, *self._results, infos)
         reward, terminated, truncated = self._results
@@ -222,7 +225,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """How Gymnasium made it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
+        """Gymnasium's spec of it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
         return self._spec
 
     @spec.setter
@@ -250,6 +253,12 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         for lane in np.flatnonzero(b.ended).tolist():
             rows[lane] = part_at(final, lane)
         return {"final_obs": rows, "_final_obs": b.ended.copy(), "final_info": {}, "_final_info": b.ended.copy()}
+
+    def _legal(self) -> dict[str, Any]:
+        """Return the legal actions of the states in which lanes now are, where the task has a condition for them."""
+        if not self.task.mask:
+            return {}
+        return {"action_mask": masks(self.task, self._engine), "_action_mask": np.ones(self.num_envs, np.bool_)}
 
     def _measured(self, stepped: Array) -> dict[str, Any]:
         """Return the measures of a step as Gymnasium has dictionaries in infos, of the lanes (N,) that took one."""

@@ -1,4 +1,4 @@
-"""What is known about a task without running it: soundness, sanity checks, exact models, returns, claims."""
+"""Analysis of a task without running it: soundness, sanity checks, exact models, returns, claims."""
 
 from __future__ import annotations
 

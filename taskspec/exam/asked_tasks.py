@@ -34,7 +34,7 @@ def tasks_of(suites: Sequence[str], wanted: Sequence[TaskLike] | None) -> list[T
     for suite in reversed(suites):
         known |= {e.name: e.id for e in registry.known().values() if e.suite == suite}
     if wanted is None:
-        wanted = [name for suite in suites for name in _names_in(suite)]
+        wanted = [name for suite in suites for name in names_in(suite)]
     found = [registry.load(known.get(task, task) if isinstance(task, str) else task) for task in wanted]
     ids = [exam_id(task) for task in found]
     for i, name in enumerate(ids):
@@ -43,7 +43,7 @@ def tasks_of(suites: Sequence[str], wanted: Sequence[TaskLike] | None) -> list[T
     return found
 
 
-def _names_in(suite: str) -> list[str]:
+def names_in(suite: str) -> list[str]:
     """Return the ids of the tasks that the exam of a suite asks."""
     known = {e.name: e.id for e in registry.known().values() if e.suite == suite}
     if not known:

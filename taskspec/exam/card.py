@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from taskspec.exam import score_rows
-from taskspec.exam.learned import USUAL_CODE, learned_notes
+from taskspec.exam.learned import learned_notes
 from taskspec.exam.score_rows import PUBLISHED, TaskRow, counted, decimal, listed, named
 from taskspec.exam.verdicts import FEWEST
 
 CAUSES = ("values", "reward")
 """Kinds of flags that name a cause: a known mistake explains what was learned."""
+PASSING = ("masters", "passes")
+FIXED_PASSES = "Passes, but so does one fixed action"
 FLAG_WORDS = {
     "twin": "differs relabelled", "regression": "regression", "peeks": "uses withheld reward", "failed": "failed",
     "impossible": "impossible score", "values": "wrong values", "reward": "wrong reward",
@@ -67,10 +69,11 @@ def card(exam: Mapping[str, Any]) -> Card:
     """
     run = [row for row in score_rows.rows(exam) if row.grade is not None or row.printed.failed]
     flagged = {flag["task"] for flag in exam["flags"]}
-    rows = sorted((row for row in run if row.grade != "masters" or row.id in flagged), key=lambda row: row.rank)
+    rows = sorted((row for row in run if row.grade not in PASSING or row.id in flagged), key=lambda row: row.rank)
     passed = [row for row in run if row not in rows]
     lead, advice = _lead(exam, rows, passed)
-    notes = [*learned_notes(exam["scores"]), *(f"it cannot learn {text}" for text in score_rows.left_out(exam))]
+    notes = [f"undecided, more seeds would tell: {text}" for text in exam.get("undecided", ())]
+    notes += [*learned_notes(exam["scores"]), *(f"it cannot learn {text}" for text in score_rows.left_out(exam))]
     return Card(
         exam["learner"], score_rows.headline(exam), lead, advice, _passed(passed), tuple(rows or passed),
         tuple(passed if rows else ()), tuple(exam["diagnoses"]), tuple(flag_lines(exam["flags"])), tuple(notes),
@@ -79,18 +82,20 @@ def card(exam: Mapping[str, Any]) -> Card:
 
 
 def _passed(rows: Sequence[TaskRow]) -> str:
-    """Return the tasks that are passed, each with its score."""
-    if not rows:
-        return ""
-    return f"Passed: {', '.join(f'{row.name} {decimal(row.printed.mean)}' for row in rows)}"
+    """Return the tasks that are passed, each with its score; apart from them those that one fixed action passes, too."""
+    sentences = []
+    for grade, words in (("masters", "Passed"), ("passes", FIXED_PASSES)):
+        named = [f"{row.name} {decimal(row.printed.mean)}" for row in rows if row.grade == grade]
+        if named:
+            sentences.append(f"{words}: {', '.join(named)}.")
+    return " ".join(sentences)
 
 
 def _lead(exam: Mapping[str, Any], rows: Sequence[TaskRow], passed: Sequence[TaskRow]) -> tuple[str, str]:
     """Return what is wrong, in a sentence, and what to do about it."""
     for flag in exam["flags"]:
         if flag["kind"] in CAUSES:
-            sentence, _, advice = flag["message"].partition(USUAL_CODE)
-            return _sentence(sentence), advice
+            return _sentence(flag["message"]), flag.get("advice", "")
     if exam["diagnoses"]:
         first = exam["diagnoses"][0]
         places = [row for row in rows if row.id in first["tasks"]]
@@ -108,7 +113,7 @@ def _lead(exam: Mapping[str, Any], rows: Sequence[TaskRow], passed: Sequence[Tas
 
 def _without_fault(rows: Sequence[TaskRow], passed: Sequence[TaskRow], seeds: int) -> tuple[str, str]:
     """Return the first line of an exam in which nothing fails and nothing is flagged."""
-    fixed = [row.name for row in rows if row.grade == "passes"]
+    fixed = [row.name for row in (*rows, *passed) if row.grade == "passes"]
     unsure = [row.name for row in rows if row.grade == "unsure"]
     if unsure:
         advice = ""
@@ -116,7 +121,7 @@ def _without_fault(rows: Sequence[TaskRow], passed: Sequence[TaskRow], seeds: in
             advice = f"Use {FEWEST} seeds or more: fewer cannot show mastery."
         return f"Nothing fails; undecided after {counted(seeds, 'seed')}: {listed(unsure)}.", advice
     if fixed:
-        return f"Passes, but so does one fixed action: {listed(fixed)}.", "Run it with twins, which relabel actions."
+        return f"{FIXED_PASSES}: {listed(fixed)}.", "Run it with twins, which relabel actions."
     if passed:
         return f"Passes {counted(len(passed), 'task')}.", ""
     return "Nothing was run.", ""
@@ -146,13 +151,20 @@ def flag_lines(flags: Iterable[Mapping[str, Any]]) -> list[FlagLine]:
     """Return flags, those with the same message on several tasks as one; numbers in it may differ."""
     groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for flag in flags:
-        same = re.sub(r"[−-]?\d[\d.,]*(e[+-]?\d+)?", "0", flag["message"])
+        same = re.sub(r"[−-]?\d[\d.,]*(e[+-]?\d+)?", "0", flag_text(flag))
         groups.setdefault((flag["kind"], same), []).append(flag)
     lines = []
     for (kind, _), group in groups.items():
         ordered = sorted(group, key=lambda flag: -abs(flag["effect"] or 0.0))
-        lines.append(FlagLine(kind, tuple(named(flag["task"]) for flag in ordered), ordered[0]["message"]))
+        lines.append(FlagLine(kind, tuple(named(flag["task"]) for flag in ordered), flag_text(ordered[0])))
     return lines
+
+
+def flag_text(flag: Mapping[str, Any]) -> str:
+    """Return the message of a flag with its advice."""
+    if "advice" in flag:
+        return f"{flag['message']} Usual code: {flag['advice']}"
+    return str(flag["message"])
 
 
 # -- several learners
@@ -208,7 +220,7 @@ def _word(exam: Mapping[str, Any], row: TaskRow | None) -> str:
     """Return what is wrong with a learner on a task, in few words."""
     if row is None or row.grade is None:
         return ""
-    if row.grade != "masters":
+    if row.grade not in PASSING:
         for diagnosis in exam["diagnoses"]:
             if row.id in diagnosis["tasks"]:
                 return str(diagnosis["name"]).replace("_", " ")

@@ -271,7 +271,7 @@ class Case:
 
     @property
     def action_space(self) -> Any:
-        """As before."""
+        """The Gymnasium space of actions."""
         return self.task.action_space
 
     @cached_property

@@ -188,6 +188,8 @@ def dynamics_of(task: Task, gamma: float) -> Dynamics:
     Raises:
         SpecError: E712 where there is no exact model, where it depends on the time, or is too large.
     """
+    if task.mask:
+        refuse(f"some actions of {task.id} are illegal, and operators over the legal ones alone are not known")
     model = extract(task)
     if model.is_timed:
         refuse(f"{task.id} depends on the time, which values of states leave out", "add the time to the state")

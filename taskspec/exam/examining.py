@@ -20,7 +20,7 @@ from taskspec.exam.asked_tasks import Modifiers, described_of, exam_id, tasks_of
 from taskspec.exam.budget import SEEDS, seeds_and_steps
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.examinee import Examinee, learner_of
-from taskspec.exam.findings import diagnose
+from taskspec.exam.findings import diagnose, undecided
 from taskspec.exam.flags import check_comparable, flags
 from taskspec.exam.laws import LAWS, changed_tasks, law_flags, law_scores
 from taskspec.exam.learned import learned_flags
@@ -35,7 +35,7 @@ from taskspec.task.task import Task, TaskLike
 
 WIDEST = 16
 """Seeds of a block, for learners that train many together."""
-PROBED = 5
+PEEK_SEEDS = 5
 """Seeds that are tried with a withheld reward negated."""
 EPISODES = 1000
 """For scores that cannot be computed."""
@@ -47,7 +47,7 @@ STEPS = 500_000
 
 @dataclass(frozen=True)
 class Planned:
-    """One line of the plan: a task, or a twin of it, or its probe, and a block of seeds."""
+    """One line of the plan: a task, or a twin of it, or one whose reward is negated, and a block of seeds."""
 
     task: Task
     twin: Modifiers | None
@@ -69,7 +69,7 @@ first and at the second. Each look has an equal share of the risk, so that all t
 def examine(
     learner: str | Callable[[Any], Any], *, suite: str | None = None, tasks: Sequence[TaskLike] | None = None,
     seeds: int | Iterable[int] | None = None, steps: int | None = None, transitions: int = 10_000, twins: int = 2,
-    probes: bool = True, learns_from: Sequence[str] | None = None, against: Path | str | None = None,
+    peeks: bool = True, learns_from: Sequence[str] | None = None, against: Path | str | None = None,
     within: float | None = None, until_sure: bool = False, out: Path | str | None = None, running: Running | None = None,
     laws: bool | None = None,
 ) -> Exam:  # fmt: skip
@@ -84,7 +84,7 @@ def examine(
             Where neither a suite nor tasks are named, those of `exam.yaml` are the most.
         transitions: that the expert demonstrates, at least; whole episodes.
         twins: of every task that has some.
-        probes: whether it is tried if a reward that is withheld makes a difference.
+        peeks: whether it is tried if a reward that is withheld makes a difference.
         learns_from: what is granted, some of "reward", "demonstrations", "preferences", in place of what the learner says.
         against: a folder with an earlier exam: changes since then are flagged.
         within: seconds for the whole exam: seeds and steps that are not given are chosen, from two short trials.
@@ -117,7 +117,7 @@ def examine(
     kept = None if who.place is None else folder
     described = {name: described_of(name) for name in suites}
     with tempfile.TemporaryDirectory() as scratch, Store((kept or Path(scratch)) / "exam.sqlite") as store:
-        trials = _Trials(who, store, running or Running(), transitions, twins, probes, described, steps)
+        trials = _Trials(who, store, running or Running(), transitions, twins, peeks, described, steps)
         trials.is_most = suite is None and tasks is None
         if within is not None:
             found_seeds = _within(within, trials, list(asked.values()), steps)
@@ -135,6 +135,7 @@ def examine(
         found["laws"] = laws_found
         found["flags"] += law_flags(laws_found, declared)
     found["diagnoses"] = [each for name in suites for each in diagnose(found, name)]
+    found["undecided"] = [each for name in suites for each in undecided(found, name)]
     if folder is not None:
         write(found, folder)
     return found
@@ -155,7 +156,7 @@ def _within(seconds: float, trials: _Trials, asked: list[Task], steps: int | Non
         trials.steps = steps
         trials.run(trials.plan(asked, (0,), 0, False))
 
-    runs = 1.0 + trials.twins + trials.probes * PROBED / SEEDS
+    runs = 1.0 + trials.twins + trials.peeks * PEEK_SEEDS / SEEDS
     most = steps or max(trials.granted(task) for task in asked)
     seeds, trials.steps = seeds_and_steps(seconds, pilot, runs, most, steps is not None)
     return seeds
@@ -174,7 +175,7 @@ def _looked_at(
     begin = 0
     for end in ends:
         added = trials.plan(
-            [asked[name] for name in open_tasks], seeds[begin:end], trials.twins, trials.probes and not begin
+            [asked[name] for name in open_tasks], seeds[begin:end], trials.twins, trials.peeks and not begin
         )
         plan += added
         rows += trials.run(added)
@@ -223,7 +224,7 @@ class _Trials:
     running: Running
     transitions: int
     twins: int
-    probes: bool
+    peeks: bool
     described: Mapping[str, ExamDocument]
     steps: int | None
     is_most: bool = False
@@ -239,18 +240,18 @@ class _Trials:
     def _suite(self, task: Task) -> ExamDocument:
         return self.described.get(task.source.suite, ExamDocument(exam=1))
 
-    def plan(self, asked: Iterable[Task], seeds: tuple[int, ...], twins: int, probes: bool) -> list[Planned]:
+    def plan(self, asked: Iterable[Task], seeds: tuple[int, ...], twins: int, peeks: bool) -> list[Planned]:
         """Return a trial for every task, twin and block of seeds, and for the first seeds with withheld rewards negated."""
         width = WIDEST if self.who.together else 1
         blocks = [seeds[i : i + width] for i in range(0, len(seeds), width)]
-        probed = []
-        if probes and "reward" not in self.who.learns_from:
-            probed = blocks[: max(1, PROBED // width)]
+        peeking = []
+        if peeks and "reward" not in self.who.learns_from:
+            peeking = blocks[: max(1, PEEK_SEEDS // width)]
         plan = []
         for task in asked:
             for twin in (None, *twins_of(task, twins)):
                 plan += [self._planned(task, twin, block) for block in blocks]
-            plan += [self._planned(task, None, block, negated=True) for block in probed]
+            plan += [self._planned(task, None, block, negated=True) for block in peeking]
         return plan
 
     def _planned(self, task: Task, twin: Modifiers | None, block: tuple[int, ...], negated: bool = False) -> Planned:
@@ -375,7 +376,7 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
     lost = row.get("reward_regret")
     return {
         "task": exam_id(planned.task), "twin": None if planned.twin is None else "+".join(planned.twin),
-        "probe": "negated" if planned.trial.negated else None, "seed": row["seed"],
+        "peek": "negated" if planned.trial.negated else None, "seed": row["seed"],
         "deterministic": scaled(row.get("deterministic")), "stochastic": scaled(row.get("stochastic")),
         "half": (_finite(row.get("deterministic_half")) or 0.0) / unit, "return": _finite(row.get("deterministic")),
         "error": row.get("error"), "steps": row.get("steps", 0), "demonstrations": row.get("demonstrations", 0),

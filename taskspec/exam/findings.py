@@ -171,11 +171,11 @@ SIGNS: dict[Outcome, str] = {"confirmed": "✓", "refuted": "✗", "undecided": 
 LEGEND = "A finding is confirmed if it holds everywhere in the 95 % intervals (in brackets), refuted if nowhere."
 
 
-def markdown(found: FindingsResult, told: Sequence[str] = ()) -> str:
+def markdown(found: FindingsResult, origin: Sequence[str] = ()) -> str:
     """Return a page in Markdown: the number of findings with each outcome, a table of all of them, and how it was run.
 
     Args:
-        told: lines about the origin of the results: machine, versions, command.
+        origin: lines about the origin of the results: machine, versions, command.
     """
     described = found.described
     lines = [f"# {described.title or 'Findings'}", ""]
@@ -189,12 +189,12 @@ def markdown(found: FindingsResult, told: Sequence[str] = ()) -> str:
         lines += [described.doc, ""]
     rows = [_row(each, found.sets) for each in found.results]
     lines += _table(["", "the paper says", *found.sets], rows)
-    if told:
-        lines += ["", "## How it was run", "", *(f"- {line}" for line in told)]
+    if origin:
+        lines += ["", "## How it was run", "", *(f"- {line}" for line in origin)]
     return "\n".join(lines) + "\n"
 
 
-def html(found: FindingsResult, told: Sequence[str] = ()) -> str:
+def html(found: FindingsResult, origin: Sequence[str] = ()) -> str:
     """Return the same page as HTML that stands alone."""
     described = found.described
     findings = [
@@ -205,7 +205,7 @@ def html(found: FindingsResult, told: Sequence[str] = ()) -> str:
         for each in found.results
     ]  # fmt: skip
     return page_of(
-        "findings.html", title=described.title or "Findings", doc=described.doc or "", told=told, findings=findings,
+        "findings.html", title=described.title or "Findings", doc=described.doc or "", origin=origin, findings=findings,
         tallies={name: found.counts(name) for name in found.sets}, legend=LEGEND,
     )  # fmt: skip
 
@@ -261,8 +261,7 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
         return []
     book = read_exam(path)
     scores = SeedScores({ONE: exam})
-    evaluator = ScoreEvaluator(scores, book.names)
-    truths = {rule.name: evaluator.truth(rule.condition) for rule in book.rules}
+    truths = _truths(book, scores)
     holding = {name for name, truth in truths.items() if truth.holds}
     alone = {rule.name for rule in book.rules if isinstance(rule.entry, DiagnosisEntry) and rule.entry.alone}
     if holding & alone:
@@ -280,6 +279,34 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
                 "evidence": [str(each) for each in evidence],
             })  # fmt: skip
     return found
+
+
+def undecided(exam: Mapping[str, Any], suite: str | Path) -> list[str]:
+    """Return the diagnoses whose conditions hold for the mean scores, but not in all of their intervals, with the nearest number.
+
+    Args:
+        exam, suite: as of `diagnose`.
+    """
+    path = file_of(suite, EXAM)
+    if path is None:
+        return []
+    book = read_exam(path)
+    scores = SeedScores({ONE: exam})
+    truths = _truths(book, scores)
+    at_means = _truths(book, scores, of_means=True)
+    found = []
+    for rule in book.rules:
+        evidence = truths[rule.name].evidence
+        is_open = truths[rule.name].holds is None and at_means[rule.name].holds
+        if is_open and isinstance(rule.entry, DiagnosisEntry) and all(math.isfinite(each.margin) for each in evidence):
+            nearest = min(evidence, key=lambda each: each.margin)
+            found.append(f"{rule.entry.message} ({nearest})")
+    return found
+
+
+def _truths(book: RuleBook, scores: SeedScores, of_means: bool = False) -> dict[str, Truth[Comparison]]:
+    evaluator = ScoreEvaluator(scores, book.names, of_means=of_means)
+    return {rule.name: evaluator.truth(rule.condition) for rule in book.rules}
 
 
 def _cited(entry: DiagnosisEntry, references: Mapping[str, Reference]) -> str:

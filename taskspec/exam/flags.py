@@ -128,8 +128,8 @@ def _apart(
                 and value is not None
                 and side(score) in ("printed", which)
             ):
-                rows[score["seed"], score["probe"], twins.index(score["twin"])][task] = value
-    is_first = np.array([probe is None and twin == 0 for _, probe, twin in rows])
+                rows[score["seed"], score["peek"], twins.index(score["twin"])][task] = value
+    is_first = np.array([peek is None and twin == 0 for _, peek, twin in rows])
     for task, d in _differences(names, list(rows.values()), is_first, [False] * len(names)):
         size = f"{abs(d.effect):.2f}"
         message = f"the score changes by {size} when a reward is negated that the learner is not to see: it looks at it"

@@ -18,9 +18,6 @@ from taskspec.policies.adapters import Predictor, parameters
 from taskspec.policies.values import are_probabilities, is_table, observed_probabilities
 from taskspec.task.task import Task
 
-USUAL_CODE = " Usual code: "
-"""What comes between a mistake and its advice in the message of a flag."""
-
 
 @dataclass(frozen=True, eq=False)
 class Learned:
@@ -165,7 +162,7 @@ class Explanation:
 
     @property
     def message(self) -> str:
-        """The explanation in a sentence; of a mistake, with its usual code and what to do."""
+        """The explanation in a sentence."""
         _, _, table, begin = KINDS[self.kind]
         right = "right values" if self.kind == "values" else "true reward"
         if not self.names:
@@ -173,8 +170,13 @@ class Explanation:
         sentence = f"{begin} {', or '.join(table[name].mistake for name in self.names)}"
         if not self.is_mistake:
             return f"{sentence} (distance {self.distance:.2f})"
-        advice = " Or: ".join(f"{table[name].code}. {table[name].fix}" for name in self.names)
-        return f"{sentence} (distance {self.distance:.2f}, to the {right} {self.right:.2f}).{USUAL_CODE}{advice}"
+        return f"{sentence} (distance {self.distance:.2f}, to the {right} {self.right:.2f})."
+
+    @property
+    def advice(self) -> str:
+        """The usual code of the mistakes, and what to do."""
+        _, _, table, _ = KINDS[self.kind]
+        return " Or: ".join(f"{table[name].code}. {table[name].fix}" for name in self.names)
 
 
 UNLEARNED = 0.01
@@ -190,7 +192,7 @@ def _has_learned(score: Score) -> bool:
 def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
     """Yield what explains the learned values and rewards of an exam, where there are some."""
     for kind, (entry, good, _, _) in KINDS.items():
-        known = [score for score in scores if score.get(entry) and score["probe"] is None and _has_learned(score)]
+        known = [score for score in scores if score.get(entry) and score["peek"] is None and _has_learned(score)]
         if not known:
             continue
         distances: list[dict[str, float]] = [score[entry] for score in known]  # type: ignore[literal-required]
@@ -211,7 +213,8 @@ def learned_flags(scores: Sequence[Score]) -> list[Flag]:
     found = []
     for each in explanations(scores):
         if each.is_mistake:
-            found.append(Flag(kind=each.kind, task=each.task, message=each.message, effect=None, low=None, high=None))
+            flag = Flag(kind=each.kind, task=each.task, message=each.message, effect=None, low=None, high=None)
+            found.append(flag | {"advice": each.advice})
     return found
 
 

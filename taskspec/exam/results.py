@@ -31,7 +31,7 @@ Grade = Literal["masters", "passes", "unsure", "fails"]
 Score = TypedDict(
     "Score",
     {
-        "task": str, "twin": str | None, "probe": str | None, "seed": int, "deterministic": float | None,
+        "task": str, "twin": str | None, "peek": str | None, "seed": int, "deterministic": float | None,
         "stochastic": float | None, "half": float, "return": float | None, "error": str | None, "steps": int,
         "demonstrations": int, "comparisons": int, "seconds": float | None, "starc": float | None,
         "reward_regret": float | None, "curve": list[list[float | None]] | None,
@@ -39,7 +39,7 @@ Score = TypedDict(
         "value": NotRequired[float | None], "longer": NotRequired[float | None],
     },
 )  # fmt: skip
-"""One seed on a task (`twin` None), on a twin of it (its modifiers), or with the reward negated (`probe`); 0 is random, 1 the
+"""One seed on a task (`twin` None), on a twin of it (its modifiers), or with the reward negated (`peek`); 0 is random, 1 the
 expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated, 0 where it is exact; `starc` the
 distance of a learned reward to the true one, `reward_regret` the score lost by optimising it. `operators` are the distances of
 learned values from the fixed points of Bellman operators (`taskspec.exam.fingerprints`), `rewards` those of a learned reward from
@@ -91,7 +91,10 @@ class CapabilityVerdict(MeanScore):
 
 
 class Flag(TypedDict):
-    """Something that is wrong; with its size as a difference of scores, and the interval of that, where it has one."""
+    """Something that is wrong; with its size as a difference of scores, and the interval of that, where it has one.
+
+    `advice` is the usual code of a known mistake, and its fix.
+    """
 
     kind: Literal["twin", "regression", "changed", "peeks", "failed", "impossible", "values", "reward", "law"]
     task: str
@@ -99,6 +102,7 @@ class Flag(TypedDict):
     effect: float | None
     low: float | None
     high: float | None
+    advice: NotRequired[str]
 
 
 Diagnosis = TypedDict(
@@ -124,7 +128,10 @@ class LawScore(TypedDict):
 
 
 class Exam(TypedDict):
-    """Results of an exam."""
+    """Results of an exam.
+
+    `undecided` has diagnoses that hold for the mean scores, but not in all of their intervals.
+    """
 
     exam: int
     learner: str
@@ -143,6 +150,7 @@ class Exam(TypedDict):
     diagnoses: list[Diagnosis]
     cost: dict[str, float]
     laws: NotRequired[list[LawScore]]
+    undecided: NotRequired[list[str]]
 
 
 def folder_name(learner: str) -> str:

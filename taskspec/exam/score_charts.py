@@ -142,8 +142,11 @@ def sparkline(left: float, top: float, size: tuple[float, float], row: TaskRow) 
 def curves(row: TaskRow) -> Scene:
     """Draw the learning curves of a task with axes, for a page."""
     last = max(1.0, *(x for curve in row.curves for x, _ in curve))
-    values = [0.0, 1.0, *score_rows.clipped([y for curve in row.curves for _, y in curve])]
-    ticks = tuple((y, f"{y:g}".replace("-", "−")) for y in (-1.0, 0.0, 1.0) if min(values) <= y <= max(values))
+    scores = [y for curve in row.curves for _, y in curve]
+    values = [0.0, 1.0, *score_rows.clipped(scores)]
+    below = "≤ " if min(scores) < FLOOR else ""
+    names = {FLOOR: f"{below}−1", 0.0: "0", 1.0: "1"}
+    ticks = tuple((y, name) for y, name in names.items() if min(values) <= y <= max(values))
     steps = Scale(0.0, last, ((0.0, "0"), (last, f"{score_rows.steps(last)} steps")))
     plot = Axes(0.75, 0.2, 3.6, 1.5, steps, Scale(min(values), max(values), ticks))
     items = (*chart.frame(plot, size=0.26), *learning_curves(plot, row))

@@ -19,7 +19,7 @@ from taskspec.rollout.statistics import seeds_interval
 from taskspec.rules.score_rules import side
 
 COLUMNS = (
-    "task", "twin", "probe", "seed", "deterministic", "stochastic", "half", "return", "error", "steps", "demonstrations",
+    "task", "twin", "peek", "seed", "deterministic", "stochastic", "half", "return", "error", "steps", "demonstrations",
     "comparisons", "seconds", "starc", "reward_regret",
 )  # fmt: skip
 """Of a score, as `exam.json` calls them; learning curves are left to it."""
@@ -111,12 +111,19 @@ class TaskRow:
         return None if found is None else float(found)
 
     @property
+    def fixed(self) -> float | None:
+        """The score of the best action that is the same as printed and on twins; without twins, of the best constant one."""
+        if self.twins.scores:
+            return self.about.get("fixed")
+        return self.constant
+
+    @property
     def grade(self) -> Grade | None:
         """The grade of a task, as printed and as twins; None if it was not run."""
         known = [cell for cell in (self.printed, self.twins) if cell.scores]
         if not known:
             return None
-        return worst([mean_score(cell.scores, self.about.get("fixed")) for cell in known])["verdict"]
+        return worst([mean_score(cell.scores, self.fixed) for cell in known])["verdict"]
 
     @property
     def sign(self) -> str:

@@ -91,6 +91,8 @@ class RewardMdp:
     """The exact model, and rewards on it, as float64 (S, A); 0 where an episode has ended."""
 
     def __init__(self, task: Task) -> None:
+        if task.mask:
+            refuse(f"some actions of {task.id} are illegal, which the distance of rewards does not tell apart")
         model = tabular(task)
         self.task = task
         self.model = model

@@ -27,6 +27,7 @@ from taskspec.exam.examinee import train_at
 from taskspec.exam.learned import Learned, learned_fields
 from taskspec.learners import CannotLearn
 from taskspec.modifiers import modify
+from taskspec.policies.adapters import ProbabilisticPolicy
 from taskspec.policies.values import ObservedValue, observed_value, policy_value
 from taskspec.scores.returns import Results, Return, normalised
 from taskspec.task.task import Task
@@ -73,7 +74,7 @@ def baselines(task: Task, episodes: int, limits: str) -> dict[str, Any]:
             found["expert"] = found["optimal"]
         constants = []
         for action in _constant_actions(task):
-            value = policy_value(results, _Constant(action), True).value.value
+            value = policy_value(results, _constant(task, action), True).value.value
             constants.append(score(value, found["random"], found["expert"]))
         if None in constants:
             constants = []
@@ -100,6 +101,14 @@ def _constant_actions(task: Task) -> list[Any]:
         return [np.array(each) for each in itertools.islice(combinations, MOST_CONSTANT)]
     low, high = np.clip(np.array(layout.limits).T, -1e6, 1e6).reshape(2, *layout.shape)
     return [(low + share * (high - low)).astype(np.float32) for share in (0.0, 0.5, 1.0)]
+
+
+def _constant(task: Task, action: Any) -> Any:
+    """Return a policy that takes one action always; where it is illegal, a random legal one."""
+    if not task.mask:
+        return _Constant(action)
+    row = np.eye(task.action_layout.counts[0])[action - task.action_layout.starts[0]]
+    return ProbabilisticPolicy(task, lambda observations: np.tile(row, (len(parts_of(observations)[0]), 1)), 0)
 
 
 class _Constant:

@@ -1,4 +1,4 @@
-"""Experiments: which instances of which tasks, as a YAML file; sweeps, which measure them; and exams of learners on them."""
+"""Experiments: instances of tasks, listed in a YAML file; sweeps, which measure them; and exams of learners on them."""
 
 from __future__ import annotations
 

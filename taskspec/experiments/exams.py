@@ -47,13 +47,13 @@ class LearnersExamined:
 
 def examine_all(
     written: ExperimentFile, folder: Path, *, seeds: int | None = None, steps: int | None = None, transitions: int | None = None,
-    twins: int | None = None, probes: bool | None = None, running: Running | None = None,
+    twins: int | None = None, peeks: bool | None = None, running: Running | None = None,
 ) -> LearnersExamined:  # fmt: skip
     """Examine the learners of an experiment, one after another; an exam that is there already is gone on with.
 
     Args:
         folder: where results go: `exam.json` of each learner lies in a folder that is called as it is.
-        seeds, steps, transitions, twins, probes: in place of those of the file.
+        seeds, steps, transitions, twins, peeks: in place of those of the file.
         running: how many processes, time limits, a cluster.
 
     Raises:
@@ -66,7 +66,7 @@ def examine_all(
         raise SpecError(
             [Diagnostic("E713", None, f"the experiment '{written.experiment.name}' names no learners", hint)]
         )
-    given = {"seeds": seeds, "steps": steps, "transitions": transitions, "twins": twins, "probes": probes}
+    given = {"seeds": seeds, "steps": steps, "transitions": transitions, "twins": twins, "peeks": peeks}
     terms = {name: getattr(written.experiment, name) for name in given}
     terms |= {name: value for name, value in given.items() if value is not None}
     terms = {name: value for name, value in terms.items() if value is not None}

@@ -49,13 +49,15 @@ class ExperimentFile:
     @property
     def learners(self) -> list[str]:
         """The learners, as `taskspec exam` takes them."""
-        return [self._found(name) for name in self.experiment.learners]
+        return [learner_place(self.folder, name) for name in self.experiment.learners]
 
-    def _found(self, learner: str) -> str:
-        is_file = learner.endswith((".yaml", ".yml")) or is_function(learner)
-        if is_file and not Path(learner).is_absolute():
-            return str(self.folder / learner)
-        return learner
+
+def learner_place(folder: Path, learner: str) -> str:
+    """Return a learner as commands take it; paths start from a folder."""
+    is_file = learner.endswith((".yaml", ".yml")) or is_function(learner)
+    if is_file and not Path(learner).is_absolute():
+        return str(folder / learner)
+    return learner
 
 
 def read(source: str | os.PathLike[str]) -> ExperimentFile:

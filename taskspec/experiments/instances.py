@@ -1,4 +1,4 @@
-"""From an experiment to its instances: each task at each combination of values and modifiers."""
+"""The instances of an experiment: each task at each combination of values and modifiers."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ from taskspec.task.task import Task
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """One of the modifiers that an entry of an experiment stands for, and the arguments in which it differs from the others."""
+    """One of the modifiers that an entry of an experiment lists, and the arguments in which it differs from the others."""
 
     modifier: Modifier
     varied: Mapping[str, Any] = field(default_factory=dict)
 
 
 def options(written: str | Mapping[str, Any]) -> list[Option]:
-    """Return what a modifier stands for: `{sticky: [0.1, 0.25]}` is two, `{distractors: {count: [1, 4], kind: normal}}` as
+    """Return the options of a modifier: `{sticky: [0.1, 0.25]}` is two, `{distractors: {count: [1, 4], kind: normal}}` as
     well.
     """
     if isinstance(written, str):

@@ -15,50 +15,78 @@ STEP_SIZE = 0.1
 GAMMA = 0.95
 
 
+class ObservationTable:
+    """Q-values of each observation that was seen, of any space; as a policy, the best action of each observation.
+
+    Raises:
+        CannotLearn: for actions that are not a few, and observations of several parts.
+    """
+
+    def __init__(self, case: Case) -> None:
+        count = getattr(case.action_space, "n", None)
+        if count is None or case.observation_space.shape is None:
+            raise CannotLearn("tables need discrete actions, and observations of one part")
+        self.n_actions = int(count)
+        self.first = int(case.action_space.start)
+        self.rows: dict[bytes, Array] = {}
+        self.rng = np.random.default_rng(case.seed)
+
+    def __getitem__(self, obs: Any) -> Array:
+        return self.rows.setdefault(np.asarray(obs, np.float64).tobytes(), np.zeros(self.n_actions))
+
+    def legal(self, info: dict[str, Any]) -> Array:
+        """Return the indices of the legal actions, by the info of a reset or a step; of all, without a mask."""
+        return np.flatnonzero(info.get("action_mask", np.ones(self.n_actions)))
+
+    def explored(self, obs: Any, info: dict[str, Any]) -> int:
+        """Return the index of a best legal action, or now and then of a random one."""
+        legal = self.legal(info)
+        if self.rng.random() < EXPLORATION:
+            return int(legal[self.rng.integers(len(legal))])
+        return int(legal[self[obs][legal].argmax()])
+
+    def predict(self, observations: Array, action_masks: Array | None = None) -> Array:
+        """Return the best actions of those that masks, bool (N, A), allow."""
+        rows = np.array([self[obs] for obs in observations])
+        if action_masks is not None:
+            rows = np.where(action_masks, rows, -np.inf)
+        return np.asarray(self.first + rows.argmax(axis=1))
+
+
 @learns_from("reward")
-def q_learning(case: Case) -> Array:
+def q_learning(case: Case) -> ObservationTable:
     """Return Q-values learned by bootstrapping from the best next action (Watkins 1989)."""
-    Q, env, rng = _begin(case)
-    s, _ = env.reset()
+    Q = ObservationTable(case)
+    env = case.env()
+    obs, info = env.reset()
     for _ in range(case.steps):
-        a = _action(Q[s], rng)
-        next_s, reward, terminated, truncated, _ = env.step(a)
-        V = 0.0 if terminated else Q[next_s].max()
-        Q[s, a] += STEP_SIZE * (reward + GAMMA * V - Q[s, a])
-        s = env.reset()[0] if terminated or truncated else next_s
+        a = Q.explored(obs, info)
+        next_obs, reward, terminated, truncated, info = env.step(Q.first + a)
+        V = 0.0 if terminated else Q[next_obs][Q.legal(info)].max()
+        Q[obs][a] += STEP_SIZE * (reward + GAMMA * V - Q[obs][a])
+        obs = next_obs
+        if terminated or truncated:
+            obs, info = env.reset()
     return Q
 
 
 @learns_from("reward")
-def monte_carlo(case: Case) -> Array:
+def monte_carlo(case: Case) -> ObservationTable:
     """Return Q-values that are averages of returns (Sutton and Barto 2018, section 5.4); they know nothing beyond the horizon."""
-    Q, env, rng = _begin(case)
-    s, _ = env.reset()
+    Q = ObservationTable(case)
+    env = case.env()
+    obs, info = env.reset()
     episode = []
     for _ in range(case.steps):
-        a = _action(Q[s], rng)
-        next_s, reward, terminated, truncated, _ = env.step(a)
-        episode.append((s, a, reward))
-        s = next_s
+        a = Q.explored(obs, info)
+        next_obs, reward, terminated, truncated, info = env.step(Q.first + a)
+        episode.append((obs, a, reward))
+        obs = next_obs
         if terminated or truncated:
             rest = 0.0
-            for state, action, paid in reversed(episode):
+            for seen, action, paid in reversed(episode):
                 rest += paid
-                Q[state, action] += STEP_SIZE * (rest - Q[state, action])
+                Q[seen][action] += STEP_SIZE * (rest - Q[seen][action])
             episode = []
-            s, _ = env.reset()
+            obs, info = env.reset()
     return Q
-
-
-def _begin(case: Case) -> tuple[Array, Any, np.random.Generator]:
-    n_states = getattr(case.observation_space, "n", None)
-    n_actions = getattr(case.action_space, "n", None)
-    if n_states is None or n_actions is None:
-        raise CannotLearn("tables need discrete observations and actions")
-    return np.zeros((int(n_states), int(n_actions))), case.env(), np.random.default_rng(case.seed)
-
-
-def _action(values: Array, rng: np.random.Generator) -> int:
-    if rng.random() < EXPLORATION:
-        return int(rng.integers(len(values)))
-    return int(values.argmax())

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from taskspec.experiments.frozen import FrozenOutcome, FrozenTask
+from taskspec.exchange.tables import FrozenOutcome, FrozenTask, Number, Rows, visited
 
-Rows = tuple[tuple[tuple[FrozenOutcome, ...], ...], ...]
-"""The outcomes of each state and each action."""
 Holds = Callable[[Sequence[FrozenTask]], Sequence[bool]]
 """From several tasks to whether what matters holds on each of them."""
 BATCH = 4
@@ -56,7 +54,7 @@ def smaller(task: FrozenTask) -> Iterator[FrozenTask]:
     seen = set()
     for change in (_fewer_states, _fewer_actions, _fewer_steps, _one_start, _fewer_outcomes, _equal_actions, _plainer):
         for changed in change(task):
-            found = _visited(changed)
+            found = visited(changed)
             if size(found) < size(task) and found.outcomes not in seen:
                 seen.add(found.outcomes if found.horizon == task.horizon else (found.outcomes, found.horizon))
                 yield found
@@ -73,7 +71,7 @@ def _fewer_states(task: FrozenTask) -> Iterator[FrozenTask]:
             for s, by_action in enumerate(task.outcomes):
                 target = first if way == "start" else s
                 rows.append(tuple(_redirected(outcomes, gone, target, way == "end") for outcomes in by_action))
-            start = [p if s != gone else 0.0 for s, p in enumerate(task.start)]
+            start: list[Number] = [p if s != gone else 0.0 for s, p in enumerate(task.start)]
             start[first] += task.start[gone]
             yield replace(task, outcomes=tuple(rows), start=tuple(start))
 
@@ -149,31 +147,3 @@ def _with_row(rows: Rows, state: int, action: int, row: tuple[FrozenOutcome, ...
     by_action = list(rows[state])
     by_action[action] = row
     return (*rows[:state], tuple(by_action), *rows[state + 1 :])
-
-
-def _visited(task: FrozenTask) -> FrozenTask:
-    """Return the task without states that no episode can come to."""
-    reached = {s for s, probability in enumerate(task.start) if probability > 0}
-    waiting = list(reached)
-    while waiting:
-        for outcomes in task.outcomes[waiting.pop()]:
-            for outcome in outcomes:
-                if outcome.state not in reached:
-                    reached.add(outcome.state)
-                    waiting.append(outcome.state)
-    kept = sorted(reached)
-    if len(kept) == len(task.states):
-        return task
-    rows = []
-    for s in kept:
-        by_action = []
-        for outcomes in task.outcomes[s]:
-            by_action.append(tuple(replace(outcome, state=kept.index(outcome.state)) for outcome in outcomes))
-        rows.append(tuple(by_action))
-    return replace(
-        task,
-        states=tuple(task.states[s] for s in kept),
-        start=tuple(task.start[s] for s in kept),
-        outcomes=tuple(rows),
-        seen=None if task.seen is None else tuple(task.seen[s] for s in kept),
-    )

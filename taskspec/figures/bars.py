@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.display import fixed
+from taskspec.base.display import fixed, plural
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.scene import (
     HIGHLIGHTS,
@@ -29,9 +29,11 @@ from taskspec.figures.scene import (
     signed,
     text_width,
 )
+from taskspec.figures.series import MOST as FOLLOWED
+from taskspec.figures.series import series
 from taskspec.figures.states import State, at_state, at_states, episode_path, expert_path, reads_of
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Node, Read
+from taskspec.lang.ir import Apply, Node, Read
 from taskspec.lang.types import Kind
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
@@ -51,20 +53,20 @@ FEW_STEPS = 3
 def bars(task: Task, overlay: Overlay) -> Scene | None:
     """Draw the vector that the figure section names (or the only vector of the state).
 
-    Of a short one every change that the expert makes, as swaps from row to row; of a long one the first state, and the
-    last of the expert's episode where it has another order. Of a few episodes it is the one in which most happens. Of a
-    matrix the first state, as a board.
+    Of a short one the changes of an episode, row by row; of a long one the first state and the last one. Of a few episodes
+    it is the one in which most happens. Of a matrix the first state, as a board; a few numbers that are written one by one
+    are drawn over time.
     """
     node = _vector(task)
     if node is None or (len(node.type.shape) == 2 and max(node.type.shape) > MOST_SQUARES):
         return None
-    here = overlay.here
-    if here is not None:
-        paths = [[dict(here)]]
-    else:
-        paths = [expert_path(task, LONGEST, seed) for seed in range(SEEDS)]
-    states = max((_changes(task, node, path) for path in paths), key=len)
+    if isinstance(node, Apply) and node.op == "vector" and len(node.type.shape) == 1 and node.type.size <= FOLLOWED:
+        return series(task, overlay)
+    changes, whose = _episode(task, node, overlay)
+    times = [t for t, _ in changes]
+    states = [state for _, state in changes]
     rows = [at_state(task, node, state) for state in states]
+    here = overlay.here
     if len(node.type.shape) == 2:
         return _board(task, node, rows[0], here is not None)
     colors = [_colors(task, node, state) for state in states]
@@ -72,20 +74,24 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
     items: list[Item] = []
     notes: tuple[str, ...] = ()
     if count <= CELLS_UP_TO:
-        shown = list(zip(rows, colors, strict=True))
+        shown = list(zip(times, rows, colors, strict=True))
         if len(rows) > ROWS:
             shown[ROWS - 1 : -1] = []
-        moves = "" if len(rows) == 1 else ", and how the expert changes it"
+        moves = "" if len(rows) == 1 else f", and its changes in an episode of {whose}"
         items += _cells(shown, len(rows) - len(shown))
-        alt = f"{count} cells{moves}"
+        alt = f"{plural(count, 'cell')}{moves}"
         step = 1.0
         sums_at = 1.05
     else:
-        items += _bars(rows[0], colors[0], None if here is None else _bound(node))
         alt = f"{count} bars"
+        if len(rows) > 1 and not rows[0].any():
+            rows = rows[-1:]
+            colors = colors[-1:]
+            notes = (f"The state after {plural(times[-1], 'step')} of {whose}.",)
+        items += _bars(rows[0], colors[0], None if here is None else _bound(node))
         if len(rows) > 1:
             items += [shifted(item, 0.0, BELOW) for item in _bars(rows[-1], colors[-1])]
-            notes = (f"Above a first state, below what the expert has made of it after {len(rows) - 1} changes.",)
+            notes = (f"Above a first state, below the one after {plural(times[-1], 'step')} of {whose}.",)
         step = _step(count)
         sums_at = 0.35
     if len(rows) == 1:
@@ -93,9 +99,22 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
     return fitted(items, f"A state of {task.name} as {alt}", notes)
 
 
-def _changes(task: Task, node: Node, path: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _episode(task: Task, node: Node, overlay: Overlay) -> tuple[list[tuple[int, dict[str, Any]]], str]:
+    """Return the states of an episode between which the vector changes, with their times, and whose episode it is."""
+    if overlay.here is not None:
+        return [(0, dict(overlay.here))], ""
+    found = [_changes(task, node, expert_path(task, LONGEST, seed)) for seed in range(SEEDS)]
+    whose = "the expert"
+    if max(map(len, found)) == 1:
+        path, whose = episode_path(task, LONGEST)
+        found.append(_changes(task, node, path))
+    # of episodes in which nothing changes, the one whose numbers differ most
+    return max(found, key=lambda each: (len(each), len(set(at_state(task, node, each[0][1]).flat)))), whose
+
+
+def _changes(task: Task, node: Node, path: list[dict[str, Any]]) -> list[tuple[int, dict[str, Any]]]:
     rows = [at_state(task, node, state) for state in path]
-    return [state for i, state in enumerate(path) if i == 0 or not np.array_equal(rows[i], rows[i - 1])]
+    return [(i, state) for i, state in enumerate(path) if i == 0 or not np.array_equal(rows[i], rows[i - 1])]
 
 
 def _sums(row: Array, colors: list[Color], step: float, y: float) -> Iterator[Label]:
@@ -211,23 +230,34 @@ def _step(count: int) -> float:
     return min(0.3, 7.0 / count)
 
 
-def _cells(shown: list[tuple[Array, list[Color]]], left_out: int) -> Iterator[Item]:
-    """Yield rows of cells, shaded by value, with arrows for elements that moved and dots for rows that are left out."""
-    rows = [row for row, _ in shown]
+def _cells(shown: list[tuple[int, Array, list[Color]]], left_out: int) -> Iterator[Item]:
+    """Yield rows of cells, shaded by value, with dots for rows that are left out.
+
+    Where a row has the elements of the one before in another order, arrows say where they went; else times are beside them.
+    """
+    rows = [row for _, row, _ in shown]
+    moved = all(np.array_equal(np.unique(row), np.sort(rows[0])) for row in rows)
+    tops = [1.5 * r if moved else r for r in range(len(rows))]
+    if left_out and not moved:
+        tops[-1] += 0.6
     low = float(np.min(rows))
     high = float(np.max(rows))
     digits = 0 if all(np.array_equal(row, np.rint(row)) for row in rows) else 2
-    for r, (row, colors) in enumerate(shown):
+    for r, (t, row, colors) in enumerate(shown):
+        if len(rows) > 1 and not moved:
+            yield Label(
+                (-0.2, tops[r] + 0.4), m.Row((m.Ident("t"), m.Sym("="), m.Num(str(t)))), LETTERS, "end", "muted"
+            )
         for i, value in enumerate(row.tolist()):
             shade = 0.2 + 0.7 * (value - low) / ((high - low) or 1.0)
-            box = Box((i * 1.0, r * 1.5), 1.0, 0.8, colors[i], "paper", shade=shade)
+            box = Box((i * 1.0, tops[r]), 1.0, 0.8, colors[i], "paper", shade=shade)
             yield box
             yield from marked(box, True)
-            yield Label((i + 0.5, r * 1.5 + 0.4), m.Num(fixed(value, digits)), LETTERS)
+            yield Label((i + 0.5, tops[r] + 0.4), m.Num(fixed(value, digits)), LETTERS)
         if left_out and r + 2 == len(rows):
-            yield Label((len(row) / 2, r * 1.5 + 1.15), m.Words("⋮"), 0.42)
-        elif r + 1 < len(rows):
+            yield Label((len(row) / 2, (tops[r] + tops[r + 1]) / 2 + 0.4), m.Words("⋮"), 0.42)
+        elif r + 1 < len(rows) and moved:
             for i, value in enumerate(row.tolist()):
                 for j in np.flatnonzero(rows[r + 1] == value)[:1].tolist():
                     if j != i:
-                        yield Line(((i + 0.5, r * 1.5 + 0.84), (j + 0.5, r * 1.5 + 1.46)), arrow=True)
+                        yield Line(((i + 0.5, tops[r] + 0.84), (j + 0.5, tops[r] + 1.46)), arrow=True)

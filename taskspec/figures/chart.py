@@ -55,6 +55,7 @@ CORNERS: dict[Shape, tuple[Point, ...]] = {
 }
 TICK = 0.1  # the length of a tick
 GAP = 0.15
+SHORT = 4  # characters
 SYMBOL = 0.3
 TICKS = 0.25  # of axes that are arrows: their distance from the plane, and the sizes of symbols and numbers
 Rgb = tuple[int, int, int]
@@ -225,10 +226,19 @@ def arrow_axes(plot: Axes, symbols: Sequence[m.Math]) -> Iterator[Item]:
     ends = ((plot.right + GAP + 0.22, below), (left, plot.top - GAP - 0.25))
     for symbol, place in zip(symbols, ends, strict=False):
         yield Label(place, symbol, SYMBOL)
-    for x in (plot.x.low, plot.x.high):
+    for x in _round_ends(plot.x):
         yield Label((plot.at(x, plot.y.low)[0], below + 0.25), signed(x), TICKS, color="muted")
-    for y in (plot.y.low, plot.y.high):
+    for y in _round_ends(plot.y):
         yield Label((left - 0.1, plot.at(plot.x.low, y)[1]), signed(y), TICKS, "end", color="muted")
+
+
+def _round_ends(axis: Scale) -> list[float]:
+    """Return the ends of an axis if they are short to write, else round numbers near them."""
+    ends = [axis.low, axis.high]
+    if max(len(f"{end:.6g}") for end in ends) <= SHORT:
+        return ends
+    ticks = nice_ticks(axis.low, axis.high)
+    return [ticks[0], ticks[-1]]
 
 
 def below_axis(axis: Scale, size: float = SMALL) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+from taskspec.base.display import plural
 from taskspec.figures.layout import DOTS, DX, DY, Arc, Drawing, Vertex, drawings, ordered, whole
 from taskspec.figures.machine import Captions, Machine, explore
 from taskspec.figures.overlays import Overlay
@@ -30,6 +31,7 @@ from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
 LOOPS_UP_TO = 6
+NAMED = 5  # as many actions on one arrow are all named
 MOST_ARROWS = 40
 MOST_CROSSINGS = 6  # more arrows or more crossings of them than these are too tangled to draw
 WIDEST = 20.0  # centimetres between vertices that are farthest apart: on a page wider graphs are too small to read
@@ -42,7 +44,9 @@ DRAWN = {"values": "V", "policy": "thick arrows", "occupancy": "shade, {0}"}  # 
 def graph(task: Task, overlay: Overlay) -> Scene | None:
     """Draw the graph of a task's transitions; None if it has none that can be drawn and read."""
     machine = explore(task)
-    if machine is None or all(t.source == t.target for t in machine.transitions):
+    if machine is None:
+        return None
+    if len(machine.states) > LOOPS_UP_TO and all(t.source == t.target for t in machine.transitions):
         return None
     plan = plan_of(machine, overlay)
     if plan is None:
@@ -52,7 +56,7 @@ def graph(task: Task, overlay: Overlay) -> Scene | None:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is drawn and where: vertices, a line for each of `arcs`, and labels."""
+    """The drawn items and their places: vertices, a line for each of `arcs`, and labels."""
 
     drawing: Drawing
     spots: Mapping[Vertex, Spot]
@@ -91,7 +95,11 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
             tuple(_on_arrow(says, arc) for arc in found.arcs),
             tuple((v, word) for v in vertices for word in _at_state(says, v, overlay)),
         )
-        plan = _planned(request) or _planned(replace(request, stretch=STRETCH))
+        plan = _planned(request)
+        if plan is None or plan.cost:
+            roomy = _planned(replace(request, stretch=STRETCH))
+            plans = [p for p in (plan, roomy) if p is not None and (p.width <= WIDEST or is_frame)]
+            plan = min(plans, key=lambda p: p.cost, default=None)
         if plan is None or (plan.width > WIDEST and not is_frame):
             continue
         if best is None or plan.cost < best.cost:
@@ -115,10 +123,14 @@ def _at_state(says: Captions, v: int, overlay: Overlay) -> Iterator[m.Math]:
 def _on_arrow(says: Captions, arc: Arc) -> m.Math | None:
     """Return action and probability of an arrow, and its reward where states do not decide it."""
     parts: list[m.Math] = []
+    if arc.rewards and says.rewards[0] == "arrow" and len(arc.actions) <= NAMED:
+        each = zip(arc.actions, arc.rewards, strict=True)
+        return m.joined((m.joined((says.actions[a], equal("r", reward))) for a, reward in each), ";")
     if arc.probability is not None:
         parts.append(chance(arc.probability))
     elif len(arc.actions) < says.machine.n_actions:
-        parts += [says.actions[a] for a in arc.actions]
+        names = [says.actions[a] for a in arc.actions]
+        parts += names if len(names) <= NAMED else [names[0], m.Sym("…"), names[-1]]
     if says.rewards[0] == "arrow" and arc.reward:
         parts.append(equal("r", arc.reward))
     if parts:
@@ -128,7 +140,7 @@ def _on_arrow(says: Captions, arc: Arc) -> m.Math | None:
 
 @dataclass(frozen=True)
 class _Request:
-    """What decides where things go: a key, so that the frames of an episode are laid out once."""
+    """The input of a layout: a key, so that the frames of an episode are laid out once."""
 
     drawing: Drawing
     ending: frozenset[Vertex]
@@ -251,7 +263,7 @@ def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> Scene:
     if plan.drawing.elided and (overlay.values or overlay.policy or overlay.occupancy):
         notes += ("Results of the states left out are not shown.",)
     elided = ", elided" if plan.drawing.elided else ""
-    size = f"{len(machine.states)} states{elided}, {machine.n_actions} actions"
+    size = f"{plural(len(machine.states), 'state')}{elided}, {plural(machine.n_actions, 'action')}"
     focus = None if present is None else plan.spots[present].at
     return fitted(items, f"Transition graph of {machine.task.name}: {size}", notes, focus=focus, drawn=DRAWN)
 
@@ -263,7 +275,7 @@ def _vertex(v: Vertex, spot: Spot, plan: Plan, says: Captions, overlay: Overlay)
     elif isinstance(v, int):
         if spot.rim:
             yield shape(x, y, spot.half + RIM, RADIUS + RIM, "paper")
-        body = shape(x, y, spot.half, RADIUS, says.fills.get(v, "paper"))
+        body = replace(shape(x, y, spot.half, RADIUS, says.fills.get(v, "paper")), state=v)
         yield body
         if v in overlay.occupancy:
             yield shape(x, y, spot.half, RADIUS, "accent", min(1.0, overlay.occupancy[v]))

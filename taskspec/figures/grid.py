@@ -9,6 +9,7 @@ from operator import add
 import numpy as np
 
 from taskspec.base.arrays import Array
+from taskspec.base.display import plural
 from taskspec.figures.board import CELL, LARGEST, ROOMY, WIDEST, Board, Cell, Thing, chosen_ways
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.scene import ROLES, Color, Scene, fitted, shifted
@@ -145,7 +146,7 @@ class _Grid:
         else:
             cell = CELL
         board = Board(columns, rows, colors, self.letters, agents, shades, values, moves, self.things, cell=cell)
-        alt = f"Grid of {self.task.name}: {len(columns)} columns and {len(rows)} rows"
+        alt = f"Grid of {self.task.name}: {plural(len(columns), 'column')} and {plural(len(rows), 'row')}"
         notes = (*self.key(), *unplaced, *board.notes())
         how = DRAWN if distinct == len(by_code) else DRAWN_TOGETHER
         return fitted(board.items(), alt, notes, drawn=how)
@@ -176,7 +177,7 @@ class _Grid:
         if bounds is not None:
             columns, rows = bounds
             board = Board(columns, rows, marks, self.letters, agents, things=things)
-            alt = f"Grid of {self.task.name}: {len(columns)} columns and {len(rows)} rows"
+            alt = f"Grid of {self.task.name}: {plural(len(columns), 'column')} and {plural(len(rows), 'row')}"
             return fitted(board.items(), alt, tuple(notes))
         points = np.array([(ax, ay), *marks, *(thing.cell for thing in things)])
         middle = np.round(points.mean(axis=0)).astype(int)

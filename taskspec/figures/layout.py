@@ -25,13 +25,17 @@ FIRSTS = 2  # so many states of several in which episodes start are tried as the
 
 @dataclass(frozen=True, slots=True)
 class Arc:
-    """An arrow of the drawing. `actions` are merged; a chance vertex stands between an action and its outcomes."""
+    """An arrow of the drawing. A chance vertex stands between actions and their outcomes.
+
+    `actions` are merged; where they do not pay the same, `rewards` has what each of them pays.
+    """
 
     source: Vertex
     target: Vertex
     actions: tuple[int, ...] = ()
     probability: float | None = None
     reward: float | None = None
+    rewards: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -95,18 +99,26 @@ def _arcs(machine: Machine) -> list[Arc]:
     for t in machine.transitions:
         outcomes.setdefault((t.source, t.action), []).append(t)
     direct: dict[tuple[int, int], list[Transition]] = {}
-    arcs: list[tuple[int, Arc]] = []  # with the state that they come from
+    alike: dict[tuple[int, tuple[tuple[int, float, float], ...]], list[int]] = {}
     for (source, action), found in outcomes.items():
         if len(found) == 1:
             direct.setdefault((source, found[0].target), []).append(found[0])
-            continue
-        chance = ("chance", source, action)
-        arcs.append((source, Arc(source, chance, (action,))))
-        arcs += [(source, Arc(chance, t.target, (), t.probability, t.reward)) for t in found]
+        else:
+            drawn = tuple((t.target, t.probability, t.reward) for t in found)
+            alike.setdefault((source, drawn), []).append(action)
+    arcs: list[tuple[int, Arc]] = []  # with the state that they come from
+    for (source, drawn), actions in alike.items():
+        chance = ("chance", source, actions[0])
+        arcs.append((source, Arc(source, chance, tuple(actions))))
+        arcs += [(source, Arc(chance, target, (), probability, reward)) for target, probability, reward in drawn]
     for (source, target), found in direct.items():
-        rewards = {t.reward for t in found}
-        reward = rewards.pop() if len(rewards) == 1 else None
-        arcs.append((source, Arc(source, target, tuple(t.action for t in found), None, reward)))
+        actions = [t.action for t in found]
+        rewards = tuple(t.reward for t in found)
+        if len(set(rewards)) == 1:
+            arc = Arc(source, target, tuple(actions), None, rewards[0])
+        else:
+            arc = Arc(source, target, tuple(actions), rewards=rewards)
+        arcs.append((source, arc))
     order = {v: i for i, v in enumerate(machine.states)}
     arcs.sort(key=lambda found: (order.get(found[0], 0), found[1].actions[:1] or (-1,)))
     return [arc for _, arc in arcs]
@@ -227,7 +239,7 @@ class _Cost:
 
 
 def _free(layer: tuple[Vertex, ...]) -> bool:
-    """Return whether the order of a column is free: dots stand for the vertices between their neighbours."""
+    """Return whether the order of a column is free: dots replace the vertices between their neighbours."""
     return not any(isinstance(v, tuple) and v[0] == DOTS for v in layer)
 
 

@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from taskspec.base.diagnostics import SpecError
-from taskspec.base.display import number
+from taskspec.base.display import number, plural
 from taskspec.base.limits import limits
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.scene import (
@@ -34,7 +34,7 @@ from taskspec.printers import tree as m
 from taskspec.printers.names import Notation, of_task
 from taskspec.printers.text import plain
 from taskspec.registry import load
-from taskspec.task.parts import Component
+from taskspec.task.parts import DEFAULT, Component
 from taskspec.task.task import Task
 
 MAX_STATES = 1500
@@ -274,6 +274,15 @@ class Captions:
         return int(self.space.encode([state[c.read] for c in task.state], 1)[0][0])
 
 
+def state_labels(task: Task) -> Mapping[int, m.Math]:
+    """Return the symbols of the states of a task that has a graph, by code; none for other tasks."""
+    kind = DEFAULT if task.annotations.figure is None else task.annotations.figure.kind
+    machine = explore(task) if kind == DEFAULT and len(task.state) == 1 else None
+    if machine is None or task.modifiers:
+        return {}
+    return Captions(machine).labels
+
+
 SIDE = 7.0  # of the table, in centimetres
 LARGEST_CELL = 0.55  # side of a cell
 LETTERS = 0.28
@@ -301,7 +310,7 @@ def matrix(task: Task, overlay: Overlay) -> Scene | None:
     if machine.timed:
         notes.append("The time ends episodes, too.")
     notes += drawn.says.unmarked(machine.states)
-    alt = f"Transitions of {task.name} as a table: {len(machine.states)} states, {machine.n_actions} actions"
+    alt = f"Transitions of {task.name} as a table: {plural(len(machine.states), 'state')}, {plural(machine.n_actions, 'action')}"
     items = [*drawn.cells(), *drawn.results(), *drawn.labels(), *drawn.starts()]
     return fitted(items, alt, tuple(notes), drawn=DRAWN)
 

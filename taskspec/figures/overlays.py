@@ -105,7 +105,7 @@ def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
 
 @dataclass(frozen=True)
 class _Known:
-    """What an exact model knows of states, by code."""
+    """Results of an exact model for states, by code."""
 
     task: Task
     model: Model

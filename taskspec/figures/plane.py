@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array
+from taskspec.base.display import plural
 from taskspec.figures.board import central
 from taskspec.figures.chart import Axes, Scale, arrow_axes
 from taskspec.figures.overlays import Overlay
@@ -251,4 +252,4 @@ def arm(task: Task, overlay: Overlay) -> Scene | None:
         Circle(points[-1], joint, "ink"),
     ]
     notes = () if overlay.here is not None else ("A first state. The circle is how far the arm reaches.",)
-    return fitted(items, f"{task.name} as an arm of {len(angles)} links", notes)
+    return fitted(items, f"{task.name} as an arm of {plural(len(angles), 'link')}", notes)

@@ -31,16 +31,19 @@ def hex_color(paint: Paint) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
+    """A circle; `state` is the code of the state that it is drawn for."""
+
     centre: Point
     radius: float
     fill: Paint | None = "paper"
     line: Paint | None = "ink"
     shade: float = 1.0  # opacity of the fill
+    state: int | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A rectangle by its upper left corner."""
+    """A rectangle by its upper left corner; `state` is the code of the state that it is drawn for."""
 
     corner: Point
     width: float
@@ -49,6 +52,7 @@ class Box:
     line: Paint | None = "ink"
     round: float = 0.0
     shade: float = 1.0
+    state: int | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +105,7 @@ class Scene:
     """Items from back to front, inside a frame; `alt` describes them in words.
 
     `focus` is where the present state of a frame is, which stays in sight if there is no room for all. `drawn` has for each
-    part of an overlay a description of how it is drawn, in which `{0}` stands for the scale. Figures have a serif font, which
+    part of an overlay a description of how it is drawn, in which `{0}` is the scale. Figures have a serif font, which
     suits mathematics; charts have none.
     """
 
@@ -143,7 +147,9 @@ def fitted(
     lefts, tops, rights, bottoms = zip(*(map(_extent, items) if items else [(0.0, 0.0, 1.0, 1.0)]), strict=True)
     left = min(lefts) - margin
     top = min(tops) - margin
-    moved = tuple(shifted(item, -left, -top) for item in items)
+    moved = items
+    if max(abs(left), abs(top)) > 1e-9:
+        moved = tuple(shifted(item, -left, -top) for item in items)
     if focus is not None:
         focus = (focus[0] - left, focus[1] - top)
     return Scene(max(rights) + margin - left, max(bottoms) + margin - top, moved, alt, notes, focus, drawn or {})

@@ -1,4 +1,4 @@
-"""Numbers over time: an episode of the expert, or one that is being watched as far as it has come."""
+"""Numbers over time: an episode of the expert, or the steps so far of one that is being watched."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taskspec.base.display import plural
 from taskspec.figures.chart import GAP, SYMBOL, TICKS
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.plane import WIDTH, runs, turn
@@ -16,7 +17,7 @@ from taskspec.figures.states import STEPS, State, at_state, episode_path
 from taskspec.lang import interval
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Apply, Node, Read
+from taskspec.lang.ir import Apply, Const, Node, Read
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import mathematics
 from taskspec.printers.names import expression, of_task
@@ -25,6 +26,8 @@ from taskspec.task.parts import Component
 from taskspec.task.task import Task
 
 MOST = 6  # numbers that are followed
+SHORT = 4
+SEEDS = 8  # of an episode of as few states, the longest one of several is shown
 PANEL = 1.0  # height of the picture of one, in centimetres
 APART = 1.35  # distance of these pictures
 BEFORE = 1.2
@@ -49,6 +52,8 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
     if not any(_is_followed(c) for c in task.state) and task.annotations.figure is None:
         return None
     path, whose = episode_path(task)
+    if len(path) <= SHORT:
+        path, whose = max((episode_path(task, seed=seed) for seed in range(SEEDS)), key=lambda found: len(found[0]))
     steps = len(path) - 1
     found = _measured(task, path) if steps > 0 else []
     if task.annotations.figure is None:
@@ -60,7 +65,7 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
         ends = _wide(min(number.values), max(number.values))
         items += _panel(number, number.symbol, ends, steps, i * APART, range(len(path)))
     items += _time(0, steps, len(found[:MOST]))
-    return fitted(items, f"An episode of {whose} in {task.name} over time, {steps} steps")
+    return fitted(items, f"An episode of {whose} in {task.name} over time, {plural(steps, 'step')}")
 
 
 def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
@@ -80,7 +85,7 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
         label = m.Row((number.symbol, m.Sym("="), signed(number.values[-1])))
         items += _panel(number, label, _scale(number), span, i * APART, points, is_frame=True)
     items.append(Box((-BEFORE, 0.0), BEFORE + WIDTH + AFTER, PANEL, None, None))
-    return fitted(items, f"{task.name} over time, {now} steps")
+    return fitted(items, f"{task.name} over time, {plural(now, 'step')}")
 
 
 def _is_finite(found: Sequence[_Number]) -> bool:
@@ -164,6 +169,8 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
     else:
         parts = (node,) * node.type.size
     for i, (symbol, part) in enumerate(zip(_symbols(task, node)[:MOST], parts, strict=False)):
+        if isinstance(part, Const):  # a parameter beside the numbers that change
+            continue
         found.append(_Number(symbol, rows[:, i].tolist(), interval.bounds(part, {}), turn(task, part)))
     return found
 

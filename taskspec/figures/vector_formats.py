@@ -25,17 +25,20 @@ _DASHES: dict[sc.Dash, tuple[float, ...]] = {
 
 def svg(scene: sc.Scene, css: bool = False, kind: str = "figure") -> str:
     """Return an SVG picture."""
+    body = "".join(svg_item(item) for item in scene.items)
+    if not css:
+        body = f'<rect width="{_px(scene.width)}" height="{_px(scene.height)}" fill="{hex_color("paper")}"/>{body}'
+    return svg_document(scene, body, kind)
+
+
+def svg_document(scene: sc.Scene, body: str, kind: str) -> str:
+    """Return elements as an SVG picture of the size of a scene, with its description."""
     width = _px(scene.width)
     height = _px(scene.height)
-    body = "".join(_svg_item(item) for item in scene.items)
-    if css:
-        paper = ""
-    else:
-        paper = f'<rect width="{width}" height="{height}" fill="{hex_color("paper")}"/>'
     font = escape(_FONTS[scene.font])
     text = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" '
-        f'class="{kind}" font-family="{font}"><title>{escape(scene.alt)}</title>{paper}{body}</svg>'
+        f'class="{kind}" style="--own:{width}px" font-family="{font}"><title>{escape(scene.alt)}</title>{body}</svg>'
     )
     return visible(text, ON_PAGES)
 
@@ -48,7 +51,7 @@ def _svg_point(p: sc.Point) -> str:
     return f"{_px(p[0])},{_px(p[1])}"
 
 
-def _svg_item(item: Item) -> str:
+def svg_item(item: Item) -> str:
     match item:
         case Circle(centre=(x, y), radius=r):
             return f'<circle cx="{_px(x)}" cy="{_px(y)}" r="{_px(r)}"{_svg_paint(item)}/>'
@@ -83,7 +86,11 @@ def _svg_paint(item: Circle | Box | Area) -> str:
         edge = f' stroke="{hex_color(item.line)}" stroke-width="{_px(0.032)}"'
     else:
         edge = ""
-    return f' class="{" ".join(filter(None, classes))}" fill="{inside}"{faded}{edge}'
+    if isinstance(item, Area) or item.state is None:
+        state = ""
+    else:
+        state = f' data-state="{item.state}"'
+    return f'{state} class="{" ".join(filter(None, classes))}" fill="{inside}"{faded}{edge}'
 
 
 def _svg_line(line: Line) -> str:

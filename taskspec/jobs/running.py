@@ -69,7 +69,9 @@ class Interrupted(KeyboardInterrupt):
 DEFAULT = Running()
 
 
-def run(jobs: Iterable[Job], store: Store, running: Running = DEFAULT, name: str = "jobs") -> dict[str, JobResult]:
+def run(
+    jobs: Iterable[Job], store: Store, running: Running = DEFAULT, name: str = "jobs", workers: Workers | None = None
+) -> dict[str, JobResult]:
     """Do the jobs that have no result yet, in any order, and report how many are over (see `base.limits.tell`).
 
     A job that raises, takes too long or ends its process is recorded with a message, while the rest goes on. One whose process
@@ -77,6 +79,7 @@ def run(jobs: Iterable[Job], store: Store, running: Running = DEFAULT, name: str
 
     Args:
         name: what the progress is of.
+        workers: processes that go on after this run; those that `running` says unless given.
 
     Returns:
         Results by key, in the order of the jobs, earlier ones included.
@@ -94,7 +97,7 @@ def run(jobs: Iterable[Job], store: Store, running: Running = DEFAULT, name: str
         this = _Run(store, running.seconds, name, len(wanted), statuses, Counter(again))
         this.report()
         if todo:
-            with _site(running) as site:
+            with _site(running, workers) as site:
                 this.do(todo, site)
                 while this.suspects:
                     this.do([this.suspects.pop(0)], site)
@@ -396,8 +399,10 @@ PATIENCE = 20
 
 
 @contextmanager
-def _site(running: Running) -> Iterator[_Site]:
-    if running.cluster is not None:
+def _site(running: Running, workers: Workers | None) -> Iterator[_Site]:
+    if workers is not None:
+        yield workers.site()
+    elif running.cluster is not None:
         with _cluster(running.cluster) as site:
             yield site
     else:

@@ -35,7 +35,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class JobResult:
-    """What is kept of a job.
+    """The stored result of a job.
 
     Args:
         result: JSON text; None unless the job is done.

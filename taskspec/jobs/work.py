@@ -26,7 +26,7 @@ GRACE = 1.0
 
 
 class Ending(NamedTuple):
-    """How a call ended, in the words of its process; the process that waited for it reports those that `died`."""
+    """The end of a call, as its process reports it; the process that waited for it reports those that `died`."""
 
     status: Literal["done", "failed", "timed_out", "quarantined", "died"]
     result: str | None = None
@@ -34,7 +34,7 @@ class Ending(NamedTuple):
     seconds: float = 0.0
 
 
-class _Late(BaseException):
+class Late(BaseException):
     """The time is up. Not an `Exception`, so that a call which catches those stops as well."""
 
 
@@ -89,13 +89,13 @@ def perform(call: bytes, seconds: float | None, trace: Path) -> Ending:
     """
     start = time.perf_counter()
     try:
-        with _killed(seconds, trace), _interrupted(seconds), _alone():
+        with _killed(seconds, trace), interrupted(seconds), _alone():
             function, arguments = pickle.loads(call)
             if isinstance(function, str):
                 module, _, name = function.partition(":")
                 function = getattr(importlib.import_module(module), name)
             ending = Ending("done", _json(function(*arguments)))
-    except _Late as error:
+    except Late as error:
         ending = Ending("timed_out", message=f"{late(seconds)}: {_place(error)}")
     except TaskspecError as error:
         ending = Ending("failed", message=str(error))
@@ -118,9 +118,10 @@ def _json(value: Any) -> str:
 
 
 @contextmanager
-def _interrupted(seconds: float | None) -> Iterator[None]:
+def interrupted(seconds: float | None) -> Iterator[None]:
     """Interrupt a block after some time: by a signal, between two steps of Python."""
-    if seconds is None or not hasattr(signal, "setitimer"):
+    is_main = threading.current_thread() is threading.main_thread()
+    if seconds is None or not is_main or not hasattr(signal, "setitimer"):
         yield
         return
     signal.signal(signal.SIGALRM, _ring)
@@ -132,7 +133,7 @@ def _interrupted(seconds: float | None) -> Iterator[None]:
 
 
 def _ring(*_: Any) -> None:
-    raise _Late
+    raise Late
 
 
 @contextmanager

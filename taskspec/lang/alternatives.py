@@ -146,7 +146,7 @@ def may_be_label(expr: s.Expr, scope: Scope) -> bool:
 def unify(
     checker: BaseChecker, values: Sequence[Value], exprs: Sequence[s.Expr], want: Domain | None = None
 ) -> tuple[list[Node], Domain | None]:
-    """Return nodes of alternatives that may stand for each other: all of one choice, or all numbers.
+    """Return nodes of alternatives that can replace each other: all of one choice, or all numbers.
 
     Beside numbers, labels of another choice than is wanted are refused (E306): as numbers they would pass for its positions.
     """

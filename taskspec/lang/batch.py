@@ -267,7 +267,7 @@ def evaluate(
 
 
 class _Plan(NamedTuple):
-    """How nodes are evaluated: values by place, constants in theirs, then reads, then operators and draws in order."""
+    """The order of evaluation of nodes: values by place, constants in theirs, then reads, then operators and draws in order."""
 
     values: list[Any]
     reads: list[tuple[int, tuple[Role, str]]]

@@ -1,4 +1,4 @@
-"""The typed core of the language: what is left of an expression once names, parameters and labels are resolved.
+"""The typed core of the language: expressions once names, parameters and labels are resolved.
 
 Four node classes, closed. Nodes are interned by the `Builder` that makes them, so equal expressions are one
 object, sharing is explicit, and identity is equality. Everything downstream (interpreter, code generators,
@@ -17,7 +17,7 @@ from taskspec.lang.types import Kind, Type
 
 
 class Role(enum.Enum):
-    """What a `Read` reads."""
+    """The kinds of value that a `Read` reads."""
 
     STATE = "state"
     ACTION = "action"

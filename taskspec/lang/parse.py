@@ -472,7 +472,7 @@ class _Reader:
 
 
 def literal(value: bool | int | float, text: s.SourceText) -> s.Expr:
-    """Return a YAML number or boolean as the expression it stands for."""
+    """Return a YAML number or boolean as an expression."""
     place = s.Place(text, 0, len(text.value))
     if isinstance(value, bool):
         return s.Boolean(value, place)

@@ -33,7 +33,7 @@ class Value:
     """A checked expression: its core node, and its domain when it is a choice (the node is then the label's index).
 
     `late` is set for a name that is known only when the task runs, even if it is a constant. `ends` are the bounds of
-    a component as far as they are written as numbers, so that they are the same for all parameters.
+    a component where they are written as numbers, so that they are the same for all parameters.
     """
 
     node: Node
@@ -243,7 +243,7 @@ class BaseChecker(ABC):
         return self.number_of(self.value(expr, scope))
 
     def number_of(self, value: Value) -> Node:
-        """Return a value in arithmetic: a label is the value that it stands for, or else its position."""
+        """Return a value in arithmetic: a label is the value that it is mapped to, or else its position."""
         domain = value.domain
         if domain is None or domain.values is None or domain.value_type is None:
             return value.node
@@ -318,7 +318,7 @@ class BaseChecker(ABC):
 
     @contextmanager
     def lenient(self, on: bool = True) -> Iterator[None]:
-        """Give up inside without a report on what has no value for these parameters, apart from what names stand for."""
+        """Give up inside without a report on what has no value for these parameters, except for the values of names."""
         before = self._lenient
         self._lenient = on
         try:

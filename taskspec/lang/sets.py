@@ -110,7 +110,7 @@ def unroll(
 ) -> list[Node]:
     """Return elements of `[e for x in range(n) for y in range(m)]`, one node each; the element may depend on the state.
 
-    `make` gives what stands for the element, in a scope of its own; `wants` are the domains of variables.
+    `make` gives the element, in a scope of its own; `wants` are the domains of variables.
     """
     found = _unrolled(checker, expr, expr.clauses, scope, make or partial(checker.numeric, expr.element), wants)
     _check_few(checker, "unrolled", len(found), expr, "elements to write out")
@@ -327,7 +327,7 @@ class _Side:
 
     @property
     def has_choices(self) -> bool:
-        """Whether it names a choice, or is a vector that does."""
+        """True where it names a choice, or is a vector that does."""
         return alternatives.domain_of(self.expr, self.scope) is not None or any(p.has_choices for p in self.parts)
 
     def value(self, want: Domain | None = None) -> Value:

@@ -18,7 +18,7 @@ HUGE = 1e300
 
 
 class Range(NamedTuple):
-    """What is known of every element of a value: its bounds, and whether it is always a finite number."""
+    """Bounds of every element of a value: its bounds, and whether it is always a finite number."""
 
     low: float
     high: float
@@ -91,7 +91,7 @@ REAL = Type(Kind.REAL)
 
 @dataclass(frozen=True, slots=True)
 class Domain:
-    """The values of a `choice`: labels, and for a mapped choice the value that each label stands for.
+    """The values of a `choice`: labels, and for a mapped choice the value of each label.
 
     A choice is carried as the index of its label. `values` has one entry a label: a scalar or a
     flat tuple, all of type `value_type`; `symbols` are what mathematics prints for the labels.
@@ -114,7 +114,7 @@ class Domain:
 
 
 def shape(type_: Type, domain: Domain | None) -> Shape:
-    """Return the shape of a value as arithmetic sees it: a mapped choice is what its label stands for."""
+    """Return the shape of a value as arithmetic sees it: that of a mapped choice is the shape of its values."""
     if domain is None or domain.value_type is None:
         return type_.shape
     return domain.value_type.shape

@@ -181,6 +181,8 @@ def soft_policy(mdp: Tabular, reward: Array, config: Matching) -> Array:
 
     def choose(t: int, q: Array) -> Array:
         """Return V (K, S) from Q (K, A, S)."""
+        if mdp.model.legal is not None:
+            q = np.where(mdp.model.legal, q, -np.inf)
         largest = q.max(axis=1, keepdims=True)
         exp_q = np.exp(q - largest)
         total = exp_q.sum(axis=1, keepdims=True)

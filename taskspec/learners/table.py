@@ -13,14 +13,14 @@ Activation = Literal["relu", "tanh"]
 
 @dataclass(frozen=True, slots=True)
 class Experience:
-    """How a policy gathers steps.
+    """Settings of how a policy gathers steps.
 
     Attributes:
         lanes: environments that are stepped together.
         steps: of each lane in a round.
-        whole: rounds are of whole episodes; what is left of the last one is dropped.
-        absorb: terminal states last until the horizon, so that all episodes are equally long; what is learned of them is told
-            apart by a flag. Tasks without a horizon stay as they are.
+        whole: rounds are of whole episodes; the rest of the last one is dropped.
+        absorb: terminal states last until the horizon, so that all episodes are equally long; a flag marks them.
+            Tasks without a horizon stay as they are.
         where: whose variant the policy acts in, where the roles of a task differ.
         critic_sees_time: the critic knows the time, so that it can tell that nothing follows the end of an episode.
         horizon: of the episodes that are learned in, in place of the task's own.

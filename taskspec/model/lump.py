@@ -138,7 +138,7 @@ def _total(flags: Node, users: Users, builder: Builder) -> Node | None:
     """Return a draw of how many of some conditions hold, if some have a draw each that nothing else uses.
 
     Its arguments are the probabilities of these draws, and the conditions with all of them true, and with all of them false. It
-    has the last of their sites, so that whatever else decides the conditions is drawn before.
+    has the last of their sites, so that everything else that decides the conditions is drawn before.
     """
     is_vector = isinstance(flags, Apply) and flags.op == "vector"
     parts: tuple[Node, ...] = (flags,)

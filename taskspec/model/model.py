@@ -14,6 +14,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import need
 from taskspec.lang.ir import Role
 from taskspec.model.space import Space, entries_of, shown
+from taskspec.task.legal import choices
 from taskspec.task.task import Task
 
 
@@ -44,7 +45,7 @@ Sparse = Any  # scipy.sparse.csr_array
 
 @dataclass(frozen=True)
 class RoundingTerms:
-    """What bounds of rounding errors need to know of a step.
+    """The quantities of a step on which bounds of rounding errors depend.
 
     `terms` is the largest number of outcomes of a row; the rewards of all outcomes are from `lowest` to `highest`.
     """
@@ -61,7 +62,7 @@ class RoundingTerms:
 
 @dataclass(frozen=True)
 class Step:
-    """What a step does at some time.
+    """The transitions and rewards of a step at some time.
 
     `P` (A*S, S) is the probability that the episode goes on in s', `P_end` (A*S, S) that it terminates there (None: no
     step terminates); rows of both together sum to 1. `R` (A*S,) is the expected reward. Entries of a row may repeat a column.
@@ -86,7 +87,7 @@ class Step:
         return replace(self, R=R, rounding=RoundingTerms(self.rounding.terms, lowest, highest))
 
     def same(self, other: Step) -> bool:
-        """Return whether two times are alike, so that one can stand for both."""
+        """Return whether two times have equal steps, so that one can be used for both."""
         if len(self.matrices) != len(other.matrices) or not np.array_equal(self.R, other.R):
             return False
         for a, b in zip(self.matrices, other.matrices, strict=True):
@@ -128,7 +129,7 @@ class Model:
 
     @property
     def is_timed(self) -> bool:
-        """Whether dynamics or rewards depend on the time."""
+        """True where dynamics or rewards depend on the time."""
         return len(self.steps) > 1
 
     def step(self, t: int) -> Step:
@@ -143,6 +144,30 @@ class Model:
     def with_reward(self, R: Array, lowest: float, highest: float) -> Model:
         """Return a model whose time does not matter with another expected reward (A*S,), and bounds of that of all outcomes."""
         return replace(self, steps=(self.step(0).with_reward(R, lowest, highest),))
+
+    # -- legal actions ----------------------------------------------------------------------------
+
+    @cached_property
+    def legal(self) -> Array | None:
+        """The actions (A, S) that policies choose from in each state; None where these are all."""
+        if not self.task.mask:
+            return None
+        return choices(self.task, {name: value for (_, name), value in self.states.decode(self.codes).items()})
+
+    def among_legal(self, values: Array, other: Any) -> Array:
+        """Return numbers (A, S, ...) of actions in states, with another one in place of those of illegal actions."""
+        if self.legal is None:
+            return values
+        legal = self.legal.reshape(*self.legal.shape, *(1,) * (values.ndim - 2))
+        return np.where(legal, values, other)
+
+    @cached_property
+    def uniform(self) -> Array:
+        """The probability of each action (A, S) if all that are legal are as probable."""
+        shape = (self.n_actions, self.n_states)
+        if self.legal is None:
+            return np.broadcast_to(1 / self.n_actions, shape)
+        return np.asarray(self.legal / self.legal.sum(axis=0))
 
     # -- names both ways --------------------------------------------------------------------------
 

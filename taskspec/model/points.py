@@ -90,7 +90,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Samples:
-    """Points that episodes visit, and others of the declared domains of which it is not known whether any does.
+    """Points that episodes visit, and others of the declared domains, which episodes may or may not visit.
 
     The domain of a real value says where it lies, but not what holds between several (a point on a
     circle, probabilities that sum to 1). States with one among others are therefore taken from

@@ -228,10 +228,10 @@ TIME = (Role.TIME, "t")
 
 @dataclass(frozen=True)
 class Outcomes:
-    """What may happen at some of the points.
+    """The possible outcomes at some of the points.
 
     Each of `weight`, `code`, `outside` (None: nothing is outside), `reward` and `terminal` has M
-    entries, or one that stands for all. `origin` (M,) gives the point of each; None: one each.
+    entries, or one for all. `origin` (M,) gives the point of each; None: one each.
     """
 
     weight: Array
@@ -298,7 +298,7 @@ class Steps:
 
     @property
     def ends(self) -> bool:
-        """Whether some step may terminate."""
+        """True where some step may terminate."""
         return not (isinstance(self.task.process.terminal, Const) and not self.task.process.terminal.value)
 
     @cached_property

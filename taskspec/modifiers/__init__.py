@@ -147,7 +147,7 @@ def modify(task: Task, *modifiers: Written) -> Task:
 
 
 def with_options(task: Task, ending: Ending, observe_time: bool) -> Task:
-    """Return the task with the modifiers that options of environments stand for."""
+    """Return the task with the modifiers of the options of environments."""
     asked = {"absorbing": ending == "absorb", "time_observed": observe_time}
     return modify(task, *(name for name, wanted in asked.items() if wanted))
 

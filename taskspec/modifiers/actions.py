@@ -175,6 +175,8 @@ def _absorbing(b: Builder, task: Task, given: Arguments) -> Task:
         terminal=b.scalar(False),
         measures={name: b.apply("where", over, b.scalar(0.0), node) for name, node in task.process.measures.items()},
     )
+    if task.process.legal is not None:
+        changed = changed.with_process(legal=b.apply("or", over, task.process.legal))
     changed = paying(b, changed, b.apply("where", over, task.process.absorbing_reward, task.process.reward))
     ended = with_state(changed, [AddedState(flag, b.scalar(False), b.apply("or", over, task.process.terminal))])
     return replace(ended, observation=task.observation)  # an absorbed state is observed as what it is

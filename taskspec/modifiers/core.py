@@ -1,4 +1,4 @@
-"""What modifiers do to the parts of a task: state added, actions and observations replaced, draws made."""
+"""Changes of the parts of a task by modifiers: state added, actions and observations replaced, draws made."""
 
 from __future__ import annotations
 
@@ -102,8 +102,12 @@ def acting(b: Builder, task: Task, executed: Mapping[str, Node]) -> Task:
 
 
 def meaning(b: Builder, task: Task, meant: Mapping[str, Node]) -> Task:
-    """Return the task in which each action stands for another one, by name; its expert remembers those that are meant."""
-    return remembering(b, acting(b, task, meant), {(Role.ACTION, name): node for name, node in meant.items()})
+    """Return the task in which each action is replaced by another one, by name; its expert remembers those that are meant."""
+    reads = {(Role.ACTION, name): node for name, node in meant.items()}
+    changed = acting(b, task, meant)
+    if task.process.legal is not None:
+        changed = changed.with_process(legal=b.substitute([task.process.legal], reads)[0])
+    return remembering(b, changed, reads)
 
 
 def drawing(task: Task, drawn: Mapping[int, Draw]) -> Task:

@@ -1,4 +1,4 @@
-"""What an entry of the table of modifiers says, and how its arguments are read."""
+"""The entries of the table of modifiers, and the reading of their arguments."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
 
 
 def _bounded(components: Sequence[Component], found: Sequence[MapPart]) -> list[Component]:
-    """Return components with the bounds that parts of a map give them, as far as these are known."""
+    """Return components with the known bounds that parts of a map give them."""
     made = list(components)
     for part in found:
         ends = list(bounds(part))
@@ -109,7 +109,7 @@ def _check_space(task: Task, components: Sequence[Component]) -> None:
 
 
 def _steered(b: Builder, task: Task, symmetry: Symmetry) -> Task:
-    """Return the task in which an action does what that one did which it stands for."""
+    """Return the task in which an action does what its image under the map did."""
     found = parts(Role.ACTION, task.action, symmetry.action, is_tied=True)
     executed: dict[str, Node] = {}
     for part in found:
@@ -133,7 +133,7 @@ def _steered(b: Builder, task: Task, symmetry: Symmetry) -> Task:
 
 
 def _undone(b: Builder, part: MapPart) -> list[Node]:
-    """Return the action that a part of an action stands for, by component."""
+    """Return the original of a part of an action, by component."""
     given = [present(b, c, Role.ACTION) for c in part.inputs]
     if part.moves is not None:
         return _moved_back(b, part.inputs, given, part.moves)

@@ -200,7 +200,7 @@ def _declared(c: Component, ranges: bool) -> tuple[Any, ...]:
 def _forms(task: Task, forms: NormalForms) -> list[int]:
     """Return the forms of all that a task computes."""
     found = forms.all([*task.process.initial, *task.first_observation])
-    found += forms.all(task.step_roots)
+    found += forms.all([*task.step_roots, *task.mask])
     expert = task.annotations.expert_nodes
     return found + forms.all([*task.observation.nodes, task.process.absorbing_reward, *expert])
 

@@ -34,7 +34,7 @@ class ScoreFact:
 
 @dataclass(frozen=True, slots=True)
 class VerdictFact:
-    """What became of a claim; `holds` is None when it was not decided, and there are no words when it was not checked."""
+    """The verdict on a claim; `holds` is None when it was not decided, and there are no words when it was not checked."""
 
     holds: bool | None = None
     words: str = ""
@@ -42,7 +42,7 @@ class VerdictFact:
 
 @dataclass(frozen=True)
 class Facts:
-    """What a page tells beyond the task itself; `verdicts` follow the order of the task's claims.
+    """Results that a page shows beside the task itself; `verdicts` follow the order of the task's claims.
 
     `unknown` names the returns that every task has, and that could not be worked out for this one.
     """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from typing import Any, assert_never
 
@@ -20,14 +20,19 @@ from taskspec.printers.markup import mathml
 from taskspec.printers.text import plain
 
 BREAK_AFTER = 34.0  # letters of a formula that is longer than a line on small screens
+SPLIT_AFTER = 44.0  # letters of a formula that is decided case by case, and wider than small screens
 _SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
 
 
 @dataclass(frozen=True)
 class HtmlWriter:
-    """Writes prose; sources that are known are cited by author and year."""
+    """Writes prose; sources that are known are cited by author and year.
+
+    `states` are codes of states by their symbols: lines of transitions from them are marked, so that a figure can point at them.
+    """
 
     references: Mapping[str, Reference]
+    states: Mapping[str, int] = field(default_factory=dict)
 
     def words(
         self,
@@ -61,6 +66,9 @@ class HtmlWriter:
         for title, values in zip(settings, line.values, strict=False):
             if values:
                 out += Markup('<span class="values">{}: {}</span>').format(title, self.prose(values))
+        state = self.states.get(origin_of(line.content))
+        if state is not None:
+            return Markup('<span data-of="{}">{}</span>').format(state, out)
         return out
 
     def prose(self, content: p.Inlines) -> Markup:
@@ -129,7 +137,12 @@ def formula(math: m.Math, display: bool = False) -> Markup:
     """Return mathematics in a line; a long formula in pieces, so that the browser can break the line between them."""
     if display:
         return Markup(f'<span class="display">{mathml(math, block=True)}</span>')
-    pieces = _pieces(math) if m.width(math) > BREAK_AFTER else [math]
+    match _flat(math):
+        case [*left, m.Cases(rows=rows)] if m.width(math) > SPLIT_AFTER:
+            return _split(math, left, rows)
+    pieces = _pieces(_flat(math)) if m.width(math) > BREAK_AFTER else [math]
+    if max(map(m.width, pieces)) > BREAK_AFTER:
+        pieces = _pieces(_flat(math, inside=True))
     if len(pieces) == 1:
         kind = "rigid" if m.width(math) > BREAK_AFTER else "formula"
         return Markup(f'<span class="{kind}">{mathml(math)}</span>')
@@ -138,9 +151,27 @@ def formula(math: m.Math, display: bool = False) -> Markup:
     return Markup(f'<span class="formula long" role="math" aria-label="{alt}">{inner}</span>')
 
 
-def _pieces(math: m.Math) -> list[m.Math]:
+def _split(math: m.Math, left: list[m.Math], rows: Iterable[tuple[m.Math, m.Math]]) -> Markup:
+    """Return a formula that ends case by case as a grid, in whose cells lines can break."""
+    cells = Markup("").join(Markup("<span>{}</span>").format(formula(part)) for row in rows for part in row)
+    before = formula(m.row(*left)) if left else ""
+    whole = '<span class="split" role="math" aria-label="{}">{}<span class="rows">{}</span></span>'
+    return Markup(whole).format(plain(math), before, cells)
+
+
+def origin_of(content: p.Inlines) -> str:
+    """Return the symbol of the state that a line of transitions starts from; "" for other lines."""
+    match content:
+        case (p.Formula(math=m.Row(items=(origin, m.Arrow(), *_))), *_):
+            return plain(origin)
+        case _:
+            return ""
+
+
+def _pieces(items: Iterable[m.Math]) -> list[m.Math]:
+    """Return items in rows, each from a sign to the next one."""
     out: list[list[m.Math]] = [[]]
-    for item in _flat(math):
+    for item in items:
         if isinstance(item, m.Sym) and item.text in _SIGNS and item.text != "," and len(out[-1]) > 0:
             out.append([])
         out[-1].append(item)
@@ -149,10 +180,15 @@ def _pieces(math: m.Math) -> list[m.Math]:
     return [m.row(*items) for items in out if items]
 
 
-def _flat(math: m.Math) -> list[m.Math]:
-    if isinstance(math, m.Row):
-        return [x for item in math.items for x in _flat(item)]
-    return [math]
+def _flat(math: m.Math, inside: bool = False) -> list[m.Math]:
+    """Return the items of rows in rows; with `inside` also those within brackets that are as high as a line."""
+    match math:
+        case m.Row(items=items):
+            return [x for item in items for x in _flat(item, inside)]
+        case m.Fence(left=left, body=body, right=right) if inside and not m.is_tall(body):
+            return [m.Sym(left), *_flat(body, inside), m.Sym(right)]
+        case _:
+            return [math]
 
 
 def _infix(element: str) -> str:

@@ -36,7 +36,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Page:
-    """What is printed about one task, and beside the symbols what it is with the values of each setting."""
+    """The printed form of one task, with the values of each setting beside the symbols."""
 
     id: str
     name: str

@@ -13,7 +13,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from taskspec.base.extras import need
 from taskspec.printers import tree as m
 from taskspec.printers.tex import read as read_tex
 
@@ -66,7 +65,7 @@ class Cite:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Whether something was found to hold; None where it was not decided."""
+    """A mark of a verdict: holds or not, None where it was not decided."""
 
     holds: bool | None
     text: str
@@ -104,12 +103,11 @@ _MINUS = re.compile(r"(?<![^\s([{,;:=])-(?=\d)")  # the sign of a negative numbe
 
 @lru_cache(maxsize=1)
 def _parser() -> MarkdownIt:
-    markdown = need("markdown_it", "docs")
-    dollars = need("mdit_py_plugins.dollarmath", "docs")
-    parser: MarkdownIt = markdown.MarkdownIt("commonmark", {"html": False})
-    return parser.disable(["image", "html_inline", "html_block"]).use(
-        dollars.dollarmath_plugin, allow_digits=False, double_inline=True
-    )
+    from markdown_it import MarkdownIt
+    from mdit_py_plugins.dollarmath import dollarmath_plugin
+
+    parser = MarkdownIt("commonmark", {"html": False}).disable(["image", "html_inline", "html_block"])
+    return parser.use(dollarmath_plugin, allow_digits=False, double_inline=True)
 
 
 def blocks(text: str | None) -> tuple[Block, ...]:

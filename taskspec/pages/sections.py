@@ -276,6 +276,13 @@ class SectionLine:
     verbatim: str | None = None
 
 
+_LABELS = {
+    "parameters": "Parameters", "modifiers": "Modifiers", "state": "States", "actions": "Actions", "initial": "Start",
+    "scores": "Returns", "abstraction": "Abstraction", "errata": "Corrections",
+}  # fmt: skip
+"""Short titles of sections."""
+
+
 @dataclass(frozen=True, slots=True)
 class Section:
     """A heading and its lines, or a table; with `lead` the first line follows the heading, the others are below it."""
@@ -285,6 +292,11 @@ class Section:
     lines: tuple[SectionLine, ...]
     lead: bool = False
     table: CellTable | None = None
+
+    @property
+    def label(self) -> str:
+        """The title in a word, for a column of labels."""
+        return _LABELS.get(self.key, self.title)
 
     def laid_out(self, lines: list[T]) -> tuple[T | None, list[T]]:
         """Return the text beside the heading and the lines below it."""

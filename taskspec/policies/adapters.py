@@ -30,6 +30,8 @@ from taskspec.policies.policy import (
     Tabulated,
     TaskPolicy,
     drawn,
+    greedy,
+    legal_rows,
     named,
     observation_of,
     states_of,
@@ -38,6 +40,7 @@ from taskspec.policies.policy import (
 from taskspec.rollout.rollout import State, reads_of
 from taskspec.solve.plans import timed
 from taskspec.task import spaces
+from taskspec.task.legal import restricted
 from taskspec.task.task import Task
 
 ASKS = 16
@@ -110,8 +113,12 @@ class ObservationPolicy(TaskPolicy):
             found[c.name] = _of_kind(values, c.type.kind).T.reshape(*c.type.shape, lanes)
         return found
 
-    def probabilities(self, observations: Any) -> Array | None:
-        """Return probabilities float64 (N, A) of actions, first component slowest; None where they are unknown."""
+    def probabilities(self, observations: Any, legal: Array | None = None) -> Array | None:
+        """Return probabilities float64 (N, A) of actions, first component slowest; None where they are unknown.
+
+        Args:
+            legal: bool (N, A); illegal actions have the probability 0.
+        """
         return None
 
     def tabulate(self, model: Model) -> Tabulated | None:
@@ -135,7 +142,8 @@ class ObservationPolicy(TaskPolicy):
 
     def _probabilities(self, model: Model, t: int) -> Array | None:
         """Return probabilities (A, S) at a time; None where they are unknown."""
-        found = self.probabilities(self.observe(states_of(model), t, np.random.default_rng(0)))
+        states = states_of(model)
+        found = self.probabilities(self.observe(states, t, np.random.default_rng(0)), legal_rows(self.task, states))
         if found is None:
             return None
         is_right = found.shape == (model.n_states, model.n_actions) and (found >= 0).all()
@@ -196,6 +204,8 @@ class Predictor(ObservationPolicy):
             options["state"] = self.memory
         if "episode_start" in self.takes:
             options["episode_start"] = np.full(len(batch.running), batch.t == 0)
+        if "action_masks" in self.takes and batch.states:
+            options["action_masks"] = legal_rows(self.task, batch.states)
         answer = self.policy.predict(self.normalise(batch.observations), **options)
         if isinstance(answer, tuple):
             actions, self.memory = answer
@@ -203,12 +213,17 @@ class Predictor(ObservationPolicy):
             actions, self.memory = (answer, None)
         return actions
 
-    def probabilities(self, observations: Any) -> Array | None:
+    def probabilities(self, observations: Any, legal: Array | None = None) -> Array | None:
         if self.deterministic:
             return None
+        found: Array | None
         if self.gives_probabilities:
-            return np.asarray(self.gives_probabilities(self.normalise(observations)), np.float64)
-        return _sb3_probabilities(self.policy, self.normalise(observations))
+            found = np.asarray(self.gives_probabilities(self.normalise(observations)), np.float64)
+        else:
+            found = _sb3_probabilities(self.policy, self.normalise(observations))
+        if found is None or legal is None:
+            return found
+        return restricted(found, legal)
 
 
 class ProbabilisticPolicy(ObservationPolicy):
@@ -216,24 +231,31 @@ class ProbabilisticPolicy(ObservationPolicy):
 
     Args:
         task: the task in which it acts.
-        function: from observations (N, *shape) to probabilities (N, A).
+        function: from observations (N, *shape) to probabilities (N, A), or to values if it is greedy.
         seed: of its draws.
+        is_greedy: whether it takes the actions of the largest values.
     """
 
-    def __init__(self, task: Task, function: Callable[[Any], Array], seed: int) -> None:
+    def __init__(self, task: Task, function: Callable[[Any], Array], seed: int, is_greedy: bool = False) -> None:
         super().__init__(task, "probabilities")
         self.function = function
+        self.is_greedy = is_greedy
         self.rng = np.random.default_rng(seed)
 
     def act(self, batch: EpisodeBatch) -> Any:
-        rows = self.function(batch.observations)
+        rows = self.probabilities(batch.observations, legal_rows(self.task, batch.states))
         index = drawn(rows.T, self.rng.random(len(rows)))
         if self.actions.form == "discrete":
             return index + self.actions.starts[0]
         return np.stack(np.unravel_index(index, self.actions.counts), axis=1)
 
-    def probabilities(self, observations: Any) -> Array:
-        return np.asarray(self.function(observations), np.float64)
+    def probabilities(self, observations: Any, legal: Array | None = None) -> Array:
+        found = np.asarray(self.function(observations), np.float64)
+        if self.is_greedy:
+            return greedy(found, legal)
+        if legal is None:
+            return found
+        return restricted(found, legal)
 
 
 class ObservationFunction(ObservationPolicy):
@@ -357,7 +379,7 @@ def _sb3_probabilities(policy: Any, observations: Any) -> Array | None:
     actor.set_training_mode(False)
     found = actor.get_distribution(actor.obs_to_tensor(observations)[0]).distribution
     parts = found if isinstance(found, list) else [found]
-    if any(type(part).__name__ != "Categorical" for part in parts):
+    if any(type(part).__name__ not in ("Categorical", "MaskableCategorical") for part in parts):
         return None
     rows = [part.probs.detach().cpu().numpy().astype(np.float64) for part in parts]
     joint = reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), rows)

@@ -25,6 +25,7 @@ from taskspec.scores.returns import Given, Results, Return
 from taskspec.solve import solve
 from taskspec.solve.backward import Plan, rule_of
 from taskspec.solve.plans import tables, uniform_plan
+from taskspec.task.legal import choices, legal_at_random
 from taskspec.task.parts import Soft
 from taskspec.task.spaces import SpaceLayout, pack_many
 from taskspec.task.task import Task
@@ -98,6 +99,13 @@ class Tabulated:
     asked: Asking
 
 
+def legal_rows(task: Task, states: State) -> Array | None:
+    """Return which actions may be chosen in states by component, bool (N, A); None where all are legal, or states are unknown."""
+    if not task.mask or not states:
+        return None
+    return choices(task, states).T
+
+
 class TaskPolicy(ABC):
     """A policy of a task.
 
@@ -141,8 +149,10 @@ def drawn(probabilities: Array, uniform: Array) -> Array:
     return index
 
 
-def greedy(values: Array) -> Array:
-    """Return the probabilities (..., A) of the greedy policy of values (..., A), uniform over tied actions."""
+def greedy(values: Array, legal: Array | None = None) -> Array:
+    """Return the probabilities (..., A) of the greedy policy of values (..., A), uniform over tied actions that are `legal`."""
+    if legal is not None:
+        values = np.where(legal, values, -np.inf)
     high = values.max(axis=-1, keepdims=True)
     best = values >= high - TIE * np.maximum(np.abs(high), 1)
     found: Array = best / best.sum(axis=-1, keepdims=True)
@@ -166,7 +176,7 @@ def states_of(model: Model) -> State:
 # -- policies by name -------------------------------------------------------------------------------------------------
 
 NAMES = {
-    "random": "uniform over the action space",
+    "random": "uniform over the action space, or over the legal actions",
     "expert": "the spec's own",
     "optimal": "one of the best actions, planned on the exact model",
     "soft(1)": "Boltzmann-rational at an inverse temperature, planned on the exact model",
@@ -295,8 +305,10 @@ class RandomPolicy(NamedPolicy):
         self.words = total_size(task.action)
 
     def by_words(self, states: State, t: int, words: Array) -> Actions:
-        """Return uniform actions, from one word for each number."""
+        """Return uniform actions, from one word for each number; only legal ones, where the task tells them apart."""
         found: dict[str, Array] = {}
+        if self.task.mask:
+            return legal_at_random(self.task, states, words[0])
         first = 0
         for c in self.task.action:
             own = words[first : first + c.type.size]
@@ -369,8 +381,7 @@ class EpsilonPolicy(NamedPolicy):
 
     def plan(self, model: Model) -> Plan:
         base = self.base.plan(model)
-        uniform = self.epsilon / model.n_actions
-        return lambda t: (1 - self.epsilon) * base(t) + uniform
+        return lambda t: (1 - self.epsilon) * base(t) + self.epsilon * model.uniform
 
     @cached_property
     def value(self) -> Return | None:

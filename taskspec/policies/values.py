@@ -19,7 +19,7 @@ from taskspec.policies.adapters import (
     Varies,
 )  # fmt: skip
 from taskspec.policies.experts import Expert
-from taskspec.policies.policy import Asking, EpisodeBatch, TaskPolicy, greedy, planned, states_of
+from taskspec.policies.policy import Asking, EpisodeBatch, TaskPolicy, greedy, legal_rows, planned, states_of
 from taskspec.registry import load
 from taskspec.rollout.rollout import EPISODES, Rollout, State
 from taskspec.scores.returns import Results, Return
@@ -27,6 +27,7 @@ from taskspec.scores.scores import Scores, scores
 from taskspec.solve import solve
 from taskspec.solve.backward import Plan
 from taskspec.solve.plans import stationary, timed
+from taskspec.task.legal import restricted
 from taskspec.task.task import Task, TaskLike
 
 
@@ -178,7 +179,7 @@ def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
         return _of_table(results, np.asarray(policy), seed)
     probabilities = observed_probabilities(policy, results.task)
     if probabilities is not None:
-        return _of_probabilities(results, probabilities, probabilities, seed)
+        return _of_rows(results, probabilities, seed)
     if hasattr(policy, "predict"):
         predictor = Predictor(results.task, policy, deterministic=True)
         best = _value(results, predictor).value
@@ -206,11 +207,11 @@ def observed_probabilities(policy: Any, task: Task) -> Probabilities | None:
     return lambda observations: np.asarray(predictor.probabilities(observations), np.float64)
 
 
-def _of_probabilities(results: Results, values: Probabilities, stochastic: Probabilities, seed: int) -> ObservedValue:
-    """Return the values of the greedy policy of some values (N, A), and of a stochastic policy."""
-    best = ProbabilisticPolicy(results.task, lambda observations: greedy(values(observations)), seed)
-    random = ProbabilisticPolicy(results.task, stochastic, seed)
-    return ObservedValue(_value(results, best).value, _value(results, random).value)
+def _of_rows(results: Results, rows: Probabilities, seed: int, is_stochastic: bool = True) -> ObservedValue:
+    """Return the values of the greedy policy of some rows (N, A), and of the stochastic one, if they are probabilities."""
+    best = ProbabilisticPolicy(results.task, rows, seed, is_greedy=True)
+    drawn = ProbabilisticPolicy(results.task, rows, seed, is_greedy=not is_stochastic)
+    return ObservedValue(_value(results, best).value, _value(results, drawn).value)
 
 
 def _of_table(results: Results, table: Array, seed: int) -> ObservedValue:
@@ -225,23 +226,31 @@ def _of_table(results: Results, table: Array, seed: int) -> ObservedValue:
         misused(f"a table is a policy where observations are one number and actions finite, not on {results.task.id}")
     first = actions.starts[0] if actions.form == "discrete" else 0
     table = _by_row(table, seen.counts[0], int(np.prod(actions.counts)), first)
-    stochastic = table if are_probabilities(table) else greedy(table)
+    is_stochastic = are_probabilities(table)
     if table.ndim == 3:
-        return ObservedValue(_timed_value(results, greedy(table)), _timed_value(results, stochastic))
+        best = _timed_value(results, table, is_greedy=True)
+        return ObservedValue(best, _timed_value(results, table, is_greedy=not is_stochastic))
     start = seen.starts[0]
-    return _of_probabilities(
-        results, lambda rows: table[np.asarray(rows) - start], lambda rows: stochastic[np.asarray(rows) - start], seed
-    )
+    return _of_rows(results, lambda seen: table[np.asarray(seen) - start], seed, is_stochastic)
 
 
-def _timed_value(results: Results, table: Array) -> Return:
-    """Return the value of a table (T, O, A) on the exact model, if its states and observations are one to one."""
+def _timed_value(results: Results, table: Array, is_greedy: bool) -> Return:
+    """Return the value of a table (T, O, A) of probabilities, or of values of a greedy policy, on the exact model.
+
+    Its states and observations have to be one to one.
+    """
     model = results.model
     policy = Predictor(results.task, None)
     if model is None or model.task is not results.task or policy.is_noisy or policy.sees_time:
         misused(f"a table over the time is a policy where observations show the state, not on {results.task.id}")
     observations = policy.observe(states_of(model), 0, np.random.default_rng(0)) - policy.layout.starts[0]
-    return _table_value(results, table[:, observations].astype(np.float64)).value
+    rows = table[:, observations].astype(np.float64)
+    legal = legal_rows(results.task, states_of(model))
+    if is_greedy:
+        rows = greedy(rows, legal)
+    elif legal is not None:
+        rows = restricted(rows, legal)
+    return _table_value(results, rows).value
 
 
 # -- scores -----------------------------------------------------------------------------------------------------------

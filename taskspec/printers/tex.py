@@ -98,7 +98,7 @@ _CLOSING = {
 
 @dataclass
 class _TexReader:
-    """One pass over the tokens; `holes` are the names that stand for arguments."""
+    """One pass over the tokens; `holes` are the names of arguments."""
 
     tokens: list[str]
     holes: Collection[str] = ()
@@ -285,7 +285,7 @@ def read(text: str, holes: Collection[str] = ()) -> Math:
 
     Args:
         text: TeX, without dollars.
-        holes: names which, alone in braces, stand for arguments of a template.
+        holes: names which, alone in braces, are arguments of a template.
     """
     reader = _TexReader([_SAME.get(token, token) for token in _TOKEN.findall(text)], holes)
     found: list[Math] = []

@@ -24,6 +24,7 @@ from taskspec.lang.types import Kind, total_size
 from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.model import refuse
 from taskspec.model.points import BYTES, Budget, Cost, columns, sampled
+from taskspec.task.legal import legal_at_random
 from taskspec.task.parts import Component
 from taskspec.task.task import Task
 
@@ -87,10 +88,12 @@ def is_bounded(task: Task) -> bool:
 
 
 def at_random(task: Task) -> Choose:
-    """Return random actions like those of `action_space.sample()`: uniform, where a range has both ends."""
+    """Return random actions like those of `action_space.sample()`: uniform, where a range has both ends; only legal ones."""
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
         lanes = next(iter(state.values())).shape[-1]
+        if task.mask:
+            return legal_at_random(task, state, rng.integers(0, 2**32, lanes, dtype=np.uint32))
         return {c.name: uniform(c, lanes, rng) for c in task.action}
 
     return choose
@@ -171,7 +174,7 @@ def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
 def _affordable(task: Task) -> int:
     """Return the number of steps for constant actions, which lead far: more than for others if steps are cheap.
 
-    They are taken one after the other as far as an episode goes, and side by side beyond, which is quicker.
+    They are taken one after the other within an episode, and side by side beyond, which is quicker.
     """
     cost = Cost((*task.process.next, task.process.reward, task.process.terminal), simulated=True)
     return max(STEPS, min(MANY_STEPS, int(HELD / cost.seconds(LANES))))
@@ -215,7 +218,7 @@ def _spread(values: Array, lanes: int) -> Array:
 
 
 def entered(task: Task, reads: Mapping[Key, Array], ends: bool, rng: np.random.Generator) -> dict[Key, Array]:
-    """Return the next states of reads, and their times, as far as they stay in the state space.
+    """Return the next states of reads that stay in the state space, and their times.
 
     A step that ends the episode counts with `ends` alone: a state that only such steps lead to is one that no episode acts in.
     """

@@ -109,9 +109,9 @@ _VERSIONED = re.compile(r"(?:[^?+]*/)?([^?+]+?)(?:-v\d+)?([?+].*)?")
 
 
 def side(score: Mapping[str, Any]) -> str:
-    """Return the side of a task that a score belongs to: "printed", "twin", or the name of a probe."""
-    if score["probe"]:
-        return str(score["probe"])
+    """Return the side of a task that a score belongs to: "printed", "twin", or what is tried for peeking."""
+    if score["peek"]:
+        return str(score["peek"])
     if score["twin"] is None:
         return "printed"
     return "twin"
@@ -256,13 +256,15 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
     Args:
         unable: tasks by learner that quantifiers pass over.
         bound: variables of comprehensions, each with its task or learner.
-        collector: for mistakes in a rule that is only checked: one member of each group stands for all.
+        of_means: whether numbers over seeds count as known exactly, without intervals.
+        collector: for mistakes in a rule that is only checked: one member of each group is tried.
     """
 
     scores: SeedScores
     names: RuleNames
     unable: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     bound: Mapping[str, str] = field(default_factory=dict)
+    of_means: bool = False
     collector: Collector | None = None
     _known: dict[tuple[str, str, str, str], Estimate] = field(default_factory=dict)
 
@@ -376,7 +378,8 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         key = (name, learner, task, side)
         if key not in self._known:
             values = self.scores.values(learner, task, side, NUMBERS[name].entry)
-            self._known[key] = estimate(values, NUMBERS[name].statistic, "/".join(key[1:]))
+            found = estimate(values, NUMBERS[name].statistic, "/".join(key[1:]))
+            self._known[key] = Estimate.exactly(found.value) if self.of_means else found
         return self._known[key]
 
     def _member(self, expr: s.Expr, kind: str) -> str:

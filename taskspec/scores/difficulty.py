@@ -66,7 +66,8 @@ def _branching(model: Model) -> float:
     """Return the mean number of possible next states of states in which episodes act."""
     both: Any = sum(model.step(0).matrices)
     n = model.n_states
-    reached: Any = sum(both[a * n : (a + 1) * n] for a in range(model.n_actions))
+    shares = model.uniform
+    reached: Any = sum(both[a * n : (a + 1) * n].multiply(shares[a, :, None]) for a in range(model.n_actions)).tocsr()
     reached.eliminate_zeros()
     return float(np.diff(reached.indptr)[model.acting].mean())
 
@@ -164,10 +165,9 @@ _MEASURES = [
         _on_model(value_norm)),
     Measure(
         "effective_horizon", "steps",
-        "A bound on the effective horizon of a deterministic task: exhaustive search over this many steps takes as many episodes "
-        "as looking k steps ahead, with enough random episodes each time to choose correctly.",
-        r"\min_k k + \log_{\lvert A \rvert} \max_{t, s}"
-        r" \lceil \tfrac{28}{3} v_{t,s} d_{t,s}^{-2} \log(2 T \lvert A \rvert^k) \rceil",
+        "The least k + log_A m for which greedy over random policy, which judges every sequence of k actions by m random "
+        "episodes, is optimal with probability 1/2, in a deterministic task.",
+        r"\min \{k + \log_{\lvert A \rvert} m : P(\text{GORP}(k, m) \text{ is optimal}) \geq \tfrac12\}",
         LAIDLAW, _on_model(effective_horizon)),
 ]  # fmt: skip
 MEASURES: dict[str, Measure] = entries_by_name(_MEASURES)
@@ -196,7 +196,7 @@ class Difficulty(Mapping[str, float | None]):
         return len(self.measured)
 
     def record(self) -> dict[str, Any]:
-        """As plain data for JSON: the measures by name, and the reasons why some are None."""
+        """Return plain data for JSON: the measures by name, and the reasons why some are None."""
         return {**self.measured, "why_not": dict(self.why_not)}
 
     def rows(self) -> list[tuple[str, float | None, str, str]]:

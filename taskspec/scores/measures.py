@@ -14,6 +14,7 @@ from taskspec.base.limits import count, how_to_raise, limits
 from taskspec.model.model import Model, refuse, scipy_sparse
 from taskspec.model.space import entries_of
 from taskspec.model.transitions import Steps, merge_outcomes
+from taskspec.scores.gorp import Gorp
 from taskspec.solve.backward import Plan, action_values, all_values, backward, first_values
 from taskspec.solve.bounded import Bound, Bounded
 from taskspec.solve.infinite_horizon import chain_values, fixed_point, leading_to
@@ -58,7 +59,7 @@ def solution_length(model: Model) -> float:
         return action_values(model.step(t).P, reward, 1.0, value)
 
     def choose(t: int, q: Array) -> Array:
-        is_busy = (q[..., 0] > 0).any(axis=0)
+        is_busy = (model.among_legal(q[..., 0], 0.0) > 0).any(axis=0)
         length = np.where(plan(t) > 0, q[..., 1], np.inf).min(axis=0)
         return np.stack([is_busy, np.where(is_busy, length, 0.0)], axis=-1)
 
@@ -73,7 +74,7 @@ def _pays(model: Model, t: int) -> Array:
     if step.rounding.lowest < 0 < step.rounding.highest:  # outcomes of both signs may cancel
         found = outcome_table(model, t)
         paid = np.bincount(found.row, found.reward != 0, len(paid)) > 0
-    return np.asarray(paid.reshape(model.n_actions, model.n_states), np.float64)
+    return np.asarray(model.among_legal(paid.reshape(model.n_actions, model.n_states), False), np.float64)
 
 
 # -- outcomes of one step ---------------------------------------------------------------------------------------------
@@ -124,11 +125,13 @@ class RandomSteps:
     def _listed(self, t: int) -> StepOutcomes:
         n = self.model.n_states
         found = self.steps.table(self.model.codes, t)
-        acting = self.model.acting[found.row % n]
+        uniform = self.model.uniform
+        acting = self.model.acting[found.row % n] & (uniform.reshape(-1)[found.row] > 0)
         keys = (found.row % n, found.column, found.ends, found.reward.astype(np.float64))
         (state, target, ends, reward), weight = merge_outcomes([key[acting] for key in keys], found.weight[acting])
         first = np.searchsorted(state, np.arange(n + 1))
-        return StepOutcomes(state, target, reward, ends, weight / self.model.n_actions, first)
+        number = np.count_nonzero(uniform, axis=0)  # of actions
+        return StepOutcomes(state, target, reward, ends, weight / number[state], first)
 
 
 # -- probability of a reward ------------------------------------------------------------------------------------------
@@ -235,18 +238,11 @@ def _extremes(steps: RandomSteps, horizon: int, extreme: np.ufunc) -> list[Array
 #
 # After C. Laidlaw, S. Russell and A. Dragan, "Bridging RL Theory and Practice with the Effective Horizon" (NeurIPS 2023). Q1 is
 # the action value of uniformly random actions, and Q(k+1) one Bellman backup of Qk. A task is k-QVI-solvable if every policy
-# that is greedy for Qk is optimal. GORP plays the first action of the best of all A^k action sequences, each judged by m
-# episodes that go on at random; the effective horizon is the least k + log_A m by which it is optimal with probability 1/2.
-#
-# The bound on m: let v be the largest Qk less the worst return from the state, times the largest possible return less that,
-# and d the gap of Qk between the best action and those that are not optimal. By Bernstein's inequality the mean of m returns
-# is off by d/2 with probability exp(-m d^2 / 4 / (2 v + v / 3)) at most. There are A^k sequences at each of T times, so that
-# m = 28/3 v / d^2 log(2 T A^k) is enough.
+# that is greedy for Qk is optimal.
 
 SWEEP_RATE = 1e8
 """Nominal number of transitions per second, in all backups together."""
 OVERHEAD = 20_000
-BERNSTEIN = 28 / 3
 
 
 class _Lookahead:
@@ -304,25 +300,6 @@ class _Lookahead:
             states = self.onwards(t, states, taken)
         return True
 
-    def episodes(self, k: int, values: list[Bound]) -> float:
-        """Return the bound on m, the number of episodes for each sequence of k actions; infinite where there is none."""
-        states = self.model.start > 0
-        most = 1.0
-        tries = math.log(2 * self.horizon) + k * math.log(self.model.n_actions)
-        for t in range(self.horizon):
-            q = self.q(t, values[t + 1])
-            optimal = self.optimal(t)
-            wrong = np.where(optimal, -np.inf, q.value + q.error).max(axis=0)
-            clear = optimal & (q.value - q.error > wrong)
-            if (states & ~clear.any(axis=0)).any():
-                return math.inf
-            top = q.value.max(axis=0)
-            spread = (top - self.worst[t].value) * (self.best[t].value - self.worst[t].value)
-            needed = np.ceil(BERNSTEIN * tries * spread[states] / (top - wrong)[states] ** 2)
-            most = max(most, float(needed.max(initial=1.0)))
-            states = self.onwards(t, states, clear)
-        return most
-
 
 def value_norm(model: Model) -> float:
     """Return the largest standard deviation of the optimal value of the next state, over states and actions of all times."""
@@ -332,7 +309,7 @@ def value_norm(model: Model) -> float:
         V = plan.best[t + 1].value
         P = model.step(t).P
         spread = P @ V**2 - (P @ V) ** 2
-        variance = spread.reshape(model.n_actions, model.n_states)[:, acting]
+        variance = model.among_legal(spread.reshape(model.n_actions, model.n_states), 0.0)[:, acting]
         largest = max(largest, float(variance.max()))
     return math.sqrt(largest)
 
@@ -344,16 +321,5 @@ def least_lookahead(model: Model) -> int:
 
 
 def effective_horizon(model: Model) -> float:
-    """Return an upper bound of the effective horizon of a deterministic task: the least k + log_A m over k."""
-    if model.n_actions == 1:
-        refuse("there is only one action")
-    is_drawn = Steps(model.task).reward is not model.task.process.reward
-    if is_drawn or np.count_nonzero(model.start) > 1 or any(step.rounding.terms > 1 for step in model.steps):
-        refuse("the bound holds for deterministic tasks with one first state")
-    ahead = _Lookahead(model)
-    least = float(ahead.horizon)  # all sequences of all actions, one episode each
-    for k, values in ahead.rounds():
-        if k >= least:
-            break
-        least = min(least, k + math.log(ahead.episodes(k, values), model.n_actions))
-    return least
+    """Return the effective horizon of a deterministic task."""
+    return Gorp(model, _Lookahead(model).optimal).horizon_in_steps()

@@ -67,6 +67,8 @@ def best_observing(results: Results, which: str, as_written: bool = False) -> En
         refuse("what is seen is not told of an abstraction")
     if model.horizon is None:
         refuse("episodes have no horizon")
+    if model.legal is not None:
+        refuse("observations do not say which actions are legal")
     seen = observation_classes(model)
     solver = results.solvers.of(None, as_written)
     numbers = solver.numbers
@@ -140,7 +142,7 @@ def _visits(model: Model) -> Array:
     mean_length(model, plan)  # refuses where episodes may never end
     n = model.n_states
     going = model.step(0).P
-    matrix = sum(going[a * n : (a + 1) * n] for a in range(model.n_actions)) / model.n_actions
+    matrix = sum(going[a * n : (a + 1) * n].multiply(plan(0)[a, :, None]) for a in range(model.n_actions))
     return chain_values(matrix.T.tocsr(), model.start, model.acting)
 
 

@@ -94,7 +94,7 @@ class Return:
 
     @property
     def exact(self) -> bool:
-        """Whether it was computed from an exact model."""
+        """True where it was computed from an exact model."""
         return not self.episodes
 
     def interval(self, confidence: float = CONFIDENCE) -> tuple[float, float]:
@@ -210,7 +210,7 @@ class Results:
 
     @property
     def is_ambiguous(self) -> bool:
-        """Whether some result depends on how floats are read."""
+        """True where some result depends on how floats are read."""
         asked = {id(r): r for r in (self, self.__dict__.get("remembering", self))}.values()
         solvers = [r.solvers for r in asked if r.model is not None]
         for r in asked:

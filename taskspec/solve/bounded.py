@@ -116,7 +116,7 @@ class Policy:
 
 @dataclass(frozen=True, slots=True)
 class Slack:
-    """Bounds on errors of the probabilities of outcomes, as far as they come from the probabilities of draws.
+    """Bounds on those errors of the probabilities of outcomes that come from the probabilities of draws.
 
     `relative` is that of every outcome, `absolute` is added to each for probabilities that are computed at run time;
     outcomes of probability `missing` together were left out, and pay at most `beyond` in size.
@@ -139,7 +139,7 @@ class Slack:
             relative += outcomes.steps(draw) * UNIT
             is_written = not outcomes.weighted or isinstance(draw.args[0], Const)
             if not is_written and not (outcomes.by_row and row_table(draw.args[0]) is not None):
-                absolute += COMPUTED * outcomes.chances(draw)
+                absolute += COMPUTED * outcomes.inputs(draw)
             if outcomes.tail:
                 missing += TAIL * draw.type.size
         beyond = 0.0
@@ -188,7 +188,7 @@ class Bounded:
 
     @cached_property
     def is_whole(self) -> bool:
-        """Whether values of deterministic policies are never rounded: one outcome for each action, whole rewards, small sums."""
+        """True where values of deterministic policies are exact: one outcome for each action, whole rewards, small sums."""
         steps = self.model.steps
         if self.model.discount != 1 or max(step.rounding.size for step in steps) * max(1, self.horizon) >= 2**53:
             return False
@@ -221,7 +221,7 @@ class Bounded:
 
     @cached_property
     def is_signed(self) -> bool:
-        """Whether no step pays more than 0, or none less."""
+        """True where no step pays more than 0, or none less."""
         found = [step.rounding for step in self.model.steps]
         return all(r.lowest >= 0 for r in found) or all(r.highest <= 0 for r in found)
 
@@ -285,11 +285,11 @@ class Bounded:
 
     def top(self, q: Bound) -> Bound:
         """Return the largest action values (S,)."""
-        return replace(q, value=q.value.max(axis=0))
+        return replace(q, value=self.model.among_legal(q.value, -np.inf).max(axis=0))
 
     def bottom(self, q: Bound) -> Bound:
         """Return the smallest action values (S,)."""
-        return replace(q, value=q.value.min(axis=0))
+        return replace(q, value=self.model.among_legal(q.value, np.inf).min(axis=0))
 
     def follow(self, policy: Policy, q: Bound) -> Bound:
         """Return the value (S,) of acting by a policy, from action values (A, S).
@@ -324,13 +324,13 @@ class Bounded:
 
     @cached_property
     def uniform(self) -> Policy:
-        return Policy(np.broadcast_to(1 / self.model.n_actions, self.shape))
+        return Policy(self.model.uniform)
 
     def greedy(self, q: Bound) -> Policy:
         """Return all best actions, each as probable as any other; open where errors leave undecided which these are."""
-        top = q.value.max(axis=0)
-        off = replace(q, value=top).error
-        best = q.value >= top - 2 * (q.error + off)
+        top = self.top(q)
+        off = top.error
+        best = self.model.among_legal(q.value >= top.value - 2 * (q.error + off), False)
         number = best.sum(axis=0)
         unsure = best & (number > 1) & (off > 0)
         return Policy(best / number, open=unsure if unsure.any() else None)
@@ -339,22 +339,28 @@ class Bounded:
 
     def soft(self, q: Bound, beta: float) -> Bound:
         """Return the soft values log(sum over a of exp(beta Q)) / beta."""
-        total = np.exp(-_depth(q, beta)).sum(axis=0)
-        value = q.value.max(axis=0) + np.log(total) / beta
+        total = np.exp(-self._depth(q, beta)).sum(axis=0)
+        value = self.top(q).value + np.log(total) / beta
         largest = float(np.max(np.abs(value), initial=0.0))
         return Bound(value, 0.0, float(q.error.max()) + self._units * (1 / beta + largest))
 
     def boltzmann(self, q: Bound, beta: float) -> Policy:
         """Return the policy of actions in proportion to exp(beta Q)."""
-        depth = _depth(q, beta)
+        depth = self._depth(q, beta)
         weights = np.exp(-depth)
         table = weights / weights.sum(axis=0)
         exponent = 2 * beta * float(q.error.max())
         if not exponent <= 30:
             return Policy(table, math.inf, 1.0)
-        deepest = float(depth.max(initial=0.0))
+        deepest = float(depth.max(initial=0.0, where=np.isfinite(depth)))
         relative = math.expm1(exponent) + self._units + 4 * UNIT * deepest
         return Policy(table, relative, UNDERFLOW if deepest > 600 else 0.0)
+
+    def _depth(self, q: Bound, beta: float) -> Array:
+        """Return by how much beta Q is below the largest in its state, (A, S); infinite for illegal actions."""
+        with np.errstate(over="ignore"):  # of floats near the largest
+            depth = np.minimum(beta * (self.top(q).value - q.value), DEEPEST)
+        return self.model.among_legal(depth, np.inf)
 
     @property
     def _units(self) -> float:
@@ -407,9 +413,3 @@ class Bounded:
 
     def table(self, policy: Policy) -> Array:
         return policy.table
-
-
-def _depth(q: Bound, beta: float) -> Array:
-    """Return by how much beta Q is below the largest in its state, (A, S)."""
-    with np.errstate(over="ignore"):  # of floats near the largest
-        return np.asarray(np.minimum(beta * (q.value.max(axis=0) - q.value), DEEPEST))

@@ -173,7 +173,14 @@ class Occupancies:
     def _rows(self, t: int) -> Array:
         """Return the rows a * S + s of what may be done at a time."""
         actions = np.arange(self.model.n_actions)[:, None] * self.model.n_states
-        return np.asarray((actions + self.levels[t]).reshape(-1))
+        return np.asarray((actions + self.levels[t])[self._legal(t)])
+
+    def _legal(self, t: int) -> Array:
+        """Return which actions (A, N) are legal in the states at a time."""
+        every = np.ones((self.model.n_actions, len(self.levels[t])), np.bool_)
+        if self.model.legal is None:
+            return every
+        return self.model.legal[:, self.levels[t]]
 
     def _flow(self) -> tuple[Any, Array]:
         """Return the equations of occupancies: a matrix, and its right side."""
@@ -182,7 +189,8 @@ class Occupancies:
         size = len(self.levels)
         blocks: list[list[Any]] = [[None] * size for _ in range(size)]
         for t, states in enumerate(self.levels):
-            out = sparse.hstack([sparse.identity(len(states), format="csr")] * self.model.n_actions)
+            out = sparse.hstack([sparse.identity(len(states), format="csr")] * self.model.n_actions, format="csr")
+            out = out[:, self._legal(t).reshape(-1)]
             blocks[t][t] = out
             P = self.model.step(t).P[self._rows(t)]
             if self.model.horizon is None:

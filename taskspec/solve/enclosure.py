@@ -57,7 +57,7 @@ class Reader:
 
 @lru_cache(maxsize=100_000)
 def written(value: float) -> Fraction:
-    """Return the short fraction or decimal that a finite float stands for; its exact value where there is none."""
+    """Return the short fraction or decimal that rounds to a finite float; its exact value where there is none."""
     exact = Fraction(value)
     size = abs(exact)
     if exact.denominator <= PLAIN and size < 2**53:
@@ -139,7 +139,7 @@ class Enclosure:
 
     @property
     def error(self) -> float:
-        """How far `value` may be from the number, rounded up; 0 where `value` is the number itself."""
+        """The largest distance of `value` from the number, rounded up; 0 where `value` is the number itself."""
         value = self.value
         if value in (self.low, self.high) and self.is_exact:
             return 0.0

@@ -71,7 +71,7 @@ def chain_values(matrix: Any, gain: Array, inside: Array) -> Array:
 
 
 def fixed_point(image: Callable[[Array], Array], value: Array, cost: int) -> Array:
-    """Return a fixed point of an operator by repeated substitution, as far as `WORK` goes; `cost` is in non-zeros."""
+    """Return a fixed point of an operator by repeated substitution, within the limit `WORK`; `cost` is in non-zeros."""
     before = np.inf
     for _ in range(WORK // (SWEEP + cost + len(value)) + 1):
         better = image(value)
@@ -261,14 +261,14 @@ class InfiniteHorizon(Bounded):
         discount = self.model.discount
 
         def q_values(V: Array) -> Array:
-            return np.where(live, reward + discount * (P @ V).reshape(self.shape), 0.0)
+            return self.model.among_legal(np.where(live, reward + discount * (P @ V).reshape(self.shape), 0.0), -np.inf)
 
         if np.count_nonzero(live) > DIRECT:
             value = fixed_point(lambda V: q_values(V).max(axis=0), np.zeros(len(states)), P.nnz)
             if not np.isfinite(value).all():
                 refuse(UNENDING, HINT)
             return value
-        choice = reward.argmax(axis=0)
+        choice = self.model.among_legal(reward, -np.inf).argmax(axis=0)
         for _ in range(ROUNDS):
             value = chain_values(discount * P[choice * len(states) + states], reward[choice, states], live)
             q = q_values(value)

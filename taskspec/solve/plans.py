@@ -82,7 +82,7 @@ def timed(found: Sequence[Array]) -> Plan:
 
 
 def uniform_plan(model: Model) -> Plan:
-    return stationary(np.full((model.n_actions, model.n_states), 1 / model.n_actions))
+    return stationary(model.uniform)
 
 
 def optimal_plan(model: Model) -> Plan:

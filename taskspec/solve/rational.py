@@ -88,7 +88,7 @@ class Scaled:
 
     @classmethod
     def of(cls, values: Array) -> Scaled:
-        """From an array of rationals, or of ints."""
+        """Return them from an array of rationals, or of ints."""
         flat = values.reshape(-1).tolist()
         known: dict[int, Fraction] = {}
         for v in flat:  # one object often stands in many places
@@ -115,6 +115,13 @@ class Scaled:
         return Fraction(self.parts[index], self.over)
 
 
+def _shared(some: Array) -> Scaled:
+    """Return some actions in each state, bool (A, S), each as probable as any other of its state."""
+    counts = some.sum(axis=0)
+    over = math.lcm(*map(int, np.unique(counts)))
+    return Scaled(some.astype(object) * np.array([over // int(n) for n in counts], dtype=object), over)
+
+
 @dataclass(frozen=True)
 class RationalStep:
     """Outcomes in order of their rows: columns, weights, whether each ends the episode; and the rewards (A*S,)."""
@@ -133,13 +140,13 @@ class RationalStep:
 class Rational:
     """Arithmetic on values (S,), action values (A, S) and policies (A, S) as `Scaled`.
 
-    `work` is how many operations on short numbers it costs to go from the last step to the first.
+    `work` is how many operations on short numbers it costs to go from the last step to the first; `most` is its limit.
 
     Raises:
         Inexact: for models that are too large, or whose probabilities are no rationals.
     """
 
-    def __init__(self, model: Model, reader: Reader) -> None:
+    def __init__(self, model: Model, reader: Reader, most: float | None = None) -> None:
         self.model = model
         self.reader = reader
         self.shape = (model.n_actions, model.n_states)
@@ -148,9 +155,9 @@ class Rational:
         self.discount = reader(model.discount)
         steps = Steps(model.task)
         size = model.n_states * model.n_actions * steps.branching
-        if model.horizon is None or size * len(model.steps) > MOST_OUTCOMES:
+        if model.horizon is None or size * len(model.steps) > (most or MOST_OUTCOMES):
             raise Inexact
-        if model.entries / len(model.steps) * model.horizon > MOST_WORK:
+        if model.entries / len(model.steps) * model.horizon > (most or MOST_WORK):
             raise Inexact
         codes, weights = steps.starts(self.probabilities)
         start = _objects([Fraction(0)] * model.n_states)
@@ -159,7 +166,7 @@ class Rational:
         self.steps = [self._step(steps, t) for t in range(len(model.steps))]
         bits = max(s.weights.over for s in self.steps).bit_length() + self.discount.denominator.bit_length()
         self.work = max(len(s.columns) for s in self.steps) * model.horizon * (1 + bits * model.horizon / WIDE)
-        if self.work > MOST_WORK:
+        if self.work > (most or MOST_WORK):
             raise Inexact
 
     def _step(self, steps: Steps, t: int) -> RationalStep:
@@ -210,10 +217,10 @@ class Rational:
         return Scaled(np.where(states, V.over, V.parts), V.over).reduced()
 
     def top(self, q: Scaled) -> Scaled:
-        return Scaled(q.parts.max(axis=0), q.over).reduced()
+        return Scaled(self.model.among_legal(q.parts, -np.inf).max(axis=0), q.over).reduced()
 
     def bottom(self, q: Scaled) -> Scaled:
-        return Scaled(q.parts.min(axis=0), q.over).reduced()
+        return Scaled(self.model.among_legal(q.parts, np.inf).min(axis=0), q.over).reduced()
 
     def follow(self, policy: Scaled, q: Scaled) -> Scaled:
         return Scaled((policy.parts * q.parts).sum(axis=0), policy.over * q.over).reduced()
@@ -246,14 +253,15 @@ class Rational:
 
     @cached_property
     def uniform(self) -> Scaled:
-        return Scaled(np.ones(self.shape, dtype=object), self.model.n_actions)
+        legal = self.model.legal
+        if legal is None:
+            return Scaled(np.ones(self.shape, dtype=object), self.model.n_actions)
+        return _shared(legal)
 
     def greedy(self, q: Scaled) -> Scaled:
         """Return all best actions, each as probable as any other."""
-        best = q.parts == q.parts.max(axis=0)
-        counts = best.sum(axis=0)
-        over = math.lcm(*map(int, np.unique(counts)))
-        return Scaled(best.astype(object) * np.array([over // int(n) for n in counts], dtype=object), over)
+        parts = self.model.among_legal(q.parts, -np.inf)
+        return _shared(parts == parts.max(axis=0))
 
     def tabulated(self, nodes: Sequence[Node], t: int) -> Scaled:
         """Return a policy given by expressions, which may draw and read the time."""

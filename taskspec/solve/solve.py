@@ -112,7 +112,7 @@ Solver: TypeAlias = Finite | InfiniteHorizon
 @QUIET
 def extreme(numbers: Any, largest: bool) -> Any:
     """Return the best (or worst) values (S,) at the first time, in `Rational` or `Bounded` arithmetic."""
-    is_long = numbers.model.entries * numbers.horizon >= LONG
+    is_long = numbers.model.entries * numbers.horizon >= LONG and numbers.model.legal is None
     if isinstance(numbers, Bounded) and is_long and is_installed("numba"):
         from taskspec.solve.kernels_numba import extreme_values
 

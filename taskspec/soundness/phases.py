@@ -28,7 +28,7 @@ from taskspec.model.space import Reads, Space, distinct, holds, union, without
 from taskspec.model.transitions import Branch, Steps, branches, count, is_finite
 from taskspec.rollout.rollout import entered, visited
 from taskspec.soundness.places import SectionScope, Written, distributions
-from taskspec.task.parts import Component
+from taskspec.task.parts import Component, by_read
 from taskspec.task.reach import over, reached
 from taskspec.task.task import Task
 
@@ -120,6 +120,7 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
         observation = _values("E405", "observation", seen.components, seen.nodes)
         observation += _drawn(task, "observation", seen.nodes)
     yield phase("observation", observation)
+    yield phase("legal", _legal_checks(task))
     yield phase("expert", [] if task.annotations.memory else _expert_checks(task))
     steps = _values("E403", "dynamics", task.state, task.process.raw_next, "'")
     steps.append(Check("E406", task.process.reward, (-INF,), (INF,), "reward", what="the reward"))
@@ -236,9 +237,18 @@ def _values(
 def _expert_checks(task: Task) -> list[Check]:
     if not isinstance(task.annotations.expert, tuple):
         return []
-    return _values("E409", "expert", task.action, task.annotations.expert) + _drawn(
-        task, "expert", task.annotations.expert
-    )
+    found = _values("E409", "expert", task.action, task.annotations.expert)
+    legal = task.process.legal
+    if legal is not None:
+        chosen = by_read(Role.ACTION, task.action, task.annotations.expert)
+        (node,) = task.new_builder().substitute([legal], chosen)
+        found.append(Check("E413", node, (1,), (1,), "expert"))
+    return found + _drawn(task, "expert", task.annotations.expert)
+
+
+def _legal_checks(task: Task) -> list[Check]:
+    """Return the check that some action is legal in each state."""
+    return [Check("E412", task.new_builder().apply("any", mask), (1,), (1,), "legal") for mask in task.mask]
 
 
 def entries(task: Task, section: str) -> list[tuple[str | None, s.Expr]]:
@@ -445,7 +455,7 @@ class Examination:
         acting = holds(states, self.visits.acting)
         if acting.any():
             return np.where(acting, 0, 1)
-        if check.section == "expert":  # it does not act there
+        if check.section in ("expert", "legal"):  # nobody acts there
             return np.full(len(states), NEVER)
         return np.where(holds(states, self._finished), NEVER, 1)
 

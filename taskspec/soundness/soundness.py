@@ -33,6 +33,7 @@ _HINTS = {
     "E403": "widen the bounds, stop at them with `clip`, or end the episode earlier",
     "E402": "a probability lies between 0 and 1",
 }
+_SAID = {"E412": "no action is legal", "E413": "the expert chooses an illegal action"}
 _SUBJECTS = {"E403": "the next {} is", "E404": "{} starts at", "E409": "the expert's {} is"}
 
 
@@ -98,6 +99,8 @@ def _what(violation: Violation) -> str:
     check = violation.check
     value = violation.value[..., 0]
     c = check.subject
+    if check.code in _SAID:
+        return _SAID[check.code]
     if c is None:
         return f"{check.what} is {words(value.tolist())}{_limits(check)}"
     lead = f"{_SUBJECTS.get(check.code, '{} is').format(c.name)} {shown(c, value)}"

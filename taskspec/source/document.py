@@ -72,6 +72,23 @@ class Document:
             raise KeyError(path)
         return node.value
 
+    def search(self, word: str) -> tuple[Path, bool, str] | None:
+        """Return the path of the first key or value that holds a word, whether it is the key, and its text."""
+        stack: list[tuple[Path, Node]] = [((), self._root)]
+        while stack:
+            path, node = stack.pop()
+            match node:
+                case ScalarNode() if word in node.value:
+                    return path, False, node.value
+                case SequenceNode():
+                    stack += [((*path, i), item) for i, item in enumerate(node.items)][::-1]
+                case MappingNode():
+                    for key, _ in node.entries:
+                        if word in key.value:
+                            return (*path, key.value), True, key.value
+                    stack += [((*path, key.value), item) for key, item in node.entries][::-1]
+        return None
+
     def _find(self, path: Path, strict: bool = False) -> tuple[ScalarNode | None, Node]:
         key: ScalarNode | None = None
         node = self._root

@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias
 
+from taskspec.base.diagnostics import Advice
 from taskspec.base.limits import Limits
 
 Style = Literal["plain", "'", '"', "|", ">"]
@@ -65,7 +66,7 @@ class TextProblem(NamedTuple):
 
 @dataclass(slots=True)
 class Syntax:
-    """What the parser said when it gave up, and how far it had come."""
+    """The parser's message when it gave up, and its place."""
 
     problem: str
     context: str
@@ -82,7 +83,7 @@ class Syntax:
 
 @dataclass(slots=True)
 class Composed:
-    """The tree of a text as far as it could be read, and why it could be read no further."""
+    """The tree of the part of a text that could be read, and the reason why the rest could not."""
 
     root: Node | None = None
     syntax: Syntax | None = None
@@ -168,7 +169,7 @@ def in_quotes(written: str) -> str:
     """Return the advice to put a text in quotes, ready to be pasted unless it is very long."""
     advice = "put this text in quotes"
     if len(written) <= _PASTED:
-        return f"{advice}: {quoted(written)}"
+        return Advice(f"{advice}: {quoted(written)}", written, quoted(written))
     return advice
 
 

@@ -1,1 +1,1 @@
-"""From a document and parameter values to a task."""
+"""Tasks, made of documents and parameter values."""

@@ -77,7 +77,7 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
 
 
 def _number_of(context: Context, expr: s.Expr | None, scope: Scope) -> Node | None:
-    """Return an expression as a node, a choice as the number that it stands for; None where it is broken (and reported)."""
+    """Return an expression as a node, a choice as its number; None where it is broken (and reported)."""
     value = None if expr is None else context.checker.check(expr, scope)
     if expr is None or value is None:
         return None

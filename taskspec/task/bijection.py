@@ -1,4 +1,4 @@
-"""Whether a map of components is one-to-one: shown for all values, or from the form of its expressions.
+"""Decide whether a map of components is one-to-one: shown for all values, or from the form of its expressions.
 
 A map falls into parts, which share no components. A part is *moved* when it does nothing but move elements about, change their
 signs, and add whole numbers to small whole numbers: then it is exact in floats, and what is not lost can be had back. It is
@@ -31,7 +31,7 @@ WHOLE = 2**53
 
 @dataclass(frozen=True)
 class Moves:
-    """Elements that are moved: number i is `sign[i] * x[source[i]] + shift[i]`, where a source of -1 stands for none."""
+    """Elements that are moved: number i is `sign[i] * x[source[i]] + shift[i]`, where a source of -1 means none."""
 
     source: Array
     sign: Array
@@ -53,7 +53,7 @@ class MapPart:
 
     @property
     def is_decided(self) -> bool:
-        """Whether it is known to be one-to-one, or not to be."""
+        """True where it is known to be one-to-one, or not to be."""
         return self.moves is not None or self.listed is not None
 
     def clash(self) -> tuple[Values, Values] | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, raise_if_errors
+from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, in_order, raise_if_errors
 from taskspec.base.limits import Limits, limits
 from taskspec.base.records import all_names
 from taskspec.lang.check import check_uncalled
@@ -23,13 +23,14 @@ from taskspec.source import Document, Packed, packed, unpacked
 from taskspec.task import declarations, sections
 from taskspec.task.annotations import figure, read_examples, remembered, symmetries
 from taskspec.task.context import Context
+from taskspec.task.legal import legal_condition
 from taskspec.task.merge import Merged, abstracted, merge, stripped, variant_names
 from taskspec.task.names import Names, check_names, signature
 from taskspec.task.parts import Component, Modifier, Parameter, Varying
 from taskspec.task.task import Annotations, Process, Task, TaskSource, task_id
 
 SEMANTIC = (
-    "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount", "initial",
+    "constants", "definitions", "noise", "state", "action", "legal", "observation", "horizon", "terminal", "discount", "initial",
     "dynamics", "reward", "absorbing_reward", "memory", "expert", "abstraction", "info",
     "symmetries", "measures",
 )  # fmt: skip
@@ -89,19 +90,72 @@ def check_document(
     Raises:
         SpecError: with every mistake of the shape, and those that do not follow from it.
     """
+    from taskspec.task.schema.check import check_shape
+
+    if check_shape(document):
+        raise_if_errors(attempts(document, variants, values)[1])
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A spec or variant that may have mistakes: the names of each section and, where there is no mistake, the task."""
+
+    merged: Merged
+    names: Names
+    task: Task | None = None
+
+
+def attempts(
+    document: Document, variants: Sequence[str | None] = (), values: Mapping[str, Any] | None = None
+) -> tuple[list[Attempt], tuple[Diagnostic, ...]]:
+    """Return what can be made of a document, and its mistakes; what does not have the shape of a spec is left out.
+
+    Args:
+        variants: the tasks that are meant, all of them unless given.
+    """
     from taskspec.task.schema.check import check_shape, remainder
 
     found = list(check_shape(document))
-    if not found:
-        return
-    rest, words = remainder(document)
-    if rest is not None:
-        for variant in variants or variant_names(rest.data).values():
-            try:
-                build_merged(merge(rest, variant), values or {}, "")
-            except SpecError as error:
-                found += [d for d in error.diagnostics if not _follows(d, words)]
-    raise_if_errors(list({(d.code, d.span): d for d in found}.values()))
+    is_whole = not found
+    rest: Document | None = document
+    words: set[str] = set()
+    if not is_whole:
+        rest, words = remainder(document)
+    if rest is None:
+        return [], in_order(found)
+    made = []
+    for variant in variants or variant_names(rest.data).values():
+        attempt, mistakes = _attempt(merge(rest, variant), values or {})
+        if attempt is not None:
+            made.append(attempt)
+        found += [d for d in mistakes if is_whole or not _follows(d, words)]
+    return made, in_order({(d.code, d.span): d for d in found}.values())
+
+
+def _attempt(merged: Merged, values: Mapping[str, Any]) -> tuple[Attempt | None, Sequence[Diagnostic]]:
+    from taskspec.task.schema.check import validated
+
+    mistakes: tuple[Diagnostic, ...] = ()
+    try:
+        validated(merged)
+    except SpecError as error:
+        mistakes = error.diagnostics
+    attempt = None
+    try:
+        if mistakes:  # what is there has meanings all the same
+            merged = replace(merged, data=_EMPTY | merged.data)
+            validated(merged)
+        attempt = Attempt(merged, Names(Context(merged, Collector())))
+        task = _checked(attempt.names, values, "")
+        if not mistakes:
+            attempt = replace(attempt, task=task)
+    except SpecError as error:
+        mistakes += error.diagnostics
+    return attempt, mistakes
+
+
+_EMPTY: dict[str, Any] = {"state": {}, "action": {}, "horizon": 1, "initial": {}, "dynamics": {}, "reward": 0}
+"""Sections in the place of those that a spec does not have yet."""
 
 
 def _follows(found: Diagnostic, words: set[str]) -> bool:
@@ -117,7 +171,7 @@ def _kind(value: Any) -> tuple[str, float]:
 @lru_cache(maxsize=256)
 def _built(document: Document, variant: str | None, given: tuple[Any, ...], suite: str, _within: Limits) -> Task:
     values = {name: value for name, value, _ in given}
-    return _checked(merge(document, variant), values, suite)
+    return _fresh(merge(document, variant), values, suite)
 
 
 class BoundParameters(NamedTuple):
@@ -216,28 +270,31 @@ def build_merged(merged: Merged, parameters: Mapping[str, Any], suite: str) -> T
     from taskspec.task.schema.check import validated
 
     validated(merged)
-    return _checked(merged, parameters, suite)
+    return _fresh(merged, parameters, suite)
 
 
-def _checked(merged: Merged, parameters: Mapping[str, Any], suite: str) -> Task:
+def _fresh(merged: Merged, parameters: Mapping[str, Any], suite: str) -> Task:
     """Return the task of merged sections whose shape is right."""
-    collector = Collector()
+    return _checked(Names(Context(merged, Collector())), parameters, suite)
+
+
+def _checked(names: Names, parameters: Mapping[str, Any], suite: str) -> Task:
+    context = names.context
     try:
-        return _pipeline(Context(merged, collector), dict(parameters), suite)
+        return _pipeline(context, names, dict(parameters), suite)
     except Refused as refused:  # a limit of the whole task, reached outside of any expression
-        collector.raise_if_errors()
-        place = merged.span(("name",))
+        context.collector.raise_if_errors()
+        place = context.merged.span(("name",))
         raise SpecError([Diagnostic(refused.code, place, refused.message, refused.hint)]) from None
 
 
-def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
+def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str) -> Task:
     """Return the task of a merged spec: everything declared is bound, then each section becomes nodes, in this order.
 
     Mistakes are collected in `context` and raised together, as soon as nothing more can be read without what is broken.
     """
     collector = context.collector
     builder = context.builder
-    names = Names(context)
 
     # What the sections stand on.
     check_names(context.merged, collector)
@@ -262,6 +319,7 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
         following = sections.saturate(context, names, initial, changed)
         reward = sections.single_number(context, "reward", REAL, names.scope("reward"))
         terminal = sections.end_condition(context, names)
+    legal = legal_condition(context, names)
     absorbing = sections.single_number(context, "absorbing_reward", REAL, names.scope("absorbing"), default=0)
     with builder.written() as observation_draws:
         observation = sections.observed(context, names, initial, following)
@@ -289,6 +347,7 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
         initial=raw_initial, dynamics=raw_next, reward=[reward], terminal=[terminal], absorbing_reward=[absorbing],
         abstraction=mapped, observation=observation.nodes, expert=expert if isinstance(expert, tuple) else (),
         memory=() if memory is None else memory.lines, measures=tuple(measures.values()),
+        legal=() if legal is None else (legal,),
     )  # fmt: skip
     collector.raise_if_errors()
     constants = declarations.fixed_constants(context)
@@ -298,7 +357,7 @@ def _pipeline(context: Context, given: dict[str, Any], suite: str) -> Task:
         tuple(initial), tuple(following), raw_initial, raw_next, reward, terminal, absorbing,
         reset_draws=tuple((initial_draws | observation_draws).values()),
         step_draws=tuple((dynamics_draws | observation_draws | measure_draws).values()),
-        required=tuple(context.required), measures=measures,
+        required=tuple(context.required), measures=measures, legal=legal,
     )  # fmt: skip
     annotations = Annotations(expert, memory, claims=claims, examples=examples, figure=drawn, symmetries=mirrors)
     return Task(source, context.state, context.action, observation, context.horizon, discount, process, annotations)
@@ -361,7 +420,7 @@ def build_varying(task: Task, names: Sequence[str]) -> Task:
         built = build_merged(stripped(merge(task.source.document, task.source.variant)), given, task.source.suite)
     except SpecError as error:
         raise SpecError(_refused(d, names) for d in error.diagnostics) from None
-    read = {name for role, name in reads((*built.reset_roots, *built.step_roots)) if role is Role.PARAMETER}
+    read = {name for role, name in reads(built.roots) if role is Role.PARAMETER}
     for name in names:
         if name not in read:
             raise _error(f"parameter {name} has no effect on what a step gives, and cannot differ between lanes")

@@ -67,7 +67,7 @@ class Forms:
             case str() if value.strip() in self.labels:
                 return s.Quoted(value.strip(), self.place(path))
             case str():
-                return self._parsed(self.text(path, value), path)
+                return self.parsed(self.text(path, value), path)
             case list():
                 return self._list(value, path)
             case dict():
@@ -78,7 +78,7 @@ class Forms:
                 self.collector.add("E301", self.place(path), "an expression is missing here")
                 return None
 
-    def _parsed(self, text: s.SourceText, path: Path) -> s.Expr | None:
+    def parsed(self, text: s.SourceText, path: Path) -> s.Expr | None:
         """Return the expression of a text; what is read without a mistake is read once for all builds of the spec."""
         key = (path, text.value, limits().characters)
         found = self.merged.parsed.get(key)
@@ -92,7 +92,7 @@ class Forms:
         if items and all(isinstance(i, dict) and i.keys() & {"if", "then", "else"} for i in items):
             return self._pieces(items, path)
         if len(items) == 1 and isinstance(items[0], str) and _FOR.search(items[0]):
-            return parse_into(self._in_brackets(items[0], (*path, 0)), self.collector)
+            return self.parsed(self._in_brackets(items[0], (*path, 0)), path)
         exprs = [self.tree(item, (*path, i)) for i, item in enumerate(items)]
         found = tuple(e for e in exprs if e is not None)
         if len(found) == len(items):
@@ -142,8 +142,13 @@ class Forms:
         label = s.Quoted(str(key), s.Place(text, 0, len(str(key))))
         if str(key) in self.labels:
             return label
+        known = (path, "key", text.value, limits().characters)
+        found: s.Expr | None = self.merged.parsed.get(known)
+        if found is not None:
+            return found
         try:
-            return parse(text)
+            found = self.merged.parsed[known] = parse(text)
+            return found
         except SpecError as error:
             if _are_words(str(key)):
                 return label

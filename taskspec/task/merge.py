@@ -38,7 +38,7 @@ _BESIDE = (
     "symmetries",
 )
 """Sections that neither reset nor step a task."""
-_NOT_ABSTRACT = ("abstraction", "observation", "measures", "claims", "examples", "accept", "figure", "info")
+_NOT_ABSTRACT = ("abstraction", "observation", "measures", "legal", "claims", "examples", "accept", "figure", "info")
 
 
 Place: TypeAlias = tuple[Document, Path]

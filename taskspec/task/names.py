@@ -36,12 +36,13 @@ _WITHOUT_ACTION = {
 }
 _MAPS = ("seen", "done")
 """Sections of a symmetry: the maps of what is observed, and of actions."""
-_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction", "figure", "first memory", "memory", *_MAPS)
+_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction", "figure", "legal", "first memory", "memory", *_MAPS)
 _OUTSIDE_STEPS = ("initial", "observation")
 """Sections in which a noise may stand that depends on no step."""
 _NO_DRAWS = {
     "absorbing": "an absorbing reward is a fixed number",
     "claims": "a claim is a statement about exact results",
+    "legal": "an action is legal in a state, or not",
     "first memory": "a memory holds what was seen and done",
     "memory": "a memory holds what was seen and done",
     "abstraction": "an abstraction is a function of the state",
@@ -181,6 +182,9 @@ class Names:
                 last = horizon - 1
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0, last))
             bindings["T"] = Value(b.scalar(horizon))
+        if section == "legal":
+            hint = "a component of the state can count the steps"
+            bindings["t"] = Unavailable("E302", "the time 't' cannot be used in `legal`", hint)
 
     # -- the end --------------------------------------------------------------------------------------------------
 
@@ -331,7 +335,7 @@ _RESERVED = {
 def check_names(merged: Merged, collector: Collector) -> None:
     """Report (E309) every declared name that is taken: by a declaration above it, or by the language."""
     known: dict[str, tuple[str, Span]] = {}
-    for path, name, what in _declared(merged):
+    for path, name, what in declared(merged):
         place = merged.key_span(path)
         if name in known:
             before, there = known[name]
@@ -348,7 +352,7 @@ def check_names(merged: Merged, collector: Collector) -> None:
         known.setdefault(name, (what, place))
 
 
-def _declared(merged: Merged) -> Iterator[tuple[Path, str, str]]:
+def declared(merged: Merged) -> Iterator[tuple[Path, str, str]]:
     """Path, name and kind of everything that a spec declares, in the order of the sections."""
     for section, what in _SECTIONS.items():
         for written in merged.data.get(section) or {}:

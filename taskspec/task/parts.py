@@ -29,7 +29,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Varying:
-    """Given for a parameter: it is left open, and read where the task runs. The value stands for it in messages."""
+    """Given for a parameter: it is left open, and read where the task runs. Messages show the value."""
 
     value: Any
 
@@ -132,7 +132,7 @@ class Component:
 
     @property
     def is_finite(self) -> bool:
-        """Whether it takes finitely many values, few enough to be counted without rounding."""
+        """True where it takes finitely many values, few enough to be counted without rounding."""
         kept = self.type.kind is not Kind.REAL or not self.type.size
         return kept and all(abs(v) <= COUNTABLE for v in (*self.low, *self.high))
 
@@ -181,7 +181,7 @@ def are_finite(components: Iterable[Component]) -> bool:
 
 @dataclass(frozen=True)
 class Observation:
-    """What the agent sees: components with their expressions, and the kind of space that holds them."""
+    """The agent's observation: components with their expressions, and the kind of space that holds them."""
 
     components: tuple[Component, ...]
     nodes: tuple[Node, ...]
@@ -191,7 +191,7 @@ class Observation:
 
 @dataclass(frozen=True)
 class ExpertMemory:
-    """What the expert remembers: components, with nodes for their first and their next values.
+    """The memory of the expert: components, with nodes for their first and their next values.
 
     `initial` and `next` read NEXT, what is then observed, by its name; `next` also reads STATE, which is the memory itself,
     ACTION and TIME, the steps taken before. Both draw nothing. An int is moved to the nearest end of its range, and
@@ -276,17 +276,17 @@ class Example:
 
     @property
     def acts(self) -> bool:
-        """Whether an action is taken, so that what is observed is observed after it."""
+        """True where an action is taken, so that what is observed is observed after it."""
         return any(role is Role.ACTION for role, _ in self.given)
 
     @property
     def steps(self) -> bool:
-        """Whether it is about a step, and not about a state alone."""
+        """True where it is about a step, and not about a state alone."""
         return self.acts or any(f.section in ("next", "reward", "terminal", "truncated") for f in self.follows)
 
     @property
     def starts(self) -> bool:
-        """Whether it is about the first state."""
+        """True where it is about the first state."""
         return any(f.section == "initial" for f in self.follows)
 
 
@@ -331,7 +331,7 @@ def _argument(value: Any) -> str:
 
 @dataclass(frozen=True)
 class Figure:
-    """How the task is drawn: the kind, and what it shows as nodes over STATE.
+    """The figure of the task: the kind, and what it shows as nodes over STATE.
 
     `at` is a place, two numbers or one vector of two, on a grid maybe with two more for the way that the agent faces, as those of
     `objects` are, which are drawn as words; `curve` a function of its first number; `values` the vector that bars show.

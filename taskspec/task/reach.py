@@ -1,4 +1,4 @@
-"""How far each state component can get within the horizon, and ints that fit their range.
+"""Bounds of each state component within the horizon, and ints that fit their range.
 
 A space such as Z^2 is endless, but thirty steps from a bounded start do not leave a box; observation spaces use that box.
 """
@@ -64,7 +64,7 @@ def reached(
 
 
 class _Widening:
-    """What is known of nodes while what is known of the state changes: only what has changed is worked out again."""
+    """Bounds of nodes while bounds of the state change: only what has changed is worked out again."""
 
     def __init__(self, roots: Sequence[Node], state: Container[str]) -> None:
         self.known: dict[int, Range] = {}

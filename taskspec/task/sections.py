@@ -10,7 +10,6 @@ from taskspec.base.limits import count, how_to_raise, limits
 from taskspec.base.records import all_names, entries_by_name
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Node, Role
-from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Lazy, Poisoned, Scope, Value
 from taskspec.lang.types import REAL, Kind, Type
 from taskspec.source import Path
@@ -37,7 +36,7 @@ def parse_sections(context: Context) -> None:
             elif name != "space":
                 path: Path = (section, name, "value") if is_bounded(value) else (section, name)
                 exprs[name] = context.forms.expr(path)
-    for section in ("reward", "terminal", "absorbing_reward"):
+    for section in ("reward", "terminal", "absorbing_reward", "legal"):
         if section in context.data:
             context.exprs[section] = context.forms.expr((section,))
 
@@ -354,7 +353,7 @@ def claims(context: Context) -> Iterator[Claim]:
     for i, entry in enumerate(entries):
         path: Path = ("claims", i) if isinstance(written[i], str) else ("claims", i, "claim")
         text = str(entry["claim"])
-        expr = parse_into(context.forms.text(path, text), context.collector)
+        expr = context.forms.parsed(context.forms.text(path, text), path)
         episodes = entry.get("episodes") or 0
         if episodes > limits().episodes:
             message = f"{count(episodes)} episodes are too many; the limit is {limits().episodes:,}"

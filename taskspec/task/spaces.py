@@ -109,7 +109,7 @@ class SpaceLayout:
 
     @property
     def is_dict(self) -> bool:
-        """Whether each part has a key."""
+        """True where each part has a key."""
         return self.form == "dict"
 
     @cached_property
@@ -121,7 +121,7 @@ class SpaceLayout:
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
-        """What the numbers of the parts are made of, in their order."""
+        """The segments of the numbers of the parts, in their order."""
         found: list[Segment] = []
         first = 0
         for i, c in enumerate(self.components):
@@ -142,12 +142,12 @@ class SpaceLayout:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """How many values each finite element takes."""
+        """The number of values of each finite element."""
         return tuple(counts_of(self.components))
 
     @property
     def starts(self) -> tuple[int, ...]:
-        """The lowest value of each finite element: what 0 stands for in `multi_discrete` and `one_hot`."""
+        """The lowest value of each finite element, which is 0 in `multi_discrete` and `one_hot`."""
         return tuple(int(v) for c in self.components for v in c.low)
 
 

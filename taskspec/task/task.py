@@ -80,9 +80,9 @@ class TaskSource:
 class Process:
     """The decision process as core nodes, those of `initial` and `next` in the order of the state.
 
-    `next`, `reward`, `terminal` and `measures` read STATE, ACTION and TIME, `absorbing_reward` reads STATE and TIME; `initial`
-    reads nothing: each component's node contains those it depends on. `reset_draws` and `step_draws` are the draws that the
-    sections of a reset and of a step write, whether or not they are left in these nodes.
+    `next`, `reward`, `terminal` and `measures` read STATE, ACTION and TIME, `absorbing_reward` reads STATE and TIME, `legal`
+    reads STATE and ACTION; `initial` reads nothing: each component's node contains those it depends on. `reset_draws` and
+    `step_draws` are the draws that the sections of a reset and of a step write, whether or not they are left in these nodes.
 
     A state is always in its space: an int that `raw_initial` or `raw_next` would give outside its range is moved to the nearest
     end in `initial` and `next`, which soundness reports (E403, E404).
@@ -101,6 +101,8 @@ class Process:
     """Conditions on parameters that are left open, each with what to say where it does not hold."""
     measures: Mapping[str, Node] = field(default_factory=dict)
     """Quantities beside the reward, by name."""
+    legal: Node | None = None
+    """Whether an action may be taken in a state; None: all may."""
 
     @property
     def step_roots(self) -> tuple[Node, ...]:
@@ -113,6 +115,8 @@ class Process:
         yield from (*self.initial, *self.next, *self.raw_initial, *self.raw_next)
         yield from (self.reward, self.terminal, self.absorbing_reward, *self.measures.values())
         yield from (node for node, _ in self.required)
+        if self.legal is not None:
+            yield self.legal
         yield from (*self.reset_draws, *self.step_draws)
 
 
@@ -291,6 +295,20 @@ class Task:
         return action_layout(self.action, is_number)
 
     @cached_property
+    def mask(self) -> tuple[Node, ...]:
+        """The legal actions of a state: a vector of conditions, one for each action; empty where all are legal."""
+        legal = self.process.legal
+        if legal is None:
+            return ()
+        (c,) = self.action
+        b = self.new_builder()
+        conditions: list[Node] = []
+        for value in range(int(c.least), int(c.most) + 1):
+            action = b.scalar(bool(value) if c.type.kind is Kind.BOOL else value)
+            conditions += b.substitute([legal], {(Role.ACTION, c.name): action})
+        return (b.structure("vector", conditions),)
+
+    @cached_property
     def written(self) -> dict[str, Any]:
         """The merged spec as a dict, without unset keys."""
         return self.spec.model_dump(by_alias=True, exclude_unset=True)
@@ -394,6 +412,11 @@ class Task:
     def reset_roots(self) -> tuple[Node, ...]:
         """All that a reset works out: first states, observation."""
         return (*self.process.initial, *self.first_observation)
+
+    @property
+    def roots(self) -> tuple[Node, ...]:
+        """All that a reset and a step work out, and the legal actions."""
+        return (*self.reset_roots, *self.step_roots, *self.mask)
 
     @property
     def nodes(self) -> Iterator[Node]:

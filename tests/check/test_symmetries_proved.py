@@ -266,6 +266,6 @@ def test_commands_tell_of_symmetries(tmp_path: Any) -> None:
     path.write_text(BOX + "symmetries: {s: {doc: turned, action: {i: 2 - i}}, wrong: {observation: {w: 0}}}\n")
     record = json.loads(Done("check", str(path), "--format", "json").out)["tasks"][0]
     assert [(s["symmetry"], s["status"]) for s in record["symmetries"]] == [("s", "proved"), ("wrong", "false")]
-    assert "i -> 2 - i" in Done("show", str(path)).out
+    assert "i ↦ 2 − i" in Done("show", str(path)).out
     section = page(task_of("derail/ProcGoal-v0")).section("symmetries")
     assert section is not None and len(section.lines) == 2

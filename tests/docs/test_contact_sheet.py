@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from itertools import combinations
+from pathlib import Path
 
 import pytest
 from matplotlib.font_manager import FontProperties
@@ -65,7 +66,7 @@ def words(found: Scene) -> str:
     return " ".join(plain(x.text) for x in found.items if isinstance(x, Label))
 
 
-@pytest.mark.parametrize("name", CONTACT.drawn_names())
+@pytest.mark.parametrize("name", [*CONTACT.drawn_names(), *CONTACT.foreign_specs()])
 def test_figures_are_drawn_and_can_be_read(name: str) -> None:
     settings = list(CONTACT.shown([name]))
     assert len(settings) >= (3 if len(settings[0][1]) and "Parabola" not in name else 1)
@@ -234,3 +235,11 @@ def test_the_sheet_shows_every_setting_three_times() -> None:
     assert text.count("<svg xmlns") == 3 * (1 + 4)
     assert text.count('<td class="deuteranopic">') == 5
     assert re.search(r"\.dark \{[^}]*--good: #2f6b3c", text)
+
+
+def test_the_sheets_of_pages_show_each_in_every_look(tmp_path: Path) -> None:
+    text = CONTACT.page_sheet(["derail/RiskyPath-v0"], tmp_path / "pages")
+    shown = re.findall(r'<iframe class="(\w+)" src="([^"]+)"', text)
+    assert [look for look, _ in shown] == ["light", "dark", "deuteranopic", "whole"]
+    assert all((tmp_path / address).is_file() for _, address in shown)
+    assert "prefers-color-scheme: dark" not in (tmp_path / dict(shown)["dark"]).read_text(encoding="utf-8")

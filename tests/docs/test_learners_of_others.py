@@ -10,12 +10,13 @@ from taskspec.exam import Running, examine
 from tests.docs.test_snippets import DOCS
 
 LEARNERS = DOCS / "howto" / "learners"
-SHORT = ("sb3", "sb3_contrib_trpo", "cleanrl_style", "d3rlpy_bc")
+SHORT = ("sb3", "sb3_contrib_trpo", "sb3_contrib_maskable_ppo", "cleanrl_style", "d3rlpy_bc")
 """The files on the page; the others are for releases of a library before and after a repair."""
 CASES = [
-    ("sb3.py:ppo", "stable_baselines3", 3000), ("sb3.py:dqn", "stable_baselines3", 3000),
-    ("sb3.py:a2c", "stable_baselines3", 6000), ("sb3_contrib_trpo.py:train", "sb3_contrib", 3000),
-    ("cleanrl_style.py:train", "torch", 3000), ("d3rlpy_bc.py:train", "d3rlpy", 1), ("skrl_dqn.py:train", "skrl", 4000),
+    ("sb3.py:ppo", "stable_baselines3", "RiskyPath", 3000), ("sb3.py:dqn", "stable_baselines3", "RiskyPath", 3000),
+    ("sb3.py:a2c", "stable_baselines3", "RiskyPath", 6000), ("sb3_contrib_trpo.py:train", "sb3_contrib", "RiskyPath", 3000),
+    ("sb3_contrib_maskable_ppo.py:train", "sb3_contrib", "Hanoi", 20_000), ("cleanrl_style.py:train", "torch", "RiskyPath", 3000),
+    ("d3rlpy_bc.py:train", "d3rlpy", "RiskyPath", 1), ("skrl_dqn.py:train", "skrl", "RiskyPath", 4000),
 ]  # fmt: skip
 
 
@@ -27,11 +28,11 @@ def test_examples_are_short(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("learner", "package", "steps"), CASES)
-def test_examples_learn(learner: str, package: str, steps: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("learner", "package", "task", "steps"), CASES)
+def test_examples_learn(learner: str, package: str, task: str, steps: int, tmp_path: Path) -> None:
     pytest.importorskip(package)
     found = examine(
-        str(LEARNERS / learner), tasks=["RiskyPath"], seeds=1, steps=steps, transitions=500, twins=0, probes=False,
+        str(LEARNERS / learner), tasks=[task], seeds=1, steps=steps, transitions=500, twins=0, peeks=False,
         out=tmp_path, running=Running(1),
     )  # fmt: skip
     (score,) = found["scores"]

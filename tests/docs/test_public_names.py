@@ -1,16 +1,20 @@
-"""What is public: the names that modules list in `__all__`, all of them said what they are, and no others in what users read."""
+"""What is public: names that modules list in `__all__`, each with a docstring, no others on pages for users; and commands."""
 
 from __future__ import annotations
 
 import ast
 import importlib
+import re
 
 import pytest
 
 import taskspec
+from docs.tools.commands import commands
 from docs.tools.names import definition, names, public_modules, public_names
 from taskspec.base.extras import is_installed
+from taskspec.cli.app import COMMANDS
 from tests.docs.test_snippets import PAGES, blocks
+from tests.shared.commands import Done
 
 FOR_CONTRIBUTORS = ("architecture.md", "extending.md", "correctness.md")
 NEEDS = {"taskspec.backends.jax": "jax", "taskspec.envs.functional": "jax", "taskspec.envs.sb3": "stable_baselines3"}
@@ -66,3 +70,13 @@ def test_the_page_has_every_public_name() -> None:
     for module in public_modules():
         section = page.partition(f"## {module}\n")[2].partition("\n## ")[0]
         assert all(f"| `{name}" in section for name in public_names(module))
+
+
+@pytest.mark.parametrize("name", [name for name, _, _ in COMMANDS])
+def test_the_page_of_commands_has_the_options_that_the_help_prints(name: str) -> None:
+    page = commands()
+    assert f"\n### taskspec {name}\n" in page
+    options = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", Done(name, "--help").out)) - {"--help"}
+    assert options or name == "explain"
+    missing = {option for option in options if f"`{option}`" not in page}
+    assert missing == set()

@@ -50,7 +50,6 @@ GENERATED: dict[str, Callable[[], str]] = {
     "beside.md": lambda: str(script("beside").beside()),
 }
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]
-PAGES.remove(DOCS / "errors.md")  # its snippets show mistakes; tests/errors has a whole spec for each
 
 BLOCK = re.compile(
     r"(?:^<!-- (?P<key>file|add|error|skip|needs|script): (?P<value>.*?) -->\n+)?"

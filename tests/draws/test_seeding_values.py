@@ -1,4 +1,4 @@
-"""What a draw makes of its words, as `docs/seeding.md` says it: its tables, read literally, and the code that it prints."""
+"""What a draw makes of its words, as `docs/seeding.md` says it: its tables, read literally, and `docs/seeding.py`."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.seeding_page import CODE, CONSTANT, STEP, words
 from tests.shared.interpreter import Interpreter
+from tests.shared.scripts import DOCS
 
 SEED = 2**40 + 7
 F = np.float32
@@ -221,3 +222,11 @@ reward: 0
     program.step([(1,)]), env.step(1)
     assert outcome(w, [Fraction(1, 3), Fraction(2, 3)]) == 1
     assert program.state[1][0] == env.state["x"] == 1
+
+
+def test_the_page_has_the_known_answers() -> None:
+    page = (DOCS / "seeding.md").read_text(encoding="utf-8")
+    first = words(seed=0, phase=STEP, n=0, count=2)
+    assert first == [0x6B200159, 0x99BA4EFE]
+    for answer in (*map(hex, first), *map(str, CODE["normals"](*first))):
+        assert answer in page

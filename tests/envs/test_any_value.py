@@ -129,7 +129,6 @@ def test_the_first_observations_of_a_task_are_those_of_its_id() -> None:
         ("matplotlib", "import taskspec; taskspec.make('RiskyPath', render_mode='rgb_array')", "figures"),
         ("matplotlib", "from taskspec.pages import figure; figure('RiskyPath', 'a.png')", "figures"),
         ("pygame", "import taskspec; from taskspec.envs import window; window.play(taskspec.make('Sort'))", "play"),
-        ("markdown_it", "from taskspec.pages import write; write(['RiskyPath'], ['html'], 'out')", "docs"),
     ],
 )
 def test_a_missing_package_is_named_with_the_command_that_installs_it(

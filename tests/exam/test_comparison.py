@@ -12,7 +12,7 @@ import scipy.stats
 from taskspec.base.diagnostics import SpecError
 from taskspec.data import tabular
 from taskspec.exam import Case, Learned, examine, learns_from
-from taskspec.exam.comparison import LEVELS, compare
+from taskspec.exam.comparison import LEVELS, _estimated, compare
 from tests.shared.commands import Done
 from tests.shared.exams import exam
 
@@ -35,6 +35,17 @@ def test_numbers_over_all_runs_are_those_of_scipy() -> None:
     shares = [scipy.stats.mannwhitneyu(first[task], second[task]).statistic / 15**2 for task in first]
     assert pair["probability"]["value"] == pytest.approx(np.mean(shares))
     assert pair["probability"]["low"] < pair["probability"]["value"] < pair["probability"]["high"]
+
+
+def test_the_interval_of_a_mean_is_students() -> None:
+    """A jackknife of the mean has the usual standard error; the interval of a probability ends at 1."""
+    scores = np.array([0.1, 0.4, 0.45, 0.7, 0.9])
+    found = _estimated(lambda runs: float(np.mean(runs[0])), [scores])
+    expected = scipy.stats.t.interval(0.95, 4, scores.mean(), scipy.stats.sem(scores))
+    assert (found["low"], found["high"]) == pytest.approx(expected)
+    higher = {"a": {"Sort": (scores + 0.5).tolist()}, "b": {"Sort": scores.tolist()}}
+    (pair,) = compare({name: exam(each, seeds=5, learner=name) for name, each in higher.items()})["pairs"]  # type: ignore[misc]
+    assert 0.5 < pair["probability"]["low"] < pair["probability"]["high"] == 1.0
 
 
 def test_the_command_examines_two_learners_side_by_side(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ def means(exam: Any, which: str = "deterministic") -> dict[tuple[str, str], floa
     """Mean scores by task and "printed", "twins" or "negated"."""
     found = defaultdict(list)
     for score in exam["scores"]:
-        side = score["probe"] or ("printed" if score["twin"] is None else "twins")
+        side = score["peek"] or ("printed" if score["twin"] is None else "twins")
         found[score["task"].removeprefix("derail/").removesuffix("-v0"), side].append(score[which])
     return {key: float(np.mean(scores)) for key, scores in found.items()}
 
@@ -343,7 +343,7 @@ def test_the_command_finds_what_the_function_finds_and_keeps_it(tmp_path: Path) 
 
 def test_a_learner_that_raises_is_told_with_its_own_words_and_place_and_the_others_go_on(tmp_path: Path) -> None:
     _, found = held(tmp_path, "fails_on_seed_1", "-t", "RiskyPath", "--seeds", "3", "--twins", "0")
-    printed = [s for s in found["scores"] if s["probe"] is None]
+    printed = [s for s in found["scores"] if s["peek"] is None]
     assert [s["deterministic"] for s in printed] == [1.0, None, 1.0]
     line = LEARNERS.read_text(encoding="utf-8").splitlines().index('        raise KeyError("no such thing")') + 1
     assert printed[1]["error"] == f"KeyError: 'no such thing'\n  at {LEARNERS}:{line}, in fails_on_seed_1"

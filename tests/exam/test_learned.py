@@ -39,7 +39,7 @@ def test_a_mistake_is_flagged_with_its_code_and_its_fix(capsys: pytest.CaptureFi
     found = examined("limit is an end", lambda q: Learned(q, discount=GAMMA))
     (flag,) = [each for each in found["flags"] if each["kind"] == "values"]
     assert "for which the time limit ends the world (distance 0." in flag["message"]
-    assert "done = terminated or truncated. Mask V(s') by terminated alone" in flag["message"]
+    assert "done = terminated or truncated. Mask V(s') by terminated alone" in flag["advice"]
     of_walk = [score["operators"] for score in found["scores"] if "CoinWalk" in score["task"]]
     assert of_walk and all(each["limit is an end"] < each["right"] for each in of_walk)
     print_exam(found, console(wide=True))
@@ -191,7 +191,7 @@ APART = {"clipped": "derail/RiskyPath", "mean of actions": TASKS[0]}
 @pytest.mark.parametrize("name", [name for name in REWARDS if name != "true"])
 def test_a_reward_that_is_learned_by_mistake_is_named(name: str) -> None:
     (flag,) = explained(lambda mdp: REWARDS[name].of(mdp) * 3, APART.get(name, TASKS[1]))
-    assert REWARDS[name].mistake in flag["message"] and REWARDS[name].fix in flag["message"]
+    assert REWARDS[name].mistake in flag["message"] and REWARDS[name].fix in flag["advice"]
 
 
 def test_the_true_reward_on_a_scale_of_its_own_is_no_mistake() -> None:

@@ -19,7 +19,7 @@ from matplotlib.image import imread
 from taskspec.base.diagnostics import SpecError
 from taskspec.cli.console import console
 from taskspec.cli.report import print_exam
-from taskspec.exam import findings, report
+from taskspec.exam import findings, read, report
 from taskspec.exam import score_charts as pictures
 from taskspec.exam import score_rows as told
 from taskspec.exam.card import card, matrix
@@ -28,6 +28,7 @@ from taskspec.printers.text import plain
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, entry, exam
 
+RESULTS = Path(__file__).parents[2] / "docs" / "results" / "paper"
 PRINTED: dict[str, Any] = {
     "RiskyPath": 1.0, "EarlyTermPos": 1.0, "EarlyTermNeg": [-1.6, -1.8] * 7, "Branching": np.linspace(0, 1, 14).tolist(),
     "NoisyObs": 0.85, "Parabola": np.linspace(0.94, 0.98, 14).tolist(),
@@ -80,7 +81,13 @@ def test_the_first_line_has_the_cause_the_worst_score_and_what_to_do(results: di
     assert shown.lead == "Prolongs episodes: its learned reward is positive (EarlyTermNeg −1.70)."
     assert shown.advice == 'Let terminal states absorb (`ending="absorb"`) and learn their reward as well.'
     assert [row.name for row in shown.rows] == ["Sort", "EarlyTermNeg", "RiskyPath", "Branching", "NoisyObs"]
-    assert shown.passed == "Passed: EarlyTermPos 1.00, Parabola 0.96"
+    assert shown.passed == "Passed: EarlyTermPos 1.00, Parabola 0.96."
+
+
+def test_without_twins_what_one_fixed_action_passes_is_told_apart() -> None:
+    found = exam({"EarlyTermPos": 1.0, "Parabola": 1.0, "Sort": 0.5})
+    assert card(found).passed == "Passed: Parabola 1.00. Passes, but so does one fixed action: EarlyTermPos 1.00."
+    assert card(exam({"EarlyTermPos": 1.0})).lead == "Passes, but so does one fixed action: EarlyTermPos."
 
 
 @pytest.mark.parametrize(
@@ -120,7 +127,7 @@ def test_the_terminal_shows_all_of_it(
     monkeypatch.setenv("COLUMNS", "80")
     print_exam(results, console(wide=True))
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
-    assert "Passed: EarlyTermPos 1.00, Parabola 0.96" in lines
+    assert "Passed: EarlyTermPos 1.00, Parabola 0.96." in lines
     (risky,) = (line for line in lines if line.startswith("✗ RiskyPath"))
     assert "○" in risky and "●" in risky and risky.endswith("1.00 0.20 1.00 14/14")
     (early,) = (line for line in lines if line.startswith("✗ EarlyTermNeg"))
@@ -222,7 +229,7 @@ def test_the_matrix_has_the_verdict_as_colour_and_the_diagnosis_as_word() -> Non
     cells = {(name, task): cell for name, row in zip(found.learners, found.cells, strict=True)
              for task, cell in zip(found.tasks, row, strict=True)}  # fmt: skip
     assert [cells["GAIL", task].word for task in ("EarlyTermPos", "EarlyTermNeg", "Sort")] == [
-        "",
+        "passes",
         "survival pays",
         "fails",
     ]
@@ -394,3 +401,19 @@ def test_what_is_wrong_with_a_file_is_told_with_its_place(
     done = Done("report", folder)
     assert done.status == 1 and "exam.json'," in done.err and "E721" in done.err
     assert told in " ".join(done.err.split())
+
+
+def test_numerals_are_the_means_of_the_data() -> None:
+    """In the matrix and in its picture, of the stored exams of the paper's learners; clipped scores are not among them."""
+    exams = {path.parent.name: read(path.parent) for path in sorted(RESULTS.glob("*/exam.json*"))}
+    expected = []
+    for found in exams.values():
+        for task, about in found["tasks"].items():
+            scores = [x["deterministic"] for x in found["scores"] if x["task"] == task and x["twin"] is None]
+            known = [score for score in scores if score is not None]
+            expected.append("cannot" if about.get("cannot") else f"{sum(known) / len(known):.2f}".replace("-", "−"))
+    assert "−16.97" in expected
+    page = report.page_of_several(exams)
+    assert re.findall(r'<td class="\w*">([^<]*)', page) == [x.replace("−0.00", "0.00") for x in expected]
+    drawn = [text for text in labels(pictures.table(matrix(exams))) if re.fullmatch(r"−?\d+\.\d\d|cannot", text)]
+    assert sorted(drawn) == sorted(x.replace("−0.00", "0.00") for x in expected)

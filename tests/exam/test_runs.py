@@ -60,7 +60,7 @@ def test_what_a_run_leaves_in_modules_does_not_reach_the_next_one(
     (tmp_path / "notes" / "seen.py").write_text("SEEDS = []\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", sys.path[:])
-    options = ("-t", "EarlyTermPos", "--seeds", "4", "--twins", "0", "--no-probes", "-j", str(jobs))
+    options = ("-t", "EarlyTermPos", "--seeds", "4", "--twins", "0", "--no-peeks", "-j", str(jobs))
     _, found = held(tmp_path / "out", form.format(folder=tmp_path), *options)
     for module in ("keeping", "notes", "notes.seen"):
         sys.modules.pop(module, None)
@@ -74,7 +74,7 @@ def test_settings_of_a_learner_in_a_file_mean_the_same_from_the_folder_that_it_i
 ) -> None:
     (tmp_path / "mine.yaml").write_text("learner: mce\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    options = ("-t", "EarlyTermPos", "--seeds", "1", "--twins", "0", "--no-probes", "-j", "1")
+    options = ("-t", "EarlyTermPos", "--seeds", "1", "--twins", "0", "--no-peeks", "-j", "1")
     _, found = held(tmp_path / "out", "mine.yaml", *options)
     assert [(score["error"], score["deterministic"]) for score in found["scores"]] == [(None, pytest.approx(1))]
 

@@ -111,7 +111,7 @@ def test_what_is_told_of_a_learned_reward_is_in_the_results(sign: float, starc: 
         return Learned(lambda observation: 0, sign * paid)
 
     found = examine(learner, tasks=["EarlyTermPos"], seeds=1, twins=1, learns_from=["reward"])
-    scores = [s for s in found["scores"] if s["probe"] is None]
+    scores = [s for s in found["scores"] if s["peek"] is None]
     assert len(scores) == 2
     for each in scores:
         assert each["starc"] == pytest.approx(starc, abs=1e-9)
@@ -150,7 +150,7 @@ def test_comparisons_are_of_discounted_returns() -> None:
         return lambda observation: 1
 
     for task in (build(read_text(TWICE)), build(read_text(TWICE.replace("discount: 1/4", "discount: 1")))):
-        examine(asking, tasks=[task], seeds=1, twins=0, probes=False)
+        examine(asking, tasks=[task], seeds=1, twins=0, peeks=False)
     assert answers == [1.0, 0.0]
 
 

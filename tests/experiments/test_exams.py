@@ -34,7 +34,7 @@ seeds: 2
 steps: 100
 transitions: 60
 twins: 0
-probes: false
+peeks: false
 """
 
 
@@ -67,7 +67,7 @@ def test_options_take_the_place_of_what_the_file_says(tmp_path: Path) -> None:
     Done("exam", path, "-o", tmp_path / "out", "-j", 1, "--seeds", 1, "--steps", "1k", "--probes")
     found = json.loads((tmp_path / "out" / "counting-clone" / "exam.json").read_text(encoding="utf-8"))
     assert (found["seeds"], found["steps"]) == ([0], 1000)
-    assert {score["probe"] for score in found["scores"]} == {None, "negated"}
+    assert {score["peek"] for score in found["scores"]} == {None, "negated"}
     for option in (["--suite", "derail"], ["--tasks", "Sort"], ["--against", tmp_path], ["--learns-from", "reward"]):
         done = Done("exam", path, *option)
         assert done.status == 2 and f"{option[0]} is for a single learner" in done.err
@@ -75,7 +75,7 @@ def test_options_take_the_place_of_what_the_file_says(tmp_path: Path) -> None:
 
 def test_the_instances_of_an_experiment_may_be_the_tasks_of_any_learner(tmp_path: Path) -> None:
     path = spec(tmp_path, TEXT)
-    terms = ("--seeds", 1, "--steps", 100, "--transitions", 60, "--twins", 0, "--no-probes", "-j", 1)
+    terms = ("--seeds", 1, "--steps", 100, "--transitions", 60, "--twins", 0, "--no-peeks", "-j", 1)
     done = Done("exam", f"{LEARNERS}:clone", "--tasks", path, *terms, "-o", tmp_path / "out", "--json")
     assert [score["task"] for score in done.data["scores"]] == [
         "derail/Branching-v0?L=2", "derail/Branching-v0?L=4", "derail/RiskyPath-v0",

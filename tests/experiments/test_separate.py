@@ -10,8 +10,10 @@ import pytest
 
 from taskspec import experiments, load
 from taskspec.exact import Results
-from taskspec.experiments.frozen import FrozenTask, freeze
-from taskspec.experiments.separate import Search, contestant
+from taskspec.exchange.freeze import freeze
+from taskspec.exchange.tables import FrozenTask
+from taskspec.experiments.races import contestant
+from taskspec.experiments.separate import Search
 from taskspec.experiments.shrink import shrink, size
 from taskspec.model.extract import extract
 from tests.shared.commands import Done
@@ -66,6 +68,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     [
         "families/Table?S=4&c=1&instance_seed=3", "families/Chain?instance_seed=4", "derail/RiskyPath", "derail/Branching?L=3",
         "probes/Hazard", "probes/LookAlikes", "seals/CliffWorld", "seals/RandomTransition",
+        "families/Table?A=2&N=7&S=2&c=0.5&e=0&f=0.1&instance_seed=144159",
     ],
 )  # fmt: skip
 def test_a_frozen_task_has_the_same_returns_and_proved_claims(name: str, tmp_path: Path) -> None:

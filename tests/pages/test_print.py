@@ -99,6 +99,20 @@ def test_tables_that_would_shrink_too_far_are_stacked(width: str, is_stacked: bo
     assert (text.count("what follows") > 1) == is_stacked
 
 
+LACKING = r"""\documentclass{article}
+\let\found\IfFileExists
+\def\IfFileExists#1#2#3{\ifnum\pdfstrcmp{#1}{mathtools.sty}=0 #3\else\found{#1}{#2}{#3}\fi}
+\input{preamble}\begin{document}\input{sort}$\begin{dcases} 1 & 2 \end{dcases}$\end{document}"""
+
+
+@pytest.mark.slow
+@TEX
+def test_pages_are_set_without_packages_that_a_small_tex_lacks(tmp_path: Path) -> None:
+    write(["derail/Sort-v0"], ["latex"], tmp_path)
+    compiled(tmp_path, LACKING)
+    assert "mathtools" not in (tmp_path / "paper.log").read_text(encoding="latin-1")
+
+
 @pytest.mark.slow
 @TEX
 def test_nothing_that_tex_leaves_stays_beside_the_document(tmp_path: Path) -> None:
@@ -115,6 +129,7 @@ def test_the_document_has_numbered_captions_and_metadata(tmp_path: Path) -> None
     path = write(FAMILY, ["pdf"], tmp_path, title="Three tasks")[-1]
     said = subprocess.run(["pdfinfo", path], capture_output=True, text=True, check=True).stdout
     assert re.search(r"^Title: +Three tasks$", said, re.MULTILINE)
+    assert re.search(r"^Author: +taskspec$", said, re.MULTILINE)
     assert re.search(r"^Creator: +taskspec", said, re.MULTILINE)
     text = subprocess.run(["pdftotext", path, "-"], capture_output=True, text=True, check=True).stdout
     numbers = [int(x) for x in re.findall(r"Figure (\d+): ", text)]
@@ -149,7 +164,7 @@ def test_blanks_of_a_map_are_named(tmp_path: Path) -> None:
     pages = [next(tmp_path.glob(f"keys*.{ending}")) for ending in ("html", "md", "tex")]
     assert all("# = 1, blank = 0)" in page.read_text(encoding="utf-8") for page in pages)
     done = CliRunner().invoke(app, ["show", str(spec)], env={"COLUMNS": "100", "NO_COLOR": "1"})
-    assert "# 1  blank 0" in done.stdout
+    assert "(# = 1, blank = 0)" in done.stdout
 
 
 def test_figures_at_settings_say_what_is_seen(tmp_path: Path) -> None:

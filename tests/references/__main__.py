@@ -50,7 +50,7 @@ def main() -> None:
 
 def examined(name: str, learner: str, whose: str, seeds: int, jobs: int) -> Exam:
     return examine(
-        learner, seeds=seeds, twins=0, probes=False, out=BUILD / name / whose, running=Running(jobs), **TERMS[name]
+        learner, seeds=seeds, twins=0, peeks=False, out=BUILD / name / whose, running=Running(jobs), **TERMS[name]
     )
 
 

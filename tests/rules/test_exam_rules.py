@@ -246,6 +246,24 @@ def test_a_diagnosis_says_where_it_is_from_and_what_speaks_for_it() -> None:
     assert found["source"].startswith("Kostrikov et al. (2019). Discriminator-Actor-Critic") and found["try"]
 
 
+def test_a_diagnosis_at_its_border_is_undecided() -> None:
+    """EarlyTermNeg is to be below 0 for `survival_pays`: its interval is, contains 0, or is above."""
+    around = np.linspace(-0.3, 0.3, 15)
+    for mean, is_named, is_open in (
+        (-0.5, True, False),
+        (-0.02, False, True),
+        (0.02, False, False),
+        (0.5, False, False),
+    ):
+        scores = MASTERED | {"EarlyTermNeg": (around + mean).tolist()}
+        results = exam(scores, scores)
+        message = "Prolongs episodes"
+        assert any(message in each["message"] for each in findings.diagnose(results, "derail")) == is_named, mean
+        lines = [each for each in findings.undecided(results, "derail") if message in each]
+        assert bool(lines) == is_open, mean
+        assert all("score(EarlyTermNeg) = −0.02 [" in each for each in lines)
+
+
 def test_the_documentation_lists_what_rules_may_say() -> None:
     page = (registry.tasks_root().parent / "docs" / "diagnoses.md").read_text(encoding="utf-8")
     for written in (*(n.word.written for n in NUMBERS.values()), *(w.written for w in FIXED.values())):

@@ -21,7 +21,7 @@ Scores = Mapping[str, float | Sequence[float]]
 def entry(task: str, seed: int, score: float | None, **others: Any) -> dict[str, Any]:
     """One result."""
     return {
-        "task": id_of(task), "twin": None, "probe": None, "seed": seed, "deterministic": score, "stochastic": score,
+        "task": id_of(task), "twin": None, "peek": None, "seed": seed, "deterministic": score, "stochastic": score,
         "half": 0.0, "return": score, "error": None if score is not None else "it failed", "steps": 50_000, "seconds": 2.5,
         "demonstrations": 10_000, "comparisons": 0, "starc": None, "reward_regret": None, "curve": None,
     } | others  # fmt: skip

@@ -140,8 +140,8 @@ def test_constants_are_printed_and_drawn(path: Path) -> None:
     task = load(path, instance_seed=3)
     command = [sys.executable, "-m", "taskspec", "show", str(path), "-p", "instance_seed=3"]
     printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert f"meaning = Permutation(N) = {task.constants['meaning'].tolist()}" in printed
-    assert "half = N // 2\n" in printed or "half    = N // 2\n" in printed
+    assert "meaning ∼ Perm(N), drawn once per instance" in printed and "half = ⌊N / 2⌋" in printed
+    assert f"here meaning = {task.constants['meaning'].tolist()}" in printed
     told = json.loads(subprocess.run([*command, "--json"], capture_output=True, text=True, check=True).stdout)[
         "constants"
     ]

@@ -94,6 +94,7 @@ FEATURES: dict[str, dict[str, Any]] = {
         "expert": {"u": 1, "v": "z[0]"},
     },
     "measures": {"measures": {"cost": "s' - s", "far": {"value": "s > 1", "doc": "far"}}},
+    "legal": {"legal": "a == on or s > 0", "expert": "on"},
     "observation": {"observation": {"space": "box", "s": "s", "o": {"value": "s + 1", "low": 0, "high": 99}}},
     "ends": {"terminal": "s' == 3", "discount": "9/10", "absorbing_reward": "s / 3", "expert": "on"},
     "memory": {

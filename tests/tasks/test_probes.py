@@ -47,9 +47,9 @@ def test_an_exam_asks_the_probes_too_with_few_steps(asked: int | None, expected:
         granted[case.task.id] = case.steps
         raise CannotLearn("")
 
-    examine(train, seeds=1, steps=asked, twins=0, probes=False)
+    examine(train, seeds=1, steps=asked, twins=0, peeks=False)
     assert (granted["derail/RiskyPath-v0"], granted["probes/Aim-v0"]) == expected
-    examine(train, suite="probes", tasks=["Echo"], seeds=1, steps=40_000, twins=0, probes=False)
+    examine(train, suite="probes", tasks=["Echo"], seeds=1, steps=40_000, twins=0, peeks=False)
     assert granted["probes/Echo-v0"] == 40_000
 
 

@@ -82,7 +82,7 @@ class Gymnax:
 
     @property
     def num_actions(self) -> int:
-        """How many actions there are; the size of an action that is an array."""
+        """The number of actions; the size of an action that is an array."""
         if self._flat:
             return math.prod(self._acted.counts)
         if self._acted.form == "discrete":
@@ -161,7 +161,7 @@ _DTYPES = {"int": jnp.int32, "real": jnp.float32}
 
 @dataclass(frozen=True)
 class OpenParameters:
-    """What a task leaves open, and the conditions that the spec has for it, each with what to say where it does not hold."""
+    """The open parameters of a task, and the conditions that the spec has for it, each with its message."""
 
     varying: tuple[Parameter, ...]
     bound: tuple[str, ...] = ()
@@ -208,7 +208,7 @@ class OpenParameters:
         return reward
 
     def check(self, params: Any) -> None:
-        """Refuse (E704) values that the spec does not allow together, as far as they are known."""
+        """Refuse (E704) known values that the spec does not allow together."""
         for message, holds in zip(self.messages, self.conditions(*self.values(params)), strict=True):
             known = _known(holds)
             if known is not None and not known.all():
@@ -234,7 +234,7 @@ def _params(opened: OpenParameters) -> Any:
     base = namedtuple("Params", ("max_steps_in_episode", *known))  # type: ignore[misc]
 
     class Params(base):
-        """What a caller may want to know, and the parameters that may differ between lanes."""
+        """The horizon, and the parameters that may differ between lanes."""
 
         __slots__ = ()
 
@@ -289,7 +289,7 @@ def _known(value: Any) -> AnyArray | None:
 
 
 def _check(parameter: Parameter, value: Any) -> None:
-    """Refuse (E703) values that the spec does not allow, as far as they are known."""
+    """Refuse (E703) known values that the spec does not allow."""
     known = _known(value)
     if known is None:
         return
@@ -348,8 +348,8 @@ class Functional:
     ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
         """Observation, state, reward, done and info of a step; after an episode ends the next one begins (autoreset).
 
-        info holds "terminated", "truncated", "final_observation", that of the step itself, and "measures" where the
-        task has some.
+        info holds "terminated", "truncated", "final_observation", that of the step itself, "measures" where the
+        task has some, and "action_mask" where it has `legal`, of the state that is returned.
         """
         observation, state, result = self.lanes_step(_lane(state), jnp.asarray(action)[..., None], params)
         info = {
@@ -357,6 +357,7 @@ class Functional:
             "truncated": result.truncated[0],
             "final_observation": _single(observed(self.program.observation, result.observation)),
             **self._measures(result),
+            **self._legal(state, params),
         }
         done = info["terminated"] | info["truncated"]
         return _single(observation), _single(state), result.reward[0], done, info
@@ -364,13 +365,18 @@ class Functional:
     def step_env(
         self, state: State, action: AnyArray, params: Any = None
     ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
-        """Return a step without autoreset; info holds "terminated", "truncated", and "measures" where the task has some."""
+        """Return a step without autoreset; info is that of `step`, without "final_observation"."""
         program = self.program
         action = acted(program.action, jnp.asarray(action)[..., None])
         after, result = self._stepped(_lane(state), action, self._open.values(params))
         seen = _single(observed(program.observation, result.observation))
         done = result.terminated[0] | result.truncated[0]
-        info = {"terminated": result.terminated[0], "truncated": result.truncated[0], **self._measures(result)}
+        info = {
+            "terminated": result.terminated[0],
+            "truncated": result.truncated[0],
+            **self._measures(result),
+            **self._legal(after, params),
+        }
         return seen, _single(after), result.reward[0], done, info
 
     def _measures(self, result: StepResult) -> dict[str, Any]:
@@ -379,6 +385,16 @@ class Functional:
         if not values:
             return {}
         return {"measures": values}
+
+    def action_mask(self, state: State, params: Any = None) -> AnyArray:
+        """Return the legal actions of a state, bool (n,), for a task with `legal`."""
+        return self.program.mask(_lane(state), self._open.values(params))[:, 0]
+
+    def _legal(self, state: State, params: Any) -> dict[str, AnyArray]:
+        """Return what the info of a step says of legal actions in the state (lanes last) that it leads to."""
+        if not self.task.mask:
+            return {}
+        return {"action_mask": self.program.mask(state, self._open.values(params))[:, 0]}
 
     def gymnax(self, *, one_hot: bool = False, flat_actions: bool = False) -> Gymnax:
         """Return the same functions under gymnax's signatures, with its spaces.

@@ -1,8 +1,8 @@
 """Random words and variates in JAX, and the array forms that XLA compiles well; 32-bit numbers only.
 
-Words and variates are exactly those of `taskspec.draws`. For XLA computes a product and the sum that it feeds with one
-rounding, a quotient by a constant as a product, and a quotient by a root as one by `rsqrt`, whatever is rounded in
-between passes through `Rounding`.
+Words and variates are exactly those of `taskspec.draws`. XLA computes a product and the sum that it feeds with one
+rounding, a quotient by a constant as a product, and a quotient by a root as one by `rsqrt`, so values that must be
+rounded in between pass through `Rounding`.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def _real(bits: AnyArray) -> AnyArray:
 
 
 class Rounding:
-    """What passes through is rounded to float32 before anything else is done with it, as in NumPy.
+    """Round a value to float32 before anything else is done with it, as in NumPy.
 
     A negative zero is added, which changes nothing, and which the compiler cannot tell from another number: bits 0 and 2
     of a square are never both set, for a square is 0, 1 or 4 modulo 8. If a product is fused with a sum, then with this

@@ -95,7 +95,7 @@ class State(NamedTuple):
 
 
 class StepResult(NamedTuple):
-    """What a step gives, lanes last: observation components, float32 reward, two flags, and float32 measures."""
+    """The results of a step, lanes last: observation components, float32 reward, two flags, and float32 measures."""
 
     observation: tuple[AnyArray, ...]
     reward: AnyArray
@@ -114,6 +114,7 @@ class JaxProgram:
     action: SpaceLayout
     _start: Any
     _step: Any
+    _mask: Any
     _start_words: int
     _step_words: int
 
@@ -158,6 +159,12 @@ class JaxProgram:
         )
         return State(values, time, state.steps + jnp.uint32(1), state.episodes, state.key), result
 
+    def mask(self, state: State, given: Sequence[AnyArray] = ()) -> AnyArray:
+        """Return the legal actions of lanes, bool (n, N), for a task with `legal`."""
+        (c,) = self.task.action
+        (found,) = self._mask(*state.values, *given)
+        return jnp.broadcast_to(found, (*c.counts, *state.time.shape))
+
     def again(
         self, state: State, result: StepResult, given: Sequence[AnyArray] = ()
     ) -> tuple[State, tuple[AnyArray, ...]]:
@@ -188,7 +195,7 @@ def compile_jax(task: Task) -> JaxProgram:
     """
     step = task.step_roots
     start = task.reset_roots
-    _check_ints(task, (*step, *start))
+    _check_ints(task, task.roots)
     step_words = task.step_words
     start_words = task.reset_words
     n = len(task.state)
@@ -210,11 +217,13 @@ def compile_jax(task: Task) -> JaxProgram:
     body, values = _emit(task, start, start_words, constants)
     lines += ["", "", f"def start({', '.join(['w', *given])}):", *indent(body)]
     lines += indent([f"return {tuple_of(values[:n])}, {tuple_of(values[n:])}"])
+    body, values = _emit(task, task.mask, start_words, constants)
+    lines += ["", "", f"def mask({', '.join([*states, *given])}):", *indent([*body, f"return {tuple_of(values)}"])]
     source = "\n".join([repr(f"{task.id}: n environments, array code for JAX. Generated."), "", "", *lines, ""])
     namespace = {**_NAMESPACE, **arrays(constants, _array)}
     run(source, f"<taskspec {task.id} {task.content_hash[:12]} jax>", namespace)
     layouts = (task.observation_layout, task.action_layout)
-    functions = (namespace["start"], namespace["step"])
+    functions = (namespace["start"], namespace["step"], namespace["mask"])
     return JaxProgram(task, source, *layouts, *functions, start_words.count, step_words.count)
 
 
@@ -315,7 +324,7 @@ def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[s
 
 def open_names(task: Task) -> dict[str, str]:
     """Return the parameters that a task leaves open, in alphabetical order, and their names in the source."""
-    found = sorted(name for role, name in reads((*task.reset_roots, *task.step_roots)) if role is Role.PARAMETER)
+    found = sorted(name for role, name in reads(task.roots) if role is Role.PARAMETER)
     return {name: f"p{i}" for i, name in enumerate(found)}
 
 

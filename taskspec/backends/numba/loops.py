@@ -46,7 +46,7 @@ _FIELDS = (
 
 @dataclass
 class Memory:
-    """Where every array is: its number in the vector of addresses."""
+    """The place of every array: its number in the vector of addresses."""
 
     fields: list[str] = field(default_factory=lambda: list(_FIELDS))
 
@@ -116,7 +116,7 @@ class Program:
 
     @property
     def inline_reset(self) -> bool:
-        """Whether lanes that end start again within the loop: where that is known and takes no draws."""
+        """Lanes that end start again within the loop: where that is known and takes no draws."""
         return self.mode == "same_step" and not self.reset_words.count
 
 

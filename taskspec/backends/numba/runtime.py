@@ -1,4 +1,4 @@
-"""How kernels are compiled, and the functions that they call: selects, operators, and lanes whose episodes end."""
+"""Compilation of kernels, and the functions that they call: selects, operators, and lanes whose episodes end."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class Ahead:
         self._together = everywhere
 
     def part_ways(self) -> None:
-        """From now on lanes may have taken different numbers of steps since they were seeded."""
+        """Allow that, from now on, lanes have taken different numbers of steps since they were seeded."""
         if self._together:
             self._together = False
             if self._at < self._depth and len(self._items):

@@ -18,6 +18,7 @@ from taskspec.backends.scalar.interface import is_kept, row_names, sees_state
 from taskspec.backends.scalar.module import Parts, generate
 from taskspec.backends.scalar.phase import Phase, phase_stream
 from taskspec.backends.source_text import run
+from taskspec.base.arrays import Array
 from taskspec.base.records import dataclass
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.operators import OPERATORS
@@ -44,7 +45,7 @@ def scalar_namespace() -> dict[str, Any]:
 
 
 class Clock(NamedTuple):
-    """Where an environment stands: steps of this episode, steps of those before it, resets, and whether it is running."""
+    """The counters of an environment: steps of this episode, steps of those before it, resets, and whether it is running."""
 
     time: int = 0
     past: int = 0
@@ -95,13 +96,15 @@ class ScalarProgram:
 class Lane:
     """One environment: `reset()`, `step(action)`, and its state (component values, clock) to get and put.
 
-    A value that `get` gives as None is that of the last reset (`ScalarProgram.replay`); `put` needs all values.
+    A value that `get` gives as None is that of the last reset (`ScalarProgram.replay`); `put` needs all values. `mask()` gives
+    the legal actions, int8 (n,); None where all actions are legal.
     """
 
     reset: Callable[[], tuple[Any, dict[str, Any]]]
     step: Callable[[Any], tuple[Any, float, bool, bool, dict[str, Any]]]
     get: Callable[[], tuple[tuple[Any, ...], tuple[int, int, int, bool]]]
     put: Callable[[Sequence[Any], tuple[int, int, int, bool]], None]
+    mask: Callable[[], Array] | None
 
 
 @lru_cache(maxsize=64)
@@ -115,7 +118,7 @@ def compile_scalar(task: Task) -> ScalarProgram:
     seen = () if invariants.observation else invariants.replaced(b, task.next_observation)
     cold: frozenset[str] = frozenset()
     if not task.info or sees_state(task, observation):
-        cold = cold_components(task, (*roots, *seen))
+        cold = cold_components(task, (*roots, *seen, *task.mask))
     initial = list(task.process.initial)
     for i, c in enumerate(task.state):
         if c.name in cold:
@@ -132,6 +135,7 @@ def compile_scalar(task: Task) -> ScalarProgram:
         "np": np,
         "array": np.array,
         "index": operator.index,
+        "int8": np.int8,
         "singles": singles,
         **_ACTIONS,
     }

@@ -12,7 +12,7 @@ import numpy as np
 
 from taskspec.backends.lane_form import UNROLLED, LaneEmitter, LaneValue
 from taskspec.backends.scalar.phase import Phase, is_filled, stream
-from taskspec.backends.source_text import literal, names_of
+from taskspec.backends.source_text import indent, literal, names_of
 from taskspec.lang.ir import Node, Read
 from taskspec.lang.types import Kind, total_size
 from taskspec.task.parts import are_finite
@@ -178,7 +178,22 @@ def info(task: Task, names: Sequence[str], measures: Sequence[str]) -> str:
     if measures:
         values = zip(task.process.measures, measures, strict=True)
         items.append('"measures": {' + ", ".join(f"{name!r}: {source}" for name, source in values) + "}")
+    if task.mask:
+        items.append(MASKED)
     return "{" + ", ".join(items) + "}"
+
+
+MASKED = '"action_mask": mask()'
+"""The legal actions in the info of a step or a reset."""
+
+
+def mask(task: Task, lane: LaneEmitter) -> list[str]:
+    """Return the function `mask`, which gives the legal actions of the present state as int8 (n,); None where all are."""
+    if not task.mask:
+        return ["mask = None"]
+    (node,) = task.mask
+    lane.emit([node])
+    return ["def mask():", *indent([*lane.lines, f"return array(({', '.join(lane.atoms(node))},), int8)"])]
 
 
 # -- the observation ----------------------------------------------------------------------------------------------

@@ -9,10 +9,12 @@ from typing import Any
 from taskspec.backends.lane_form import LaneEmitter, LaneValue
 from taskspec.backends.lowering import Invariants, frozen_components
 from taskspec.backends.scalar.interface import (
+    MASKED,
     flat_state,
     has_rows,
     info,
     is_kept,
+    mask,
     observe,
     old_state,
     read_action,
@@ -30,7 +32,7 @@ from taskspec.task.task import Task
 
 @dataclass(frozen=True)
 class Parts:
-    """What a module is generated from."""
+    """The parts from which a module is generated."""
 
     task: Task
     invariants: Invariants
@@ -59,7 +61,8 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
     if has_rows(task):
         lines.append("next_row = rows()")
     access = _access(parts, states, restored)
-    lines += ["", *reset, "", *step, "", *access, "", "return reset, step, get, put"]
+    legal = mask(task, _lane(parts, None, states, (), constants))
+    lines += ["", *legal, "", *reset, "", *step, "", *access, "", "return reset, step, get, put, mask"]
     text = [*head, "", "", "def lane(next_first, next_draws, bad_action, not_running):", *indent(lines), ""]
     return "\n".join(text), constants
 
@@ -139,7 +142,8 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
         body += [f"told = {phase.row_names[2]}"]
     else:
         body += told_state(task, parts.observation, states, observation)
-    body += ["past += t", "t = 0", "episodes += 1", "alive = True", f"return {observation}, {{}}"]
+    told = f"{{{MASKED}}}" if task.mask else "{}"
+    body += ["past += t", "t = 0", "episodes += 1", "alive = True", f"return {observation}, {told}"]
     targets = [*states, *_kept(parts), "t", "past", "episodes", "alive"]
     return ["def reset():", *indent([f"nonlocal {', '.join(targets)}", *body])]
 

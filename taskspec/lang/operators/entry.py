@@ -38,7 +38,7 @@ class NodeMaker(Protocol):
 
 
 class Level(IntEnum):
-    """How tightly notation binds, from what runs on as far as it can to what needs no brackets anywhere."""
+    """Levels of binding of notation, from the loosest to notation that needs no brackets anywhere."""
 
     SCOPE = 0
     OR = 1
@@ -57,7 +57,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Brackets:
-    """How tightly an operator binds, and its operands at least; the last entry holds for all further operands.
+    """The level at which an operator binds, and its operands at least; the last entry holds for all further operands.
 
     `lead` says that the first operand may begin with a sign.
     """
@@ -101,7 +101,7 @@ class Function:
     """A function of the language.
 
     `arguments` are names for the reference and for messages; the last may be `*rest`. `latex` is a template over
-    `{0}`, `{1}`, ...; `{*}` stands for all arguments with commas, and `brackets` says which operands need them. `static`
+    `{0}`, `{1}`, ...; `{*}` is all arguments with commas, and `brackets` says which operands need them. `static`
     arguments must be constants; `indices` are arguments that say where in the first one. `build` makes the core nodes, with
     `applies` those of one operator. `whole` says that it takes vectors as a whole and not element by element.
     """
@@ -192,7 +192,7 @@ class Kernel:
 
 
 class Elements(Enum):
-    """What the elements of an operator's value have to do with those of its arguments, `indices` apart."""
+    """Relations of the elements of an operator's value to those of its arguments, except `indices`."""
 
     COMPUTED = "new values"
     MOVED = "elements of the arguments, at places that their values do not decide"

@@ -60,7 +60,7 @@ class Enumeration:
 
     `count` bounds how many there are, given bounds of nodes. `table` gives their values (K, *shape) and probabilities
     (K, N or 1) from arguments (*shape, N or 1). A probability takes so many rounded `steps`, as a row is rounded, added up
-    and divided for each element, and is made of so many `chances` that the arguments give. With a `tail` there are
+    and divided for each element, and is made of so many `inputs`, which the arguments give. With a `tail` there are
     infinitely many, of irrational probabilities; those left out weigh less than 1e-20 for each element. `weighted` says
     whether the arguments are what outcomes weigh, and `by_row` whether a row of a constant table is taken as it is written.
     """
@@ -68,7 +68,7 @@ class Enumeration:
     count: Callable[[Draw, Bounds], float]
     table: Callable[[Draw, list[AnyArray], ProbabilityArithmetic], Outcomes]
     steps: Callable[[Draw], int] = lambda draw: 6 * draw.type.size
-    chances: Callable[[Draw], int] = lambda draw: draw.type.size
+    inputs: Callable[[Draw], int] = lambda draw: draw.type.size
     tail: bool = False
     weighted: bool = True
     by_row: bool = False

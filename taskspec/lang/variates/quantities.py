@@ -1,4 +1,4 @@
-"""Base variates that are quantities: reals, counts, and what stands for draws in exact models."""
+"""Base variates that are quantities: reals, counts, and substitutes for draws in exact models."""
 
 from __future__ import annotations
 
@@ -261,7 +261,7 @@ TABLE = (
         outcomes=Enumeration(
             lambda draw, bounds: draw.args[0].type.size + 1, _total,
             steps=lambda draw: 4 * draw.args[0].type.size + 4,  # two products and a sum for each, of what was rounded
-            chances=lambda draw: draw.args[0].type.size,
+            inputs=lambda draw: draw.args[0].type.size,
         ),
     ),
     Variate(  # a permutation, reduced to classes of values in the places that are read

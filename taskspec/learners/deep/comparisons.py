@@ -97,6 +97,7 @@ class PreferenceRound:
 
         def step(walk: Any, drawn: tuple[AnyArray, AnyArray]) -> Any:
             noise, at_random = drawn
+            noise = world.allowed(walk, noise)
             return world.step(walk, jnp.where(at_random[:, None], world.head.uniform(noise), act(walk.seen, noise)))
 
         _, steps = jax.lax.scan(step, world.begin(begin, self.config.episodes), (noises, at_random))

@@ -54,6 +54,8 @@ class StepBatch(NamedTuple):
         return StepBatch(*(x.reshape(-1, *x.shape[2:]) for x in self))
 
 
+FORBIDDEN = 1e9
+"""What the noise of an illegal action is lowered by."""
 Act = Callable[[AnyArray, AnyArray], AnyArray]
 """From observations (E, D) and noise (E, size) to actions (E, K)."""
 
@@ -96,7 +98,7 @@ class World:
 
     @property
     def may_end(self) -> bool:
-        """Whether there are terminal states."""
+        """True where there are terminal states."""
         return not (isinstance(self.task.process.terminal, Const) and not self.task.process.terminal.value)
 
     @property
@@ -139,7 +141,13 @@ class World:
     def rollout(self, walk: RolloutState, act: Act, key: AnyArray, steps: int) -> tuple[RolloutState, StepBatch]:
         """Take steps in every lane: (T, E, ...)."""
         noise = self.head.noise(key, (steps, len(walk.seen)))
-        return jax.lax.scan(lambda w, n: self.step(w, act(w.seen, n)), walk, noise)
+        return jax.lax.scan(lambda w, n: self.step(w, act(w.seen, self.allowed(w, n))), walk, noise)
+
+    def allowed(self, walk: RolloutState, noise: AnyArray) -> AnyArray:
+        """Return the noise of actions (E, size), such that no illegal one is sampled."""
+        if not self.task.mask:
+            return noise
+        return jnp.where(compile_jax(self.task).mask(walk.state).T, noise, noise - FORBIDDEN)
 
     def _vectors(self, seen: Any) -> AnyArray:
         shown = observed(compile_jax(self.task).observation, seen)

@@ -14,11 +14,14 @@ from markupsafe import Markup
 from taskspec.base.display import ON_PAGES, visible
 from taskspec.base.extras import need
 from taskspec.figures import Scene, layers, svg
+from taskspec.figures.film import film
+from taskspec.figures.machine import state_labels
 from taskspec.pages.facts import lines as score_lines
-from taskspec.pages.hypertext import HtmlWriter
+from taskspec.pages.hypertext import HtmlWriter, origin_of
 from taskspec.pages.page import Page
 from taskspec.pages.render.suite import Suite, notation
 from taskspec.pages.templating import html_environment
+from taskspec.printers.text import plain
 
 _LAYERS = {
     "task": "task", "values": "best returns", "policy": "best actions", "expert": "expert", "occupancy": "visits",
@@ -79,14 +82,25 @@ def page_of(template: str, **values: Any) -> str:
 def _page(suite: Suite, page: Page) -> dict[str, Any]:
     scene = suite.scenes.get(page.anchor)
     titles = [each.title for each in page.settings]
+    states = _states(page)
     return {
         "page": page,
-        **HtmlWriter(suite.cited).words(page.summary, page.description, page.sections, titles),
+        "states": states.values(),
+        **HtmlWriter(suite.cited, states).words(page.summary, page.description, page.sections, titles),
         "figures": _figures(page, scene),
         "caption": scene.caption if scene else "",
         "others": [(each.caption, Markup(svg(each.scene, css=True))) for each in suite.others(page)],
         "source": _highlighted(page.source_text),
     }
+
+
+def _states(page: Page) -> dict[str, int]:
+    """Return codes of states by their symbols, for those whose transitions have a line of their own."""
+    section = page.section("dynamics")
+    origins = {origin_of(line.content) for line in section.lines} - {""} if section else set()
+    if not origins:
+        return {}
+    return {plain(label): code for code, label in state_labels(page.task).items() if plain(label) in origins}
 
 
 def _figures(page: Page, scene: Scene | None) -> list[tuple[str, Markup]]:
@@ -96,7 +110,12 @@ def _figures(page: Page, scene: Scene | None) -> list[tuple[str, Markup]]:
     found = {"task": scene}
     if page.facts.model is not None:
         found |= layers(page.task, page.facts.model)
-    return [(_LAYERS[name], Markup(svg(each, css=True))) for name, each in found.items()]
+    shown = [(_LAYERS[name], Markup(svg(each, css=True))) for name, each in found.items()]
+    if page.facts.model is not None or isinstance(page.task.annotations.expert, tuple):
+        moving = film(page.task)
+        if moving is not None:
+            shown.insert(1, ("film", Markup(moving)))
+    return shown
 
 
 def _card(suite: Suite, page: Page) -> dict[str, Any]:

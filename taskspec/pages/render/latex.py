@@ -23,11 +23,6 @@ BESIDE = frozenset({
     "termination", "initial", "roles", "expert",
 })  # fmt: skip
 """Sections that stand beside the figure; the others have the whole width."""
-_LABELS = {
-    "parameters": "Parameters", "modifiers": "Modifiers", "state": "States", "actions": "Actions", "initial": "Start",
-    "scores": "Returns",
-}  # fmt: skip
-"""Short titles of sections, for the label column of a card."""
 BESIDE_ROOM = 27.0
 BRIEF_ROOM = 40.0
 WHOLE_ROOM = 60.0
@@ -101,7 +96,7 @@ class LatexWriter:
         for section in page.sections:
             ends = [";"] * (len(section.lines) - 1) + ["."]
             text = " ".join(self.brief_line(*each, page) for each in zip(section.lines, ends, strict=False))
-            yield {"title": escape(_LABELS.get(section.key, section.title)), "text": text + self.table(section)}
+            yield {"title": escape(section.label), "text": text + self.table(section)}
 
     # -- sections -------------------------------------------------------------------------------------------------
 

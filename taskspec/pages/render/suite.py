@@ -1,4 +1,4 @@
-"""What renderers work on: pages with figures and references, and the paragraph on notation."""
+"""The input of renderers: pages with figures and references, and the paragraph on notation."""
 
 from __future__ import annotations
 

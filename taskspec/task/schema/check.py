@@ -1,4 +1,4 @@
-"""From pydantic's errors to diagnostics: the place in the file, and words for a person."""
+"""Diagnostics from pydantic's errors: the place in the file, and words for a person."""
 
 from __future__ import annotations
 
@@ -36,6 +36,7 @@ OTHER_FORMATS = {
     "experiment": ("an experiment", "`taskspec sweep {}` runs it"),
     "exam": ("an exam", "`taskspec check {}` checks it"),
     "findings": ("a list of findings", "`taskspec check {}` checks it"),
+    "zoo": ("a zoo of learners", "`taskspec separate --cover {}` takes it"),
 }
 """Documents that are no specs, by their first key: what they are, and what to do with one."""
 Shape = TypeVar("Shape", bound=BaseModel)
@@ -59,7 +60,7 @@ class Located(Protocol):
 def check_shape(document: Document) -> tuple[Diagnostic, ...]:
     """Problems with the sections, keys and kinds of values of a whole document.
 
-    Variants are checked as far as they go; what they come to with what they are based on is for `validated`.
+    Variants are checked alone here; `validated` checks them together with what they are based on.
     """
     collector = Collector()
     for other in document.others.values():

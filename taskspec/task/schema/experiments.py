@@ -148,7 +148,7 @@ def _together(entry: TaskEntry) -> Iterator[Problem]:
 
 
 class Plot(Strict):
-    """What the picture shows."""
+    """The content of the picture."""
 
     x: Name | None = Field(None, description="The parameter along the axis; the first that varies unless given.")
     y: Name | None = Field(None, description="The parameter along the other axis of a heat map.")
@@ -184,7 +184,7 @@ class Experiment(Strict):
     twins: int | None = Field(
         None, ge=0, description="Twins of each task that learners are examined on; 2 unless given."
     )
-    probes: bool = Field(True, description="Whether it is tried if learners look at rewards that are withheld.")
+    peeks: bool = Field(True, description="Whether it is tried if learners look at rewards that are withheld.")
     seeds: int | None = Field(
         None, ge=1,
         description="How often each policy is rolled out (1 unless given), and each learner trained (15), with another seed.",
@@ -196,6 +196,20 @@ class Experiment(Strict):
     plot: Plot = Field(default_factory=Plot, description="What the picture shows.")
 
 
+class ZooEntry(Strict):
+    """A right learner, and versions of it with mistakes."""
+
+    right: str = Field(description="The right version: `FILE.py:train`, from the folder of this file, or a name.")
+    mistakes: Annotated[list[str], Field(min_length=1, description="Versions with a mistake each.")]
+
+
+class Zoo(Strict):
+    """Learners with mistakes, for which a small set of tasks is looked for that separates each from its right version."""
+
+    zoo: int = Field(description="The version of the format: 1.")
+    learners: Annotated[list[ZooEntry], Field(min_length=1, description="Right learners, each with its mistakes.")]
+
+
 # The shape of what comes with a suite beside its specs: the diagnoses of its exam, and findings about several learners.
 
 _TASKS = "Tasks of the exam, by name, in the order of reports; all of the suite unless given."
@@ -203,7 +217,7 @@ Described = TypeVar("Described", bound=BaseModel)
 
 
 class DiagnosisEntry(Strict):
-    """What a pattern of scores usually means."""
+    """The usual meaning of a pattern of scores."""
 
     when: str = Field(description="A condition over scores: `score(EarlyTermPos) > 0.9 and score(EarlyTermNeg) < 0`.")
     message: str = Field(description="What it says about the learner, in one sentence.")
@@ -235,7 +249,7 @@ class Evaluation(Strict):
 
 
 class ExamDocument(Strict):
-    """What the exam of a suite asks, and what its results mean."""
+    """The tasks of a suite's exam, and the meaning of its results."""
 
     exam: int = Field(description="The version of the format: 1.")
     title: str | None = Field(None, description="Its heading.")
@@ -261,7 +275,7 @@ class FindingEntry(Strict):
 
 
 class FindingsDocument(Strict):
-    """What a source says about learners, as conditions over their scores."""
+    """Statements of a source about learners, as conditions over their scores."""
 
     findings: int = Field(description="The version of the format: 1.")
     title: str | None = Field(None, description="Its heading.")

@@ -41,14 +41,14 @@ from taskspec.task.schema.values import Problem
 FORMAT = 1
 """The version of the format that is read here."""
 Changeable = Literal[
-    "parameters", "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount",
-    "initial", "dynamics", "reward", "absorbing_reward", "measures", "memory", "expert",
+    "parameters", "constants", "definitions", "noise", "state", "action", "legal", "observation", "horizon", "terminal",
+    "discount", "initial", "dynamics", "reward", "absorbing_reward", "measures", "memory", "expert",
 ]  # fmt: skip
 """Sections that decide what a task does, as far as a source may be wrong about them."""
 
 
 class Source(Strict):
-    """Where the task comes from."""
+    """A source of the task."""
 
     key: str = Field(description="Key of the bibliography entry.")
     where: str | None = Field(None, description="Sections, pages or names in the source.")
@@ -159,7 +159,7 @@ else:
 
 
 class FigureEntry(Strict):
-    """How to draw the task; the other keys depend on the kind."""
+    """The figure of the task; the other keys depend on the kind."""
 
     kind: FigureKindName = Field(description="Kind of figure.")
     at: Expression | None = Field(
@@ -241,6 +241,9 @@ class Sections(Strict):
     )
     state: dict[Name, ComponentEntry] = Field(default_factory=dict, description="The components of the state.")
     action: dict[Name, ComponentEntry] = Field(default_factory=dict, description="The components of the action.")
+    legal: Expression = Field(
+        None, description="Condition over state and action that says which actions may be taken; all, without it."
+    )
     observation: Observation = Field(
         default_factory=dict,
         description="What the agent sees, as `name: expression`, which may draw. Without it: the "
@@ -366,7 +369,7 @@ Variant = _partial(
 
 
 class Head(Strict):
-    """What every file begins with, and the variants."""
+    """The keys that every file begins with, and the variants."""
 
     taskspec: int = Field(description="Version of the format of this file: 1.", json_schema_extra={"const": FORMAT})
     name: Name = Field(description="Name of the task, and of its environments.")

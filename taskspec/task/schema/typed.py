@@ -50,7 +50,7 @@ def _refer(form: str) -> WithJsonSchema:
 
 @dataclass(frozen=True)
 class Shorthand:
-    """An annotation that lets a text stand for an entry with that one key."""
+    """An annotation by which a text is read as an entry with that one key."""
 
     key: str
 
@@ -120,7 +120,7 @@ class Strict(BaseModel):
 
 
 class Typed(Strict):
-    """What parameters and components share."""
+    """The keys that parameters and components share."""
 
     low: Bound = Field(None, description="Smallest value, included. Without it: no bound.")
     high: Bound = Field(None, description="Largest value, included. Without it: no bound.")

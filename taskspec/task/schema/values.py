@@ -22,6 +22,7 @@ _NAMES: Mapping[str, str] = {
     "observation": "obs observations observ_fluents observation_space",
     "reward": "rewards utility",
     "measures": "measure cost costs performance metrics",
+    "legal": "legal_actions action_mask mask allowed available preconditions",
     "dynamics": "transition transitions next step cpfs update",
     "initial": "init init_state initial_state reset start",
     "constants": "non_fluents consts",
@@ -63,7 +64,7 @@ WORDS = (*keyword.kwlist, "true", "false")
 
 
 class Problem(NamedTuple):
-    """What is wrong with a part of a value: `path` leads from the value to the part."""
+    """A mistake in a part of a value: `path` leads from the value to the part."""
 
     code: str
     path: tuple[str | int, ...]
@@ -296,7 +297,7 @@ def _keys(value: dict[str, Any], keys: tuple[str, ...], what: str) -> Iterator[P
 
 
 def constant(value: Any) -> Iterator[Problem]:
-    """Yield an expression, or a grid of letters with what each of them stands for."""
+    """Yield an expression, or a grid of letters with the value of each."""
     if not (isinstance(value, dict) and value.keys() & {"grid", "legend"}):
         yield from expression(value)
         return

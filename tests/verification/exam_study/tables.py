@@ -60,7 +60,7 @@ class Tables:
         for score in exam["scores"]:
             task = score["task"] if score["twin"] is None else f"{score['task']}+{score['twin']}"
             learned = self._learned(task, score["seed"])
-            if learned is not None and score["probe"] is None:
+            if learned is not None and score["peek"] is None:
                 now = learned_fields(load(task), learned, sees_reward)
                 score = {**score, "operators": now.get("operators"), "rewards": now.get("rewards")}
             scores.append(score)

@@ -12,8 +12,8 @@ from tests.verification.oracle.reference.syntax import PRIME, parse
 
 Data = dict[str, Any]
 Path = tuple[Any, ...]
-OPTIONAL = ("variants", "expert", "observation", "terminal", "discount", "absorbing_reward", "measures", "noise", "definitions",
-            "constants", "parameters")  # fmt: skip
+OPTIONAL = ("variants", "expert", "observation", "terminal", "discount", "absorbing_reward", "measures", "legal", "noise",
+            "definitions", "constants", "parameters")  # fmt: skip
 DECLARED = ("parameters", "state", "action", "taskspec", "name")
 SIMPLE = (0, 1, "true", "false", 0.5)
 

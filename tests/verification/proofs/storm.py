@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
-import tempfile
 from fractions import Fraction
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
-from typing import Any
 
+from taskspec.exchange import drn
+from taskspec.exchange.prism import property_of
+from taskspec.exchange.settled import END as ENDS
+from taskspec.exchange.storm import is_installed as is_installed
+from taskspec.exchange.storm import solved as solved_by_storm
+from taskspec.exchange.tables import FrozenOutcome, FrozenTask
 from tests.verification.proofs.brute import Rule, Solved, expert, uniform
 from tests.verification.proofs.process import Key, Process, Shares
 
@@ -19,14 +20,6 @@ Choice = tuple[Fraction, dict[Place, Fraction]]
 ENDED: Place = (END, 0)
 BEFORE = Fraction(1)
 """Paid before the beginning, and taken off again: Storm refuses to add up rewards where there is none."""
-
-
-def is_installed() -> bool:
-    """Whether there is a `stormpy` that reads rationals."""
-    try:
-        return int(version("stormpy").partition(".")[0]) >= 2
-    except PackageNotFoundError:
-        return False
 
 
 def returns(solved: Solved) -> dict[str, Fraction]:
@@ -93,25 +86,15 @@ def _choice(process: Process, at: Place, shares: Shares) -> Choice:
 
 def asked(places: dict[Place, list[Choice]], *extremes: str) -> list[Fraction]:
     """The expected reward before the end, at most or at least, from the first place."""
-    stormpy: Any = importlib.import_module("stormpy")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "process.drn"
-        path.write_text(written(places), "utf-8")
-        model = stormpy.build_model_from_drn[stormpy.Rational](str(path))
-    formulas = [stormpy.parse_properties(f'R{{"paid"}}{extreme}=? [F "end"]')[0] for extreme in extremes]
-    values = [stormpy.model_checking(model, f).get_value(model.initial_states[0]) for f in formulas]
-    return [Fraction(str(value)) - BEFORE for value in values]
-
-
-def written(places: dict[Place, list[Choice]]) -> str:
-    """In Storm's explicit format."""
     number = {place: i for i, place in enumerate(places)}
-    lines = ["@type: MDP", "@parameters", "", "@reward_models", "paid", "@nr_states", str(len(places)), "@nr_choices",
-             str(sum(map(len, places.values()))), "@model"]  # fmt: skip
-    for place, choices in places.items():
-        label = " init" if number[place] == 0 else " end" if place == ENDED else ""
-        lines.append(f"state {number[place]} [0]{label}")
-        for i, (paid, row) in enumerate(choices):
-            lines.append(f"\taction {i} [{paid}]")
-            lines += [f"\t\t{j} : {p}" for j, p in sorted((number[to], p) for to, p in row.items())]
-    return "\n".join(lines) + "\n"
+    rows = []
+    for choices in places.values():
+        row = [tuple(FrozenOutcome(p, number[to], paid, False) for to, p in found.items()) for paid, found in choices]
+        rows.append(tuple(row))
+    actions = tuple(f"a{i}" for i in range(max(map(len, rows))))
+    start = tuple(Fraction(not i) for i in range(len(rows)))
+    names = tuple(f"s{i}" for i in range(len(rows)))
+    labels = {ENDS: frozenset({number[ENDED]})}
+    task = FrozenTask("process", names, actions, start, tuple(rows), None, labels=labels)
+    properties = [property_of(task, extreme) for extreme in extremes]
+    return [value - BEFORE for value in solved_by_storm(drn.write(task), ".drn", *properties)]

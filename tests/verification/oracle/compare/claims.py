@@ -109,9 +109,10 @@ def chance_of(model: Model, at: Callable[[Key], bool]) -> Fraction:
             return Fraction(1)
         if over or t == horizon:
             return Fraction(0)
-        outcomes = [o for a in range(len(model.actions)) for o in model.row(key, a, t)]
+        legal = model.legal(key)
+        outcomes = [o for a in legal for o in model.row(key, a, t)]
         total = sum((o.probability * ever(o.state, t + 1, o.terminated) for o in outcomes), Fraction(0))
-        return total / len(model.actions)
+        return total / len(legal)
 
     return sum((p * ever(key, 0, False) for key, p in model.start().items()), Fraction(0))
 

@@ -89,6 +89,13 @@ def check_measures(expected: Result, found: dict[str, Any], where: str, *, toler
             raise Difference("measure", f"{where}: {name} is {found[name]}, expected {value.item}")
 
 
+def check_mask(expected: Result, found: Any, where: str) -> None:
+    """Which actions are legal in the state that is reached."""
+    theirs = None if found is None else np.asarray(found).tolist()
+    if theirs != expected.mask:
+        raise Difference("mask", f"{where}: {theirs}, expected {expected.mask}")
+
+
 def check_observation(case: Case, result: Result, found: Any, space: Any, where: str, *, tolerance: float = 0) -> None:
     """An observation, in whatever space: flat values agree, finite ones as what they are."""
     if isinstance(found, dict):

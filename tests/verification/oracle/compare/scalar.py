@@ -8,7 +8,15 @@ from typing import Any
 
 import taskspec
 from tests.verification.oracle.compare.cases import Case, Difference
-from tests.verification.oracle.compare.lanes import Lane, Link, check_measures, check_observation, check_state, close
+from tests.verification.oracle.compare.lanes import (
+    Lane,
+    Link,
+    check_mask,
+    check_measures,
+    check_observation,
+    check_state,
+    close,
+)
 from tests.verification.oracle.reference import spaces
 from tests.verification.oracle.reference.episodes import Result
 from tests.verification.oracle.reference.task import State
@@ -23,12 +31,13 @@ def walk(case: Case, lane: Lane, **options: Any) -> int:
         for i, link in enumerate(lane.links):
             where = f"scalar {options or ''} seed {lane.seed}, event {i} ({describe(link)})"
             if link.action is None:
-                seen, _ = env.reset(seed=lane.seed) if i == 0 else env.reset()
+                seen, info = env.reset(seed=lane.seed) if i == 0 else env.reset()
                 paid, ends = 0.0, (False, False)
             else:
                 seen, paid, *flags, info = env.step(encoded(case, link.action))
                 ends = (bool(flags[0]), bool(flags[1]))
                 check_measures(link.result, info.get("measures", {}), where)
+            check_mask(link.result, info.get("action_mask"), where)
             check_state(link.result.state, env.state, where)
             check_step(link, paid, ends, where)
             result = with_time(link.result) if options.get("observe_time") else link.result

@@ -54,7 +54,7 @@ def compare(case: Case, model: Model) -> int:
     rng = case.rng("stand-in")
     real = merged(case.spec, case.variant)
     section = real.get("abstraction") or standin(real, rng)
-    if section is None:
+    if section is None or "legal" in real:
         return 0
     wrong = "abstraction" not in real and rng.random() < 0.6 and spoiled(section, real, rng)
     asked = Case(real | {"abstraction": section}, None, case.seed, case.given)

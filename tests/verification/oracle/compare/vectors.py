@@ -11,7 +11,7 @@ import numpy as np
 
 import taskspec
 from tests.verification.oracle.compare.cases import Case, Difference
-from tests.verification.oracle.compare.lanes import Lane, Link, check_measures, check_observation, near
+from tests.verification.oracle.compare.lanes import Lane, Link, check_mask, check_measures, check_observation, near
 from tests.verification.oracle.reference import spaces
 
 MODES = ("NextStep", "SameStep", "Disabled")
@@ -44,9 +44,10 @@ def _walk(case: Case, lanes: list[Lane], backend: str, mode: str, tolerance: flo
         str(case.path), case.variant, num_envs=len(lanes), backend=backend, autoreset_mode=mode, **options, **case.given
     )
     walkers = [Walker(lane) for lane in lanes]
-    seen, _ = env.reset(seed=lanes[0].seed)
+    seen, infos = env.reset(seed=lanes[0].seed)
     check = Checker(case, env, backend, mode, tolerance)
     check.observations([w.here for w in walkers], seen, range(len(walkers)))
+    check.masks(walkers, infos)
     steps = 0
     while all(w.next() is not None for w in walkers):
         fresh = [i for i, w in enumerate(walkers) if (link := w.next()) is not None and link.action is None]
@@ -90,7 +91,14 @@ class Checker:
             self.same_step(walkers, seen, infos)
         else:
             self.observations([w.here for w in walkers], seen, range(len(walkers)))
+            self.masks(walkers, infos)
         return len(moved)
+
+    def masks(self, walkers: list[Walker], infos: Any) -> None:
+        """Which actions are legal in the state of each lane."""
+        for i, w in enumerate(walkers):
+            mask = infos["action_mask"][i] if "action_mask" in infos else None
+            check_mask(w.here.result, mask, self.where(i, w.here))
 
     def same_step(self, walkers: list[Walker], seen: Any, infos: Any) -> None:
         """Lanes that end begin anew at once; what they saw last is in `infos`."""
@@ -103,6 +111,8 @@ class Checker:
         advance(walkers, here)
         rest = [i for i in range(len(walkers)) if i not in over or i in here]
         self.observations([w.here for w in walkers], seen, rest)
+        if len(rest) == len(walkers):
+            self.masks(walkers, infos)
 
     def where(self, i: int, link: Link) -> str:
         return f"{self.backend} {self.mode} lane {i}, time {link.result.time}"

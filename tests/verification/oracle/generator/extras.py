@@ -29,6 +29,22 @@ def add(d: Draft) -> None:
         d.data["variants"] = variants(d)
     if d.chance(0.3):
         d.data["measures"] = measures(d)
+    if d.chance(0.3) and len(d.action) == 1 and not d.action[0].shape and d.action[0].kind in ("bool", "choice"):
+        legal(d)
+
+
+def legal(d: Draft) -> None:
+    """Add a condition that always allows one action; an expert takes that one."""
+    (c,) = d.action
+    allowed: Any = True
+    test = c.name
+    if c.kind == "choice":
+        allowed = next(label for label in c.labels if label.isidentifier())
+        test = f"{c.name} == {allowed}"
+    if "expert" in d.data and d.data["expert"] != "optimal":
+        d.data["expert"] = {c.name: allowed}
+    condition = conditions.condition(d.context({"state", "action"}), d.depth()).text
+    d.data["legal"] = f"({condition}) or {test}"
 
 
 def measures(d: Draft) -> dict[str, Any]:

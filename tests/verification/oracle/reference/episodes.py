@@ -22,6 +22,8 @@ class Result:
     truncated: bool
     time: int
     measures: dict[str, Value] = field(default_factory=dict)
+    mask: list[bool] | None = None
+    """Which actions are legal in the state; None where the spec does not say."""
 
 
 @dataclass
@@ -47,7 +49,7 @@ class Episodes:
         self.begun += 1
         self.time, self.over, self.absorbed = 0, False, False
         self.state = moment.state
-        return Result(self.state, moment.observation(), scalar(0.0), False, False, 0)
+        return Result(self.state, moment.observation(), scalar(0.0), False, False, 0, mask=self.mask())
 
     def step(self, action: State) -> Result:
         """One step; all its draws are made whether or not the state is absorbed."""
@@ -66,9 +68,17 @@ class Episodes:
         self.state = moment.following
         self.over = truncated or (terminated and not self.absorb)
         ends = (terminated and not self.absorb, truncated)
-        result = Result(self.state, moment.observation(), reward, *ends, self.time, measures)
+        seen = moment.observation()
         self.absorbed = self.absorbed or terminated
-        return result
+        return Result(self.state, seen, reward, *ends, self.time, measures, self.mask())
+
+    def mask(self) -> list[bool] | None:
+        """The legal actions of the present state; all, where it absorbs."""
+        if "legal" not in self.task.sections:
+            return None
+        (c,) = self.task.action
+        absorbs = self.absorb and self.absorbed
+        return [absorbs or Moment(self.task, self.state, {c.name: v}, 0, None).legal() for v in c.everything()]
 
     def _moved(self, moment: Moment) -> tuple[Value, bool]:
         moment.following = moment.next_state()

@@ -57,6 +57,14 @@ class Model:
             found[self.keep(state)] = found.get(self.keep(state), Fraction(0)) + probability
         return found
 
+    def legal(self, key: Key) -> list[int]:
+        """The numbers of the actions that may be taken in a state."""
+        found = []
+        for a, action in enumerate(self.actions):
+            if Moment(self.task, self.states[key], action, 0, None).legal():
+                found.append(a)
+        return found or list(range(len(self.actions)))
+
     def keep(self, state: State) -> Key:
         key = state_key(state)
         self.states.setdefault(key, state)

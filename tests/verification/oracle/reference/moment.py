@@ -111,6 +111,11 @@ class Moment:
         section = self.task.sections.get("measures") or {}
         return {k: number(form(observed(v), self.scope("measure " + k))) for k, v in section.items()}
 
+    def legal(self) -> bool:
+        """Whether the action may be taken in the state."""
+        data = self.task.sections.get("legal")
+        return data is None or bool(form(data, self.scope("legal", primes=False)).item)
+
     def absorbing_reward(self) -> Value:
         """What a step pays after the end."""
         return number(form(self.task.sections.get("absorbing_reward", 0), self.scope("absorbing", primes=False)))

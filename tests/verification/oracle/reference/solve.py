@@ -10,7 +10,8 @@ from functools import cache
 from tests.verification.oracle.reference.chance import Endless
 from tests.verification.oracle.reference.model import Key, Model, expert_shares
 
-Choose = Callable[[list[Fraction], Key, int], Fraction]
+Choose = Callable[[dict[int, Fraction], Key, int], Fraction]
+"""From the gains of the legal actions, by number, to a value."""
 
 
 def value_of(model: Model, choose: Choose) -> Fraction:
@@ -23,7 +24,7 @@ def value_of(model: Model, choose: Choose) -> Fraction:
     def value(key: Key, t: int) -> Fraction:
         if t == horizon:
             return Fraction(0)
-        return choose([gain(key, a, t) for a in range(len(model.actions))], key, t)
+        return choose({a: gain(key, a, t) for a in model.legal(key)}, key, t)
 
     def gain(key: Key, action: int, t: int) -> Fraction:
         total = Fraction(0)
@@ -35,20 +36,20 @@ def value_of(model: Model, choose: Choose) -> Fraction:
     return sum((p * value(key, 0) for key, p in model.start().items()), Fraction(0))
 
 
-def optimal(gains: list[Fraction], key: Key, t: int) -> Fraction:
-    return max(gains)
+def optimal(gains: dict[int, Fraction], key: Key, t: int) -> Fraction:
+    return max(gains.values())
 
 
-def worst(gains: list[Fraction], key: Key, t: int) -> Fraction:
-    return min(gains)
+def worst(gains: dict[int, Fraction], key: Key, t: int) -> Fraction:
+    return min(gains.values())
 
 
-def uniform(gains: list[Fraction], key: Key, t: int) -> Fraction:
-    return sum(gains, Fraction(0)) / len(gains)
+def uniform(gains: dict[int, Fraction], key: Key, t: int) -> Fraction:
+    return sum(gains.values(), Fraction(0)) / len(gains)
 
 
 def by_expert(model: Model) -> Choose:
-    def choose(gains: list[Fraction], key: Key, t: int) -> Fraction:
+    def choose(gains: dict[int, Fraction], key: Key, t: int) -> Fraction:
         return sum((p * gains[a] for a, p in expert_shares(model, key, t).items()), Fraction(0))
 
     return choose

@@ -1,0 +1,14 @@
+const vscode = require("vscode");
+const { LanguageClient } = require("vscode-languageclient/node");
+
+let client;
+
+exports.activate = () => {
+  const command = vscode.workspace.getConfiguration("taskspec").get("command");
+  const server = { command, args: ["lsp"] };
+  const documentSelector = [{ language: "yaml", scheme: "file" }];
+  client = new LanguageClient("taskspec", "taskspec", server, { documentSelector });
+  return client.start();
+};
+
+exports.deactivate = () => client?.stop();

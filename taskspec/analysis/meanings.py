@@ -1,0 +1,180 @@
+"""Meanings of the words of a spec: type, range and value, the place of the declaration, and all uses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from taskspec.analysis.analysis import Analysis
+from taskspec.analysis.cursor import cursor, word_at
+from taskspec.analysis.forms import schemas
+from taskspec.base.diagnostics import CODES, Fix, Span
+from taskspec.base.display import interval, setting
+from taskspec.lang import syntax as s
+from taskspec.lang.dists import CATEGORICAL, DISTS
+from taskspec.lang.interval import bounds
+from taskspec.lang.ir import Const, Node
+from taskspec.lang.operators import FUNCTIONS
+from taskspec.lang.scope import Binding, FunctionDef, Lazy, Poisoned, Unavailable, Value
+from taskspec.lang.types import Domain, Kind, Refused
+from taskspec.printers import text as printed
+from taskspec.source import Path
+from taskspec.task.names import signature
+
+
+def describe(bound: Binding | None) -> str:
+    """Return the type, and the value or the range, of what a name means, in one line."""
+    match bound:
+        case Value(node=node, domain=domain):
+            return _of_node(node, domain)
+        case Lazy(domain=domain) if domain is not None:
+            return _labels(domain)
+        case Lazy(resolve=resolve):
+            try:
+                value = resolve(s.Name("", False, s.Place(s.SourceText("", _nowhere), 0, 0)))
+            except (Poisoned, Refused):
+                return ""
+            return _of_node(value.node, value.domain)
+        case FunctionDef(body=body):
+            return f"{bound.signature} = {printed(body)}"
+        case Unavailable(message=message):
+            return message
+    return ""
+
+
+def hover(analysis: Analysis, offset: int) -> str | None:
+    """Return what is known of the word at an offset, in Markdown; None where nothing is."""
+    word, start = word_at(analysis.text, offset)
+    if not word:
+        return _of_mistakes(analysis, offset)
+    at = cursor(analysis.text, start + len(word), analysis.name)
+    if at.kind == "text":
+        return None
+    language = _of_language(word)
+    if at.kind == "key" and word.rstrip("'") not in analysis.declarations:
+        found = [each["description"] for each in schemas(at.path) if "description" in each]
+        return f"`{word}`: {found[0]}" if found else None
+    scope = analysis.scope(at.path)
+    bound = None if scope is None else scope.lookup(word)
+    lines = []
+    declaration = analysis.declarations.get(word.rstrip("'"))
+    if declaration is not None:
+        lines.append(f"`{word}`: {declaration.noun}{_comma(describe(bound))}")
+        lines += filter(None, [_documentation(analysis, declaration.path)])
+    elif bound is not None:
+        lines.append(f"`{word}`{_comma(describe(bound))}")
+    elif language is not None:
+        lines.append(language)
+    return "\n\n".join(lines) or None
+
+
+def definition(analysis: Analysis, offset: int) -> Span | None:
+    """Return the place where the name at an offset is declared."""
+    word, _ = word_at(analysis.text, offset)
+    found = analysis.declarations.get(word.rstrip("'"))
+    if found is None or not found.path or analysis.document is None:
+        return None
+    if isinstance(found.path[-1], int) or found.noun == "alias of a parameter":
+        return analysis.document.span(found.path)
+    return analysis.document.key_span(found.path)
+
+
+def references(analysis: Analysis, offset: int) -> list[Span]:
+    """Return every place of the name at an offset: its declaration, keys and uses in expressions, by place."""
+    word, _ = word_at(analysis.text, offset)
+    name = word.rstrip("'")
+    if name not in analysis.declarations:
+        return []
+    return sorted(set(_places(analysis, name)), key=lambda span: (span.line, span.column))
+
+
+def rename(analysis: Analysis, offset: int, new: str) -> list[Fix]:
+    """Return the changes that give the name at an offset another name; primes and arguments stay."""
+    word, _ = word_at(analysis.text, offset)
+    name = word.rstrip("'")
+    changes = []
+    for span in references(analysis, offset):
+        written = span.origin.line(span.line)[span.column - 1 : span.end_column - 1]
+        first = written.find(name)
+        if span.line == span.end_line and first >= 0:
+            place = Span(span.origin, span.line, span.column + first, span.line, span.column + first + len(name))
+            changes.append(Fix(place, new))
+    return changes
+
+
+# -- parts --------------------------------------------------------------------------------------------------------
+
+
+def _places(analysis: Analysis, name: str) -> Iterator[Span]:
+    document = analysis.document
+    if document is None:
+        return
+    declared = analysis.declarations[name].path
+    if declared:
+        yield document.span(declared) if isinstance(declared[-1], int) else document.key_span(declared)
+    for node in analysis.uses(name):
+        yield node.name_place.span if isinstance(node, s.Call) else node.place.span
+    sections: list[tuple[Path, Any]] = [((), document.data)]
+    sections += [(("variants", key), value) for key, value in (document.data.get("variants") or {}).items()]
+    for path, data in sections:
+        for section in ("initial", "dynamics", "expert", "parameters", "state", "action"):
+            entries = data.get(section) if isinstance(data, dict) else None
+            for key in entries if isinstance(entries, dict) else ():
+                if signature(str(key).rstrip("'"))[0] == name:
+                    yield document.key_span((*path, section, key))
+
+
+def _of_node(node: Node, domain: Domain | None) -> str:
+    if domain is not None:
+        if isinstance(node, Const) and node.type.is_scalar:
+            return f"{domain.labels[int(node.value)]}, {_labels(domain)}"
+        return _labels(domain)
+    if isinstance(node, Const) and node.type.is_scalar:
+        return f"{node.type} {setting(node.value)}"
+    if node.type.kind is Kind.BOOL:
+        return str(node.type)
+    low, high = bounds(node, {})
+    return f"{node.type} in {interval(low, high)}"
+
+
+def _labels(domain: Domain) -> str:
+    return f"choice of {domain.listed}"
+
+
+def _comma(text: str) -> str:
+    return f", {text}" if text else ""
+
+
+def _documentation(analysis: Analysis, path: Path) -> str | None:
+    entry: Any = analysis.document.data if analysis.document else {}
+    for step in path:
+        try:
+            entry = entry[step]
+        except (KeyError, IndexError, TypeError):
+            return None
+    if isinstance(entry, dict) and isinstance(entry.get("doc"), str):
+        return str(entry["doc"])
+    return None
+
+
+def _of_language(word: str) -> str | None:
+    if word in FUNCTIONS:
+        return f"`{FUNCTIONS[word].signature}`: {FUNCTIONS[word].doc}"
+    for dist in (CATEGORICAL, *DISTS.values()):
+        if dist.name == word:
+            arguments = ", ".join(each.name for each in dist.arguments)
+            return f"`{word}({arguments})`: {dist.doc}"
+    return None
+
+
+def _of_mistakes(analysis: Analysis, offset: int) -> str | None:
+    line = analysis.text.count("\n", 0, offset) + 1
+    for found in analysis.diagnostics:
+        if found.span is not None and found.span.line == line:
+            code = CODES[found.code]
+            return f"**{code.code}** {code.title}\n\n{code.explanation}"
+    return None
+
+
+def _nowhere(start: int, end: int) -> Span:
+    raise AssertionError("a name that is looked up by an editor is not reported")

@@ -1,0 +1,1 @@
+"""Audits of environments: what is wrong with them, and what is true of them."""

@@ -1,0 +1,124 @@
+"""`taskspec export` and `taskspec import`: tasks in the formats of other tools, and specs of what other tools have."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskspec.base.diagnostics import spec_error
+from taskspec.base.files import near, write_bytes, write_text
+from taskspec.cli import options
+from taskspec.cli.console import console, misuse, say, write_json
+from taskspec.cli.progress import progress
+from taskspec.cli.tables import Columns
+
+if TYPE_CHECKING:
+    from taskspec.exchange.formats import ModelFormat
+    from taskspec.task.task import Task
+
+FORMATS = ("umb", "prism", "jani", "drn", "gym-p", "npz")
+READ = ("umb", "drn", "gym-p", "npz")
+ExportFormat = Annotated[
+    str, options.formats_option(FORMATS, "umb, prism, jani and drn for model checkers, gym-p and npz for Python.")
+]
+ImportFormat = Annotated[str | None, options.formats_option(READ, "Format of the file; by default from its suffix.")]
+
+
+def export(
+    task: options.TaskArgument,
+    format: ExportFormat = "umb",
+    output: Annotated[
+        Path | None, options.file_option("--output", "-o", help="The file; standard output by default, for text.")
+    ] = None,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Let Storm solve the file, and compare the returns.")
+    ] = False,
+    variant: options.Variant = None,
+    parameters: options.Parameters = None,
+    modifiers: options.Modifiers = None,
+    limits: options.LimitsGiven = None,
+    json: options.Json = False,
+) -> None:
+    """Write a finite task in a format of other tools, or its abstraction.
+
+    Probabilities and rewards are the rationals that the spec writes, where the format has them. Notes say what the format
+    cannot carry. [green]--verify[/] compares the optimal, random and worst return with Storm's, without rounding, and fails
+    where they differ.
+    """
+    from taskspec.exchange import formats
+    from taskspec.targets import tasks_of
+
+    chosen = formats.FORMATS[options.checked_choice("--format", format, FORMATS)]
+    found = tasks_of(task, variant, parameters or [], modifiers or [])
+    if len(found) != 1:
+        raise spec_error("E713", f"{task} names {len(found)} tasks; export one at a time")
+    if output is None and not (verify or chosen.is_text):
+        raise misuse(f"--format {chosen.name} is binary", f"--output {found[0].name}{chosen.suffix}")
+    with progress(found[0].instance_id):
+        model, tables = formats.exported(found[0])
+    if output is not None:
+        write_bytes(output, formats.written(tables, chosen))
+        say(f"wrote {near(output)}", err=True)
+    elif not verify:
+        sys.stdout.write(formats.written(tables, chosen).decode())
+    if not json:
+        for note in formats.notes(found[0], tables, chosen):
+            say(f"  {note}", err=True)
+    if verify:
+        _verify(found[0], chosen, model, tables, json)
+
+
+def _verify(task: Task, format: ModelFormat, model: Any, tables: Any, json: bool) -> None:
+    """Print our returns beside Storm's; the exit status is 1 where they differ."""
+    from taskspec.exchange.storm import compared
+
+    with progress(f"{task.instance_id} by Storm"):
+        rows = list(compared(model, tables, format))
+    if json:
+        write_json([
+            {"return": row.which, "taskspec": str(row.ours), "storm": str(row.storm), "verdict": row.verdict} for row in rows
+        ])  # fmt: skip
+    else:
+        table = Columns("return", "taskspec", "Storm", "", styles=("name",), fold=(2,))
+        for row in rows:
+            table.add_row(row.which, str(row.ours), row.shown, row.verdict)
+        console(wide=True).print(table)
+    if not all(row.agrees for row in rows):
+        raise typer.Exit(1)
+
+
+def import_task(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE|ENV", help="A file, or the id of an environment with a table P.", show_default=False
+        ),
+    ],
+    format: ImportFormat = None,
+    output: Annotated[
+        Path | None, options.file_option("--output", "-o", help="The spec; standard output by default.")
+    ] = None,
+    name: Annotated[str | None, typer.Option("--name", help="Name of the task.", show_default=False)] = None,
+    horizon: Annotated[
+        int | None,
+        typer.Option("--horizon", min=1, help="Steps of an episode, where the source has none.", show_default=False),
+    ] = None,
+) -> None:
+    """Write a spec of a finite task that another tool has: UMB, DRN, or Gymnasium's table P.
+
+    The returns of the source become claims, which [green]taskspec check[/] proves of the spec. Nothing in a file is executed;
+    an environment is made by [green]gymnasium.make[/].
+    """
+    from taskspec.exchange.importing import imported
+
+    if format is not None:
+        options.checked_choice("--format", format, READ)
+    text = imported(source, format, name, horizon).spec()
+    if output is None:
+        sys.stdout.write(text)
+        return
+    write_text(output, text)
+    say(f"wrote {near(output)}", err=True)

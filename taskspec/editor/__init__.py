@@ -1,0 +1,15 @@
+"""The language server: `taskspec.analysis` for editors that speak the Language Server Protocol; pygls is imported here."""
+
+from taskspec.base.extras import need
+
+
+def serve() -> None:
+    """Answer an editor over standard input and output, until it says to stop.
+
+    Raises:
+        SpecError: E705 without the extra `editor`.
+    """
+    need("pygls", "editor", "the language server")
+    from taskspec.editor.server import server
+
+    server.start_io()

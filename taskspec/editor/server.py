@@ -1,0 +1,354 @@
+"""A language server for specs: mistakes while typing, completion, meanings, places of names, fixes, and exact scores.
+
+`taskspec.analysis` answers at once. Soundness, claims and scores of a saved file come from `taskspec check` and `taskspec solve`
+in processes of their own, which end when the file is saved again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from lsprotocol import types as lsp
+from pygls.lsp.server import LanguageServer
+from pygls.workspace import TextDocument
+from pygls.workspace.position_codec import ServerTextPosition, ServerTextRange
+
+from taskspec.analysis import Analysis, analyse, complete, definition, hover, references, rename
+from taskspec.analysis.tokens import TOKEN_KINDS, tokens
+from taskspec.base import __version__
+from taskspec.base.diagnostics import CODES, Diagnostic, Fix, Span
+from taskspec.base.display import setting
+
+_KINDS = {
+    "key": lsp.CompletionItemKind.Property,
+    "value": lsp.CompletionItemKind.EnumMember,
+    "label": lsp.CompletionItemKind.EnumMember,
+    "function": lsp.CompletionItemKind.Function,
+    "distribution": lsp.CompletionItemKind.Class,
+    "keyword": lsp.CompletionItemKind.Keyword,
+    "variant": lsp.CompletionItemKind.Reference,
+}
+_IS_SPEC = re.compile(r"^taskspec *:", re.MULTILINE)
+_SEVERITIES = {"error": lsp.DiagnosticSeverity.Error, "warning": lsp.DiagnosticSeverity.Warning}
+
+
+class Server(LanguageServer):
+    """The server with what is known of each open document."""
+
+    def __init__(self) -> None:
+        super().__init__("taskspec", __version__, text_document_sync_kind=lsp.TextDocumentSyncKind.Incremental)
+        self.analyses: dict[str, Analysis] = {}
+        self.known: dict[str, Analysis] = {}
+        """The last analysis of each document in which there were tasks."""
+        self.checked: dict[str, SavedFile] = {}
+        self.checks: dict[str, asyncio.Task[None]] = {}
+
+    def analysis(self, uri: str) -> tuple[Analysis, TextDocument]:
+        """Return the analysis of a document as it is now, and the document."""
+        document = self.workspace.get_text_document(uri)
+        found = self.analyses.get(uri)
+        if found is None or found.text != document.source:
+            if _IS_SPEC.search(document.source):
+                found = analyse(document.source, document.path)
+            else:
+                found = Analysis(document.source, document.path, None, (), ())
+            self.analyses[uri] = found
+            if found.attempts:
+                self.known[uri] = found
+        return found, document
+
+    def publish(self, uri: str) -> None:
+        """Send the mistakes of a document, with those that a check of the saved file found."""
+        found, document = self.analysis(uri)
+        problems = [_problem(each, document) for each in found.diagnostics if _is_here(each, found)]
+        checked = self.checked.get(uri)
+        if checked is not None and checked.text == found.text:
+            problems += checked.problems
+        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, problems))
+
+
+class SavedFile:
+    """The results of a check of a saved file: its text, warnings and failed claims, and the lines above its sections."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.problems: list[lsp.Diagnostic] = []
+        self.lenses: list[tuple[str, str]] = []
+
+
+server = Server()
+
+
+# -- documents ----------------------------------------------------------------------------------------------------
+
+
+@server.feature(lsp.TEXT_DOCUMENT_DID_OPEN)
+def opened(ls: Server, params: lsp.DidOpenTextDocumentParams) -> None:
+    """Analyse a document, and check its file."""
+    ls.publish(params.text_document.uri)
+    _start_check(ls, params.text_document.uri)
+
+
+@server.feature(lsp.TEXT_DOCUMENT_DID_CHANGE)
+def changed(ls: Server, params: lsp.DidChangeTextDocumentParams) -> None:
+    """Analyse a document as it is now."""
+    ls.publish(params.text_document.uri)
+
+
+@server.feature(lsp.TEXT_DOCUMENT_DID_SAVE)
+def saved(ls: Server, params: lsp.DidSaveTextDocumentParams) -> None:
+    """Check a file that was saved."""
+    _start_check(ls, params.text_document.uri)
+
+
+@server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
+def closed(ls: Server, params: lsp.DidCloseTextDocumentParams) -> None:
+    """Forget a document."""
+    uri = params.text_document.uri
+    for known in (ls.analyses, ls.known, ls.checked):
+        known.pop(uri, None)
+    running = ls.checks.pop(uri, None)
+    if running is not None:
+        running.cancel()
+
+
+# -- what is asked for --------------------------------------------------------------------------------------------
+
+
+@server.feature(lsp.TEXT_DOCUMENT_COMPLETION)
+def completion(ls: Server, params: lsp.CompletionParams) -> lsp.CompletionList:
+    """Return what can be written at a place."""
+    uri = params.text_document.uri
+    found, document = ls.analysis(uri)
+    if not _IS_SPEC.search(found.text):
+        return lsp.CompletionList(is_incomplete=False, items=[])
+    if not found.attempts and uri in ls.known:
+        known = ls.known[uri]
+        found = Analysis(found.text, found.name, known.document, known.attempts, found.diagnostics)
+    offset = document.offset_at_position(params.position)
+    offered, word = complete(found, offset)
+    start = document.client_position_at_offset(offset - len(word))
+    items = []
+    for each in offered:
+        edit = lsp.TextEdit(lsp.Range(start, params.position), each.label)
+        items.append(
+            lsp.CompletionItem(
+                each.label, kind=_KINDS.get(each.kind, lsp.CompletionItemKind.Variable), detail=each.detail or None,
+                documentation=each.documentation or None, text_edit=edit, filter_text=each.label,
+            )
+        )  # fmt: skip
+    return lsp.CompletionList(is_incomplete=False, items=items)
+
+
+@server.feature(lsp.TEXT_DOCUMENT_HOVER)
+def hovered(ls: Server, params: lsp.HoverParams) -> lsp.Hover | None:
+    """Return what the word at a place means."""
+    found, document = ls.analysis(params.text_document.uri)
+    text = hover(found, document.offset_at_position(params.position))
+    if text is None:
+        return None
+    return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text))
+
+
+@server.feature(lsp.TEXT_DOCUMENT_DEFINITION)
+def defined(ls: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
+    """Return where the name at a place is declared."""
+    found, document = ls.analysis(params.text_document.uri)
+    span = definition(found, document.offset_at_position(params.position))
+    return None if span is None else lsp.Location(document.uri, _range(span, document))
+
+
+@server.feature(lsp.TEXT_DOCUMENT_REFERENCES)
+def referred(ls: Server, params: lsp.ReferenceParams) -> list[lsp.Location]:
+    """Return every place of the name at a place."""
+    found, document = ls.analysis(params.text_document.uri)
+    spans = references(found, document.offset_at_position(params.position))
+    return [lsp.Location(document.uri, _range(span, document)) for span in spans]
+
+
+@server.feature(lsp.TEXT_DOCUMENT_RENAME)
+def renamed(ls: Server, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
+    """Return the changes that give the name at a place another name."""
+    found, document = ls.analysis(params.text_document.uri)
+    changes = rename(found, document.offset_at_position(params.position), params.new_name)
+    if not changes:
+        return None
+    return lsp.WorkspaceEdit(changes={document.uri: [_edit(each, document) for each in changes]})
+
+
+@server.feature(lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions([lsp.CodeActionKind.QuickFix]))
+def actions(ls: Server, params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
+    """Return the fixes of the mistakes in a range."""
+    found, document = ls.analysis(params.text_document.uri)
+    offered = []
+    for each in found.diagnostics:
+        fix = each.fix
+        if fix is None or not _is_here(each, found):
+            continue
+        problem = _problem(each, document)
+        if problem.range.end.line < params.range.start.line or problem.range.start.line > params.range.end.line:
+            continue
+        edit = lsp.WorkspaceEdit(changes={document.uri: [_edit(fix, document)]})
+        title = f"write {fix.replacement}"
+        offered.append(lsp.CodeAction(title, lsp.CodeActionKind.QuickFix, [problem], is_preferred=True, edit=edit))
+    return offered
+
+
+@server.feature(lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
+def symbols(ls: Server, params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
+    """Return the sections of a document with their entries."""
+    found, document = ls.analysis(params.text_document.uri)
+    if found.document is None or not isinstance(found.document.data, dict):
+        return []
+    outline = []
+    for section, entries in found.document.data.items():
+        symbol = _symbol(found, (section,), lsp.SymbolKind.Module, document)
+        if isinstance(entries, dict):
+            symbol.children = [_symbol(found, (section, key), lsp.SymbolKind.Variable, document) for key in entries]
+        outline.append(symbol)
+    return outline
+
+
+@server.feature(
+    lsp.TEXT_DOCUMENT_SEMANTIC_TOKENS_FULL, lsp.SemanticTokensLegend(token_types=list(TOKEN_KINDS), token_modifiers=[])
+)
+def coloured(ls: Server, params: lsp.SemanticTokensParams) -> lsp.SemanticTokens:
+    """Return the names and functions in the expressions of a document, each relative to the one before."""
+    found, document = ls.analysis(params.text_document.uri)
+    data: list[int] = []
+    line = column = 0
+    for kind, span in tokens(found):
+        place = _range(span, document)
+        same_line = place.start.line == line
+        start = place.start.character - column if same_line else place.start.character
+        length = place.end.character - place.start.character
+        data += [place.start.line - line, start, length, TOKEN_KINDS.index(kind), 0]
+        line = place.start.line
+        column = place.start.character
+    return lsp.SemanticTokens(data)
+
+
+@server.feature(lsp.TEXT_DOCUMENT_CODE_LENS)
+def lenses(ls: Server, params: lsp.CodeLensParams) -> list[lsp.CodeLens]:
+    """Return exact scores above the name of the task, and verdicts above the claims."""
+    uri = params.text_document.uri
+    found, document = ls.analysis(uri)
+    checked = ls.checked.get(uri)
+    if checked is None or found.document is None:
+        return []
+    shown = []
+    for section, text in checked.lenses:
+        if section in found.document.data:
+            place = _range(found.document.key_span((section,)), document)
+            shown.append(lsp.CodeLens(place, lsp.Command(text, "")))
+    return shown
+
+
+# -- checks of saved files ----------------------------------------------------------------------------------------
+
+
+def _start_check(ls: Server, uri: str) -> None:
+    running = ls.checks.get(uri)
+    if running is not None:
+        running.cancel()
+    ls.checks[uri] = asyncio.get_running_loop().create_task(_check(ls, uri))
+
+
+async def _check(ls: Server, uri: str) -> None:
+    """Check and solve a saved file in other processes, and send what they find."""
+    found, document = ls.analysis(uri)
+    if not _IS_SPEC.search(found.text) or not Path(document.path).is_file():
+        return
+    checked = SavedFile(found.text)
+    ls.checked[uri] = checked
+    report = await _output("check", "--json", document.path)
+    if report is None:
+        return
+    known = {(each.code, each.message) for each in found.diagnostics}
+    for each in report["diagnostics"]:
+        if each["line"] is not None and (each["code"], each["message"]) not in known:
+            checked.problems.append(_reported(each, document))
+    proved = sum(task["claims_proved"] for task in report["tasks"])
+    total = sum(len(task["claims"]) for task in report["tasks"])
+    if total:
+        checked.lenses.append(("claims", f"{proved} of {total} claims proved"))
+    ls.publish(uri)
+    scores = await _output("solve", "--json", document.path)
+    if scores is not None:
+        words = []
+        for name in ("optimal", "expert", "random", "worst"):
+            result = scores.get(name)
+            if result and result["value"] is not None:
+                words.append(
+                    f"{name} {setting(result['value'])}{'' if result['status'] == 'exact' else ' (estimated)'}"
+                )
+        checked.lenses.append(("name", ", ".join(words)))
+    ls.workspace_code_lens_refresh(None)
+
+
+async def _output(*command: str) -> Any:
+    """Return what a command of taskspec prints as JSON; None where it prints none. The process ends with its task."""
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "taskspec", *command,
+        stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        printed, _ = await process.communicate()
+    except asyncio.CancelledError:
+        process.kill()
+        raise
+    try:
+        return json.loads(printed)
+    except ValueError:
+        return None
+
+
+# -- places -------------------------------------------------------------------------------------------------------
+
+
+def _range(span: Span, document: TextDocument) -> lsp.Range:
+    """Return a place in the units of the client, which count UTF-16 unless it says otherwise."""
+    start = ServerTextPosition(span.line - 1, span.column - 1)
+    end = ServerTextPosition(span.end_line - 1, span.end_column - 1)
+    return document.range_to_client_units(ServerTextRange(start, end))
+
+
+def _edit(fix: Fix, document: TextDocument) -> lsp.TextEdit:
+    return lsp.TextEdit(_range(fix.span, document), fix.replacement)
+
+
+def _is_here(found: Diagnostic, analysis: Analysis) -> bool:
+    return found.span is None or found.span.origin.name == analysis.name
+
+
+def _problem(found: Diagnostic, document: TextDocument) -> lsp.Diagnostic:
+    place = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
+    if found.span is not None:
+        place = _range(found.span, document)
+    return _as_shown(found.code, place, found.message, [found.hint, *found.notes])
+
+
+def _reported(found: dict[str, Any], document: TextDocument) -> lsp.Diagnostic:
+    start = ServerTextPosition(found["line"] - 1, found["column"] - 1)
+    end = ServerTextPosition(found["end_line"] - 1, found["end_column"] - 1)
+    place = document.range_to_client_units(ServerTextRange(start, end))
+    return _as_shown(found["code"], place, found["message"], [found["hint"], *found["notes"]])
+
+
+def _as_shown(code: str, place: lsp.Range, message: str, remarks: Iterable[str | None]) -> lsp.Diagnostic:
+    text = "\n".join([message, *(remark for remark in remarks if remark)])
+    return lsp.Diagnostic(place, text, severity=_SEVERITIES[CODES[code].severity], code=code, source="taskspec")
+
+
+def _symbol(found: Analysis, path: tuple[str, ...], kind: lsp.SymbolKind, document: TextDocument) -> lsp.DocumentSymbol:
+    assert found.document is not None
+    key = _range(found.document.key_span(path), document)
+    value = _range(found.document.span(path), document)
+    whole = lsp.Range(key.start, max(key.end, value.end, key=lambda place: (place.line, place.character)))
+    return lsp.DocumentSymbol(path[-1] or "?", kind, whole, key)

@@ -1,0 +1,164 @@
+"""The formats of other tools, one entry each: how a task is written in it, what it cannot carry, and how it is read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from taskspec.abstraction.abstraction import abstraction
+from taskspec.base.diagnostics import spec_error
+from taskspec.base.records import entries_by_name
+from taskspec.exchange import arrays, drn, prism, umb
+from taskspec.exchange.freeze import tables
+from taskspec.exchange.reading import MOST_BYTES, ForeignFile, guarded
+from taskspec.exchange.settled import settled, unsettled
+from taskspec.exchange.tables import FrozenTask
+from taskspec.model.extract import extract
+from taskspec.model.model import Model
+from taskspec.task.legal import with_all_actions
+from taskspec.task.task import Task
+
+MOST_STATES = 100_000
+"""The largest number of states of a task that is exported, the time included."""
+
+
+@dataclass(frozen=True)
+class ModelFormat:
+    """A format of files.
+
+    Attributes:
+        write: the content of a file; of a settled task, where the format has no ends, discount and start distribution.
+        read: the task of a file; None where files are only written.
+        is_settled: whether the format is for model checkers.
+        keeps: whether it holds rewards by next state, rationals, and names of states and actions.
+    """
+
+    name: str
+    suffix: str
+    summary: str
+    write: Callable[[FrozenTask], bytes]
+    read: Callable[[ForeignFile], FrozenTask] | None
+    is_settled: bool
+    is_text: bool
+    keeps: frozenset[str]
+
+
+def _format(
+    name: str, suffix: str, summary: str, write: Callable[[FrozenTask], bytes],
+    read: Callable[[ForeignFile], FrozenTask] | None, kind: str, keeps: str,
+) -> ModelFormat:  # fmt: skip
+    return ModelFormat(name, suffix, summary, write, read, "settled" in kind, "text" in kind, frozenset(keeps.split()))
+
+
+FORMATS: dict[str, ModelFormat] = entries_by_name((
+    _format("umb", ".umb", "unified Markov binary: Storm, PRISM, Modest, stormvogel", umb.write, umb.read,
+            "settled binary", "rationals rewards labels"),
+    _format("prism", ".prism", "the language of PRISM and Storm", prism.prism, None, "settled text", "rationals labels"),
+    _format("jani", ".jani", "JANI: Storm, Modest, EPMC", prism.jani, None, "settled text", "rationals rewards labels"),
+    _format("drn", ".drn", "explicit models of Storm", drn.write, drn.read, "settled text", "rationals labels"),
+    _format("gym-p", ".json", "the table P of Gymnasium's toy_text, as JSON", arrays.write_p, arrays.read_p,
+            "text", "rewards"),
+    _format("npz", ".npz", "arrays of NumPy", arrays.write_npz, arrays.read_npz, "binary", "rewards labels"),
+))  # fmt: skip
+
+
+# -- writing ----------------------------------------------------------------------------------------------------------
+
+
+def exported(task: Task) -> tuple[Model, FrozenTask]:
+    """Return the exact model of a finite task, or of its abstraction, and its tables; all actions are legal there.
+
+    Raises:
+        SpecError: E712 for a task that has no exact model, or is too large.
+    """
+    model = extract(with_all_actions(_finite(task)), reachable=True)
+    return model, replace(tables(model, MOST_STATES), name=task.instance_id)
+
+
+def _finite(task: Task) -> Task:
+    """Return the task, or the finite one that its spec gives in its place."""
+    found = abstraction(task)
+    return task if found is None else found.stand_in
+
+
+def written(found: FrozenTask, format: ModelFormat) -> bytes:
+    """Return the content of a file."""
+    return format.write(settled(found) if format.is_settled else found)
+
+
+def notes(task: Task, found: FrozenTask, format: ModelFormat) -> Iterator[str]:
+    """Yield what a format does not carry of a task, and how it says the rest."""
+    if _finite(task) is not task:
+        yield f"states: those of the abstraction of {task.name}"
+    if not task.observation.is_state:
+        names = ", ".join(c.name for c in task.observation.components)
+        yield f"observations ({names}): not in the file; its states are the task's"
+    if task.mask:
+        yield "legal actions: not in the file; illegal ones have the outcomes that the equations give"
+    if task.process.measures:
+        yield f"measures ({', '.join(task.process.measures)}): not in the file"
+    if "rationals" not in format.keeps:
+        yield "probabilities and rewards: floats"
+    elif any(isinstance(outcome.probability, float) for _, _, outcome in found.steps()):
+        yield "probabilities: floats; a draw of the task has no rational ones"
+    if "rewards" not in format.keeps and _has_rewards_of_next_states(found):
+        yield "rewards: those expected of an action; the format has none by next state"
+    if "labels" not in format.keeps and found.labels:
+        yield f"labels ({', '.join(found.labels)}): not in the file"
+    yield from _notes_on_time(found, format)
+
+
+def _notes_on_time(found: FrozenTask, format: ModelFormat) -> Iterator[str]:
+    if found.values and "t" in found.values[0]:
+        yield "time: the component t of the state"
+    if not format.is_settled:
+        if found.last is not None:
+            yield f"end of the episode at t = {found.last}: the horizon"
+        return
+    if found.discount != 1:
+        yield f"discount {found.discount}: after each step the episode ends with probability 1 - {found.discount}"
+    if sum(probability > 0 for probability in found.start) > 1:
+        yield "start distribution: the first step, from the state labelled draw"
+    ready = settled(found)
+    yield f"optimal return: {prism.property_of(ready, 'max')}; worst: {prism.property_of(ready, 'min')}"
+
+
+def _has_rewards_of_next_states(found: FrozenTask) -> bool:
+    for by_action in found.outcomes:
+        for outcomes in by_action:
+            if len({outcome.reward for outcome in outcomes}) > 1:
+                return True
+    return False
+
+
+# -- reading ----------------------------------------------------------------------------------------------------------
+
+
+def read(place: str, format: str | None = None) -> FrozenTask:
+    """Return the task of a file, or of an environment of Gymnasium with a table `P`.
+
+    Args:
+        place: the path of a file, or the id of an environment.
+        format: one of `FORMATS`; that of the file's suffix unless given.
+
+    Raises:
+        SpecError: E728 for a file that cannot be read, E726 for a format that is not read.
+    """
+    path = Path(place)
+    if format is None and not path.exists() and not path.suffix:
+        return arrays.read_environment(place)
+    chosen = next(
+        (f for f in FORMATS.values() if format == f.name or (format is None and f.suffix == path.suffix)), None
+    )
+    if chosen is None or chosen.read is None:
+        known = ", ".join(f"{f.name} ({f.suffix})" for f in FORMATS.values() if f.read is not None)
+        raise spec_error("E726", f"'{format or path.suffix}' is not read", f"formats that are: {known}")
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise spec_error("E728", f"{place} has more than {MOST_BYTES:,} bytes")
+        source = ForeignFile(place, path.read_bytes())
+    except OSError as error:
+        raise spec_error("E711", f"{place}: {error.strerror or error}") from error
+    found = guarded(chosen.read)(source)
+    return unsettled(found) if chosen.is_settled else found

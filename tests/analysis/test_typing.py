@@ -1,0 +1,92 @@
+"""Specs at the points where an author pauses: each line cut in a word, the rest of it not yet written."""
+
+from __future__ import annotations
+
+import random
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from taskspec.analysis import analyse, complete
+from taskspec.analysis.analysis import own
+from taskspec.analysis.cursor import cursor
+
+ROOT = Path(__file__).parents[2]
+SPECS = sorted(
+    path
+    for path in (ROOT / "tasks").glob("*/*.yaml")
+    if path.read_text(encoding="utf-8").startswith("taskspec:") and "experiments" not in path.parts
+)
+WORD = re.compile(r"[A-Za-z_]\w*'?")
+PROSE = {
+    "title", "summary", "description", "capability", "sources", "source", "errata", "here", "because", "where", "doc", "accept",
+    "symbol", "symbols", "alias", "note", "values", "grid", "legend", "objects", "name", "version",
+}  # fmt: skip
+DECLARING = {
+    "parameters", "constants", "definitions", "noise", "state", "action", "observation", "measures", "memory", "symmetries",
+    "variants",
+}  # fmt: skip
+
+
+def pauses(text: str, name: str, number: int) -> Iterator[tuple[int, str, str]]:
+    """Yield offsets in the middle of words that can be known before they are written, the texts so far, and the words."""
+    places = [(found.start(), found.group(), text.find("\n", found.end())) for found in WORD.finditer(text)]
+    for start, word, end in random.Random(name).sample(places, min(number, len(places))):
+        at = cursor(text, start + len(word), name)
+        path = own(at.path)
+        is_declared = at.kind == "key" and len(path) == 2 and path[0] in DECLARING
+        is_variable = re.search(rf"\bfor [\w, ]*\b{re.escape(word)}\b[\w, ]* in\b", text) is not None
+        if at.kind == "text" or not path or PROSE & set(map(str, path)) or is_declared or is_variable:
+            continue
+        here = start + max(1, len(word) // 2)
+        yield here, text[:here] + text[end:], word
+
+
+def test_the_word_that_follows_is_offered() -> None:
+    missed = []
+    number = 0
+    for path in SPECS:
+        name = str(path)
+        for at, text, word in pauses(path.read_text(encoding="utf-8"), name, 8):
+            offered, _ = complete(analyse(text, name), at)
+            labels = {each.label for each in offered}
+            number += 1
+            if not labels & {word, word.rstrip("'"), word + "'"}:
+                missed.append((path.name, text[:at].rpartition("\n")[2], word))
+    assert number > 150
+    assert len(missed) <= 0.02 * number, missed
+
+
+@pytest.mark.parametrize("path", SPECS[::7], ids=lambda path: path.stem)
+def test_nothing_that_is_typed_raises_and_what_is_above_keeps_its_meaning(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    whole = analyse(text, str(path))
+    assert whole.diagnostics == ()
+    for end in random.Random(path.name).sample(range(len(text)), 30):
+        typed = text[:end] + text[text.find("\n", end) :]
+        found = analyse(typed, str(path))
+        complete(found, end)
+        assert found.document is not None, typed[max(0, end - 60) : end]
+
+
+def test_a_half_written_line_is_one_mistake() -> None:
+    text = (ROOT / "tasks" / "derail" / "risky_path.yaml").read_text(encoding="utf-8")
+    typed = text.replace("rows: {goal: 1, trap: -100, else: 0}", "rows: {goal: 1, trap: ", 1)
+    found = analyse(typed, "typed.yaml")
+    assert {each.code for each in found.diagnostics} == {"E111"}
+    assert [attempt.merged.name for attempt in found.attempts] == ["RiskyPath", "RiskyPathSeals"]
+    assert found.declarations["trap"].noun == "label"
+
+
+def test_all_mistakes_are_found_and_fixed_in_their_places(tmp_path: Path) -> None:
+    from taskspec.analysis.fixes import fix_files
+
+    text = (ROOT / "tasks" / "derail" / "branching.yaml").read_text(encoding="utf-8")
+    wrong = text.replace("horizon:", "horzon:", 1).replace("reward:", "rewrd:", 1)
+    path = tmp_path / "wrong.yaml"
+    path.write_text(wrong, encoding="utf-8")
+    found = analyse(wrong, str(path))
+    assert fix_files(found.diagnostics) == 2
+    assert path.read_text(encoding="utf-8") == text

@@ -1,0 +1,173 @@
+"""Masks of legal actions in the infos of every kind of environment, against the condition worked out by hand."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import taskspec
+from taskspec.base.diagnostics import SpecError
+from taskspec.task.legal import with_all_actions
+from taskspec.task.task import Task
+from tests.conftest import VECTORS
+
+SPEC = """
+taskspec: 1
+name: Lift
+parameters: {top: {type: int, default: 4, low: 1, high: 9}}
+state: {level: {type: int, low: 0, high: top}, door: {type: bool}}
+ACTION
+horizon: 6
+initial: {level: {0: 1/2, 2: 1/2}, door: Bernoulli(1/2)}
+dynamics: {level': "clip(level + MOVE, 0, top)", door': Bernoulli(1/2)}
+reward: level'
+terminal: level' == top
+"""
+CHOICE = """action: {a: {type: choice, values: [down, open, up]}}
+legal: (a != down or level > 0) and (a == open or not door)"""
+FORMS = {
+    "choice": (CHOICE, "(a - 1)"),
+    "int": (CHOICE.replace("{type: choice, values: [down, open, up]}", "{type: int, low: -1, high: 1}")
+                  .replace("down", "-1").replace("open", "0"), "a"),
+    "bool": ("action: {a: {type: bool}}\nlegal: not a or not door", "a"),
+}  # fmt: skip
+LANES = 3
+STEPS = 14
+
+
+def expected(form: str, state: dict[str, Any]) -> list[int]:
+    """The mask of a state by hand."""
+    still = not state["door"]
+    if form == "bool":
+        return [1, int(still)]
+    return [int(still and state["level"] > 0), 1, int(still)]
+
+
+@pytest.fixture(params=FORMS)
+def form(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def task(form: str, tmp_path: Path) -> Task:
+    action, move = FORMS[form]
+    path = tmp_path / "lift.yaml"
+    path.write_text(SPEC.replace("ACTION", action).replace("MOVE", move))
+    return taskspec.load(path)
+
+
+def test_every_state_of_an_episode_has_its_mask(task: Task, form: str) -> None:
+    env = taskspec.make(task)
+    legal = np.random.default_rng(0)
+    for seed in range(20):
+        _, info = env.reset(seed=seed)
+        ended = False
+        while not ended:
+            mask = info["action_mask"]
+            assert mask.dtype == np.int8
+            assert mask.tolist() == expected(form, env.state) == env.action_masks().tolist()
+            action = env.action_space.sample(mask)
+            assert mask[action - env.action_space.start] == 1
+            if legal.random() < 0.5:  # an illegal action has the effect of the equations
+                action = int(env.action_space.start)
+            *_, terminated, truncated, info = env.step(action)
+            ended = terminated or truncated
+        assert info["action_mask"].tolist() == expected(form, env.state)
+
+
+def test_a_state_that_is_set_has_its_mask(task: Task, form: str) -> None:
+    env = taskspec.make(task)
+    for level in range(5):
+        for door in (False, True):
+            _, info = env.reset(seed=0, options={"state": {"level": level, "door": door}})
+            assert info["action_mask"].tolist() == expected(form, {"level": level, "door": door})
+
+
+def infos(env: Any, task: Task) -> list[dict[str, Any]]:
+    """The infos of some steps, without last observations and last infos."""
+    rng = np.random.default_rng(0)
+    found = [env.reset(seed=5)[1]]
+    first = getattr(task.action_space, "start", 0)
+    found += [env.step(first + rng.integers(0, task.action_space.n, LANES))[4] for _ in range(STEPS)]
+    return [{key: value for key, value in each.items() if "final" not in key} for each in found]
+
+
+@pytest.mark.parametrize("form", ["int"], indirect=True)
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
+@pytest.mark.skipif(not VECTORS, reason="vector environments need a later Gymnasium")
+def test_vector_environments_have_the_infos_of_scalar_ones(task: Task, backend: str, mode: str) -> None:
+    if backend != "numpy":
+        pytest.importorskip(backend)
+    makers = [partial(taskspec.make, task)] * LANES
+    scalars = gymnasium.vector.SyncVectorEnv(makers, autoreset_mode=gymnasium.vector.AutoresetMode(mode))
+    lanes = taskspec.make_vec(task, num_envs=LANES, backend=backend, autoreset_mode=mode)
+    for theirs, ours in zip(infos(scalars, task), infos(lanes, task), strict=True):
+        assert theirs.keys() == ours.keys() == {"action_mask", "_action_mask"}
+        assert ours["action_mask"].dtype == np.int8
+        for key in theirs:
+            assert np.array_equal(theirs[key], ours[key]), (key, theirs, ours)
+    masks = np.array(lanes.call("action_masks"))
+    assert np.array_equal(masks, ours["action_mask"])
+
+
+def test_functions_in_jax_have_them_too(task: Task, form: str) -> None:
+    jax = pytest.importorskip("jax")
+    from taskspec.backends.jax import Functional
+    from taskspec.envs.functional import TaskFuncEnv
+
+    functions = Functional(task)
+    pure = TaskFuncEnv(task)
+    first = int(task.action_space.start)
+    for seed in range(8):
+        _, state = functions.reset(jax.random.key(seed))
+        held = pure.initial(jax.random.key(seed))
+        for k in range(3):
+            plain = {"level": int(state.values[0]), "door": bool(state.values[1])}
+            assert functions.action_mask(state).astype(int).tolist() == expected(form, plain)
+            assert pure.state_info(held)["action_mask"].tolist() == functions.action_mask(state).tolist()
+            action = first + k % int(task.action_space.n)
+            held = pure.transition(held, action, None)
+            _, state, _, done, info = functions.step_env(state, action)
+            assert info["action_mask"].tolist() == functions.action_mask(state).tolist()
+            if done:
+                break
+
+
+def test_nothing_else_changes(task: Task) -> None:
+    free = taskspec.make(with_all_actions(task))
+    env = taskspec.make(task)
+    for seed in range(10):
+        assert env.reset(seed=seed)[0].tolist() == free.reset(seed=seed)[0].tolist()
+        ended = False
+        while not ended:
+            seen, *found, _ = env.step(1)
+            other, *plain, nothing = free.step(1)
+            assert (seen.tolist(), found, {}) == (other.tolist(), plain, nothing)
+            ended = found[1] or found[2]
+    with pytest.raises(SpecError, match="E713"):
+        free.action_masks()
+
+
+@pytest.mark.parametrize("action", ["{a: {type: real, low: 0, high: 1}}", "{a: {type: bool}, b: {type: bool}}"])
+def test_other_actions_are_refused(action: str, tmp_path: Path) -> None:
+    path = tmp_path / "lift.yaml"
+    path.write_text(SPEC.replace("ACTION", f"action: {action}\nlegal: level > 0").replace("MOVE", "1"))
+    with pytest.raises(SpecError) as error:
+        taskspec.load(path)
+    (diagnostic,) = error.value.diagnostics
+    assert (diagnostic.code, diagnostic.span.line) == ("E214", 7)
+
+
+@pytest.mark.parametrize("name", ["level'", "t", "Bernoulli(1/2)"])
+def test_the_condition_is_a_function_of_state_and_action(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "lift.yaml"
+    path.write_text(SPEC.replace("ACTION", f"action: {{a: {{type: bool}}}}\nlegal: a == {name}").replace("MOVE", "a"))
+    with pytest.raises(SpecError) as error:
+        taskspec.load(path)
+    assert {d.span.line for d in error.value.diagnostics} == {7}

@@ -1,0 +1,81 @@
+"""The model checker Storm solves what was written: equal rationals for every finite task of the library."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+
+from taskspec import load
+from taskspec.base.diagnostics import SpecError
+from taskspec.exchange import formats, storm
+from taskspec.exchange.settled import settled
+from taskspec.registry import known
+from tests.shared.commands import Done
+
+FLOATS = {
+    "memory/HigherLower-v0",
+    "operations/Queue-v0",
+    "pomdp/RockSample-v0",
+    "seals/RandomTransition-v0",
+    "textbook/CarRental-v0",
+}
+"""Tasks with probabilities that are no rationals: Storm's values lie within our bounds."""
+LARGE = {
+    "derail/ProcGoal-v0", "derail/ProcGoalSeals-v0", "memory/Minesweeper-v0", "operations/Queue-v0", "planning/Queens-v0",
+    "planning/TicTacToe-v0", "planning/ThreeInAColumn-v0", "seals/CliffWorldLarge-v0", "seals/CliffWorldLargeXY-v0",
+    "textbook/CarRental-v0", "textbook/Gambler-v0",
+}  # fmt: skip
+FEW = ("derail/RiskyPath", "derail/Sort", "irl/Shaping", "bsuite/Umbrella", "toy_text/FrozenLake", "textbook/Recycling")
+needs_storm = pytest.mark.skipif(not storm.is_installed(), reason="stormpy is not installed")
+
+
+def verdicts(name: str, format: str) -> set[str]:
+    """What is said of the optimal, random and worst return; nothing where there is no exact model."""
+    try:
+        model, found = formats.exported(load(name))
+    except SpecError as error:
+        assert error.diagnostics[0].code == "E712"
+        return set()
+    rows = list(storm.compared(model, found, formats.FORMATS[format]))
+    assert [row.which for row in rows] == ["optimal", "random", "worst"]
+    return {row.verdict for row in rows}
+
+
+@needs_storm
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LARGE)) for name in known()])
+def test_storm_finds_the_same_returns(name: str) -> None:
+    expected = "within the bounds of rounding" if name in FLOATS else "equal rationals"
+    assert verdicts(name, "umb") <= {expected}
+
+
+@needs_storm
+@pytest.mark.parametrize("format", ["prism", "jani", "drn"])
+@pytest.mark.parametrize("name", FEW)
+def test_storm_finds_the_same_returns_in_every_format(name: str, format: str) -> None:
+    assert verdicts(name, format) == {"equal rationals"}
+
+
+@needs_storm
+def test_a_file_that_says_something_else_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    done = Done("export", "RiskyPath", "-f", "drn", "--verify")
+    assert done.status == 0
+    assert done.out.count("equal rationals") == 3
+    right = storm.solved
+    monkeypatch.setattr(storm, "solved", lambda *given: [value + Fraction(1, 10**30) for value in right(*given)])
+    done = Done("export", "RiskyPath", "-f", "drn", "--verify")
+    assert done.status == 1
+    assert done.out.count("different") == 3
+
+
+def test_storm_is_needed_for_formats_that_it_reads() -> None:
+    assert "E726" in Done("export", "RiskyPath", "-f", "npz", "--verify").err
+
+
+def test_policy_iteration_in_rationals() -> None:
+    """Textbook values: a random walk of five states is won from its middle with probability 1/2; gambling is not."""
+    walk = settled(formats.exported(load("textbook/RandomWalk"))[1])
+    assert {storm.stationary_return(walk, pick) for pick in (max, min, None)} == {Fraction(1, 2)}
+    _, found = formats.exported(load("textbook/Gambler?p=0.4"))
+    best = storm.stationary_return(settled(found), max)
+    assert best == Fraction(2, 5)  # bold play: all of 50 at once
