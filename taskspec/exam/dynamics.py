@@ -125,12 +125,12 @@ class Behaviour:
 
     @cached_property
     def last(self) -> Array:
-        """Of the visits to each state (S,), the share in the last step before the limit."""
+        """The share (S,) of the visits to each state in the last step before the limit."""
         return self._share(self.at_limit, self.total)
 
     @cached_property
     def after_end(self) -> Array:
-        """Of the visits to each state (S,), the share that begins an episode after one that ended by itself."""
+        """The share (S,) of the visits to each state that begin an episode after one that ended by itself."""
         truncated = float((self.at_limit * self.pi * self.dynamics.going_on).sum())
         return self._share((1 - truncated) * self.dynamics.model.start, self.total)
 
@@ -150,7 +150,7 @@ class Behaviour:
 
     @cached_property
     def comes_before(self) -> Array:
-        """Whether an action (A, S) may be the one of the step before; at the start, of the last step of an episode."""
+        """The actions (A, S) that may be those of the step before; at the start, of the last step of an episode."""
         s = self.dynamics
         steps = self.pi * (self.total - self.at_limit)
         leads = np.stack(

@@ -138,7 +138,7 @@ def _reward_after(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
 
 
 def _advantages(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    """Of V = E[sum of (gamma * trace)^k * errors]: multiply by (1 - gamma * trace * P), and solve for V."""
+    """Return the targets for V = E[sum of (gamma * trace)^k * errors], multiplied by (1 - gamma * trace * P) and solved for V."""
     return (s.R + s.gamma * (1 + TRACE) * s.following(V)) / 2
 
 
