@@ -88,7 +88,7 @@ class Dynamics:
 
 @dataclass(frozen=True, eq=False)
 class Behaviour:
-    """How a learner acts while it learns, and what its episodes consist of then.
+    """A policy by which a learner acts while it learns, and what its episodes consist of then.
 
     Attributes:
         pi: probabilities of actions (A, S).
