@@ -172,7 +172,7 @@ def truncated_by_state(x: Evidence) -> Found | None:
     """Find a truncation that the time does not cause."""
     for episode, step, early in x.last_steps_without_time:
         if step.truncated and not step.terminated and early.truncated:
-            return Found(f"step {len(episode.actions)} is truncated whatever the time", episode.trace())
+            return Found(f"step {len(episode.actions)} is truncated by the state, not by the time", episode.trace())
     return None
 
 
