@@ -51,6 +51,7 @@ class Evidence:
     def __init__(self, subject: Subject, seconds: float) -> None:
         self.subject = subject
         self.seconds = seconds
+        subject.longest = 0.05 * seconds
         self.found: dict[str, Any] = {}
         self.unexamined: list[str] = []
         self.why_not = ""
@@ -85,8 +86,8 @@ class Evidence:
     @cached_property
     def all_episodes(self) -> list[EnvEpisode]:
         """The episodes, and one of each action again and again."""
-        repeated = [self.subject.episode(0, repeat=action) for action in self.subject.actions() or []]
-        return [*self.episodes, *repeated]
+        actions = self.in_time(self.subject.actions() or [])
+        return [*self.episodes, *(self.subject.episode(0, repeat=action) for action in actions)]
 
     @cached_property
     def returns(self) -> dict[str, list[float]]:
@@ -100,7 +101,8 @@ class Evidence:
         for seed in range(MOST_RETURNS):
             for name, action in policies.items():
                 episode = self.subject.episode(seed, instance, action)
-                found[name].append(sum(step.paid for step in episode.steps))
+                if episode.steps[-1].is_last or len(episode.steps) > MOST_STEPS:
+                    found[name].append(sum(step.paid for step in episode.steps))
             tell(f"returns, {seed + 1} episodes each")
             if end.is_over:
                 break
@@ -191,7 +193,7 @@ class Evidence:
         table = by_probabilities(self.subject, self.horizon)
         if table is not None:
             try:
-                compare(table, self.subject, self.episodes, None)
+                compare(table, self.subject, self.in_time(self.episodes), None)
                 if table.by_time is None:
                     return table
                 s, a, trace = table.by_time
@@ -210,7 +212,7 @@ class Evidence:
             try:
                 search = TableSearch(self.subject, self.horizon, ignored, self.counters, self.until(0.2), deepest)
                 table = search.run()
-                compare(table, self.subject, self.episodes, ignored)
+                compare(table, self.subject, self.in_time(self.episodes), ignored)
             except Untabulated as error:
                 reason = error
                 continue

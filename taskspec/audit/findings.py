@@ -203,7 +203,8 @@ def one_action(x: Evidence) -> Found | None:
         return None
     for action, value in zip(x.subject.actions() or [], found.constant, strict=True):
         if value >= found.best - EQUAL * max(1.0, abs(found.best)):
-            return Found(f"action {shown(action)}, always, is optimal: it earns {decimal(value)}")
+            trace = x.subject.episode(0, repeat=action).trace()
+            return Found(f"action {shown(action)}, always, is optimal: it earns {decimal(value)}", trace)
     return None
 
 
