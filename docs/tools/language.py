@@ -1,4 +1,4 @@
-"""The language reference: prose from `language.md` beside this file, its tables from those that the compiler runs on."""
+"""The tables of the language reference, from those that the compiler runs on."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from docs.tools.markdown import code, table
+from docs.tools.markdown import code, filled, table
 from taskspec.base import limits
 from taskspec.base.diagnostics import Collector, Origin, Span, SpecError
 from taskspec.lang import dists
@@ -30,17 +30,22 @@ from taskspec.task.schema.export import json_schema
 from taskspec.task.spaces import space
 from taskspec.task.task import Task
 
-_MARK = re.compile(r"<!-- (\w+)(?: (\w+))? -->")
+PAGE = Path(__file__).parents[1] / "language.md"
+MARK = re.compile(r"<!-- /(\w+(?: \w+)?) -->")
+"""The end of a table: which one it is, and of what."""
 
 
 def language() -> str:
-    """`docs/language.md`.
+    """Return `docs/language.md`.
 
     Raises:
-        KeyError: when the prose asks for a table that does not exist.
+        KeyError: when the page asks for a table that does not exist.
     """
-    prose = Path(__file__).with_name("language.md").read_text(encoding="utf-8")
-    return _MARK.sub(lambda mark: _TABLES[mark[1]](*filter(None, [mark[2]])), prose)
+    parts = {}
+    for mark in MARK.findall(PAGE.read_text(encoding="utf-8")):
+        name, *arguments = mark.split()
+        parts[mark] = _TABLES[name](*arguments)
+    return filled(PAGE, parts)
 
 
 # Sections and keys, from the JSON Schema that checks and completes them.

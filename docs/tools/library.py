@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from docs.tools.markdown import code, table
+from docs.tools.markdown import code, filled, table
 from taskspec import registry
 from taskspec.base.bibliography import beside
 from taskspec.base.display import number
@@ -16,7 +16,7 @@ from taskspec.lang.ir import Const
 from taskspec.task.record import size
 from taskspec.task.task import Task
 
-PROSE = Path(__file__).with_suffix(".md")
+PAGE = Path(__file__).parents[1] / "library.md"
 SPEEDS = Path(__file__).with_name("library_speed.json")
 """How many times faster tasks are than their originals, as `python -m tests.originals.speed` measured."""
 SUITES = {
@@ -111,8 +111,8 @@ def library() -> str:
         shown = [task for task in tasks if task in bases.values() or task.summary != _base(task, bases).summary]
         parts.append(f"## {heading}\n\n{_values(suite, shown, speeds)}")
         errata += [f"- {task.name}: {e.source}; here {e.here}." for task in bases.values() for e in task.spec.errata]
-    text = PROSE.read_text(encoding="utf-8").replace("<!-- tables -->", "\n\n".join(parts))
-    return text.replace("<!-- compared -->", "\n".join(_compared())).replace("<!-- errata -->", "\n".join(errata))
+    filling = {"tables": "\n\n".join(parts), "compared": "\n".join(_compared()), "errata": "\n".join(errata)}
+    return filled(PAGE, filling)
 
 
 def _base(task: Task, bases: dict[str, Task]) -> Task:
@@ -120,6 +120,7 @@ def _base(task: Task, bases: dict[str, Task]) -> Task:
 
 
 def _compared() -> Iterator[str]:
+    yield "| tasks | with what | how |\n|---|---|---|"
     for found in EVIDENCE:
         names = found.names.split()
         if found.test is None:

@@ -11,10 +11,8 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any
 
-Outcome = tuple[int, Hashable, bool]
-"""The next state, the reward, and whether the episode ends there."""
-Rows = Sequence[Sequence[Mapping[Outcome, Any]]]
-"""Of each state and each action the outcomes, with their probabilities."""
+Rows = Sequence[Sequence[Mapping[Any, Any]]]
+"""The outcomes of each state and action, (next state, reward, whether the episode ends there), with their probabilities."""
 
 
 def levels(rows: Rows, labels: Sequence[Hashable], depth: int | None = None) -> list[list[int]]:

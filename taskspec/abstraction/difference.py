@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import Counter
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
@@ -35,22 +35,18 @@ from taskspec.solve.backward import backward
 from taskspec.solve.bounded import Bound
 from taskspec.solve.enclosure import Inexact, Reader
 from taskspec.solve.rational import ExactProbabilities, Scaled
-from taskspec.solve.solve import Finite, Solvers
+from taskspec.solve.solve import Solver, Solvers
 from taskspec.task.record import space
 from taskspec.task.task import Task
 
 Relation = Literal[
-    "identical",
-    "same task",
-    "renamed",
-    "scaled reward",
-    "shaped reward",
-    "same optimal policy",
-    "different",
+    "identical", "same task", "renamed", "scaled reward", "shaped reward", "same optimal policy", "different",
     "no difference found",
-]
+]  # fmt: skip
 MOST_OUTCOMES = 400_000
 """Outcomes of all steps together up to which tasks are compared exactly."""
+MOST_VALUES = 5_000_000
+"""Action values of all times up to which policies are compared."""
 MOST_RENAMINGS = 720
 LANES = 256
 MOST_STEPS = 200
@@ -83,7 +79,7 @@ class TaskRelation:
     Attributes:
         words: the relation in a sentence.
         difference: the first difference by name; None where there is none, or states have other names.
-        returns: the optimal return of each task, and what the optimal policy of the first earns in the second.
+        returns: the optimal return of each task.
         new_version: whether the version in the id must rise; None for tasks of different names.
     """
 
@@ -104,21 +100,19 @@ def compare(a: Task, b: Task) -> TaskRelation:
 
 
 def _compared(a: Task, b: Task) -> TaskRelation:
-    spaces = _other_spaces(a, b)
     if a.content_hash == b.content_hash and a.name == b.name:
         return TaskRelation("identical", "what decides the behaviour is written in the same way")
     try:
         one = ExactTask(a)
         other = ExactTask(b)
-    except (SpecError, Inexact, Refused) as error:
-        reason = (
-            error.diagnostics[0].message if isinstance(error, SpecError) else "probabilities are no rational numbers"
-        )
-        return _by_episodes(a, b, reason)
+    except SpecError as error:
+        return _by_episodes(a, b, error.diagnostics[0].message)
+    except (Inexact, Refused):
+        return _by_episodes(a, b, "probabilities are no rational numbers")
     difference = _first_difference(one, other)
     if difference is None:
-        words = f"every step has the same outcomes{f'; but {spaces}' if spaces else ''}"
-        return TaskRelation("same task", words)
+        spaces = _other_spaces(a, b)
+        return TaskRelation("same task", f"every step has the same outcomes{f'; but {spaces}' if spaces else ''}")
     names = _renaming(one, other)
     if names is not None:
         return TaskRelation("renamed", f"only names differ: {names}", difference)
@@ -157,12 +151,14 @@ class ExactTask:
         self._steps = steps
         self._numbers = ExactProbabilities(Reader(as_written=True))
         self.names: list[Hashable] = [_name(self.model.state(s)) for s in range(self.model.n_states)]
+        self.index = {name: s for s, name in enumerate(self.names)}
         self.actions: list[Hashable] = [_name(self.model.action(a)) for a in range(self.model.n_actions)]
         codes, weights = steps.starts(self._numbers)
         self.start = dict(zip(np.searchsorted(self.model.codes, codes).tolist(), weights.tolist(), strict=True))
         self.rows = lru_cache(maxsize=2)(self._rows)
         self.observed = lru_cache(maxsize=2)(self._observed)
         self.rows(0)
+        self.observed(0)
 
     def at(self, t: int) -> int:
         """Return the time whose tables hold at a time."""
@@ -222,31 +218,26 @@ def _first_difference(one: ExactTask, other: ExactTask) -> FirstDifference | Non
     """Return the first difference, in order of time; it is shown by the shortest actions."""
     if one.actions != other.actions:
         return FirstDifference((), 0, None, None, _listed(one.actions), _listed(other.actions))
-    index = {name: s for s, name in enumerate(other.names)}
     starts = [{x.names[s]: p for s, p in x.start.items()} for x in (one, other)]
     if starts[0] != starts[1]:
         return FirstDifference((), 0, None, None, *map(_odds, starts))
     if one.task.discount != other.task.discount:
         words = [f"discount {x.task.discount:g}" for x in (one, other)]
         return FirstDifference((), 0, None, None, *words)
-    return _first_step(one, other, index) or None
-
-
-def _first_step(one: ExactTask, other: ExactTask, index: Mapping[Hashable, int]) -> FirstDifference | None:
-    is_timed = max(one.times, other.times) > 1
     horizons = (one.task.horizon, other.task.horizon)
     last = min((h for h in horizons if h is not None), default=math.inf)
+    is_alike = horizons[0] == horizons[1]
     level: dict[int, tuple[str, ...]] = dict.fromkeys(one.start, ())
     seen: set[int] = set()
     t = 0
     while level and t <= last:
-        if t == last and horizons[0] != horizons[1]:
+        if t == last and not is_alike:
             words = [f"truncated after {h} steps" if h is not None else "no horizon" for h in horizons]
             return FirstDifference(next(iter(level.values())), t, None, None, *words)
-        if not is_timed and horizons[0] == horizons[1]:
+        if is_alike and one.times == other.times == 1:
             level = {s: path for s, path in level.items() if s not in seen}
             seen |= set(level)
-        found, level = _level(one, other, index, t, level, t < last)
+        found, level = _level(one, other, t, level, t < last)
         if found is not None:
             return found
         t += 1
@@ -254,17 +245,12 @@ def _first_step(one: ExactTask, other: ExactTask, index: Mapping[Hashable, int])
 
 
 def _level(
-    one: ExactTask,
-    other: ExactTask,
-    index: Mapping[Hashable, int],
-    t: int,
-    level: dict[int, tuple[str, ...]],
-    acts: bool,
+    one: ExactTask, other: ExactTask, t: int, level: Mapping[int, tuple[str, ...]], acts: bool
 ) -> tuple[FirstDifference | None, dict[int, tuple[str, ...]]]:
     """Return the first difference in some states at a time, or the next states with the actions that lead there."""
     following: dict[int, tuple[str, ...]] = {}
     for s, path in level.items():
-        same = index[one.names[s]]
+        same = other.index[one.names[s]]
         state = shown(one.names[s])
         seen = (one.observed(one.at(t))[s], other.observed(other.at(t))[same])
         if seen[0] != seen[1]:
@@ -331,8 +317,8 @@ def _joined(one: ExactTask, other: ExactTask, order: Sequence[int], t: int) -> R
     return rows
 
 
-def _merged(start: Mapping[int, Fraction], classes: Sequence[int], shift: int) -> Counter[int]:
-    found: Counter[int] = Counter()
+def _merged(start: Mapping[int, Fraction], classes: Sequence[int], shift: int) -> dict[int, Fraction]:
+    found: dict[int, Fraction] = defaultdict(Fraction)
     for s, p in start.items():
         found[classes[s + shift]] += p
     return found
@@ -351,75 +337,75 @@ def _renamed(one: ExactTask, other: ExactTask, classes: Sequence[int], order: Se
 
 def _by_rewards(one: ExactTask, other: ExactTask, difference: FirstDifference) -> TaskRelation:
     """Return the relation of tasks that differ by name: by their rewards and optimal policies, where states are the same."""
-    if set(one.names) != set(other.names) or one.actions != other.actions or one.task.horizon != other.task.horizon:
+    if one.index.keys() != other.index.keys() or one.actions != other.actions or one.task.horizon != other.task.horizon:
         return TaskRelation("different", "they differ in more than rewards", difference)
-    where = np.array([other.names.index(name) for name in one.names])
-    if difference.action is None or not _same_observations(one, other, where):
+    where = np.array([other.index[name] for name in one.names])
+    times = range(max(one.times, other.times))
+    if difference.action is None or not all(_same_observations(one, other, where, t) for t in times):
         return TaskRelation("different", "they start, end or are observed in another way", difference)
     solvers = [Solvers(x.model).of() for x in (one, other)]
     returns = {"first": solvers[0].best().value, "second": solvers[1].best().value}
-    if not isinstance(solvers[0], Finite) or not isinstance(solvers[1], Finite):
-        words = "they differ; without a horizon, policies are not compared"
+    size = (one.task.horizon or math.inf) * len(one.actions) * len(one.names)
+    if size > MOST_VALUES:
+        words = "they differ; without a horizon, or with many steps and states, policies are not compared"
         return TaskRelation("different", words, difference, returns)
     acting = [np.flatnonzero(level) for _, level in one.model.levels()]
-    theirs_acting = [np.flatnonzero(level) for _, level in other.model.levels()]
-    first, second = (_solved(solver.numbers) for solver in solvers)
-    if all(_moves(one, t) == _moves(other, t) for t in range(max(one.times, other.times))):
-        ours = [Q[:, states] for Q, states in zip(first.advantages, acting, strict=False)]
-        theirs = [Q[:, where[states]] for Q, states in zip(second.advantages, acting, strict=False)]
-        factor = _factor(ours, theirs)
+    if all(_moves(one, t) == _moves(other, t) for t in times):
+        factor = _factor(_advantages(solvers, where, acting, is_random=True))
         if factor is not None:
-            times = "" if factor == 1 else f" times {decimal(float(factor))}"
-            if _is_scaled(one, other, where, float(factor)):
-                return TaskRelation("scaled reward", f"the expected reward is the same{times}", difference, returns)
-            words = f"the reward is the same{times}, shaped by a potential; the same actions are optimal"
+            scale = "" if factor == 1 else f" times {decimal(float(factor))}"
+            if all(_is_scaled(one, other, where, t, float(factor)) for t in times):
+                return TaskRelation("scaled reward", f"the expected reward is the same{scale}", difference, returns)
+            words = f"the reward is the same{scale}, shaped by a potential; the same actions are optimal"
             return TaskRelation("shaped reward", words, difference, returns)
-    is_same = [set(where[x]) for x in acting] == [set(x) for x in theirs_acting]
-    pairs = zip(first.optimal, second.optimal, acting, strict=False)
-    if is_same and all((mine[:, states] == theirs[:, where[states]]).all() for mine, theirs, states in pairs):
+    others_acting = [np.flatnonzero(level) for _, level in other.model.levels()]
+    if [set(where[states]) for states in acting] != [set(states) for states in others_acting]:
+        return TaskRelation("different", "other states are visited", difference, returns)
+    pairs = _advantages(solvers, where, acting, is_random=False)
+    if all(((mine >= -EQUAL) == (theirs >= -EQUAL)).all() for mine, theirs in pairs):
         words = "in every state and at every time, the same actions are optimal"
         return TaskRelation("same optimal policy", words, difference, returns)
     return TaskRelation("different", "other actions are optimal", difference, returns)
 
 
-def _same_observations(one: ExactTask, other: ExactTask, where: Array) -> bool:
-    for t in range(max(one.times, other.times)):
-        theirs = other.observed(other.at(t))
-        if one.observed(one.at(t)) != [theirs[s] for s in where]:
-            return False
-    return True
+def _same_observations(one: ExactTask, other: ExactTask, where: Array, t: int) -> bool:
+    theirs = other.observed(other.at(t))
+    return one.observed(one.at(t)) == [theirs[s] for s in where]
 
 
-def _moves(x: ExactTask, t: int) -> dict[Hashable, Counter[Hashable]]:
+def _moves(x: ExactTask, t: int) -> dict[Hashable, dict[Hashable, Fraction]]:
     """Return the outcomes of steps without their rewards, by name."""
-    found: dict[Hashable, Counter[Hashable]] = {}
+    found: dict[Hashable, dict[Hashable, Fraction]] = {}
     for s in np.flatnonzero(x.model.acting).tolist():
         for a in range(len(x.actions)):
-            merged: Counter[Hashable] = Counter()
+            merged: dict[Hashable, Fraction] = defaultdict(Fraction)
             for (name, _, ends), p in x.named(t, s, a).items():
                 merged[name, ends] += p
             found[x.names[s], a] = merged
     return found
 
 
-@dataclass(frozen=True)
-class _Solved:
-    """For each time, Q - V of random actions, and which actions are optimal; arrays (A, S)."""
+def _advantages(
+    solvers: Sequence[Solver], where: Array, acting: Sequence[Array], is_random: bool
+) -> Iterator[tuple[Array, Array]]:
+    """Yield Q - V of both tasks, (A, S), in the states in which episodes act, from the last time to the first.
 
-    advantages: list[Array]
-    optimal: list[Array]
+    Args:
+        is_random: values are those of random actions, and not of the best ones.
+    """
+    first, second = (_plan(solver.numbers, is_random) for solver in solvers)
+    for (t, q, v), (_, their_q, their_v) in zip(first, second, strict=True):
+        if t < len(acting):
+            ours = _plain(q) - _plain(v)
+            theirs = _plain(their_q) - _plain(their_v)
+            yield ours[:, acting[t]], theirs[:, where[acting[t]]]
 
 
-def _solved(n: Any) -> _Solved:
-    """Solve a model by backward induction, in rationals if its numbers are."""
-    advantages = []
-    for _, q, V in backward(n.backup, lambda t, q: n.follow(n.uniform, q), n.zero(), n.horizon):
-        advantages.append(_plain(q) - _plain(V))
-    optimal = []
-    for _, q, V in backward(n.backup, lambda t, q: n.top(q), n.zero(), n.horizon):
-        best = _plain(V)
-        optimal.append(best - _plain(q) <= EQUAL * np.maximum(1, abs(best)))
-    return _Solved(advantages[::-1], optimal[::-1])
+def _plan(n: Any, is_random: bool) -> Iterator[tuple[int, Any, Any]]:
+    def choose(t: int, q: Any) -> Any:
+        return n.follow(n.uniform, q) if is_random else n.top(q)
+
+    return backward(n.backup, choose, n.zero(), n.horizon)
 
 
 def _plain(x: Scaled | Bound) -> Array:
@@ -429,30 +415,25 @@ def _plain(x: Scaled | Bound) -> Array:
     return np.array([Fraction(int(p), x.over) for p in x.parts.ravel()], dtype=object).reshape(x.parts.shape)
 
 
-def _factor(ours: list[Array], theirs: list[Array]) -> Any:
-    """Return the positive number that turns some arrays into others; None where there is none, 1 where all are 0."""
-    mine = np.concatenate([x.ravel() for x in ours])
-    others = np.concatenate([x.ravel() for x in theirs])
-    size = EQUAL * max(1.0, float(abs(mine).max(initial=0)))
-    if not (abs(mine) > size).any() and not (abs(others) > size).any():
-        return 1
-    largest = int(abs(mine).argmax())
-    if abs(mine[largest]) <= size or others[largest] / mine[largest] <= 0:
-        return None
-    factor = others[largest] / mine[largest]
-    is_near = abs(others - factor * mine) <= (size * factor if mine.dtype != object else 0)
-    return factor if is_near.all() else None
+def _factor(pairs: Iterable[tuple[Array, Array]]) -> Any:
+    """Return the positive number that turns first arrays into second ones; None where there is none, 1 where all are 0."""
+    factor: Any = None
+    for mine, theirs in pairs:
+        size = max(EQUAL, *(EQUAL * float(abs(x).max(initial=0)) for x in (mine, theirs)))
+        largest = np.unravel_index(int(abs(mine).argmax()), mine.shape)
+        if factor is None and abs(mine[largest]) > size:
+            factor = theirs[largest] / mine[largest]
+        if (factor is not None and factor <= 0) or (abs(theirs - (factor or 0) * mine) > size).any():
+            return None
+    return 1 if factor is None else factor
 
 
-def _is_scaled(one: ExactTask, other: ExactTask, where: Array, factor: float) -> bool:
-    """Return whether the expected rewards of all steps differ by a factor alone."""
+def _is_scaled(one: ExactTask, other: ExactTask, where: Array, t: int, factor: float) -> bool:
+    """Return whether the expected rewards of a time differ by a factor alone."""
     shape = (len(one.actions), len(one.names))
-    for t in range(max(one.times, other.times)):
-        ours = one.model.step(one.at(t)).R.reshape(shape)[:, one.model.acting]
-        theirs = other.model.step(other.at(t)).R.reshape(shape)[:, where[one.model.acting]]
-        if not np.allclose(theirs, factor * ours, rtol=EQUAL, atol=EQUAL):
-            return False
-    return True
+    ours = one.model.step(one.at(t)).R.reshape(shape)[:, one.model.acting]
+    theirs = other.model.step(other.at(t)).R.reshape(shape)[:, where[one.model.acting]]
+    return bool(np.allclose(theirs, factor * ours, rtol=EQUAL, atol=EQUAL))
 
 
 # -- tasks that are not finite ----------------------------------------------------------------------------------------
@@ -467,9 +448,15 @@ def _by_episodes(a: Task, b: Task, reason: str) -> TaskRelation:
         return TaskRelation("different", f"the horizon or the discount is another one; {reason}")
     if not is_bounded(a):
         return TaskRelation("no difference found", f"nothing was compared, since actions have no bounds; {reason}")
+    spaces = _other_spaces(a, b)
+    if spaces:
+        return TaskRelation("different", f"{spaces}; {reason}")
+    watched = not any(draws(task.observation.nodes) for task in (a, b))
+    if not watched:
+        reason += "; observations are drawn, and were not compared"
     runs = [Rollout(task, LANES) for task in (a, b)]
     states = [run.start() for run in runs]
-    seen = [_stacked(task, state, []) for task, state in zip((a, b), states, strict=True)]
+    seen = [_stacked(task, state, 0, watched) for task, state in zip((a, b), states, strict=True)]
     alive = np.ones(LANES, np.bool_)
     choose = at_random(a)
     rng = np.random.default_rng(0)
@@ -489,17 +476,17 @@ def _by_episodes(a: Task, b: Task, reason: str) -> TaskRelation:
         actions.append(choose(states[0], t, rng))
         moved = [run.step(state, actions[-1], t) for run, state in zip(runs, states, strict=True)]
         states = [each.state for each in moved]
-        seen = [_stacked(task, m.state, [m.reward, m.terminal]) for task, m in zip((a, b), moved, strict=True)]
+        seen = [_stacked(x, m.state, t + 1, watched, m.reward, m.terminal) for x, m in zip((a, b), moved, strict=True)]
         alive &= ~moved[0].terminal.astype(np.bool_)
     words = f"{LANES} episodes of random actions with the same random words are the same for {t} steps; {reason}"
     return TaskRelation("no difference found", words)
 
 
-def _stacked(task: Task, state: State, others: Sequence[Array]) -> Array:
-    """Return a state, its observation unless that is drawn, and other values as rows (N, lanes)."""
+def _stacked(task: Task, state: State, t: int, watched: bool, *others: Array) -> Array:
+    """Return a state, its observation if that is `watched`, and other values as rows (N, lanes)."""
     parts = [*state.values(), *others]
-    if not draws(task.observation.nodes):
-        parts += evaluate(task.observation.nodes, reads_of(state, {}, 0))
+    if watched:
+        parts += evaluate(task.observation.nodes, reads_of(state, {}, t))
     return np.vstack([np.broadcast_to(v, (*v.shape[:-1], LANES)).reshape(-1, LANES).astype(float) for v in parts])
 
 

@@ -51,6 +51,7 @@ class Evidence:
     def __init__(self, subject: Subject, seconds: float) -> None:
         self.subject = subject
         self.seconds = seconds
+        subject.longest = 0.05 * seconds
         self.found: dict[str, Any] = {}
         self.unexamined: list[str] = []
         self.why_not = ""
@@ -85,8 +86,8 @@ class Evidence:
     @cached_property
     def all_episodes(self) -> list[EnvEpisode]:
         """The episodes, and one of each action again and again."""
-        repeated = [self.subject.episode(0, repeat=action) for action in self.subject.actions() or []]
-        return [*self.episodes, *repeated]
+        actions = self.in_time(self.subject.actions() or [])
+        return [*self.episodes, *(self.subject.episode(0, repeat=action) for action in actions)]
 
     @cached_property
     def returns(self) -> dict[str, list[float]]:
@@ -100,7 +101,8 @@ class Evidence:
         for seed in range(MOST_RETURNS):
             for name, action in policies.items():
                 episode = self.subject.episode(seed, instance, action)
-                found[name].append(sum(step.paid for step in episode.steps))
+                if episode.steps[-1].is_last or len(episode.steps) > MOST_STEPS:
+                    found[name].append(sum(step.paid for step in episode.steps))
             tell(f"returns, {seed + 1} episodes each")
             if end.is_over:
                 break
@@ -191,7 +193,7 @@ class Evidence:
         table = by_probabilities(self.subject, self.horizon)
         if table is not None:
             try:
-                compare(table, self.subject, self.episodes, None)
+                compare(table, self.subject, self.in_time(self.episodes), None)
                 if table.by_time is None:
                     return table
                 s, a, trace = table.by_time
@@ -208,8 +210,9 @@ class Evidence:
         by_time = None
         for ignored, deepest in dict(tries).items():
             try:
-                table = TableSearch(self.subject, self.horizon, ignored, self.until(0.2), deepest).run()
-                compare(table, self.subject, self.episodes, ignored)
+                search = TableSearch(self.subject, self.horizon, ignored, self.counters, self.until(0.2), deepest)
+                table = search.run()
+                compare(table, self.subject, self.in_time(self.episodes), ignored)
             except Untabulated as error:
                 reason = error
                 continue
@@ -256,10 +259,10 @@ class Evidence:
         """Returns of the best policy of a table with estimated chance, in the environment itself."""
         assert self.table is not None
         plan = optimal_plan(self.table.model(self.horizon or MOST_STEPS))
-        instance = self.subject.make()
         found: list[float] = []
         end = self.until(0.1)
         while not end.is_over and len(found) < MOST_RETURNS:
+            instance = self.subject.make()
             step = instance.reset(len(found))
             total = 0.0
             for t in range(self.horizon or MOST_STEPS):

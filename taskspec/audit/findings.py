@@ -203,7 +203,8 @@ def one_action(x: Evidence) -> Found | None:
         return None
     for action, value in zip(x.subject.actions() or [], found.constant, strict=True):
         if value >= found.best - EQUAL * max(1.0, abs(found.best)):
-            return Found(f"action {shown(action)}, always, is optimal: it earns {decimal(value)}")
+            trace = x.subject.episode(0, repeat=action).trace()
+            return Found(f"action {shown(action)}, always, is optimal: it earns {decimal(value)}", trace)
     return None
 
 
@@ -214,7 +215,7 @@ def nothing_told_apart(x: Evidence) -> Found | None:
     returns = {round(value, 9) for values in x.returns.values() for value in values}
     if len(returns) != 1:
         return None
-    return Found(f"every episode earned {decimal(*returns)}, with random actions and with each fixed one")
+    return Found(f"every episode earned {decimal(returns.pop())}, with random actions and with each fixed one")
 
 
 def hidden_state(x: Evidence) -> Found | None:
@@ -272,8 +273,8 @@ def by_time(x: Evidence) -> Found | None:
     if x.table is None or x.table.by_time is None:
         return None
     s, a, trace = x.table.by_time
-    words = f"the reward or the end depends on the time, which is not observed: {shown(x.table.shown[s])}, action "
-    return Found(words + shown(x.table.actions[a]), trace)
+    words = f"the reward or the end depends on the time: in {shown(x.table.shown[s])}, for action {shown(x.table.actions[a])}"
+    return Found(words, trace)
 
 
 def same_actions(x: Evidence) -> Found | None:

@@ -6,15 +6,14 @@ before it is used; what the object does not hold, or depends on the time, is fou
 
 from __future__ import annotations
 
-import math
 from collections import Counter, deque
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from taskspec.audit.snapshot import Place, drawn, reseed, snapshot
+from taskspec.audit.snapshot import Place, drawn, place_value, reseed, snapshot
 from taskspec.audit.subject import Deadline, EnvEpisode, EnvInstance, EnvStep, Subject, Trace, TracePart, frozen
 from taskspec.model.model import Model, RoundingTerms, scipy_sparse
 from taskspec.model.model import Step as ModelStep
@@ -156,6 +155,7 @@ class TableSearch:
 
     Args:
         ignored: places that do not belong to the state.
+        counters: those of them that count steps.
         until: the end of the time that the search may take.
         deepest: the time from which no actions are tried.
 
@@ -168,14 +168,16 @@ class TableSearch:
         subject: Subject,
         horizon: int | None,
         ignored: frozenset[Place],
+        counters: frozenset[Place],
         until: Deadline,
-        deepest: float = math.inf,
+        deepest: float,
     ) -> None:
         actions = subject.actions()
         if actions is None:
             raise Untabulated("its actions are not finitely many")
         self.subject = subject
         self.ignored = ignored
+        self.counters = counters & ignored
         self.until = until
         self.table = StateTable(actions, horizon, is_start_estimated=True, ignored=ignored)
         self.deepest = deepest
@@ -184,9 +186,9 @@ class TableSearch:
 
     def run(self) -> StateTable:
         """Return the table."""
-        instance = self.subject.make()
         starts: Counter[int] = Counter()
         for seed in range(STARTS):
+            instance = self.subject.make()
             step = instance.reset(seed)
             if step.error:
                 raise Untabulated(step.error)
@@ -243,7 +245,23 @@ class TableSearch:
                 raise Untabulated("its steps draw, and its object cannot be copied")
         if is_drawn:
             self.table.drawn.add((s, a))
+        elif self.counters and not self.table.by_time and (step.paid or step.terminated):
+            later = self._later(held, trace, a)
+            if later is not None and (later.paid, bool(later.terminated)) != (step.paid, bool(step.terminated)):
+                self.table.by_time = (s, a, after)
         return {outcome: n / counts.total() for outcome, n in counts.items()}
+
+    def _later(self, held: EnvInstance | None, trace: Trace, a: int) -> EnvStep | None:
+        """Return a step where the counters of steps are one further; None where they cannot be set."""
+        try:
+            instance = self._fork(held, trace)
+            leaves = snapshot(instance.env).leaves
+            for place in self.counters:
+                place_value(instance.env, place, leaves[place] + 1)
+        except Exception:  # an object that is not to be changed
+            return None
+        step = instance.step(self.table.actions[a])
+        return None if step.error else step
 
 
 def _copied(instance: EnvInstance) -> EnvInstance | None:
@@ -257,7 +275,7 @@ def _copied(instance: EnvInstance) -> EnvInstance | None:
 
 
 def compare(
-    table: StateTable, subject: Subject, episodes: Sequence[EnvEpisode], ignored: frozenset[Place] | None
+    table: StateTable, subject: Subject, episodes: Iterable[EnvEpisode], ignored: frozenset[Place] | None
 ) -> None:
     """Play episodes again, and compare each step with the table; `ignored` as in the search, None for a table of `P`.
 
@@ -289,5 +307,5 @@ def _known(table: StateTable, instance: EnvInstance, step: EnvStep, ignored: fro
         key = snapshot(instance.env).key(ignored)
     state = table.states.get(key)
     if state is not None and table.observations[state] != step.seen:
-        raise Untabulated("its object does not hold all that the observation depends on")
+        raise Untabulated("what is observed is drawn, or depends on what its object does not hold")
     return state

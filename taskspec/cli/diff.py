@@ -47,17 +47,18 @@ def diff(
     """
     from taskspec.abstraction.difference import compare
 
-    variants = list(variant or [None])
-    if len(variants) > 2:
+    named = variant or []
+    if len(named) > 2:
         raise misuse("--variant is given once for both tasks, or twice")
     with progress("comparing"):
-        one = _task(first, variants[0])
-        other = _task(second, variants[-1])
+        one = _task(first, named[0] if named else None)
+        other = _task(second, named[-1] if named else None)
         found = compare(one, other)
     if json:
         write_json(dataclasses.asdict(found))
     else:
-        _print(found, first, second)
+        names = (first, second) if first != second else (one.name, other.name)
+        _print(found, *names)
     if found.relation not in ("identical", "same task", "no difference found"):
         raise typer.Exit(1)
 

@@ -58,7 +58,7 @@ def export(
     if output is None and not (verify or chosen.is_text):
         raise misuse(f"--format {chosen.name} is binary", f"--output {found[0].name}{chosen.suffix}")
     with progress(found[0].instance_id):
-        model, tables = formats.exported(found[0])
+        model, tables = formats.exported(found[0], chosen)
     if output is not None:
         write_bytes(output, formats.written(tables, chosen))
         say(f"wrote {near(output)}", err=True)

@@ -237,6 +237,6 @@ def play(
 
     try:
         env.reset(seed=seed_of(seed) if seed is not None else None)
-        window.play(env, report, FPS)
+        window.play(window.Warned(env, say) if found.mask else env, report, FPS)
     finally:
         env.close()

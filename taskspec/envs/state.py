@@ -14,8 +14,10 @@ from taskspec.base.diagnostics import suggest
 from taskspec.base.records import all_names
 from taskspec.envs import window
 from taskspec.envs.options import LaneError, NotRunningError, StateError, one_of
+from taskspec.lang.ir import Role
 from taskspec.lang.types import Domain, Kind
 from taskspec.model.model import misused
+from taskspec.model.space import Space
 from taskspec.task.legal import action_mask
 from taskspec.task.parts import Component, RenderMode, are_finite
 from taskspec.task.spaces import single, space
@@ -154,10 +156,37 @@ def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str,
     return infos
 
 
-def masks(task: Task, engine: Engine) -> Array:
-    """Return the legal actions of all lanes, int8 (N, n)."""
-    states = {c.name: part for c, part in zip(task.state, engine.buffers.state, strict=True)}
-    return action_mask(task, states).T.astype(np.int8)
+LOOKED_UP = 500_000
+"""Elements of a table of the masks of all states, at most."""
+
+
+class Masks:
+    """The legal actions of all lanes: looked up where there are few states, which takes a tenth of the time, else worked out.
+
+    Args:
+        state: the arrays (*shape, N) of the components, which hold the present state.
+    """
+
+    def __init__(self, task: Task, state: Sequence[Array]) -> None:
+        self._task = task
+        self._state = {c.name: part for c, part in zip(task.state, state, strict=True)}
+        self._table: Array | None = None
+        space = Space(task.state, Role.STATE)
+        if are_finite(task.state) and space.size * task.action_layout.counts[0] <= LOOKED_UP:
+            every = {name: values for (_, name), values in space.decode(np.arange(space.size)).items()}
+            self._table = np.ascontiguousarray(action_mask(task, every).T, np.int8)
+            self._strides = [np.array(strides) for strides in space.strides]
+            lows = [np.array(c.low, np.int64) for c in task.state]
+            self._first = sum(int(low @ each) for low, each in zip(lows, self._strides, strict=True))
+
+    def __call__(self) -> Array:
+        """Return masks, int8 (N, n)."""
+        if self._table is None:
+            return action_mask(self._task, self._state).T.astype(np.int8)
+        codes: Array = np.array(-self._first)
+        for strides, part in zip(self._strides, self._state.values(), strict=True):
+            codes = codes + strides @ part.reshape(len(strides), -1)
+        return self._table.take(codes, axis=0)
 
 
 def masked(measures: Mapping[str, Array], lanes: Array) -> dict[str, Any]:

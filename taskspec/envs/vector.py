@@ -38,10 +38,10 @@ from taskspec.envs.options import (
 from taskspec.envs.state import (
     RENDER_MODES,
     LaneView,
+    Masks,
     ask_lane,
     lane_render_mode,
     masked,
-    masks,
     refuse_to_set,
     state_rows,
     states,
@@ -131,6 +131,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.action_space: gymnasium.Space[Any] = batch_space(self.single_action_space, self.num_envs)
         b = self._engine.buffers
         self._seen = b.seen.view()
+        if self.task.mask:
+            self._masks = Masks(self.task, b.state)
         self._results = (b.reward, b.terminated, b.truncated)
         self._last = None if isinstance(self._seen, dict) else b.final.view()
 
@@ -258,7 +260,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Return the legal actions of the states in which lanes now are, where the task has a condition for them."""
         if not self.task.mask:
             return {}
-        return {"action_mask": masks(self.task, self._engine), "_action_mask": np.ones(self.num_envs, np.bool_)}
+        return {"action_mask": self._masks(), "_action_mask": np.ones(self.num_envs, np.bool_)}
 
     def _measured(self, stepped: Array) -> dict[str, Any]:
         """Return the measures of a step as Gymnasium has dictionaries in infos, of the lanes (N,) that took one."""

@@ -229,6 +229,23 @@ def legend(task: Task) -> list[tuple[str, str]]:
     return list(zip(keys, names(task), strict=True))
 
 
+class Warned(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """An environment with legal actions that tells, in words, when an illegal one is taken."""
+
+    def __init__(self, env: Any, say: Callable[[str], None]) -> None:
+        super().__init__(env)
+        self._say = say
+        self._names = names(env.task)
+        self._first = env.task.action_layout.starts[0]
+
+    def step(self, action: Any) -> Any:
+        inside: Any = self.unwrapped
+        number = action - self._first
+        if not inside.action_masks()[number]:
+            self._say(f"{self._names[number]} is illegal here")
+        return self.env.step(action)
+
+
 def play(env: gymnasium.Env[Any, Any], callback: Step | None = None, fps: int | None = None) -> None:
     """Open Gymnasium's window, and step the environment (`render_mode="rgb_array"`) as keys are pressed, until it is closed.
 

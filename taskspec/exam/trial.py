@@ -74,7 +74,7 @@ def baselines(task: Task, episodes: int, limits: str) -> dict[str, Any]:
             found["expert"] = found["optimal"]
         constants = []
         for action in _constant_actions(task):
-            value = policy_value(results, _constant(task, action), True).value.value
+            value = policy_value(results, _constant(results.task, action), True).value.value
             constants.append(score(value, found["random"], found["expert"]))
         if None in constants:
             constants = []

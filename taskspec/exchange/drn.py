@@ -10,7 +10,7 @@ import re
 from fractions import Fraction
 
 from taskspec.exchange.reading import ForeignFile, assembled
-from taskspec.exchange.settled import expected_rewards
+from taskspec.exchange.settled import expected_rewards, legal_choices
 from taskspec.exchange.tables import FrozenOutcome, FrozenTask
 
 TYPES = ("MDP", "DTMC", "POMDP")
@@ -27,7 +27,7 @@ def write(task: FrozenTask) -> bytes:
     lines = [f"// {task.name}, by taskspec"]
     if task.horizon is not None:
         lines.append(f"// horizon: {task.horizon}")
-    choices = sum(map(len, task.outcomes))
+    choices = sum(1 for by_action in task.outcomes for outcomes in by_action if outcomes)
     lines += ["@type: MDP", "@parameters", "", "@reward_models", "reward"]
     lines += ["@nr_states", str(len(task.states)), "@nr_choices", str(choices), "@model"]
     for s, by_action in enumerate(task.outcomes):
@@ -36,7 +36,7 @@ def write(task: FrozenTask) -> bytes:
             labels.insert(0, "init")
         lines.append(" ".join([f"state {s} [0]", *labels]))
         lines.append(f"//{task.states[s]}")
-        for a, outcomes in enumerate(by_action):
+        for a, outcomes in legal_choices(by_action):
             lines.append(f"\taction {task.actions[a]} [{expected_rewards(outcomes)}]")
             shares: dict[int, Fraction] = {}
             for outcome in outcomes:

@@ -66,13 +66,16 @@ FORMATS: dict[str, ModelFormat] = entries_by_name((
 # -- writing ----------------------------------------------------------------------------------------------------------
 
 
-def exported(task: Task) -> tuple[Model, FrozenTask]:
-    """Return the exact model of a finite task, or of its abstraction, and its tables; all actions are legal there.
+def exported(task: Task, format: ModelFormat = FORMATS["umb"]) -> tuple[Model, FrozenTask]:
+    """Return the exact model of a finite task, or of its abstraction, and its tables.
+
+    Those for model checkers have legal actions alone, those for Python all.
 
     Raises:
         SpecError: E712 for a task that has no exact model, or is too large.
     """
-    model = extract(with_all_actions(_finite(task)), reachable=True)
+    finite = _finite(task)
+    model = extract(finite if format.is_settled else with_all_actions(finite), reachable=True)
     return model, replace(tables(model, MOST_STATES), name=task.instance_id)
 
 
@@ -94,7 +97,7 @@ def notes(task: Task, found: FrozenTask, format: ModelFormat) -> Iterator[str]:
     if not task.observation.is_state:
         names = ", ".join(c.name for c in task.observation.components)
         yield f"observations ({names}): not in the file; its states are the task's"
-    if task.mask:
+    if task.mask and not format.is_settled:
         yield "legal actions: not in the file; illegal ones have the outcomes that the equations give"
     if task.process.measures:
         yield f"measures ({', '.join(task.process.measures)}): not in the file"

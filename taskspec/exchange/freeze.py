@@ -87,9 +87,9 @@ def tables(model: Model, most: int) -> FrozenTask:
     outcomes = []
     for (t, s), by_action in sorted(rows.items()):
         later = t + is_timed
-        stays = (FrozenOutcome(1, index[t, s], 0, False),)
-        moved = [tuple(replace(o, state=index[later, o.state]) for o in found) or stays for found in by_action]
-        outcomes.append(tuple(moved))
+        moved = [tuple(replace(o, state=index[later, o.state]) for o in found) for found in by_action]
+        stays = ((FrozenOutcome(1, index[t, s], 0, False),),) * len(moved)
+        outcomes.append(tuple(moved) if any(moved) else stays)
     values = tuple(_values(model, places, is_timed))
     return FrozenTask(
         name=f"Frozen{model.task.name}",
@@ -169,6 +169,8 @@ def _explored(model: Model, chances: Chances, is_timed: bool, most: int) -> dict
         by_action: list[Outcomes] = [()] * model.n_actions
         if not is_timed or t < (model.horizon or 0):
             by_action = [chances(t).get((s, a), ()) for a in range(model.n_actions)]
+            if model.legal is not None:
+                by_action = [found if model.legal[a, s] else () for a, found in enumerate(by_action)]
         for outcomes in by_action:
             waiting += [(t + is_timed, outcome.state) for outcome in outcomes]
         found[t, s] = by_action

@@ -109,7 +109,8 @@ def _returns(task: FrozenTask) -> dict[str, Number]:
     P, R = _arrays(task)
     start = np.array([float(p) for p in task.start])
     gamma = float(task.discount)
-    uniform = np.full(R.shape, 1 / len(R))
+    legal = np.array([[bool(outcomes) for outcomes in by_action] for by_action in task.outcomes]).T
+    uniform = legal / legal.sum(axis=0)
     found: dict[str, Number] = {}
     if task.horizon is not None:
         if task.horizon * (P.nnz + OVERHEAD) > limits().seconds * SWEEP:
@@ -119,14 +120,14 @@ def _returns(task: FrozenTask) -> dict[str, Number]:
             return action_values(P, R, gamma, V)
 
         zero = np.zeros(len(start))
-        best = first_values(backward(backup, lambda t, Q: Q.max(axis=0), zero, task.horizon))
-        random = first_values(backward(backup, lambda t, Q: Q.mean(axis=0), zero, task.horizon))
+        best = first_values(backward(backup, lambda t, Q: np.where(legal, Q, -np.inf).max(axis=0), zero, task.horizon))
+        random = first_values(backward(backup, lambda t, Q: (uniform * Q).sum(axis=0), zero, task.horizon))
         return {"optimal_return": float(start @ best), "random_return": float(start @ random)}
     if gamma < 1 or _always_ends(task):
-        policy = np.eye(len(R))[R.argmax(axis=0)].T
+        policy = np.eye(len(R))[legal.argmax(axis=0)].T
         for _ in range(MOST_ROUNDS):
             Q = action_values(P, R, gamma, _values_of(policy, P, R, gamma))
-            better = np.eye(len(R))[(Q + CLOSE * policy).argmax(axis=0)].T
+            better = np.eye(len(R))[np.where(legal, Q + CLOSE * policy, -np.inf).argmax(axis=0)].T
             if np.array_equal(better, policy):
                 found["optimal_return"] = float(start @ (policy * Q).sum(axis=0))
                 break
@@ -151,7 +152,7 @@ def _always_ends(task: FrozenTask) -> bool:
         staying = set()
         for s in inside:
             for outcomes in task.outcomes[s]:
-                if all(not outcome.ends and outcome.state in inside for outcome in outcomes):
+                if outcomes and all(not outcome.ends and outcome.state in inside for outcome in outcomes):
                     staying.add(s)
         if staying == inside:
             return False

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from taskspec.exchange.settled import END, FIRST, PHASE, expected_rewards
+from taskspec.exchange.settled import END, FIRST, PHASE, expected_rewards, legal_choices
 from taskspec.exchange.tables import FrozenTask, Number
 
 _WORD = re.compile(r"[A-Za-z_]\w*", re.ASCII)
@@ -85,7 +85,7 @@ def prism(task: FrozenTask) -> bytes:
     paid = []
     for s, by_action in enumerate(task.outcomes):
         guard = _guard({v.name: task.values[s][v.component] for v in variables})
-        for a, outcomes in enumerate(by_action):
+        for a, outcomes in legal_choices(by_action):
             parts = []
             for outcome in outcomes:
                 parts.append(f"{_number(outcome.probability)} : {_updates(task, variables, s, outcome.state)}")
@@ -139,7 +139,7 @@ def jani(task: FrozenTask) -> bytes:
     edges = []
     for s, by_action in enumerate(task.outcomes):
         guard = _all({v.name: task.values[s][v.component] for v in variables})
-        for a, outcomes in enumerate(by_action):
+        for a, outcomes in legal_choices(by_action):
             destinations = []
             for outcome in outcomes:
                 assigned = [{"ref": v.name, "value": task.values[outcome.state][v.component]} for v in variables]

@@ -95,7 +95,8 @@ def assembled(
 ) -> FrozenTask:  # fmt: skip
     """Return the tables of a file after checks of every number.
 
-    An action that a state does not have does the same there as the state's first one. A state without actions stays.
+    An action that a state does not have is not legal there. A state without actions stays, one with the same outcomes for all
+    of its actions has them for all.
 
     Args:
         source: the file.
@@ -121,7 +122,7 @@ def assembled(
         if len(set(own.values())) <= 1:
             found.append((usual,) * len(names))
             continue
-        found.append(tuple(own.get(name, usual) for name in names))
+        found.append(tuple(own.get(name, ()) for name in names))
     first = _normal(source, "the start distribution", [start.get(s, Fraction(0)) for s in range(len(rows))])
     if len(states) != len(rows):
         states = range(len(rows))

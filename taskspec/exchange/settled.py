@@ -65,7 +65,7 @@ def _free(probability: Fraction, place: int) -> FrozenOutcome:
 
 def _outcomes(outcomes: Outcomes, gamma: Fraction, index: dict[tuple[int, int], int]) -> Iterator[FrozenOutcome]:
     """Yield what follows a step: the episode goes on with probability gamma, unless it ends."""
-    shares = _shares([outcome.probability for outcome in outcomes])
+    shares = _shares([outcome.probability for outcome in outcomes]) if outcomes else []
     for outcome, share in zip(outcomes, shares, strict=True):
         going = Fraction(0) if outcome.ends else gamma
         for phase, part in ((1, going), (2, 1 - going)):
@@ -85,10 +85,15 @@ def at_random(task: FrozenTask) -> FrozenTask:
     """Return a task whose only action chooses uniformly among the actions of another one."""
     rows = []
     for by_action in task.outcomes:
-        share = Fraction(1, len(by_action))
+        share = Fraction(1, len(list(filter(None, by_action))))
         found = [replace(o, probability=o.probability * share) for outcomes in by_action for o in outcomes]
         rows.append((merged(found),))
     return replace(task, actions=("random",), outcomes=tuple(rows))
+
+
+def legal_choices(by_action: Sequence[Outcomes]) -> Iterator[tuple[int, Outcomes]]:
+    """Yield the outcomes of each action that is legal in a state, with the number of the action."""
+    return ((a, outcomes) for a, outcomes in enumerate(by_action) if outcomes)
 
 
 def expected_rewards(outcomes: Iterable[FrozenOutcome]) -> Number:

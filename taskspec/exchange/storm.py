@@ -159,7 +159,7 @@ Shares = list[dict[int, Fraction]]
 """For each state, the probability of each action."""
 
 
-def stationary_return(ready: FrozenTask, pick: Callable[..., Fraction] | None) -> Fraction:
+def stationary_return(ready: FrozenTask, pick: Callable[..., int] | None) -> Fraction:
     """Return an expected return of a settled task without a horizon, by policy iteration (Howard, 1960) without rounding.
 
     Args:
@@ -173,7 +173,8 @@ def stationary_return(ready: FrozenTask, pick: Callable[..., Fraction] | None) -
         raise Inexact
     policy = _ending_policy(ready)
     if pick is None:
-        policy = [{a: Fraction(1, len(row)) for a in range(len(row))} for row in ready.outcomes]
+        ready = at_random(ready)
+        policy = [{0: Fraction(1)} for _ in ready.outcomes]
     while True:
         V = _policy_values(ready, policy)
         better = {} if pick is None else _better_actions(ready, V, pick)
@@ -199,13 +200,17 @@ def _ending_policy(ready: FrozenTask) -> Shares:
     return policy
 
 
-def _better_actions(ready: FrozenTask, V: list[Fraction], pick: Callable[..., Fraction]) -> dict[int, int]:
+def _better_actions(ready: FrozenTask, V: list[Fraction], pick: Callable[..., int]) -> dict[int, int]:
     """Return the best action of each state in which it is better than the policy with the values V."""
     found = {}
     for s, by_action in enumerate(ready.outcomes):
-        Q = [sum((o.probability * (o.reward + V[o.state]) for o in outcomes), Fraction(0)) for outcomes in by_action]
-        if s not in ready.labels[END] and pick(Q) != V[s]:
-            found[s] = Q.index(pick(Q))
+        Q = {}
+        for a, outcomes in enumerate(by_action):
+            if outcomes:
+                Q[a] = sum((o.probability * (o.reward + V[o.state]) for o in outcomes), Fraction(0))
+        best = pick(Q, key=Q.__getitem__)
+        if s not in ready.labels[END] and Q[best] != V[s]:
+            found[s] = best
     return found
 
 

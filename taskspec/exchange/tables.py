@@ -57,7 +57,7 @@ class FrozenTask:
     Attributes:
         states, actions: their names.
         start: the probability of each state at the beginning.
-        outcomes: of each state and each action.
+        outcomes: of each state and each action; none where the action is not legal.
         last: the number of the step that ends the episode wherever it is taken; None where there is none.
         seen: the numbers that are observed in each state; None where the state itself is observed.
         values: the values of components in each state, by name; empty where states have names only.
@@ -236,6 +236,7 @@ def _lines(task: FrozenTask) -> Iterator[str]:
     yield from ("action:", f"  a: {{type: choice, values: [{', '.join(task.actions)}]}}")
     if task.seen is not None:
         yield from _observation(task.states, task.seen)
+    yield from _legal(task)
     yield f"horizon: {'none' if task.horizon is None else task.horizon}"
     if task.discount != 1:
         yield f"discount: {written(task.discount)}"
@@ -259,6 +260,15 @@ def _observation(states: Sequence[str], seen: Sequence[tuple[float, ...]]) -> It
     yield from (f"    low: {written(min(numbers))}", f"    high: {written(max(numbers))}")
 
 
+def _legal(task: FrozenTask) -> Iterator[str]:
+    found: Entries = {}
+    for s in sorted(task.acting):
+        for a, outcomes in enumerate(task.outcomes[s]):
+            found[task.states[s], task.actions[a], ""] = str(bool(outcomes)).lower()
+    if "false" in found.values():
+        yield from _TableText("legal", task, found).lines()
+
+
 def _figure(task: FrozenTask) -> Iterator[str]:
     if task.width is not None:
         if visited(task) is not task:
@@ -275,6 +285,8 @@ def _next_states(task: FrozenTask) -> Entries:
     for s, by_action in enumerate(task.outcomes):
         stays = all(outcome.state == s for outcomes in by_action for outcome in outcomes)
         for a, outcomes in enumerate(by_action):
+            if not outcomes:
+                continue
             pairs = [(task.states[outcome.state], outcome.probability) for outcome in outcomes]
             found[task.states[s], task.actions[a], ""] = "s" if stays else _distribution(pairs)
     return found
@@ -290,6 +302,8 @@ def _rewards(task: FrozenTask) -> Iterator[str]:
         found = {}
         for s in task.acting:
             for a, outcomes in enumerate(task.outcomes[s]):
+                if not outcomes:
+                    continue
                 mean = sum(outcome.probability * outcome.reward for outcome in outcomes)
                 found[task.states[s], task.actions[a], ""] = written(mean)
         table = _TableText("reward", task, found)

@@ -20,6 +20,7 @@ import numpy as np
 
 from taskspec.base import __version__
 from taskspec.exchange.reading import MOST_BYTES, MOST_OUTCOMES, ForeignFile, assembled
+from taskspec.exchange.settled import legal_choices
 from taskspec.exchange.tables import FrozenOutcome, FrozenTask, Number
 
 INDEX = "index.json"
@@ -42,18 +43,19 @@ _RATIONAL = 128
 
 def write(task: FrozenTask) -> bytes:
     """Return the file of a settled task."""
-    choices = [outcomes for by_action in task.outcomes for outcomes in by_action]
+    legal = [list(legal_choices(by_action)) for by_action in task.outcomes]
+    choices = [outcomes for row in legal for _, outcomes in row]
     branches = [outcome for outcomes in choices for outcome in outcomes]
     shares, share_type = _rationals([outcome.probability for outcome in branches])
     rewards, reward_type = _rationals([outcome.reward for outcome in branches])
     names = [name.encode() for name in task.actions]
     files = {
-        STATES: _ranges(map(len, task.outcomes)),
+        STATES: _ranges(map(len, legal)),
         BRANCHES: _ranges(map(len, choices)),
         TARGETS: np.array([outcome.state for outcome in branches], "<u8").tobytes(),
         PROBABILITIES: shares,
         INITIAL: _bits([probability > 0 for probability in task.start]),
-        f"{ACTIONS}values.bin": np.array([a for row in task.outcomes for a in range(len(row))], "<u4").tobytes(),
+        f"{ACTIONS}values.bin": np.array([a for row in legal for a, _ in row], "<u4").tobytes(),
         f"{ACTIONS}string-mapping.bin": _ranges(map(len, names)),
         f"{ACTIONS}strings.bin": b"".join(names),
         "annotations/rewards/reward/branches/values.bin": rewards,

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import yaml
 
-from taskspec import source
+from taskspec import load, source
 from taskspec.abstraction.difference import TaskRelation, compare
 from taskspec.task.build import build
 from tests.shared.commands import Done, spec
@@ -297,6 +297,26 @@ def test_other_tasks_are_compared_in_episodes(old: str, new: str, relation: str,
     found = found_for(WALK, WALK.replace(old, new))
     assert found.relation == relation
     assert (found.difference and len(found.difference.actions)) == length
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "relation", "words"),
+    [
+        ("derail/NoisyObs?M=4", "derail/NoisyObs?M=4&L=21", "different", "the observation space is another one"),
+        ("derail/Parabola", "derail/Sort", "different", "other components"),
+        ("derail/ProcGoal", "derail/ProcGoal?D=5", "different", "the horizon or the discount is another one"),
+    ],
+)
+def test_tasks_of_the_suite_are_compared(first: str, second: str, relation: str, words: str) -> None:
+    found = compare(load(first), load(second))
+    assert found.relation == relation and words in found.words
+
+
+@pytest.mark.parametrize("name", ["RiskyPath", "Branching", "InitShiftExpert", "EarlyTermNeg"])
+def test_twins_of_finite_tasks_are_renamed(name: str) -> None:
+    task = load(f"derail/{name}")
+    found = compare(task, load(task.instance_id, modifiers=["permuted_actions=1"]))
+    assert found.relation in ("renamed", "same task"), found.words
 
 
 def test_the_command_reads_files_ids_values_and_revisions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -114,6 +114,19 @@ class HiddenReward(Grid):
         return super().pay(terminated) + (terminated and self.was_there)
 
 
+class RewardByTime(Grid):
+    """The goal pays less the later it is reached, and the time is not observed."""
+
+    n_actions = 2
+
+    def begin(self) -> None:
+        self.steps = 0
+
+    def pay(self, terminated: bool) -> float:
+        self.steps += 1
+        return terminated / self.steps
+
+
 class UselessAction(Grid):
     """The fifth action does the same as the first."""
 
@@ -314,6 +327,7 @@ PLANTED = {
     UnreachableGoal: "unsolvable",
     HiddenState: "hidden state",
     HiddenReward: "hidden reward",
+    RewardByTime: "time",
     UselessAction: "same actions",
     OneAction: "one action",
     SharedState: "instances",

@@ -137,7 +137,7 @@ def test_umbi_reads_umb(tmp_path: Path) -> None:
     except ValueError as error:  # umbi 0.2.5 fails on valuations with bitstring 5
         pytest.skip(str(error))
     assert found.num_states == 26
-    assert found.choice_action_to_name == ["stay", "left", "right", "up", "down"]
+    assert found.choice_action_to_name == ["up", "down", "left", "right", "stay"]
     assert {branch.prob for branch in found.get_state_choices(0)[0].branches} == {Fraction(1, 4)}
 
 
@@ -171,6 +171,15 @@ def test_npz_holds_arrays_that_load_without_pickles(tmp_path: Path) -> None:
         assert arrays["label_good"].tolist() == [False, False, True, False]
         assert arrays["component_s"].tolist() == [0, 1, 2, 3]
         assert arrays["horizon"] == 5
+
+
+def test_illegal_actions_are_left_out_for_model_checkers() -> None:
+    """Gambler may stake no more than there is; tables for Python have all actions, as environments do."""
+    program = Done("export", "textbook/Gambler", "-f", "prism").out
+    assert sum("] s=1 & phase=1 ->" in line for line in program.splitlines()) == 1
+    done = Done("export", "textbook/Gambler", "-f", "gym-p")
+    assert len(json.loads(done.out)["P"]["1"]) == 50
+    assert "legal actions: not in the file" in done.err
 
 
 def test_time_becomes_a_component_of_the_state() -> None:
