@@ -112,8 +112,13 @@ def _compared(a: Task, b: Task) -> TaskRelation:
         return _by_episodes(a, b, "probabilities are no rational numbers")
     difference = _first_difference(one, other)
     if difference is None:
+        words = "every step has the same outcomes"
         spaces = _other_spaces(a, b)
-        return TaskRelation("same task", f"every step has the same outcomes{f'; but {spaces}' if spaces else ''}")
+        if spaces:
+            words += f"; but {spaces}"
+        if a.process.measures or b.process.measures:
+            words += "; measures were not compared"
+        return TaskRelation("same task", words)
     names = _renaming(one, other)
     if names is not None:
         return TaskRelation("renamed", f"only names differ: {names}", difference)

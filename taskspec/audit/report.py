@@ -63,12 +63,11 @@ def examined(subject: Subject, seconds: float) -> Audit:
         tell(check.name)
         try:
             found = check.look(x)
+            if found is not None:
+                entries.append(Reported(check, found, subject.text(found.trace) if found.trace else ""))
+                x.found[check.name] = found
         except Exception as error:  # of an object that does what none should
-            found = None
             x.unexamined.append(f"{check.name} ({type(error).__name__}: {error})")
-        if found is not None:
-            x.found[check.name] = found
-            entries.append(Reported(check, found, subject.text(found.trace) if found.trace else ""))
     values, numbers = _values(x)
     return Audit(subject.name, _size(x), tuple(values), tuple(entries), numbers)
 
@@ -99,6 +98,9 @@ def _values(x: Evidence) -> tuple[list[tuple[str, str]], dict[str, Any]]:
     about = "about " if x.table is not None and x.table.is_estimated else ""
     words = [(name, about + decimal(value)) for name, value in numbers.items()]
     for name, returns in sampled.items():
+        if not returns:
+            words.append((name, "no whole episode in this time"))
+            continue
         found = Return.estimated(returns)
         mean, half = estimate(found.value, found.half)
         words.append((name, f"{mean} ± {half} (95 %, {plural(found.episodes, 'episode')})"))

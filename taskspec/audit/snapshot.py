@@ -26,8 +26,8 @@ SKIPPED = (
     gymnasium.Space, gymnasium.envs.registration.EnvSpec, ModuleType, type, FunctionType, MethodType, BuiltinFunctionType,
 )  # fmt: skip
 GENERATORS = (np.random.Generator, np.random.RandomState, random.Random)
-SEED = "_np_random_seed"
-"""Where Gymnasium keeps the seed of the last reset, which nothing depends on."""
+SEEDS = ("_np_random_seed", "_seed", "seed")
+"""Where Gymnasium and others keep the seed of the last reset, on which steps should not depend."""
 LENGTH = ("length",)
 
 
@@ -100,7 +100,7 @@ def _inside(value: Any) -> Iterator[tuple[Hashable, Any]]:
         case Mapping():
             yield from (((key,), value[key]) for key in value)
         case _:
-            yield from ((name, each) for name, each in getattr(value, "__dict__", {}).items() if name != SEED)
+            yield from ((name, each) for name, each in getattr(value, "__dict__", {}).items() if name not in SEEDS)
             for each in type(value).__mro__:
                 slots = vars(each).get("__slots__", ())
                 for name in (slots,) if isinstance(slots, str) else slots:

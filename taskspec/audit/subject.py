@@ -146,6 +146,8 @@ def _words(error: BaseException) -> str:
 class Subject:
     """An environment by its Gymnasium id, or by a function of a Python file that makes it.
 
+    `longest` is how many seconds an episode may take.
+
     Raises:
         SpecError: E713 where it cannot be made.
     """
@@ -153,6 +155,7 @@ class Subject:
     def __init__(self, name: str, kwargs: Mapping[str, Any]) -> None:
         self.name = name
         self.kwargs = dict(kwargs)
+        self.longest = math.inf
         self._function = function_of(name, "(**kwargs)") if is_function(name) else None
         env = self.make().env
         self.observation_space = env.observation_space
@@ -181,11 +184,12 @@ class Subject:
         return steps
 
     def episode(self, seed: int, instance: EnvInstance | None = None, repeat: Any = None) -> EnvEpisode:
-        """Return an episode of random actions, or of one action again and again."""
+        """Return an episode of random actions, or of one action again and again; it is cut where it takes too long."""
+        end = Deadline(self.longest)
         instance = instance or self.make()
         self.action_space.seed(seed)
         steps = [instance.reset(seed)]
-        while not steps[-1].is_last and len(steps) <= MOST_STEPS:
+        while not steps[-1].is_last and len(steps) <= MOST_STEPS and not end.is_over:
             steps.append(instance.step(self.action_space.sample() if repeat is None else repeat))
         return EnvEpisode(seed, tuple(steps))
 

@@ -7,7 +7,7 @@ before it is used; what the object does not hold, or depends on the time, is fou
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -275,7 +275,7 @@ def _copied(instance: EnvInstance) -> EnvInstance | None:
 
 
 def compare(
-    table: StateTable, subject: Subject, episodes: Sequence[EnvEpisode], ignored: frozenset[Place] | None
+    table: StateTable, subject: Subject, episodes: Iterable[EnvEpisode], ignored: frozenset[Place] | None
 ) -> None:
     """Play episodes again, and compare each step with the table; `ignored` as in the search, None for a table of `P`.
 

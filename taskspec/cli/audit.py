@@ -47,10 +47,12 @@ def audit(
     """
     from taskspec.audit.report import examined
     from taskspec.audit.subject import Subject
+    from taskspec.making import register
 
     given = _kwargs(kwargs)
     with contextlib.redirect_stdout(sys.stderr), warnings.catch_warnings(), progress("audit"):
         warnings.simplefilter("ignore")
+        register()
         subject = Subject(env, given)
         if replay is None:
             found = examined(subject, seconds)

@@ -14,7 +14,7 @@ SHORT = (
     "sb3", "sb3_contrib_trpo", "sb3_contrib_maskable_ppo", "cleanrl_style", "d3rlpy_bc", "tianshou_dqn", "torchrl_dqn",
     "rllib_ppo", "rejax_ppo",
 )  # fmt: skip
-"""The files on the page; the others are for releases of a library before and after a repair."""
+"""Short examples; the others are for releases of a library before and after a repair."""
 CASES = [
     ("sb3.py:ppo", "stable_baselines3", "RiskyPath", 3000), ("sb3.py:dqn", "stable_baselines3", "RiskyPath", 3000),
     ("sb3.py:a2c", "stable_baselines3", "RiskyPath", 6000), ("sb3_contrib_trpo.py:train", "sb3_contrib", "RiskyPath", 3000),
