@@ -9,9 +9,10 @@ import numpy as np
 from docs.tools.markdown import filled, table
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import number
+from taskspec.exam.dynamics import dynamics_of
 from taskspec.exam.examining import tasks_of
-from taskspec.exam.fingerprints import fingerprint, greedy_points
-from taskspec.exam.operators import GOOD, OPERATORS, dynamics_of
+from taskspec.exam.fingerprints import fingerprint, greedy_ways
+from taskspec.exam.operators import GOOD, OPERATORS
 from taskspec.policies.policy import greedy
 from taskspec.rules.rule_books import EXAM, file_of, read_exam
 from taskspec.scores.difficulty import difficulty
@@ -30,17 +31,17 @@ def probes() -> str:
     """Return the page of the probes."""
     header = ("probe", "capability", "states", "look-ahead", "value norm", "fails for learners with the mistake")
     rows = []
-    missed = dict.fromkeys(name for name in OPERATORS if name not in GOOD)
+    missed = {name for name, operator in OPERATORS.items() if operator.of != "values" and operator.recognise is None}
+    missed -= set(GOOD)
     for task in tasks_of(("probes",), None):
         found = exposed(task)
         measured = difficulty(task, ["states", "lookahead", "value_norm"])
         rows.append((
             task.name, task.capability, *map(_shown, measured.values()), _listed(found),
         ))  # fmt: skip
-        for name in found:
-            missed.pop(name, None)
-    parts = {"probes": table(header, rows), "missed": ", ".join(missed), "diagnoses": _diagnoses()}
-    return filled(PAGE, parts)
+        missed -= set(found)
+    known = ", ".join(name for name in OPERATORS if name in missed)
+    return filled(PAGE, {"probes": table(header, rows), "missed": known, "diagnoses": _diagnoses()})
 
 
 def _diagnoses() -> str:
@@ -74,8 +75,10 @@ def scores(task: Task, gamma: float) -> dict[str, float]:
     assert results.random is not None
     assert results.expert is not None
     found = {}
-    for name, points in greedy_points(task, gamma).items():
-        pi = greedy(points[-1].T).T
+    for name, ways in greedy_ways(task, gamma).items():
+        if not ways[-1].settles:
+            continue
+        pi = greedy(ways[-1].fixed_point.T).T
         V = np.zeros(dynamics.model.n_states)
         for _ in range(task.horizon or 0):
             V = (pi * (dynamics.R + dynamics.following(V))).sum(axis=0)

@@ -1,9 +1,10 @@
 """Fingerprints: which Bellman operator a learner really applies, read from the values that it learned.
 
 A learner that bootstraps comes to the fixed point of the operator that its code applies. On a finite task the fixed points of the
-right operator and of wrong ones are computed exactly; the nearest one names the mistake, without a right version to compare with.
+right operator and of wrong ones are computed exactly, with the values on the way to them, since learners are stopped early; the
+nearest operator names the mistake, without a right version to compare with.
 
-The operators, and the symbols of this file, are in `taskspec.exam.operators`.
+The operators are in `taskspec.exam.operators`, the symbols of this file in `taskspec.exam.dynamics`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array, parts_of
-from taskspec.exam.operators import GOOD, OPERATORS, BellmanOperator, Dynamics, behaviour, dynamics_of
+from taskspec.exam.dynamics import Behaviour, Dynamics, dynamics_of, greedy_behaviour
+from taskspec.exam.operators import GOOD, OPERATORS, BellmanOperator
 from taskspec.model.model import Model, misused, refuse
 from taskspec.policies.adapters import ProbabilisticPolicy
 from taskspec.policies.policy import states_of
@@ -24,103 +26,138 @@ from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
 RIGHT = 0.15
-"""Values this near to the right ones, as a share of their spread, are right."""
-NEAR = 0.25
+"""Values this near to right ones, as a share of their spread, are right."""
+NEAR = 0.3
 CLEARER = 0.5
-"""A wrong operator is named if the values are within `NEAR` of its fixed point, and their distance is at most `CLEARER` of that
-to the right values."""
+"""A mistake is named if the values are within `NEAR` of those of its operator, and their distance is at most `CLEARER` of that
+to right values."""
 SAME = 0.03
 """Operators whose distances differ by less than this cannot be told apart."""
-SWEEPS = 5000
-"""Applications of an operator, at most."""
-SLOWEST = 500
-"""Applications in which the change of the values has to be halved."""
-PRECISION = 1e-6
+EXPLORATIONS = (0.1, 0.2, 0.4)
+"""The shares of random actions of learners that act greedily otherwise."""
+FIRST_STRIDE, GROWTH = 0.1, 1.08
+"""Of the way to a fixed point: the share of its error by which the value that is visited most often changes in the first stride,
+and how much longer each stride is than the one before."""
+STRIDES = 2000
+"""Strides of a way, at most."""
+SLOWEST = 200
+"""Strides in which the change of the values has to be halved."""
+PRECISION = 1e-4
 """Change of the values, as a share of the largest reward, at which they are taken for the fixed point."""
-EXPLORATIONS = (0.05, 0.1, 0.2, 0.3)
-"""The shares that are tried for learners that value their own behaviour."""
-ON_THE_WAY = "on the way"
-"""The name of the distance to values that a learner without a mistake passes before it has converged."""
-WAYS = (0.1, 0.3, 0.6)
-"""The shares of random actions of learners whose way is followed: what is visited rarely is learned late."""
-STRIDE = 0.02
-"""Distance of neighbouring values on the way, as a share of the spread of the right ones."""
-POINTS = 200
-"""About as many values on the way are kept, where it is long."""
 
-Reduce = Callable[[Array], Array]
-"""From Q, (A, S), to V, (S,)."""
+EARLIER = (0.0, 0.2)
+"""The shares of random actions of an actor that are tried: its critic values what it did until now, which was more random."""
+
+Acts = Callable[[Array], Array]
+"""From Q, (A, S), to the probabilities of actions, (A, S)."""
 
 
-# -- fixed points -----------------------------------------------------------------------------------------------------
+# -- values that operators lead to --------------------------------------------------------------------------------------
 
 
-def fixed_point(dynamics: Dynamics, operator: BellmanOperator, reduce: Reduce) -> Array | None:
-    """Return Q, float64 (A, S), that an operator does not change; None if it grows without a bound, or does not settle.
+@dataclass(frozen=True, eq=False)
+class Way:
+    """Values (N, A, S), or (N, S) of a critic, that learners pass who apply an operator; the last ones are its fixed point.
+
+    They begin at the value before anything is learned. In a stride, values move towards their targets: all that are visited
+    alike, or as much as their visits say, so that what is visited rarely is learned late.
+
+    Attributes:
+        points: the values, from the first to the last ones.
+        Q: the last Q-values (A, S).
+        settles: whether these are a fixed point.
+    """
+
+    points: Array
+    Q: Array
+    settles: bool
+
+    @property
+    def fixed_point(self) -> Array:
+        found: Array = self.points[-1]
+        return found
+
+
+def way(dynamics: Dynamics, operator: BellmanOperator, acts: Acts, is_critic: bool, by_visits: bool) -> Way:
+    """Return the values that a learner passes.
 
     Args:
-        reduce: Q to V, for operators without a reduction of their own.
+        acts: how it acts.
+        is_critic: whether V is the mean of Q under what it does, unless the operator says otherwise; else the largest Q.
+        by_visits: whether values change in proportion to their visits; else all that are visited change alike.
     """
-    Q = np.zeros_like(dynamics.R)
+    Q = np.full_like(dynamics.R, dynamics.initial)
     size = max(1e-9, float(np.abs(dynamics.R).max()))
-    before = np.inf
-    for sweep in range(SWEEPS):
-        V = reduce(Q) if operator.reduce is None else operator.reduce(dynamics, Q)
-        following = operator.backup(dynamics, Q, V)
-        change = float(np.abs(following - Q).max())
-        Q = following
+    behaviours: dict[bytes, Behaviour] = {}
+    points = []
+    settles = False
+    stride: float | None = None
+    slowest = np.inf
+    for number in range(STRIDES):
+        pi = acts(Q)
+        behaviour = behaviours.setdefault(pi.tobytes(), Behaviour(dynamics, pi))
+        V = _reduced(dynamics, operator, Q, behaviour, is_critic)
+        points.append(V if is_critic else Q)
+        error = operator.backup(dynamics, Q, V, behaviour) - Q
+        rates = behaviour.rates
+        if is_critic:
+            rates = rates.sum(axis=0)
+        if not by_visits:
+            rates = (rates > 0).astype(np.float64)
+        if stride is None:
+            stride = FIRST_STRIDE / rates.max()
+        Q = Q - np.expm1(-stride * rates) * error
+        stride *= GROWTH
+        change = float(np.abs(error * (rates > 0)).max())
         if change <= PRECISION * size:
-            return Q
-        if sweep % SLOWEST == SLOWEST - 1:
-            if not change < before / 2:
-                return None
-            before = change
-    return None
+            settles = True
+            break
+        if number % SLOWEST == SLOWEST - 1:
+            if not change < slowest / 2:
+                break
+            slowest = change
+    return Way(np.array(points), Q, settles)
 
 
-def named(distances: Mapping[str, float], good: Sequence[str] = GOOD) -> list[str]:
-    """Return the operators that explain distances: those that are no mistake within their tolerance, else the nearest.
-
-    There are none where values are as near to those on the way to the right ones: they have not converged.
-
-    Args:
-        distances: by operator, the right one and `ON_THE_WAY` included.
-        good: operators that are no mistake, the right one first.
-    """
-    for name in good:
-        if distances.get(name, np.inf) <= RIGHT:
-            return [name]
-    known = {name: distance for name, distance in distances.items() if name != ON_THE_WAY}
-    nearest = min(known.values())
-    right = known[good[0]]
-    if nearest > CLEARER * right or nearest > NEAR or is_on_the_way(distances):
-        return []
-    return [name for name, distance in known.items() if distance <= nearest + SAME]
+def _reduced(dynamics: Dynamics, operator: BellmanOperator, Q: Array, behaviour: Behaviour, is_critic: bool) -> Array:
+    """Return V (S,) of Q (A, S)."""
+    if operator.reduce is not None:
+        return operator.reduce(dynamics, Q, behaviour)
+    if is_critic:
+        return behaviour.expected(Q)
+    best: Array = Q.max(axis=0)
+    return best
 
 
-def is_on_the_way(distances: Mapping[str, float]) -> bool:
-    """Return whether values are as near to those on the way to the right ones as to any fixed point."""
-    known = [distance for name, distance in distances.items() if name != ON_THE_WAY]
-    return distances.get(ON_THE_WAY, np.inf) <= min(known)
+@lru_cache(maxsize=64)
+def greedy_ways(task: Task, gamma: float, initial: float = 0.0) -> dict[str, list[Way]]:
+    """Return the ways of learners that act greedily, with several shares of random actions, by operator."""
+    dynamics = replace(dynamics_of(task, gamma), initial=initial)
+    acts = [partial(greedy_behaviour, exploration=exploration) for exploration in EXPLORATIONS]
+    return _ways(dynamics, acts, is_critic=False)
 
 
-def pooled(distances: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return the mean distance over tasks and seeds of each operator that all of them have."""
-    means = {}
-    for name in distances[0]:
-        found = [each[name] for each in distances if name in each]
-        if len(found) == len(distances):
-            means[name] = float(np.mean(found))
-    return means
+def _ways(dynamics: Dynamics, acts: Sequence[Acts], is_critic: bool) -> dict[str, list[Way]]:
+    kind = "values" if is_critic else "q"
+    modes = (True, False) if is_critic else (True,)
+    return {
+        name: [way(dynamics, operator, each, is_critic, by_visits) for each in acts for by_visits in modes]
+        for name, operator in OPERATORS.items()
+        if operator.of in (None, kind) and operator.recognise is None
+    }
+
+
+# -- what explains values -----------------------------------------------------------------------------------------------
 
 
 def fingerprint(
     task: TaskLike, *, q: Any = None, values: Any = None, policy: Any = None, discount: float | None = None
 ) -> dict[str, float]:
-    """Return the distances of learned values from the fixed points of operators, as shares of the spread of the right values.
+    """Return how far learned values are from those that each operator leads to: 0 to 1.
 
-    Operators without a fixed point are left out; one whose fixed point is that of the right one on this task has its distance.
-    `ON_THE_WAY` has the distance from the nearest values on the way to the right ones.
+    Distances are shares of the spread of the right values, or of the distance to these, where that is larger. An operator
+    without a fixed point, or with the right one on this task, has the distance of the right one; and where the values are right,
+    none is nearer.
 
     Args:
         task: a finite task that does not depend on the time, and whose observations tell its states apart.
@@ -141,36 +178,70 @@ def fingerprint(
     dynamics = dynamics_of(task, task.discount if discount is None else float(discount))
     model = dynamics.model
     rows = _Observed(task, model)
-    reduce: Reduce = _best
-    pi = _uniform(dynamics)
-    if policy is not None:
+    pi = np.full_like(dynamics.R, 1 / model.n_actions)
+    if values is None:
+        learned = rows.read(q, model.n_actions).T
+        dynamics = replace(dynamics, initial=_initial(learned, dynamics))
+        ways = greedy_ways(task, dynamics.gamma, dynamics.initial)
+        kind = "q"
+    else:
+        kind = "values"
+        learned = rows.read(values, None)
         pi = rows.read(policy, model.n_actions).T
-        dynamics = replace(dynamics, pi=pi, shares={})
-        reduce = _Expected(pi)
-    weights = _weights(dynamics, pi)
-    learned = rows.read(q, model.n_actions).T if values is None else rows.read(values, None)
+        ways = _ways(dynamics, [_Actor((1 - share) * pi + share / len(pi)) for share in EARLIER], is_critic=True)
+    behaviour = Behaviour(dynamics, pi)
+    weights = behaviour.total / behaviour.total.sum()
     if not np.isfinite(learned[..., weights > 0]).all():
         misused("the learned values are not finite numbers")
-    points = _fixed_points(dynamics, reduce) if policy is not None else greedy_points(task, dynamics.gamma)
-    if not points:
+    right, *_ = ways["right"]
+    if not right.settles:
         refuse(f"values of {task.id} have no bound at discount {dynamics.gamma:g}", "give the learner's `discount`")
-    (right_q,) = points["right"]
-    right = right_q if values is None else reduce(right_q)
-    scale = _spread(right_q, weights)
-    distances = {}
-    for name, found in points.items():
-        each = found if values is None else [reduce(Q) for Q in found]
-        nearest = min(each, key=lambda point: _distance(learned, point, weights))
-        shows_mistake = name == "right" or _distance(nearest, right, weights) / scale >= RIGHT
-        distances[name] = _distance(learned, nearest if shows_mistake else right, weights) / scale
-    if policy is None:
-        passed = _greedy_way(task, dynamics.gamma)
-    else:
-        passed = _way(dynamics, reduce, right_q, weights, _Actor(pi))
-    if values is not None:
-        passed = [reduce(Q) for Q in passed]
-    distances[ON_THE_WAY] = min(_distance(learned, point, weights) for point in passed) / scale
-    return distances
+    spread = _spread(right.Q, weights)
+
+    def nearest(ways: Sequence[Way]) -> float:
+        return min(float(_distance(learned, each.points, weights).min()) for each in ways)
+
+    of_right = nearest(ways["right"])
+    scale = max(spread, of_right)
+    least = of_right if of_right <= RIGHT * spread else 0.0
+    found = {}
+    for name, known in ways.items():
+        pairs = zip(known, ways["right"], strict=True)
+        wrong = [each for each, right in pairs if each.settles and _far(each, right, weights) >= RIGHT * spread]
+        distance = max(least, nearest(wrong)) if wrong else of_right
+        found[name] = min(1.0, distance / scale)
+    for name, operator in OPERATORS.items():
+        if operator.recognise is not None and operator.of in (None, kind):
+            found[name] = 0.0 if operator.recognise(dynamics, learned) else found["right"]
+    return found
+
+
+def named(distances: Mapping[str, float], good: Sequence[str] = GOOD) -> list[str]:
+    """Return the operators that explain distances: the nearest mistakes, where right values are clearly farther away.
+
+    Otherwise those that are no mistake, within their tolerance; else none.
+
+    Args:
+        distances: by operator, the right one included.
+        good: operators that are no mistake, the right one first.
+    """
+    known = {name: distances[name] for name in good if name in distances}
+    best = min(known, key=lambda name: known[name])
+    wrong = {name: distance for name, distance in distances.items() if name not in good}
+    nearest = min(wrong.values())
+    if nearest <= NEAR and nearest <= CLEARER * known[best]:
+        return [name for name, distance in wrong.items() if distance <= nearest + SAME]
+    return [best] if known[best] <= RIGHT else []
+
+
+def pooled(distances: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Return the mean distance over tasks and seeds of each operator that all of them have."""
+    means = {}
+    for name in distances[0]:
+        found = [each[name] for each in distances if name in each]
+        if len(found) == len(distances):
+            means[name] = float(np.mean(found))
+    return means
 
 
 def first_value(task: TaskLike, *, q: Any = None, values: Any = None, **_: Any) -> float | None:
@@ -196,91 +267,6 @@ def first_value(task: TaskLike, *, q: Any = None, values: Any = None, **_: Any) 
     return None
 
 
-@lru_cache(maxsize=32)
-def greedy_points(task: Task, gamma: float) -> dict[str, list[Array]]:
-    """Return the fixed points of each operator for learners that act greedily, Q (A, S): one, or one for each exploration."""
-    return _fixed_points(dynamics_of(task, gamma), _best)
-
-
-def _fixed_points(dynamics: Dynamics, reduce: Reduce) -> dict[str, list[Array]]:
-    """Return the fixed points of each operator that has some: one, or one for each share of random actions.
-
-    Without right values, there are none.
-    """
-    points = {}
-    for name, operator in OPERATORS.items():
-        reductions = [reduce]
-        if operator.on_policy:
-            reductions = [_OfBehaviour(exploration) for exploration in EXPLORATIONS]
-        found = [fixed_point(dynamics, operator, each) for each in reductions]
-        known = [Q for Q in found if Q is not None]
-        if known:
-            points[name] = known
-        elif name == "right":
-            break
-    return points
-
-
-# -- values that have not converged -----------------------------------------------------------------------------------
-
-
-@lru_cache(maxsize=32)
-def _greedy_way(task: Task, gamma: float) -> list[Array]:
-    """Return Q (A, S) on the ways of greedy learners, with each share of random actions."""
-    dynamics = dynamics_of(task, gamma)
-    (right,) = greedy_points(task, gamma)["right"]
-    weights = _weights(dynamics, _uniform(dynamics))
-    passed = []
-    for exploration in WAYS:
-        passed += _way(dynamics, _best, right, weights, partial(behaviour, exploration=exploration))
-    return passed
-
-
-def _way(
-    dynamics: Dynamics, reduce: Reduce, right: Array, weights: Array, acts: Callable[[Array], Array]
-) -> list[Array]:
-    """Return Q (A, S) that a learner without a mistake passes on the way from 0 to the right values.
-
-    A step is the expected change of Q-learning: values change in proportion to how often they are visited.
-
-    Args:
-        acts: from Q to the probabilities of actions (A, S) of the learner.
-    """
-    operator = OPERATORS["right"]
-    Q = np.zeros_like(right)
-    spread = _spread(right, weights)
-    stride = max(STRIDE * spread, _distance(Q, right, weights) / POINTS)
-    passed = [Q]
-    rates = _rates(dynamics, acts(Q))
-    for _ in range(SWEEPS):
-        target = operator.backup(dynamics, Q, reduce(Q))
-        Q = Q + rates * (target - Q)
-        if _distance(Q, passed[-1], weights) >= stride:
-            passed.append(Q)
-            rates = _rates(dynamics, acts(Q))
-        if _distance(Q, right, weights) <= RIGHT * spread:
-            break
-    return passed
-
-
-def _rates(dynamics: Dynamics, pi: Array) -> Array:
-    """Return step sizes (A, S) in proportion to the visits of a policy (A, S), half at most."""
-    visits: Array = pi * dynamics.visits(pi).sum(axis=0)
-    rates: Array = visits / visits.max() / 2
-    return rates
-
-
-@dataclass(frozen=True, eq=False)
-class _OfBehaviour:
-    """Q to V under the policy that is greedy for Q, with a share of random actions."""
-
-    exploration: float
-
-    def __call__(self, Q: Array) -> Array:
-        expected: Array = (behaviour(Q, self.exploration) * Q).sum(axis=0)
-        return expected
-
-
 @dataclass(frozen=True, eq=False)
 class _Actor:
     """A policy (A, S) that does not depend on Q."""
@@ -291,20 +277,26 @@ class _Actor:
         return self.pi
 
 
-@dataclass(frozen=True, eq=False)
-class _Expected:
-    """Q to V under a policy (A, S)."""
-
-    pi: Array
-
-    def __call__(self, Q: Array) -> Array:
-        expected: Array = (self.pi * Q).sum(axis=0)
-        return expected
+def _initial(learned: Array, dynamics: Dynamics) -> float:
+    """Return the value before anything was learned: that of states in which no episode acts, if it is one and the same."""
+    kept = learned[:, ~dynamics.acted]
+    if kept.size and np.isfinite(kept).all() and np.ptp(kept) == 0:
+        return float(kept.flat[0])
+    return 0.0
 
 
-def _best(Q: Array) -> Array:
-    best: Array = Q.max(axis=0)
-    return best
+def _distance(one: Array, other: Array, weights: Array) -> Array:
+    """Return the root (...) of the mean squared difference of Q (..., A, S) or V (..., S), states weighted by visits.
+
+    Which of the two have actions shows in the learned ones, `one`.
+    """
+    with np.errstate(over="ignore"):
+        squared = (one - other) ** 2
+    if one.ndim == 2:
+        squared = squared.mean(axis=-2)
+    known = weights > 0
+    found: Array = np.sqrt(squared[..., known] @ weights[known])
+    return found
 
 
 class _Observed:
@@ -350,25 +342,9 @@ class _Observed:
         return looked
 
 
-def _uniform(dynamics: Dynamics) -> Array:
-    """Return the probabilities (A, S) of uniformly random actions."""
-    return np.full_like(dynamics.R, 1 / dynamics.model.n_actions)
-
-
-def _weights(dynamics: Dynamics, pi: Array) -> Array:
-    """Return the share (S,) of the visits of a policy (A, S) to each state."""
-    visits = dynamics.visits(pi).sum(axis=0)
-    weights: Array = visits / visits.sum()
-    return weights
-
-
-def _distance(one: Array, other: Array, weights: Array) -> float:
-    """Return the root of the mean squared difference of Q (A, S) or V (S,), states weighted by visits."""
-    squared = (one - other) ** 2
-    if squared.ndim == 2:
-        squared = squared.mean(axis=0)
-    known = weights > 0
-    return float(np.sqrt(squared[known] @ weights[known]))
+def _far(one: Way, other: Way, weights: Array) -> float:
+    """Return the distance of two fixed points."""
+    return float(_distance(one.fixed_point, other.fixed_point, weights))
 
 
 def _spread(right: Array, weights: Array) -> float:

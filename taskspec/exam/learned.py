@@ -10,7 +10,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
-from taskspec.exam.fingerprints import ON_THE_WAY, fingerprint, first_value, is_on_the_way, named, pooled
+from taskspec.exam.fingerprints import fingerprint, first_value, named, pooled
 from taskspec.exam.operators import GOOD, OPERATORS, BellmanOperator
 from taskspec.exam.results import Flag, Score
 from taskspec.exam.starc import REWARDS, KnownReward, reward_fields
@@ -148,7 +148,6 @@ class Explanation:
         distance: the mean distance of the first of them.
         right: the mean distance of the right values, or of the true reward.
         task: the one whose mean distance of the right ones is largest.
-        way: the mean distance of values that have not converged, where the learned ones are nearest to these.
     """
 
     kind: Literal["values", "reward"]
@@ -156,7 +155,6 @@ class Explanation:
     distance: float
     right: float
     task: str
-    way: float | None = None
 
     @property
     def is_mistake(self) -> bool:
@@ -167,11 +165,6 @@ class Explanation:
         """The explanation in a sentence."""
         _, _, table, begin = KINDS[self.kind]
         right = "right values" if self.kind == "values" else "true reward"
-        if self.way is not None:
-            return (
-                "the values have not converged, or the tasks say too little: no mistake is nearer than values on the way to the "
-                f"right ones (distance {self.way:.2f}, to the right values {self.right:.2f}). Train longer, or on more tasks"
-            )
         if not self.names:
             return f"no known mistake explains the learned {self.kind} (distance to the {right} {self.right:.2f})"
         sentence = f"{begin} {', or '.join(table[name].mistake for name in self.names)}"
@@ -212,10 +205,7 @@ def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
             by_task.setdefault(score["task"], []).append(each[good[0]])
         task = max(by_task, key=lambda name: float(np.mean(by_task[name])))
         first = (names or good)[0]
-        way = None
-        if not names and is_on_the_way(means):
-            way = means[ON_THE_WAY]
-        yield Explanation(kind, tuple(names), means[first], means[good[0]], task, way)
+        yield Explanation(kind, tuple(names), means[first], means[good[0]], task)
 
 
 def learned_flags(scores: Sequence[Score]) -> list[Flag]:

@@ -7,147 +7,20 @@ under its policy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.exam.reward_changes import REWARD_CHANGES, with_changed_reward
-from taskspec.model.extract import extract
-from taskspec.model.model import Model, refuse
-from taskspec.policies.policy import greedy
-from taskspec.solve.backward import action_values
-from taskspec.task.task import Task
+from taskspec.exam.dynamics import Behaviour, Dynamics
 
-STEPS = 5000
-"""Steps of episodes that do not end by themselves, at most."""
-EXPLORATION = 0.1
-"""The share of random actions that is assumed where an operator depends on how the learner behaves."""
-DENSE = 200_000
-"""Entries of a matrix that is not sparse, at most."""
-LARGEST = 20_000
-"""State-action pairs of a task, at most."""
+TRACE = 0.95
+"""The weight of later errors in advantages that is assumed."""
 
-
-@dataclass(frozen=True, eq=False)
-class Dynamics:
-    """Dynamics of a finite task that does not depend on the time, with the learner's discount.
-
-    Attributes:
-        model: the exact model.
-        gamma: the learner's discount.
-        P, P_end: (A * S, S), dense where that is small, else sparse.
-        R: float64 (A, S), expected rewards.
-        changed: the same, after each reward was changed as `REWARD_CHANGES` says.
-        acted: bool (S,), the states in which episodes act before the limit: values of others are never learned, and stay 0.
-        shares: what `last_share` found last.
-        pi: for the critic of an actor, the probabilities of actions (A, S) of its policy.
-    """
-
-    model: Model
-    gamma: float
-    P: Any
-    P_end: Any
-    R: Array
-    changed: Mapping[str, Array]
-    acted: Array
-    shares: dict[bytes, Array] = field(default_factory=dict)
-    pi: Array | None = None
-
-    def following(self, V: Array) -> Array:
-        """Return the expected value (A, S) of the next state, 0 where the episode ends."""
-        return action_values(self.P, np.zeros_like(self.R), 1.0, self.learned(V))
-
-    @property
-    def going_on(self) -> Array:
-        """Probabilities (A, S) that the episode goes on."""
-        found: Array = np.asarray(self.P.sum(axis=1)).reshape(self.R.shape)
-        return found
-
-    def learned(self, V: Array) -> Array:
-        """Return values with those at 0 that no episode learns."""
-        return np.where(self.acted, V, 0.0)
-
-    def ending(self, V: Array) -> Array:
-        """Return the same of the states in which the episode ends, 0 where it goes on."""
-        if self.P_end is None:
-            return np.zeros_like(self.R)
-        return action_values(self.P_end, np.zeros_like(self.R), 1.0, V)
-
-    def visits(self, policy: Array) -> Array:
-        """Return float64 (H, S): how often a policy (A, S) acts in each state at each time; without a horizon, one row."""
-        rows = []
-        now = self.model.start.copy()
-        steps = STEPS if self.model.horizon is None else self.model.horizon
-        for _ in range(steps):
-            rows.append(now)
-            now = self.P.T @ (policy * now).reshape(-1)
-            if now.sum() < 1e-9:
-                break
-        counts = np.array(rows)
-        return counts.sum(axis=0, keepdims=True) if self.model.horizon is None else counts
-
-    def last_share(self, Q: Array) -> Array:
-        """Return float64 (S,): of the learner's visits to a state, the share in the last step before the limit.
-
-        An actor acts as it does; others are greedy for Q (A, S), with a share of random actions.
-        """
-        policy = self.pi
-        if policy is None:
-            policy = behaviour(Q)
-        key = policy.tobytes()
-        if key not in self.shares:
-            self.shares.clear()  # a policy that has settled is asked for again and again, and no other one
-            self.shares[key] = self._last_share(policy)
-        return self.shares[key]
-
-    def _last_share(self, policy: Array) -> Array:
-        horizon = self.model.horizon
-        counts = self.visits(policy)
-        if horizon is None or len(counts) < horizon:
-            return np.zeros(self.model.n_states)
-        total = counts.sum(axis=0)
-        share: Array = np.divide(counts[-1], total, out=np.zeros_like(total), where=total > 0)
-        return share
-
-
-@lru_cache(maxsize=32)
-def dynamics_of(task: Task, gamma: float) -> Dynamics:
-    """Return the dynamics of a task.
-
-    Raises:
-        SpecError: E712 where there is no exact model, where it depends on the time, or is too large.
-    """
-    if task.mask:
-        refuse(f"some actions of {task.id} are illegal, and operators over the legal ones alone are not known")
-    model = extract(task)
-    if model.is_timed:
-        refuse(f"{task.id} depends on the time, which values of states leave out", "add the time to the state")
-    if model.n_states * model.n_actions > LARGEST:
-        refuse(f"{task.id} has more than {LARGEST:,} pairs of states and actions")
-    shape = (model.n_actions, model.n_states)
-    step = model.step(0)
-    changed = {}
-    for name in REWARD_CHANGES:
-        changed[name] = extract(with_changed_reward(task, name)).step(0).R.reshape(shape)
-    P = step.P
-    P_end = step.P_end
-    if P.shape[0] * P.shape[1] <= DENSE:
-        P = P.toarray()
-        if P_end is not None:
-            P_end = P_end.toarray()
-    found = Dynamics(model, gamma, P, P_end, step.R.reshape(shape), changed, model.acting)
-    uniform = np.full(shape, 1 / model.n_actions)
-    return replace(found, acted=found.visits(uniform).sum(axis=0) > 0)
-
-
-# -- operators --------------------------------------------------------------------------------------------------------
-
-Backup = Callable[[Dynamics, Array, Array], Array]
-"""From dynamics, Q (A, S) and V (S,) to the next Q (A, S)."""
+Backup = Callable[[Dynamics, Array, Array, Behaviour], Array]
+"""From dynamics, Q (A, S), V (S,) and behaviour to the next Q (A, S)."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +33,8 @@ class BellmanOperator:
         code: what such code usually looks like.
         fix: what to do.
         reduce: the reduction of Q to V, where it is part of the mistake.
-        on_policy: whether V is the expectation of Q under what the learner does.
+        of: whether it is about Q-values, or the values of a critic; of both if None.
+        recognise: whether learned values (A, S), or (S,), are those of the mistake, where it has no fixed point.
     """
 
     name: str
@@ -168,87 +42,151 @@ class BellmanOperator:
     mistake: str
     code: str
     fix: str
-    reduce: Callable[[Dynamics, Array], Array] | None = None
-    on_policy: bool = False
+    reduce: Callable[[Dynamics, Array, Behaviour], Array] | None = None
+    of: Literal["q", "values"] | None = None
+    recognise: Callable[[Dynamics, Array], bool] | None = None
 
 
-def _right(s: Dynamics, Q: Array, V: Array) -> Array:
-    return action_values(s.P, s.R, s.gamma, s.learned(V))
+def _right(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    return s.R + s.gamma * s.following(V)
 
 
-def _ends_ignored(s: Dynamics, Q: Array, V: Array) -> Array:
-    return s.R + s.gamma * (s.following(V) + s.ending(s.learned(V)))
+def _ends_ignored(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    return s.R + s.gamma * (s.following(V) + s.ending(V))
 
 
-def _next_episode(s: Dynamics, Q: Array, V: Array) -> Array:
+def _next_episode(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
     first = float(s.model.start @ V)
-    last = s.last_share(Q)
-    goes_on = (1 - last) * s.following(V)
-    starts_again = s.ending(np.ones_like(V)) + last * s.going_on
+    goes_on = (1 - acts.last) * s.following(V)
+    starts_again = s.ending(np.ones_like(V)) + acts.last * s.going_on
     found: Array = s.R + s.gamma * (goes_on + first * starts_again)
     return found
 
 
-def _limit_is_end(s: Dynamics, Q: Array, V: Array) -> Array:
-    return s.R + s.gamma * (1 - s.last_share(Q)) * s.following(V)
+def _reset_at_end(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    first = float(s.model.start @ V)
+    found: Array = s.R + s.gamma * (s.following(V) + first * (1 - s.going_on))
+    return found
 
 
-def _same_state(s: Dynamics, Q: Array, V: Array) -> Array:
+def _reset_at_limit(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    first = float(s.model.start @ V)
+    found: Array = s.R + s.gamma * ((1 - acts.last) * s.following(V) + first * acts.last * s.going_on)
+    return found
+
+
+def _limit_is_end(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    return s.R + s.gamma * (1 - acts.last) * s.following(V)
+
+
+def _mask_inverted(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    return s.R + s.gamma * s.ending(V)
+
+
+def _mask_late(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    found: Array = s.R + s.gamma * (1 - acts.after_end) * (s.following(V) + s.ending(V))
+    return found
+
+
+def _last_reward_masked(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    return s.changed["unfinished"] + s.gamma * s.following(V)
+
+
+def _same_state(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
     found: Array = s.R + s.gamma * s.going_on * V
     return found
 
 
-def _reward_discounted(s: Dynamics, Q: Array, V: Array) -> Array:
+def _reward_discounted(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
     return s.gamma * (s.R + s.following(V))
 
 
-def _discounted_twice(s: Dynamics, Q: Array, V: Array) -> Array:
+def _discounted_twice(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
     return s.R + s.gamma**2 * s.following(V)
 
 
-def _undiscounted(s: Dynamics, Q: Array, V: Array) -> Array:
+def _undiscounted(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
     return s.R + s.following(V)
 
 
-def _immediate(s: Dynamics, Q: Array, V: Array) -> Array:
+def _immediate(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
     return s.R
 
 
-def _clipped(s: Dynamics, Q: Array, V: Array) -> Array:
+def _clipped(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
     return s.changed["clipped"] + s.gamma * s.following(V)
 
 
-def _signs(s: Dynamics, Q: Array, V: Array) -> Array:
+def _signs(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
     return s.changed["signs"] + s.gamma * s.following(V)
 
 
-def _negated(s: Dynamics, Q: Array, V: Array) -> Array:
+def _negated(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
     return -s.R + s.gamma * s.following(V)
 
 
-def _action_before(s: Dynamics, Q: Array, V: Array) -> Array:
+def _centred(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    return s.R - acts.mean_reward + s.gamma * s.following(V)
+
+
+def _reward_before(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    return acts.reward_before + s.gamma * s.following(V)
+
+
+def _reward_after(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    return acts.reward_after + s.gamma * s.following(V)
+
+
+def _advantages(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    """Return the targets for V = E[sum of (gamma * trace)^k * errors], multiplied by (1 - gamma * trace * P) and solved for V."""
+    return (s.R + s.gamma * (1 + TRACE) * s.following(V)) / 2
+
+
+def _action_before(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
     n = s.model.n_states
     following = np.stack([s.P[a * n : (a + 1) * n] @ s.learned(Q[a]) for a in range(s.model.n_actions)])
     return s.R + s.gamma * following
 
 
-def behaviour(Q: Array, exploration: float = EXPLORATION) -> Array:
-    """Return probabilities (A, S): greedy for Q, with a share of random actions."""
-    return (1 - exploration) * greedy(Q.T).T + exploration / len(Q)
+def _stale_action(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    """Return the targets of the state, for the actions that may come before it."""
+    target = acts.expected(_right(s, Q, V, acts))
+    return np.where(acts.comes_before, target, s.initial)
 
 
-def _mean(s: Dynamics, Q: Array) -> Array:
+def _any_action(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+    target = acts.expected(_right(s, Q, V, acts))
+    return np.broadcast_to(target, Q.shape)
+
+
+def _mean(s: Dynamics, Q: Array, acts: Behaviour) -> Array:
     found: Array = Q.mean(axis=0)
     return found
 
 
-def _least(s: Dynamics, Q: Array) -> Array:
+def _least(s: Dynamics, Q: Array, acts: Behaviour) -> Array:
     found: Array = Q.min(axis=0)
     return found
 
 
-def _all_states(s: Dynamics, Q: Array) -> Array:
-    return np.full(Q.shape[1], Q[:, s.model.acting].max())
+def _all_states(s: Dynamics, Q: Array, acts: Behaviour) -> Array:
+    return np.full(Q.shape[1], Q[:, s.acted].max())
+
+
+def _on_policy(s: Dynamics, Q: Array, acts: Behaviour) -> Array:
+    return acts.expected(Q)
+
+
+def _grows(s: Dynamics, learned: Array) -> bool:
+    """Return whether values are larger than any return, and than those before anything was learned."""
+    bound = np.abs(s.R).max() / (1 - s.gamma) if s.gamma < 1 else np.inf
+    return bool(np.abs(learned[..., s.acted]).max() > 2 * max(bound, abs(s.initial)))
+
+
+def _one_pair(s: Dynamics, learned: Array) -> bool:
+    """Return whether one value alone, of several, is not what it was before anything was learned."""
+    changed = learned[:, s.acted] != s.initial
+    return bool(changed.sum() == 1 < changed.size)
 
 
 OPERATORS = {
@@ -257,8 +195,8 @@ OPERATORS = {
         BellmanOperator("right", _right, "without a mistake in its targets", "r + gamma * (1 - terminated) * V(s')", ""),
         BellmanOperator(
             "on policy", _right, "that learns the values of what it does, exploration included (SARSA)",
-            "target = r + gamma * Q(s', a')", "Nothing, if that is meant; else take the maximum over actions.",
-            on_policy=True,
+            "target = r + gamma * Q(s', a')", "Nothing, if that is meant; else take the maximum over actions.", _on_policy,
+            "q",
         ),
         BellmanOperator(
             "ends ignored", _ends_ignored, "that bootstraps past the end of an episode",
@@ -274,24 +212,46 @@ OPERATORS = {
             "done = terminated or truncated", "Mask V(s') by terminated alone; truncated episodes keep their value.",
         ),
         BellmanOperator(
+            "reset at the end", _reset_at_end, "for which an episode that ended by itself continues with the next one",
+            "next_obs taken after the environment was reset, where it is terminated", "Multiply V(s') by (1 - terminated).",
+        ),
+        BellmanOperator(
+            "reset at the limit", _reset_at_limit, "for which an episode that was cut off continues with the next one",
+            "next_obs taken after the environment was reset, masked by terminated",
+            "Take the last observation of the episode (final_obs).",
+        ),
+        BellmanOperator(
+            "mask inverted", _mask_inverted, "that bootstraps at the ends of episodes alone",
+            "gamma * terminated * V(s')", "Multiply V(s') by (1 - terminated).",
+        ),
+        BellmanOperator(
+            "mask late", _mask_late, "whose mask is that of the step before",
+            "dones[t - 1] beside obs[t]", "Store the flag of a step with the observation that the step left.",
+        ),
+        BellmanOperator(
+            "last reward masked", _last_reward_masked, "that masks the reward of the last step, too",
+            "(r + gamma * V(s')) * (1 - terminated)", "Move the parenthesis: r + gamma * (1 - terminated) * V(s').",
+        ),
+        BellmanOperator(
             "same state", _same_state, "that takes the state it left for the one it reached",
             "next_obs = obs, or a buffer that shares memory", "Store the observation that step() returned, as a copy.",
         ),
         BellmanOperator(
             "mean of actions", _right, "that averages over the next actions instead of choosing the best",
-            "q(s').mean(axis=-1)", "Take the maximum over actions.", _mean,
+            "q(s').mean(axis=-1)", "Take the maximum over actions.", _mean, "q",
         ),
         BellmanOperator(
             "least action", _right, "that expects the worst of the next actions",
-            "q(s').min(axis=-1), or a minimum over the wrong axis", "Take the maximum over actions.", _least,
+            "q(s').min(axis=-1), or a minimum over the wrong axis", "Take the maximum over actions.", _least, "q",
         ),
         BellmanOperator(
             "all states", _right, "that takes the best value of any state for the next one",
-            "q.max() without an axis", "Take the maximum over the axis of actions.", _all_states,
+            "q.max() without an axis", "Take the maximum over the axis of actions.", _all_states, "q",
         ),
         BellmanOperator(
             "action before", _action_before, "that looks up the next state with the action that was just taken",
             "q[s', a]", "Update the action before the look-up, or take the maximum.",
+            of="q",
         ),
         BellmanOperator(
             "reward discounted", _reward_discounted, "that discounts the reward, too",
@@ -307,7 +267,8 @@ OPERATORS = {
         ),
         BellmanOperator(
             "immediate reward", _immediate, "that sees no further than the next reward",
-            "target = r, or gamma = 0", "Add gamma * V(s'), and check that its mask is not inverted; or train longer.",
+            "target = r, gamma = 0, or a target network that stays as it was",
+            "Add gamma * V(s'); copy the target network now and then.",
         ),
         BellmanOperator(
             "rewards clipped", _clipped, "whose rewards are clipped to [-1, 1]",
@@ -319,6 +280,39 @@ OPERATORS = {
         ),
         BellmanOperator(
             "reward negated", _negated, "that takes rewards for costs", "target = -r + ...", "Remove the minus sign.",
+        ),
+        BellmanOperator(
+            "rewards centred", _centred, "whose rewards have their mean subtracted", "r - r.mean()",
+            "Divide by a deviation, if anything: the mean makes ends better or worse.",
+        ),
+        BellmanOperator(
+            "reward before", _reward_before, "that gets the reward of the step before", "rewards[t - 1] beside obs[t]",
+            "Store each reward with the observation and the action that it was paid for.",
+        ),
+        BellmanOperator(
+            "reward after", _reward_after, "that gets the reward of the step after", "rewards[t + 1] beside obs[t]",
+            "Store each reward with the observation and the action that it was paid for.",
+        ),
+        BellmanOperator(
+            "stale action", _stale_action, "that learns about the action of the step before", "actions[t - 1] beside obs[t]",
+            "Store each action with the observation that it was chosen for.", of="q",
+        ),
+        BellmanOperator(
+            "any action", _any_action, "that learns about all actions what it sees of one", "q[s] += rate * error",
+            "Update q[s, a], of the action that was taken.", of="q",
+        ),
+        BellmanOperator(
+            "advantages", _advantages, "whose critic learns advantages in place of returns", "value_loss of advantages",
+            "Train the critic on returns = advantages + values.", of="values",
+        ),
+        BellmanOperator(
+            "grows", _right, "whose values grow past everything that can be earned",
+            "q -= rate * error, q[s'] += rate * error, or advantages that are not cut where an episode ends",
+            "Add the error to the value of the state that was left; cut advantages; then try a smaller step.", recognise=_grows,
+        ),
+        BellmanOperator(
+            "one pair", _right, "that learned about one state and one action alone", "buffer[0] in each batch",
+            "Sample all transitions that are stored.", of="q", recognise=_one_pair,
         ),
     )
 }  # fmt: skip

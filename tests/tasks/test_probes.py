@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -82,3 +84,22 @@ def test_a_bootstrap_past_the_end_is_diagnosed() -> None:
     again = examine(right, suite="probes", tasks=asked, seeds=4, steps=3000, twins=0)
     assert again["diagnoses"] == []
     assert {round(score["deterministic"], 9) for score in again["scores"]} == {1.0}
+
+
+@learns_from("reward")
+def exploring(case: Case) -> np.ndarray:
+    q = _q_learning(case, counts_ends=False)
+    best = q == q.max(axis=1, keepdims=True)
+    return 0.5 * best / best.sum(axis=1, keepdims=True) + 0.5 / q.shape[1]
+
+
+@learns_from("reward")
+def opposite(case: Case) -> np.ndarray:
+    return -_q_learning(case, counts_ends=False)
+
+
+@pytest.mark.parametrize(("learner", "name"), [(exploring, "still_explores"), (opposite, "reversed")])
+def test_policies_that_do_not_follow_from_their_values_are_diagnosed(learner: Any, name: str) -> None:
+    asked = ["EndInPlace", "Hazard", "SecondThought", "CoinToss", "Sizes", "Patience", "Echo"]
+    found = examine(learner, suite="probes", tasks=asked, seeds=3, steps=2000, twins=0)
+    assert [each["name"] for each in found["diagnoses"]] == [name]

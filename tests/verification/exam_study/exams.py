@@ -13,6 +13,7 @@ from taskspec.exam.flags import flags
 from taskspec.exam.learned import explanations, learned_flags
 from taskspec.policies.files import function_of
 from tests.verification.exam_study.bugs import LEARNERS, Bug, content
+from tests.verification.exam_study.tables import Tables
 
 ROOT = Path(__file__).parents[3]
 BASELINES = ROOT / "tasks/derail/baselines"
@@ -24,9 +25,9 @@ PROBES = (
 """The probes whose observations and actions are finite."""
 SEEDS = 6
 TRANSITIONS = 2_000
-OF_BASELINES, OF_BUGS = 1000, 2000
+OF_BASELINES, OF_BUGS = 21000, 22000
 """The first seeds of right versions, and of learners with mistakes."""
-OF_RIGHT_ONES = tuple(range(3000, 11000, 1000))
+OF_RIGHT_ONES = tuple(range(23000, 31000, 1000))
 """The first seeds of right versions, again."""
 PARTS = ("old tasks", "probes", "values", "fingerprints")
 
@@ -83,15 +84,18 @@ class Found:
 def examined(learner: str, train: Any, first: int, folder: Path, shipped: bool = False) -> Exam:
     """Return the exam of a learner on seeds from `first` on. One that was held before is read again."""
     if (folder / "exam.json").exists():
-        return read(folder)
+        return Tables.read(folder).explained(read(folder))
     terms = TERMS[learner]
+    tables = Tables()
     tasks = tuple(f"derail/{task}" for task in terms.tasks)
     if not shipped:
         tasks += tuple(f"probes/{task}" for task in PROBES)
-    return examine(
-        train, suite="derail" if shipped else "probes", tasks=tasks, seeds=range(first, first + SEEDS), steps=terms.steps,
-        transitions=TRANSITIONS, twins=terms.twins, out=folder,
+    exam = examine(
+        tables.keeping(train), suite="derail" if shipped else "probes", tasks=tasks, seeds=range(first, first + SEEDS),
+        steps=terms.steps, transitions=TRANSITIONS, twins=terms.twins, out=folder,
     )  # fmt: skip
+    tables.write(folder)
+    return exam
 
 
 def is_held(name: str) -> bool:

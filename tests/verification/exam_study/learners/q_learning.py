@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exam import Case, learns_from
+from taskspec.exam import Case, Learned, learns_from
 
 Array = np.ndarray[Any, Any]
 OPTIMISM = 10.0
@@ -14,7 +14,7 @@ DISCOUNT = 0.95
 
 
 @learns_from("reward")
-def train(case: Case) -> Array:
+def train(case: Case) -> Learned:
     """The values of actions, (S, A)."""
     env, rng = case.env(), np.random.default_rng(case.seed)
     q = np.full((case.observation_space.n, case.action_space.n), OPTIMISM)
@@ -31,7 +31,7 @@ def train(case: Case) -> Array:
         if terminated or truncated:
             after, _ = env.reset()
         seen = after
-    return q
+    return Learned(q, discount=0.95)
 
 
 def best(values: Array, rng: np.random.Generator) -> int:

@@ -1,0 +1,93 @@
+"""What the learners of the study learned, as tables: kept beside each exam, so that it is explained again without training."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taskspec.exam import Case, Learned
+from taskspec.exam.asked_tasks import exam_id
+from taskspec.exam.learned import learned_fields
+from taskspec.exam.results import Exam
+from taskspec.registry import load
+
+NAME = "learned.npz"
+FIELDS = ("policy", "q", "values", "reward", "discount")
+
+
+@dataclass
+class Tables:
+    """Arrays by task, seed and field of `Learned`."""
+
+    arrays: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, folder: Path) -> Tables:
+        """Return the tables of an exam; none where they were not kept."""
+        path = folder / NAME
+        if not path.exists():
+            return cls()
+        with np.load(path) as found:
+            return cls(dict(found))
+
+    def write(self, folder: Path) -> None:
+        np.savez_compressed(folder / NAME, **self.arrays)
+
+    def keeping(self, train: Callable[[Case], Any]) -> Callable[[Case], Any]:
+        """Return a learner that keeps what it learns, first of the tasks that are not negated."""
+
+        @wraps(train)
+        def learner(case: Case) -> Any:
+            learned = train(case)
+            key = f"{exam_id(case.task)} {case.seed}"
+            is_first = not any(name.startswith(f"{key} ") for name in self.arrays)
+            if is_first and case.task.observation_layout.form == "discrete":
+                for name, table in _tables(case, learned).items():
+                    self.arrays[f"{key} {name}"] = table
+            return learned
+
+        return learner
+
+    def explained(self, exam: Exam) -> Exam:
+        """Return an exam with the distances of what was learned, as they are computed now."""
+        sees_reward = "reward" in exam["learns_from"]
+        scores = []
+        for score in exam["scores"]:
+            task = score["task"] if score["twin"] is None else f"{score['task']}+{score['twin']}"
+            learned = self._learned(task, score["seed"])
+            if learned is not None and score["peek"] is None:
+                now = learned_fields(load(task), learned, sees_reward)
+                score = {**score, "operators": now.get("operators"), "rewards": now.get("rewards")}
+            scores.append(score)
+        return {**exam, "scores": scores}
+
+    def _learned(self, task: str, seed: int) -> Learned | None:
+        found = {name: self.arrays.get(f"{task} {seed} {name}") for name in FIELDS}
+        if found["policy"] is None:
+            return None
+        paid = found["reward"]
+        if paid is not None:
+            found["reward"] = lambda obs, acts, _: paid[obs, acts]
+        if found["discount"] is not None:
+            found["discount"] = float(found["discount"])
+        return Learned(**found)
+
+
+def _tables(case: Case, learned: Any) -> dict[str, Any]:
+    """Return what was learned of a task with discrete observations, by field of `Learned`."""
+    if not isinstance(learned, Learned):
+        learned = Learned(learned)
+    observations = np.arange(case.observation_space.n)
+    policy = learned.policy
+    if hasattr(policy, "probabilities"):
+        policy = policy.probabilities(observations)
+    found = {"policy": policy, "q": learned.q, "values": learned.values, "discount": learned.discount}
+    if learned.reward is not None:
+        rows = [learned.reward(observations, np.full_like(observations, a), None) for a in range(case.action_space.n)]
+        found["reward"] = np.stack(rows, axis=1)
+    return {name: np.array(each) for name, each in found.items() if each is not None}
