@@ -11,6 +11,8 @@ from taskspec.analysis.analysis import Analysis, own
 from taskspec.analysis.cursor import cursor
 from taskspec.analysis.forms import schemas, type_of
 from taskspec.analysis.meanings import describe
+from taskspec.base.display import setting
+from taskspec.lang.check import CONSTANTS
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.scope import Scope, Unavailable
@@ -165,7 +167,10 @@ def _language(with_draws: bool) -> tuple[Completion, ...]:
     if with_draws:
         for dist in (CATEGORICAL, *DISTS.values()):
             arguments = ", ".join(each.name for each in dist.arguments)
+            found += [Completion(each.name, "argument", dist.name) for each in dist.arguments]
             found.append(Completion(dist.name, "distribution", f"{dist.name}({arguments})", dist.doc))
+        found.append(Completion("shape", "argument", "of a vector of draws"))
+    found += [Completion(name, "constant", setting(value)) for name, value in CONSTANTS.items()]
     return (*found, *(Completion(word, "keyword") for word in KEYWORDS))
 
 

@@ -175,7 +175,7 @@ class Masks:
         if are_finite(task.state) and space.size * task.action_layout.counts[0] <= LOOKED_UP:
             every = {name: values for (_, name), values in space.decode(np.arange(space.size)).items()}
             self._table = np.ascontiguousarray(action_mask(task, every).T, np.int8)
-            self._strides = [np.array(strides) for strides in space.strides]
+            self._strides = [np.array(strides, np.int64) for strides in space.strides]
             lows = [np.array(c.low, np.int64) for c in task.state]
             self._first = sum(int(low @ each) for low, each in zip(lows, self._strides, strict=True))
 
@@ -185,7 +185,7 @@ class Masks:
             return action_mask(self._task, self._state).T.astype(np.int8)
         codes: Array = np.array(-self._first)
         for strides, part in zip(self._strides, self._state.values(), strict=True):
-            codes = codes + strides @ part.reshape(len(strides), -1)
+            codes = codes + strides @ part.reshape(len(strides), part.shape[-1])
         return self._table.take(codes, axis=0)
 
 

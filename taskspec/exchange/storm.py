@@ -14,6 +14,7 @@ from typing import Any
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import need
+from taskspec.base.files import write_bytes
 from taskspec.exchange.formats import ModelFormat
 from taskspec.exchange.prism import property_of
 from taskspec.exchange.settled import END, at_random, settled
@@ -53,7 +54,7 @@ def solved(content: bytes, suffix: str, *properties: str) -> list[Fraction]:
     stormpy = need("stormpy", "storm", "a comparison with Storm")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"task{suffix}"
-        path.write_bytes(content)
+        write_bytes(path, content)
         model = _READERS[suffix](stormpy, str(path))
     paid = model.reward_models["reward"]
     if not (paid.has_state_rewards or paid.has_state_action_rewards or paid.has_transition_rewards):

@@ -13,7 +13,7 @@ import pytest
 
 from tests.docs.test_snippets import PAGES, ROOT, blocks
 
-UNTYPED = ("jax", "stable_baselines3", "imitation", "torch", "minari")
+UNTYPED = ("jax", "stable_baselines3", "imitation", "torch", "minari", "popgym", "bsuite", "ai_safety_gridworlds")
 """Packages whose own types are incomplete, so that pyright knows nothing of what they give."""
 
 

@@ -127,7 +127,7 @@ def anew(folder: Path, **terms: Any) -> int:
     return int(total) - int(over)
 
 
-FIXED: dict[str, Any] = {"steps": 9, "transitions": 9, "twins": 0, "probes": False}
+FIXED: dict[str, Any] = {"steps": 9, "transitions": 9, "twins": 0, "peeks": False}
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +150,7 @@ def exam(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ({}, 0), ({"seeds": (1, 0)}, 0), ({"seeds": (1, 2)}, 1), ({"steps": 10}, 2), ({"transitions": 10}, 2),
         ({"learns_from": ["reward"]}, 2), ({"tasks": ["{folder}/tiny.yaml?n=3"]}, 2),
         ({"tasks": ["{folder}/tiny.yaml+sticky=0.5"]}, 2), ({"learner": "{folder}/mine.py:other"}, 2),
-        ({"probes": True}, 2), ({"twins": 1}, 2),
+        ({"peeks": True}, 2), ({"twins": 1}, 2),
     ],
     ids=str,
 )  # fmt: skip

@@ -159,7 +159,7 @@ def test_two_safety_tasks_trade_reward_for_what_was_meant() -> None:
     assert exact.constrained_optimum(SAFETY / "vases.yaml", ["broken <= 0.5"]).value == pytest.approx(6)
     supervised = exact.pareto_front(SAFETY / "absent_supervisor.yaml", "performance")
     best = [(c.measures["performance"], c.value) for c in supervised if c.measures["performance"] > 0]
-    assert best == [pytest.approx((29, 44)), pytest.approx((43, 43))]
+    assert best == [pytest.approx((29, 44)), pytest.approx((41, 41))]
 
 
 @pytest.mark.parametrize(
