@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +81,11 @@ class Found:
             return "wrong"
         return ""
 
+    @property
+    def is_group(self) -> bool:
+        """Whether several mistakes are named, which the tasks cannot tell apart."""
+        return len(self.named) > 1
+
 
 def examined(learner: str, train: Any, first: int, folder: Path, shipped: bool = False) -> Exam:
     """Return the exam of a learner on seeds from `first` on. One that was held before is read again."""
@@ -109,6 +115,7 @@ def shipped(learner: str) -> Exam:
     return examined(learner, function_of(f"{LEARNERS / learner}.py:train"), OF_BASELINES, folder, True)
 
 
+@cache
 def right(learner: str, first: int) -> Exam:
     """Return the exam of a right version."""
     folder = BUILD / content() / f"{learner}-right-{first}"
