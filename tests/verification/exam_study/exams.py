@@ -75,10 +75,10 @@ class Found:
 
     def cause(self, bug: Bug) -> str:
         """Return whether the cause is named: `right`, `wrong`, or an empty text."""
+        if self.named and not set(bug.causes) & set(self.named):
+            return "wrong"
         if set(bug.causes) & {*self.named, *self.told}:
             return "right"
-        if self.named:
-            return "wrong"
         return ""
 
     @property
