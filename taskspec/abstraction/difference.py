@@ -60,7 +60,8 @@ class FirstDifference:
 
     Attributes:
         actions: the shortest actions that show it, the last one among them, by name.
-        t, state, action: when and where; the action is None where the start, an observation or the horizon differs.
+        t, state, action: when and where; the action is None where the start, an observation, the legal actions or the
+            horizon differ.
         first, second: what happens in each task, in words.
     """
 
@@ -111,8 +112,13 @@ def _compared(a: Task, b: Task) -> TaskRelation:
         return _by_episodes(a, b, "probabilities are no rational numbers")
     difference = _first_difference(one, other)
     if difference is None:
+        words = "every step has the same outcomes"
         spaces = _other_spaces(a, b)
-        return TaskRelation("same task", f"every step has the same outcomes{f'; but {spaces}' if spaces else ''}")
+        if spaces:
+            words += f"; but {spaces}"
+        if a.process.measures or b.process.measures:
+            words += "; measures were not compared"
+        return TaskRelation("same task", words)
     names = _renaming(one, other)
     if names is not None:
         return TaskRelation("renamed", f"only names differ: {names}", difference)
@@ -188,6 +194,12 @@ class ExactTask:
                 found[s][tuple(value)] += weight
         return [frozenset(each.items()) for each in found]
 
+    def legal(self, s: int) -> list[Hashable]:
+        """Return the legal actions in a state."""
+        if self.model.legal is None:
+            return self.actions
+        return [self.actions[a] for a in np.flatnonzero(self.model.legal[:, s])]
+
     def named(self, t: int, s: int, a: int) -> dict[Outcome, Fraction]:
         """Return the outcomes of a step with the names of states."""
         outcomes = self.rows(self.at(t))[s][a]
@@ -255,6 +267,9 @@ def _level(
         seen = (one.observed(one.at(t))[s], other.observed(other.at(t))[same])
         if seen[0] != seen[1]:
             return FirstDifference(path, t, state, None, *(f"observed {_seen(x)}" for x in seen)), {}
+        legal = (one.legal(s), other.legal(same))
+        if acts and legal[0] != legal[1]:
+            return FirstDifference(path, t, state, None, *(f"legal {_listed(x)}" for x in legal)), {}
         for a, action in enumerate(one.actions if acts else ()):
             mine = one.named(t, s, a)
             theirs = other.named(t, same, a)
@@ -291,6 +306,8 @@ def _renaming(one: ExactTask, other: ExactTask) -> str | None:
     times = max(one.times, other.times)
     is_large = times * (len(one.names) + len(other.names)) > MOST_OUTCOMES
     if a.horizon != b.horizon or a.discount != b.discount or len(one.actions) != len(other.actions) or is_large:
+        return None
+    if a.mask or b.mask:
         return None
     n = len(one.names)
     labels: list[Hashable] = [0] * (n + len(other.names))
@@ -342,7 +359,9 @@ def _by_rewards(one: ExactTask, other: ExactTask, difference: FirstDifference) -
     where = np.array([other.index[name] for name in one.names])
     times = range(max(one.times, other.times))
     if difference.action is None or not all(_same_observations(one, other, where, t) for t in times):
-        return TaskRelation("different", "they start, end or are observed in another way", difference)
+        return TaskRelation(
+            "different", "they start, end or are observed in another way, or other actions are legal", difference
+        )
     solvers = [Solvers(x.model).of() for x in (one, other)]
     returns = {"first": solvers[0].best().value, "second": solvers[1].best().value}
     size = (one.task.horizon or math.inf) * len(one.actions) * len(one.names)

@@ -139,15 +139,15 @@ class Evidence:
         is_own = len(lengths) == 1 and bool(self.counters) and max(len(e.actions) for e in self.episodes) in lengths
         return lengths.pop() if is_own else None
 
-    def last_steps_without_time(self) -> Iterator[tuple[EnvEpisode, EnvStep, EnvStep]]:
-        """Yield episodes with their last step, and with the same step where the counters of steps are those of a reset."""
-        for episode in self.episodes[: 2 * WATCHED]:
-            if (
-                not episode.steps[-1].is_last
-                or episode.steps[-1].error
-                or len(episode.actions) < 2
-                or not self.counters
-            ):
+    @cached_property
+    def last_steps_without_time(self) -> list[tuple[EnvEpisode, EnvStep, EnvStep]]:
+        """Episodes with their last step, and with the same step where the counters of steps are those of a reset."""
+        found: list[tuple[EnvEpisode, EnvStep, EnvStep]] = []
+        if not self.counters:
+            return found
+        for episode in self.in_time(self.episodes[: 2 * WATCHED]):
+            last = episode.steps[-1]
+            if last.error or not last.is_last or len(episode.actions) < 2:
                 continue
             instance = self.subject.make()
             instance.reset(episode.seed)
@@ -159,8 +159,9 @@ class Evidence:
                 for place in self.counters:
                     place_value(early.env, place, first.leaves[place])
             except Exception:  # such an object cannot be copied, or is not to be changed
-                return
-            yield episode, instance.step(episode.actions[-1]), early.step(episode.actions[-1])
+                return []
+            found.append((episode, instance.step(episode.actions[-1]), early.step(episode.actions[-1])))
+        return found
 
     @cached_property
     def after_the_end(self) -> str | None:
@@ -291,7 +292,7 @@ class Evidence:
         return self._reached[1]
 
     @cached_property
-    def _rows(self) -> Rows:
+    def rows(self) -> Rows:
         """The rows of the table; where probabilities are estimated, only which outcomes are possible."""
         assert self.table is not None
         if not self.table.drawn:
@@ -303,14 +304,14 @@ class Evidence:
         """The classes of bisimulation, level by level; None where some state in which episodes act was not explored."""
         if self.table is None or not all(self.table.rows[s] for s in self.acting):
             return None
-        return levels(self._rows, self.table.observations)
+        return levels(self.rows, self.table.observations)
 
     def equal_actions(self) -> list[list[Any]]:
         """Return groups of actions that have the same outcomes in every state."""
         if self.table is None or self.classes is None:
             return []
         groups: dict[Hashable, list[Any]] = defaultdict(list)
-        by_state = [signature(self._rows, self.classes, len(self.classes) - 1, s) for s in self.acting]
+        by_state = [signature(self.rows, self.classes, len(self.classes) - 1, s) for s in self.acting]
         for a, action in enumerate(self.table.actions):
             groups[tuple(found[a] for found in by_state)].append(action)
         return [group for group in groups.values() if len(group) > 1]

@@ -108,14 +108,11 @@ def mutated(x: Evidence) -> Found | None:
     """Find an observation or info that is changed after it was returned."""
     for episode in x.episodes:
         for t, step in enumerate(episode.steps):
-            for name, value, before in (
-                ("observation", step.observation, step.seen),
-                ("info", step.info, step.seen_info),
-            ):
-                if not step.error and frozen(value) != before:
-                    return Found(
-                        f"the {name} of t = {t} is changed by later steps; return a copy", episode.trace(t + 1)
-                    )
+            is_changed = frozen(step.observation) != step.seen
+            if not step.error and (is_changed or frozen(step.info) != step.seen_info):
+                name = "observation" if is_changed else "info"
+                words = f"the {name} of t = {t} is changed by later steps; return a copy"
+                return Found(words, episode.trace(t + 1))
     return None
 
 
@@ -163,7 +160,7 @@ def shared(x: Evidence) -> Found | None:
 
 def ends_by_time(x: Evidence) -> Found | None:
     """Find a termination that the time alone causes, where the time is not observed."""
-    caused = [found for found in x.last_steps_without_time() if found[1].terminated and not found[2].terminated]
+    caused = [found for found in x.last_steps_without_time if found[1].terminated and not found[2].terminated]
     if not caused or any(step.seen != early.seen for _, step, early in caused):
         return None
     episode = caused[0][0]
@@ -173,9 +170,9 @@ def ends_by_time(x: Evidence) -> Found | None:
 
 def truncated_by_state(x: Evidence) -> Found | None:
     """Find a truncation that the time does not cause."""
-    for episode, step, early in x.last_steps_without_time():
+    for episode, step, early in x.last_steps_without_time:
         if step.truncated and not step.terminated and early.truncated:
-            return Found(f"step {len(episode.actions)} is truncated whatever the time", episode.trace())
+            return Found(f"step {len(episode.actions)} is truncated by the state, not by the time", episode.trace())
     return None
 
 
@@ -223,10 +220,10 @@ def hidden_state(x: Evidence) -> Found | None:
     table = x.table
     if table is None or x.classes is None:
         return None
-    pair = _alike(x, [x.classes[-1][s] for s in range(len(table.rows))])
+    pair = _alike(x, x.classes[-1])
     if pair is None:
         return None
-    actions = [table.actions[a] for a in apart(table.rows, x.classes, *pair)]
+    actions = [table.actions[a] for a in apart(x.rows, x.classes, *pair)]
     after = "after the same action" if len(actions) == 1 else f"after the same {len(actions)} actions"
     words = f"{shown(table.shown[pair[0]])} is observed in two states, which differ {after}: it is a POMDP"
     return Found(words, _traces(x, pair, actions))

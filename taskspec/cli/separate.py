@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.text import Text
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import fixed, interval
 from taskspec.base.files import near, safe_name, write_text
 from taskspec.base.limits import tell
 from taskspec.cli import options
-from taskspec.cli.console import console, line, misuse, say, write_json
+from taskspec.cli.console import VisibleText, console, line, misuse, say, write_json
 from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
@@ -130,12 +129,14 @@ def _print_cover(found: Covering, family: str, folder: Path) -> None:
     table = Columns("learner", *titles, right=range(1, len(titles) + 1), names=0)
     right = {each.right.name for each in found.mistakes}
     for name in found.learners:
-        cells: list[Text] = []
+        cells: list[VisibleText] = []
         for task in found.tasks:
             mean = task.mean(name)
             mark = "✗" if name in task.separated else " "
-            cells.append(Text("" if mean is None else f"{fixed(mean, 2)} {mark}", "bad" if mark == "✗" else "quiet"))
-        table.add_row(Text(name, "good" if name in right else ""), *cells)
+            cells.append(
+                VisibleText("" if mean is None else f"{fixed(mean, 2)} {mark}", "bad" if mark == "✗" else "quiet")
+            )
+        table.add_row(VisibleText(name, "good" if name in right else ""), *cells)
     out = console()
     out.print(table)
     for title, task in zip(titles, found.tasks, strict=True):

@@ -28,38 +28,31 @@ class ModelFormat:
     """A format of files.
 
     Attributes:
-        write: the content of a file; of a settled task, where the format has no ends, discount and start distribution.
-        read: the task of a file; None where files are only written.
-        is_settled: whether the format is for model checkers.
-        keeps: whether it holds rewards by next state, rationals, and names of states and actions.
+        write: gives the content of a file.
+        read: gives the task of a file; None where files are only written.
+        is_settled: whether it is for model checkers: in rationals, of a settled task.
+        is_text: whether files are text.
+        pays_outcomes: whether it has rewards by next state, not by action alone.
+        has_labels: whether it has sets of states with names.
     """
 
     name: str
     suffix: str
-    summary: str
     write: Callable[[FrozenTask], bytes]
-    read: Callable[[ForeignFile], FrozenTask] | None
-    is_settled: bool
-    is_text: bool
-    keeps: frozenset[str]
-
-
-def _format(
-    name: str, suffix: str, summary: str, write: Callable[[FrozenTask], bytes],
-    read: Callable[[ForeignFile], FrozenTask] | None, kind: str, keeps: str,
-) -> ModelFormat:  # fmt: skip
-    return ModelFormat(name, suffix, summary, write, read, "settled" in kind, "text" in kind, frozenset(keeps.split()))
+    read: Callable[[ForeignFile], FrozenTask] | None = None
+    is_settled: bool = True
+    is_text: bool = True
+    pays_outcomes: bool = True
+    has_labels: bool = True
 
 
 FORMATS: dict[str, ModelFormat] = entries_by_name((
-    _format("umb", ".umb", "unified Markov binary: Storm, PRISM, Modest, stormvogel", umb.write, umb.read,
-            "settled binary", "rationals rewards labels"),
-    _format("prism", ".prism", "the language of PRISM and Storm", prism.prism, None, "settled text", "rationals labels"),
-    _format("jani", ".jani", "JANI: Storm, Modest, EPMC", prism.jani, None, "settled text", "rationals rewards labels"),
-    _format("drn", ".drn", "explicit models of Storm", drn.write, drn.read, "settled text", "rationals labels"),
-    _format("gym-p", ".json", "the table P of Gymnasium's toy_text, as JSON", arrays.write_p, arrays.read_p,
-            "text", "rewards"),
-    _format("npz", ".npz", "arrays of NumPy", arrays.write_npz, arrays.read_npz, "binary", "rewards labels"),
+    ModelFormat("umb", ".umb", umb.write, umb.read, is_text=False),
+    ModelFormat("prism", ".prism", prism.prism, pays_outcomes=False),
+    ModelFormat("jani", ".jani", prism.jani),
+    ModelFormat("drn", ".drn", drn.write, drn.read, pays_outcomes=False),
+    ModelFormat("gym-p", ".json", arrays.write_p, arrays.read_p, is_settled=False, has_labels=False),
+    ModelFormat("npz", ".npz", arrays.write_npz, arrays.read_npz, is_settled=False, is_text=False),
 ))  # fmt: skip
 
 
@@ -101,13 +94,13 @@ def notes(task: Task, found: FrozenTask, format: ModelFormat) -> Iterator[str]:
         yield "legal actions: not in the file; illegal ones have the outcomes that the equations give"
     if task.process.measures:
         yield f"measures ({', '.join(task.process.measures)}): not in the file"
-    if "rationals" not in format.keeps:
+    if not format.is_settled:
         yield "probabilities and rewards: floats"
     elif any(isinstance(outcome.probability, float) for _, _, outcome in found.steps()):
         yield "probabilities: floats; a draw of the task has no rational ones"
-    if "rewards" not in format.keeps and _has_rewards_of_next_states(found):
+    if not format.pays_outcomes and _has_rewards_of_next_states(found):
         yield "rewards: those expected of an action; the format has none by next state"
-    if "labels" not in format.keeps and found.labels:
+    if not format.has_labels and found.labels:
         yield f"labels ({', '.join(found.labels)}): not in the file"
     yield from _notes_on_time(found, format)
 

@@ -18,7 +18,7 @@ from taskspec.exchange.formats import ModelFormat
 from taskspec.exchange.prism import property_of
 from taskspec.exchange.settled import END, at_random, settled
 from taskspec.exchange.tables import FrozenTask
-from taskspec.model.model import Model
+from taskspec.model.model import Model, refuse
 from taskspec.solve.backward import Uniform
 from taskspec.solve.enclosure import Enclosure, Inexact, Reader, digits
 from taskspec.solve.rational import Rational
@@ -48,7 +48,7 @@ def solved(content: bytes, suffix: str, *properties: str) -> list[Fraction]:
         properties: such as `R{"reward"}max=? [F "end"]`.
 
     Raises:
-        SpecError: E705 without stormpy.
+        SpecError: E705 without stormpy, E712 for values that are not finite.
     """
     stormpy = need("stormpy", "storm", "a comparison with Storm")
     with tempfile.TemporaryDirectory() as folder:
@@ -64,7 +64,9 @@ def solved(content: bytes, suffix: str, *properties: str) -> list[Fraction]:
 
 
 def _fraction(text: str) -> Fraction:
-    """Return a rational of any length."""
+    """Return a rational of any length. SpecError: E712 for an infinity."""
+    if "inf" in text:
+        refuse("Storm finds no finite return: some policy never ends", "give the task a horizon, or a discount below 1")
     limit = sys.get_int_max_str_digits()
     sys.set_int_max_str_digits(0)
     try:

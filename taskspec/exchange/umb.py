@@ -157,7 +157,9 @@ class _Archive:
 
     def _ranges(self, name: str, size: int) -> list[slice]:
         """Return the range of each entity; one after the other where the file is absent."""
-        bounds = self._array(name, "<u8", size + 1) if name in self.files else range(size + 1)
+        bounds = self._array(name, "<u8", size + 1) if name in self.files else [*range(size + 1)]
+        if bounds != sorted(bounds):
+            self.source.wrong(f"`{name}` has ranges that overlap")
         return [slice(a, b) for a, b in pairwise(bounds)]
 
     def _numbers(self, name: str, kind: Mapping[str, Any], entity: str, usual: int = 0) -> list[Number]:

@@ -340,3 +340,16 @@ def test_the_command_reads_files_ids_values_and_revisions(tmp_path: Path, monkey
     for target, words in wrong.items():
         done = Done("diff", target, "c.yaml")
         assert done.status == 1 and words in done.err
+
+
+def test_legal_actions_are_part_of_a_task() -> None:
+    """A condition that allows everything changes nothing; one that does not is shown where it first forbids something."""
+    plain = build(source.read_text(CORRIDOR))
+    open_ = build(source.read_text(CORRIDOR + "legal: s >= 0\n"))
+    walled = build(source.read_text(CORRIDOR + "legal: a != left or s != 1\n"))
+    assert compare(plain, open_).relation == "same task"
+    found = compare(plain, walled)
+    assert found.relation == "different" and found.new_version
+    assert found.difference is not None
+    assert (found.difference.state, found.difference.action) == ("s = 1", None)
+    assert found.difference.second == "legal actions a = right"

@@ -6,6 +6,7 @@ import gzip
 import io
 import json
 import pickle
+import struct
 import tarfile
 from pathlib import Path
 from typing import Any
@@ -172,6 +173,10 @@ def test_a_wrong_umb_file_is_refused(tmp_path: Path) -> None:
         "more than 500,000 states": packed({"transition-system": SYSTEM | {"#choices": 2**60}}),
         "branch-to-target.bin": packed({"transition-system": SYSTEM}),
         "has 2 numbers, not 1": packed({"transition-system": SYSTEM}, **{"branch-to-target.bin": b"0" * 16}),
+        "ranges that overlap": packed(
+            {"transition-system": SYSTEM | {"#states": 2}},
+            **{"branch-to-target.bin": b"\0" * 8, "state-to-choices.bin": struct.pack("<3Q", 0, 1, 0)},
+        ),
         "leads to state": packed({"transition-system": SYSTEM}, **{"branch-to-target.bin": b"\xff" * 8}),
     }
     for message, content in cases.items():

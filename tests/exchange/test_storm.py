@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 
@@ -11,7 +12,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.exchange import formats, storm
 from taskspec.exchange.settled import settled
 from taskspec.registry import known
-from tests.shared.commands import Done
+from tests.shared.commands import Done, spec
 
 FLOATS = {
     "memory/HigherLower-v0",
@@ -27,6 +28,17 @@ LARGE = {
     "textbook/CarRental-v0", "textbook/Gambler-v0",
 }  # fmt: skip
 FEW = ("derail/RiskyPath", "derail/Sort", "irl/Shaping", "bsuite/Umbrella", "toy_text/FrozenLake", "textbook/Recycling")
+ENDLESS = """\
+taskspec: 1
+name: Endless
+state: {s: {type: int, low: 0, high: 2}}
+action: {a: {type: choice, values: [left, right]}}
+horizon: none
+initial: {s: 1}
+dynamics: {s': "s if s != 1 else (0 if a == left else 2)"}
+reward: s' == 2
+terminal: s' == 0
+"""
 needs_storm = pytest.mark.skipif(not storm.is_installed(), reason="stormpy is not installed")
 
 
@@ -66,6 +78,14 @@ def test_a_file_that_says_something_else_is_noticed(monkeypatch: pytest.MonkeyPa
     done = Done("export", "RiskyPath", "-f", "drn", "--verify")
     assert done.status == 1
     assert done.out.count("different") == 3
+
+
+@needs_storm
+def test_a_task_that_may_never_end_has_no_finite_return(tmp_path: Path) -> None:
+    path = spec(tmp_path, ENDLESS)
+    done = Done("export", path, "-f", "drn", "--verify")
+    assert done.status == 1
+    assert "E712" in done.err
 
 
 def test_storm_is_needed_for_formats_that_it_reads() -> None:

@@ -58,6 +58,7 @@ FAMILY = """
 experiment: 1
 name: some
 tasks:
+  - task: probes/Aim
   - task: probes/EndInPlace
   - task: probes/SecondThought
   - task: probes/Sizes
@@ -102,7 +103,7 @@ def test_every_mistake_is_separated_by_the_fewest_tasks_also_after_kill(folder: 
     printed = Done(*COMMAND, columns=80)
     assert count(stored) == after
     assert printed.status == 0
-    assert "✗ worse than the right version on fresh seeds; 4 tasks of some.yaml tried" in printed.out
+    assert "✗ worse than the right version on fresh seeds; 5 tasks of some.yaml tried" in printed.out
     for number in (1, 2, 3):
         assert load(str(folder / f"cover/task_{number}.yaml")).name == f"Task{number}"
         assert Done("check", f"cover/task_{number}.yaml").status == 0
@@ -117,7 +118,7 @@ def test_a_right_version_in_place_of_a_mistake_is_not_separated(folder: Path) ->
     (folder / "zoo.yaml").write_text(
         "zoo: 1\nlearners: [{right: learners.py:right, mistakes: [learners.py:also_right]}]"
     )
-    assert Done(*COMMAND).out == "No mistake is separated by 4 tasks of some.yaml.\n"
+    assert Done(*COMMAND).out == "No mistake is separated by 5 tasks of some.yaml.\n"
 
 
 @pytest.mark.parametrize(
@@ -135,6 +136,13 @@ def test_mistakes_in_a_zoo_are_reported_at_their_places(text: str, message: str,
     assert done.status == 1
     assert message in done.err
     assert "zoo.yaml:" in done.err
+
+
+def test_a_learner_that_always_fails_is_named(folder: Path) -> None:
+    (folder / "learners.py").write_text(LEARNERS.replace("later = {", "later = 1 / 0 * {"))
+    done = Done(*COMMAND)
+    assert done.status == 1
+    assert "learners.py:right fails on all of the first tasks: " in done.err
 
 
 def test_a_learner_and_a_zoo_are_not_given_together(folder: Path) -> None:

@@ -23,6 +23,8 @@ from taskspec.pages.render.suite import Suite, notation
 from taskspec.pages.templating import html_environment
 from taskspec.printers.text import plain
 
+MOST_ITEMS = 2000
+"""Larger figures are drawn once, without overlays."""
 _LAYERS = {
     "task": "task", "values": "best returns", "policy": "best actions", "expert": "expert", "occupancy": "visits",
 }  # fmt: skip
@@ -108,7 +110,7 @@ def _figures(page: Page, scene: Scene | None) -> list[tuple[str, Markup]]:
     if scene is None:
         return []
     found = {"task": scene}
-    if page.facts.model is not None:
+    if page.facts.model is not None and len(scene.items) <= MOST_ITEMS:
         found |= layers(page.task, page.facts.model)
     shown = [(_LAYERS[name], Markup(svg(each, css=True))) for name, each in found.items()]
     if page.facts.model is not None or isinstance(page.task.annotations.expert, tuple):

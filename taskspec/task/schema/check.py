@@ -86,7 +86,8 @@ def _problems(document: Document) -> list[Problem]:
 def remainder(document: Document) -> tuple[Document | None, set[str]]:
     """Return a document without the entries whose shape is wrong, and the words in them; None if the rest means nothing."""
     found = _problems(document)
-    is_lost = any(problem.code in ("E207", "E211", "E212", "E314") for problem in found)
+    codes = {problem.code for problem in found}
+    is_lost = _other_format(document) is not None or not codes.isdisjoint(("E207", "E211", "E212", "E314"))
     if is_lost or any(map(check_shape, document.others.values())):
         return None, set()
     places = []
