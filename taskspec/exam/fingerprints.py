@@ -212,7 +212,8 @@ def fingerprint(
         found[name] = min(1.0, distance / scale)
     for name, operator in OPERATORS.items():
         if operator.recognise is not None and operator.of in (None, kind):
-            found[name] = 0.0 if operator.recognise(dynamics, learned) else found["right"]
+            recognised = operator.recognise(dynamics, learned)
+            found[name] = found["right"] if recognised is None else recognised
     return found
 
 

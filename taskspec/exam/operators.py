@@ -34,7 +34,7 @@ class BellmanOperator:
         fix: what to do.
         reduce: the reduction of Q to V, where it is part of the mistake.
         of: whether it is about Q-values, or the values of a critic; of both if None.
-        recognise: whether learned values (A, S), or (S,), are those of the mistake, where it has no fixed point.
+        recognise: the distance of learned values (A, S), or (S,), where the mistake has no fixed point; None if they say nothing.
     """
 
     name: str
@@ -44,7 +44,7 @@ class BellmanOperator:
     fix: str
     reduce: Callable[[Dynamics, Array, Behaviour], Array] | None = None
     of: Literal["q", "values"] | None = None
-    recognise: Callable[[Dynamics, Array], bool] | None = None
+    recognise: Callable[[Dynamics, Array], float | None] | None = None
 
 
 def _right(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
@@ -177,16 +177,18 @@ def _on_policy(s: Dynamics, Q: Array, acts: Behaviour) -> Array:
     return acts.expected(Q)
 
 
-def _grows(s: Dynamics, learned: Array) -> bool:
-    """Return whether values are larger than any return, and than those before anything was learned."""
+def _grows(s: Dynamics, learned: Array) -> float | None:
+    """Return 0 if values are larger than any return, and than those before anything was learned."""
     bound = np.abs(s.R).max() / (1 - s.gamma) if s.gamma < 1 else np.inf
-    return bool(np.abs(learned[..., s.acted]).max() > 2 * max(bound, abs(s.initial)))
+    if np.abs(learned[..., s.acted]).max() > 2 * max(bound, abs(s.initial)):
+        return 0.0
+    return None
 
 
-def _one_pair(s: Dynamics, learned: Array) -> bool:
-    """Return whether one value alone, of several, is not what it was before anything was learned."""
+def _one_pair(s: Dynamics, learned: Array) -> float:
+    """Return 0 if one value alone, of several, is not what it was before anything was learned, else 1."""
     changed = learned[:, s.acted] != s.initial
-    return bool(changed.sum() == 1 < changed.size)
+    return float(not changed.sum() == 1 < changed.size)
 
 
 OPERATORS = {

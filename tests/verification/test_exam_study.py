@@ -7,10 +7,12 @@ from pathlib import Path
 import pytest
 
 import taskspec
-from taskspec.exam import read
+from taskspec.exam import examine, read
+from taskspec.exam.learned import explanations
+from taskspec.policies.files import function_of
 from tests.shared.commands import Done
 from tests.verification.exam_study.bugs import LEARNERS, Bug, bugs
-from tests.verification.exam_study.exams import TERMS, TRANSITIONS
+from tests.verification.exam_study.exams import PROBES, TERMS, TRANSITIONS
 
 
 @pytest.mark.parametrize("bug", bugs(), ids=lambda bug: f"{bug.learner}-{bug.name}")
@@ -32,6 +34,25 @@ def test_stored_exams_are_of_the_tasks_as_they_are(learner: str) -> None:
         task: taskspec.load(task).content_hash for task in stored["tasks"]
     }
     assert not any(score["error"] for score in stored["scores"])
+
+
+NAMED = (
+    "mask_inverted", "first_step_only", "late_reward", "whole_batch", "wrong_sign", "late_done", "all_actions",
+    "centred_rewards",
+)  # fmt: skip
+"""Mistakes in the learner with a replay buffer that one seed on the probes shows."""
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_mistake_is_named_by_learned_values(name: str, tmp_path: Path) -> None:
+    bug = next(each for each in bugs() if (each.learner, each.name) == ("replay", name))
+    path = tmp_path / "replay.py"
+    path.write_text(bug.source(), encoding="utf-8")
+    train = function_of(f"{path}:train")
+    tasks = [f"probes/{probe}" for probe in PROBES]
+    exam = examine(train, suite="probes", tasks=tasks, seeds=[4000], steps=TERMS["replay"].steps, twins=0)
+    (found,) = explanations(exam["scores"])
+    assert found.names == tuple(bug.causes)
 
 
 @pytest.mark.slow

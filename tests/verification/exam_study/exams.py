@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -74,11 +75,16 @@ class Found:
 
     def cause(self, bug: Bug) -> str:
         """Return whether the cause is named: `right`, `wrong`, or an empty text."""
+        if self.named and not set(bug.causes) & set(self.named):
+            return "wrong"
         if set(bug.causes) & {*self.named, *self.told}:
             return "right"
-        if self.named:
-            return "wrong"
         return ""
+
+    @property
+    def is_group(self) -> bool:
+        """Whether several mistakes are named, which the tasks cannot tell apart."""
+        return len(self.named) > 1
 
 
 def examined(learner: str, train: Any, first: int, folder: Path, shipped: bool = False) -> Exam:
@@ -109,6 +115,7 @@ def shipped(learner: str) -> Exam:
     return examined(learner, function_of(f"{LEARNERS / learner}.py:train"), OF_BASELINES, folder, True)
 
 
+@cache
 def right(learner: str, first: int) -> Exam:
     """Return the exam of a right version."""
     folder = BUILD / content() / f"{learner}-right-{first}"
