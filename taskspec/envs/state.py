@@ -185,7 +185,8 @@ class Masks:
             return action_mask(self._task, self._state).T.astype(np.int8)
         codes: Array = np.array(-self._first)
         for strides, part in zip(self._strides, self._state.values(), strict=True):
-            codes = codes + strides @ part.reshape(len(strides), part.shape[-1])
+            elements = part.reshape(len(strides), part.shape[-1]).astype(np.int64, copy=False)
+            codes = codes + strides @ elements
         return self._table.take(codes, axis=0)
 
 
