@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.scope import Scope, Unavailable
 from taskspec.rules import claim_rules
 from taskspec.source import Path
+from taskspec.task.merge import variant_names
 from taskspec.task.names import signature
 
 _EXPRESSIONS = ("Expression", "Bound", "Horizon", "Constant", "Definition", "Shape")
@@ -85,7 +86,7 @@ def _entries(analysis: Analysis, path: Path) -> Iterator[tuple[str, str]]:
         return
     context = attempt.names.context
     section = own(path)
-    components = {"state": context.state, "initial": context.state, "action": context.action, "expert": context.action}
+    components = {"state": context.state, "next": context.state, "action": context.action, "expert": context.action}
     if section == ("dynamics",):
         yield from ((c.name + "'", "state") for c in context.state)
     elif section[:1] == ("examples",) and section[-1] in components:
@@ -114,19 +115,38 @@ def _values(analysis: Analysis, path: Path, before: str) -> Iterator[Completion]
             yield Completion(str(option), "value", documentation=schema.get("description", ""))
         if schema.get("type") == "boolean":
             yield from (Completion(word, "value") for word in ("true", "false"))
-    section = own(path)
-    if section == ("expert",):
-        yield Completion("optimal", "value", "the policy that knows the state and the model")
-    if path[-1:] == ("base",):
-        variants = (analysis.document.data.get("variants") or {}) if analysis.document else {}
-        yield from (Completion(str(key), "variant") for key in variants)
-    elif section[:1] == ("claims",):
+    yield from (Completion(word, "value") for word in _words(analysis, path))
+    if own(path)[:1] == ("claims",):
         yield from _claim_words()
         yield from names(analysis.scope(path))
     elif _is_expression(path):
         for variable in dict.fromkeys(_bound_in(analysis, path, before)):
             yield Completion(variable, "variable")
         yield from names(analysis.scope(path))
+
+
+def _words(analysis: Analysis, path: Path) -> Iterable[str]:
+    """Return the words that only one entry takes: names of variants, constants and measures among them."""
+    data = analysis.document.data if analysis.document else {}
+    variants = data.get("variants") or {}
+    match own(path):
+        case ("expert",):
+            return ("optimal",)
+        case ("horizon",):
+            return ("none",)
+        case ("figure", "map"):
+            return list(data.get("constants") or ())
+        case ("roles", _):
+            return list(variant_names(data))
+        case ("claims", *_):
+            return list(data.get("measures") or ())
+        case ("parameters", _, "default"):
+            return ("true", "false")
+        case (*_, "base"):
+            return list(variants)
+        case (_,) if path[:1] == ("variants",):
+            return ("null",)
+    return ()
 
 
 def _bound_in(analysis: Analysis, path: Path, before: str) -> Iterator[str]:
@@ -183,4 +203,5 @@ def _claim_words() -> tuple[Completion, ...]:
         ("model", claim_rules.MODELS),
     ):
         words += [Completion(name, kind, word.written, word.doc) for name, word in table.items()]
+    words += [Completion(word, "argument") for word in ("under", "at")]
     return tuple(words)

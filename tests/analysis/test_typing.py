@@ -19,10 +19,10 @@ SPECS = sorted(
     for path in (ROOT / "tasks").glob("*/*.yaml")
     if path.read_text(encoding="utf-8").startswith("taskspec:") and "experiments" not in path.parts
 )
-WORD = re.compile(r"[A-Za-z_]\w*'?")
+WORD = re.compile(r"(?<!\w)[A-Za-z_]\w*'?")
 PROSE = {
     "title", "summary", "description", "capability", "sources", "source", "errata", "here", "because", "where", "doc", "accept",
-    "symbol", "symbols", "alias", "note", "values", "grid", "legend", "objects", "name", "version",
+    "symbol", "symbols", "alias", "note", "message", "values", "grid", "legend", "objects", "name", "version",
 }  # fmt: skip
 DECLARING = {
     "parameters", "constants", "definitions", "noise", "state", "action", "observation", "measures", "memory", "symmetries",
@@ -33,7 +33,7 @@ DECLARING = {
 def pauses(text: str, name: str, number: int) -> Iterator[tuple[int, str, str]]:
     """Yield offsets in the middle of words that can be known before they are written, the texts so far, and the words."""
     places = [(found.start(), found.group(), text.find("\n", found.end())) for found in WORD.finditer(text)]
-    for start, word, end in random.Random(name).sample(places, min(number, len(places))):
+    for start, word, end in random.Random(Path(name).name).sample(places, min(number, len(places))):
         at = cursor(text, start + len(word), name)
         path = own(at.path)
         is_declared = at.kind == "key" and len(path) == 2 and path[0] in DECLARING
