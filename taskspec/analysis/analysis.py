@@ -1,4 +1,4 @@
-"""All that can be said about a spec while it is being typed: its document, what it declares, and every mistake."""
+"""The analysis of a spec while it is being typed: its document, its declarations, and every mistake."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from functools import cached_property
 from taskspec.analysis.repair import read_tolerantly
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
 from taskspec.lang import syntax as s
-from taskspec.lang.scope import Binding, Scope
+from taskspec.lang.scope import Scope
 from taskspec.source import Document, Path
 from taskspec.task.build import Attempt, attempts
 from taskspec.task.merge import Merged
 from taskspec.task.names import Names, declared, signature
-from taskspec.task.task import Task
 
-_SCOPES = {"absorbing_reward": "absorbing", "definitions": "reward", "dynamics": "dynamics"}
+_SCOPES = {"absorbing_reward": "absorbing", "definitions": "reward"}
 """The names of scopes that are not called like their sections."""
 
 
@@ -38,11 +37,6 @@ class Analysis:
     document: Document | None
     attempts: tuple[Attempt, ...]
     diagnostics: tuple[Diagnostic, ...]
-
-    @property
-    def tasks(self) -> list[Task]:
-        """The tasks of the text that have no mistakes."""
-        return [each.task for each in self.attempts if each.task is not None]
 
     def attempt(self, path: Path) -> Attempt | None:
         """Return what was made of the spec or the variant that a path is in."""
@@ -119,11 +113,6 @@ def own(path: Path) -> Path:
     if path[:1] == ("variants",):
         return path[2:]
     return path
-
-
-def binding(scope: Scope | None, word: str) -> Binding | None:
-    """Return what a word means in a scope."""
-    return None if scope is None else scope.lookup(word)
 
 
 def _made(names: Names, section: str) -> Scope | None:

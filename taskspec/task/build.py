@@ -98,11 +98,10 @@ def check_document(
 
 @dataclass(frozen=True)
 class Attempt:
-    """A spec or variant that may have mistakes: the names of each section and, where there is no mistake, the task."""
+    """A spec or variant that may have mistakes: its sections, and the names that are visible in each."""
 
     merged: Merged
     names: Names
-    task: Task | None = None
 
 
 def attempts(
@@ -146,9 +145,7 @@ def _attempt(merged: Merged, values: Mapping[str, Any]) -> tuple[Attempt | None,
             merged = replace(merged, data=_EMPTY | merged.data)
             validated(merged)
         attempt = Attempt(merged, Names(Context(merged, Collector())))
-        task = _checked(attempt.names, values, "")
-        if not mistakes:
-            attempt = replace(attempt, task=task)
+        _checked(attempt.names, values, "")
     except SpecError as error:
         mistakes += error.diagnostics
     return attempt, mistakes
