@@ -12,6 +12,7 @@ import re
 import warnings
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
+from functools import lru_cache
 from itertools import chain
 from keyword import iskeyword
 from typing import NoReturn
@@ -226,15 +227,22 @@ def _parse(text: s.SourceText) -> s.Expr:
         return s.Name(text.value, False, place)
     if _DIGITS.fullmatch(text.value):
         return s.Number(int(text.value), text.value, place)
-    source = _prepare(text.value)
+    source, tree = _python(text.value, limits().characters)
+    return _Reader(text, source).expr(tree)
+
+
+@lru_cache(maxsize=4096)
+def _python(value: str, most: int) -> tuple[str, ast.expr]:
+    """Return a text as Python reads it, and its tree; between two keystrokes nearly all texts of a spec stay the same."""
+    source = _prepare(value, most)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SyntaxWarning)
             tree = ast.parse("(" + source + "\n)", mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
-        explain(text.value, error)
-    _bound_tree(text.value, tree.body)
-    return _Reader(text, source).expr(tree.body)
+        explain(value, error)
+    _bound_tree(value, tree.body)
+    return source, tree.body
 
 
 def _bound_tree(value: str, root: ast.AST) -> None:
@@ -247,10 +255,10 @@ def _bound_tree(value: str, root: ast.AST) -> None:
     raise SyntaxFailure(0, len(value), f"operators are nested more than {Limits.operators} deep", code="E314")
 
 
-def _prepare(value: str) -> str:
+def _prepare(value: str, most: int) -> str:
     """Return the text with primes replaced, after checking its length, brackets and quotes."""
-    if len(value) > limits().characters:
-        message = f"this expression has {len(value):,} characters; the limit is {limits().characters:,}"
+    if len(value) > most:
+        message = f"this expression has {len(value):,} characters; the limit is {most:,}"
         raise SyntaxFailure(0, 1, message, how_to_raise("characters", len(value)), "E314")
     if not value.strip():
         raise SyntaxFailure(0, max(1, len(value)), "an expression is missing here")
