@@ -70,7 +70,9 @@ def _open_quote(text: str, syntax: Syntax) -> TextProblem | None:
     start = syntax.since
     last = syntax.last
     if "quoted" in syntax.context and start is not None:
-        return TextProblem("E111", start, line_end(text, start), f"this text begins with {text[start]} and is never closed")
+        return TextProblem(
+            "E111", start, line_end(text, start), f"this text begins with {text[start]} and is never closed"
+        )
     if not isinstance(last, ScalarNode) or last.style not in ("'", '"') or "\n" not in text[last.start : last.end]:
         return None
     if text[last.end : syntax.at].strip():
