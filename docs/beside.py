@@ -33,6 +33,8 @@ SECTIONS = {
     "action": "Action space", "dynamics": "Dynamics", "horizon": "Horizon", "initial": "Initial state", "reward": "Rewards",
 }  # fmt: skip
 """Titles of rows by the sections of specs that errata are about."""
+
+
 def beside() -> str:
     """The text of the page."""
     printed: Mapping[str, Mapping[str, list[str]]] = yaml.safe_load((DOCS / "printed.yaml").read_text(encoding="utf-8"))
