@@ -11,7 +11,7 @@ from pathlib import Path
 from docs.tools.commands import overview
 from docs.tools.language import language
 from docs.tools.library import library
-from docs.tools.markdown import code, filled, table
+from docs.tools.markdown import code, entries, filled, table
 from docs.tools.probes import probes
 from taskspec.exam.operators import OPERATORS
 from taskspec.exam.starc import REWARDS
@@ -24,18 +24,20 @@ DOCS = Path(__file__).parents[1]
 
 def difficulty() -> str:
     """Return the page of difficulty measures."""
-    rows = [(code(m.name), m.doc, f"${m.formula}$", m.unit, m.source) for m in MEASURES.values()]
-    measures = table(("measure", "what it is", "", "unit", "after"), rows)
-    return filled(DOCS / "difficulty.md", {"measures": measures})
+    measures = entries((code(m.name), f"{m.doc} ${m.formula}$") for m in MEASURES.values())
+    sources: dict[str, list[str]] = {}
+    for measure in MEASURES.values():
+        if measure.source:
+            sources.setdefault(measure.source, []).append(code(measure.name))
+    cited = entries((", ".join(names), source) for source, names in sources.items())
+    return filled(DOCS / "difficulty.md", {"measures": measures, "sources": cited})
 
 
 def learned() -> str:
     """Return the page of learned values and rewards, with the mistakes that they show."""
-    header = ("name", "the learner is one", "usual code")
-    operators = table(header, [(o.name, o.mistake, o.code) for o in OPERATORS.values()])
-    rewards = table(("name", "what is learned", "usual code"), [(r.name, r.mistake, r.code) for r in REWARDS.values()])
-    parts = {"operators": operators, "rewards": rewards}
-    return filled(DOCS / "learned.md", parts)
+    operators = entries((o.name, f"a learner {o.mistake} ({o.code})") for o in OPERATORS.values())
+    rewards = entries((r.name, f"{r.mistake} ({r.code})" if r.code else r.mistake) for r in REWARDS.values())
+    return filled(DOCS / "learned.md", {"operators": operators, "rewards": rewards})
 
 
 def modifiers() -> str:
