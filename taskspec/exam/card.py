@@ -19,7 +19,7 @@ FIXED_PASSES = "Passes, but so does one fixed action"
 FLAG_WORDS = {
     "twin": "differs relabelled", "regression": "regression", "peeks": "uses withheld reward", "failed": "failed",
     "impossible": "impossible score", "values": "wrong values", "reward": "wrong reward",
-    "changed": "has changed", "law": "breaks a law",
+    "changed": "has changed", "diagnosis": "new diagnosis", "law": "breaks a law",
 }  # fmt: skip
 """Flags in few words, for the cell of a matrix."""
 

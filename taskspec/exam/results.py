@@ -96,7 +96,9 @@ class Flag(TypedDict):
     `advice` is the usual code of a known mistake, and its fix.
     """
 
-    kind: Literal["twin", "regression", "changed", "peeks", "failed", "impossible", "values", "reward", "law"]
+    kind: Literal[
+        "twin", "regression", "changed", "diagnosis", "peeks", "failed", "impossible", "values", "reward", "law"
+    ]
     task: str
     message: str
     effect: float | None
