@@ -392,5 +392,6 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
         "reward_regret": None if lost is None else lost / unit,
         "curve": None if curve is None else [[steps, scaled(value)] for steps, value in curve],
         "operators": row.get("operators"), "rewards": row.get("rewards"),
+        "pairings": row.get("pairings"),
         "value": None if row.get("value") is None else row["value"] / unit, "longer": row.get("longer"),
     }  # fmt: skip

@@ -14,9 +14,11 @@ import numpy as np
 import taskspec.exam
 from taskspec.exam import Case, Learned
 from taskspec.exam.asked_tasks import exam_id
+from taskspec.exam.case import ExamTerms
 from taskspec.exam.learned import learned_fields
 from taskspec.exam.results import Exam, read, write
 from taskspec.registry import load
+from taskspec.task.task import Task
 
 NAME, EXPLAINED = "learned.npz", "explained.txt"
 FIELDS = ("policy", "q", "values", "reward", "discount")
@@ -64,14 +66,14 @@ class Tables:
         return learner
 
     def _explained(self, exam: Exam) -> Exam:
-        sees_reward = "reward" in exam["learns_from"]
         scores = []
         for score in exam["scores"]:
             task = score["task"] if score["twin"] is None else f"{score['task']}+{score['twin']}"
             learned = self._learned(task, score["seed"])
             if learned is not None and score["peek"] is None:
-                now = learned_fields(load(task), learned, sees_reward)
-                score = {**score, "operators": now.get("operators"), "rewards": now.get("rewards")}
+                terms = ExamTerms(exam["steps"], tuple(exam["learns_from"]), exam["transitions"])
+                now = _fields(load(task), learned, score["seed"], terms)
+                score = {**score, **{name: now.get(name) for name in ("operators", "rewards", "pairings")}}
             scores.append(score)
         return {**exam, "scores": scores}
 
@@ -87,12 +89,20 @@ class Tables:
         return Learned(**found)
 
 
+def _fields(task: Task, learned: Learned, seed: int, terms: ExamTerms) -> dict[str, Any]:
+    """Return what `learned_fields` says of what was learned in a case."""
+    shown = None
+    if "demonstrations" in terms.learns_from:
+        shown = Case(task, (seed,), terms).demonstrations
+    return learned_fields(task, learned, "reward" in terms.learns_from, shown)
+
+
 @cache
 def _explaining() -> str:
     """Return a hash of the files that distances depend on."""
     found = hashlib.sha256()
     for path in sorted(Path(taskspec.exam.__file__).parent.glob("*.py")):
-        if path.stem in ("dynamics", "fingerprints", "learned", "operators", "starc"):
+        if path.stem in ("dynamics", "fingerprints", "learned", "operators", "pairings", "starc"):
             found.update(path.read_bytes())
     return found.hexdigest()
 
