@@ -1,6 +1,6 @@
-"""Which observations a learner from demonstrations paired with which actions, read from what it does.
+"""Pairs of observations and actions that a learner from demonstrations imitated, read from its policy.
 
-A learner that imitates comes to the frequencies of the expert's actions after each observation. Pairs that are wrong have
+A learner that imitates converges to the frequencies of the expert's actions after each observation. Pairs that are wrong have
 frequencies of their own, which are counted in the episodes that it was shown: the nearest ones name the mistake.
 """
 
@@ -40,7 +40,7 @@ class Shown:
 
     @cached_property
     def is_last(self) -> Array:
-        """Whether each step is the last one of its episode."""
+        """Return bool (N,): whether a step is the last one of its episode."""
         found = np.zeros(len(self.obs), np.bool_)
         found[self.starts - 1] = True
         return found
@@ -109,7 +109,7 @@ PAIRINGS: dict[str, Callable[[Shown], Array]] = {
     "avoided": _avoided,
     "at random": _at_random,
 }
-"""Policies (O, A) by the name of the mistake that makes a learner come to them; the right one first."""
+"""Policies (O, A) by the name of the mistake that makes a learner converge to them; the right one first."""
 
 
 def pairing_distances(task: Task, policy: Any, demonstrations: Demonstrations) -> dict[str, float] | None:
