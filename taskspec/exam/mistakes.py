@@ -93,7 +93,9 @@ MISTAKES = {
     "rewards clipped": KnownMistake(
         "whose rewards are clipped to [-1, 1]", "np.clip(r, -1, 1), as wrappers for Atari do, or a tanh at the end", "Remove it.",
     ),
-    "signs of rewards": KnownMistake("that sees the signs of rewards alone", "np.sign(r), as wrappers for Atari do", "Remove it."),
+    "signs of rewards": KnownMistake(
+        "that sees the signs of rewards alone", "np.sign(r), as wrappers for Atari do", "Remove it.",
+    ),
     "reward negated": KnownMistake(
         "that takes rewards for costs", "target = -r + ..., or labels of preferences that are swapped",
         "Remove the minus sign; label 1 means that the first of a pair is better.",
@@ -136,7 +138,9 @@ MISTAKES = {
         "whose reward makes no action better than another", "a network that no gradient reaches",
         "Check that the loss falls, and that the reward is not detached or cut off.",
     ),
-    "action unseen": KnownMistake("whose reward does not see the action", "reward_net(obs)", "Give the action to the network, too."),
+    "action unseen": KnownMistake(
+        "whose reward does not see the action", "reward_net(obs)", "Give the action to the network, too.",
+    ),
     "state unseen": KnownMistake(
         "whose reward does not see the state", "reward_net(action)", "Give the observation to the network, too.",
     ),
