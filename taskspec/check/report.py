@@ -23,8 +23,6 @@ from taskspec.soundness.soundness import check_ranges, examine
 from taskspec.task.merge import merge
 from taskspec.task.task import Task, TaskLike
 
-# -- warnings -------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True, slots=True)
 class WarningKind:
@@ -102,10 +100,7 @@ def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) 
     return found
 
 
-# -- the report -----------------------------------------------------------------------------------
-
-MODERATE = 4_000_000
-"""Entries up to which a model is extracted for warnings alone."""
+MODERATE = 4_000_000  # entries up to which a model is extracted for warnings alone
 
 
 @dataclass(frozen=True)
@@ -154,8 +149,7 @@ class Report:
         return html_table(caption, ("", "where", "what", ""), [*found, *said])
 
 
-_MEANINGLESS = {"E404", "E406"}
-"""No warnings are given without a first state, or for rewards that are not numbers."""
+_MEANINGLESS = {"E404", "E406"}  # no warnings are given without a first state, or for rewards that are not numbers
 
 
 def check(  # noqa: C901
@@ -231,5 +225,4 @@ def _warnings(task: Task, results: Results) -> list[Diagnostic]:
     return found
 
 
-ELSEWHERE: tuple[str, ...] = ("W523", "W524", "W527")
-"""Warnings about how a task is drawn and printed."""
+ELSEWHERE: tuple[str, ...] = ("W523", "W524", "W527")  # warnings about how a task is drawn and printed

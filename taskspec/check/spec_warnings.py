@@ -88,10 +88,7 @@ def _words(value: Any) -> Iterator[str]:
             return
 
 
-# -- indices --------------------------------------------------------------------------------------
-
-POINTS = 100_000
-"""States, actions and times that are evaluated, at most."""
+POINTS = 100_000  # states, actions and times that are evaluated, at most
 
 
 def moved(context: LintContext) -> Iterator[Doubt]:
@@ -172,9 +169,6 @@ def _guards(roots: Sequence[Node], b: Builder) -> Iterator[tuple[Node, Node]]:
                 needed[2] = b.apply("and", here, fails)
         for child, guard in zip(children(node), needed, strict=True):
             guards[id(child)] = b.apply("or", guards.get(id(child), never), guard)
-
-
-# -- observations ---------------------------------------------------------------------------------
 
 
 def _bare(node: Node) -> Node:

@@ -160,9 +160,6 @@ def check_other(path: Path, kind: Kind) -> FileReport:
     return FileReport(str(path), (), in_order(diagnostics), kind=kind, entries=entries)
 
 
-# -- text ---------------------------------------------------------------------------------------------------------
-
-
 def print_reports(reports: Sequence[FileReport], problems: Sequence[Diagnostic]) -> None:
     """Print problems, what was checked and how, and what was left out and why, each reason once."""
     print_diagnostics(problems, err=False)
@@ -239,9 +236,6 @@ def verdict(reports: Sequence[FileReport], errors: int, warnings: int, seconds: 
     if accepted:
         found.append(", ").append(f"{plural(accepted, 'warning')} accepted", "quiet")
     return found.append(f"  ({seconds:.2f} s)", "quiet")
-
-
-# -- for programs -------------------------------------------------------------------------------------------------
 
 
 def _print_json(

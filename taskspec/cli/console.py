@@ -30,12 +30,9 @@ STYLES = {
     "bad": "bold red",
     "warn": "bold yellow",
 }
-PAGE = 100
-"""The largest width of prose."""
-PIPED = 4096
-"""The width of tables in pipes: every row stays on one line."""
-DEBUG = "TASKSPEC_TRACEBACK"
-"""Set in the environment, this variable shows where an internal error comes from."""
+PAGE = 100  # the largest width of prose
+PIPED = 4096  # the width of tables in pipes: every row stays on one line
+DEBUG = "TASKSPEC_TRACEBACK"  # set in the environment, this variable shows where an internal error comes from
 PASSED_ON = ("Exit", "Abort", "BrokenPipeError")  # by name: their modules differ between versions of typer
 
 
@@ -135,9 +132,6 @@ def write_json(data: Any) -> None:
 def write_records(records: Sequence[Any]) -> None:
     """Print the records of several tasks as a JSON list, or that of one task alone."""
     write_json(records[0] if len(records) == 1 else list(records))
-
-
-# -- errors -------------------------------------------------------------------------------------------------------
 
 
 class UsageError(SpecError):

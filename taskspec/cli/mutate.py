@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
     Judged = tuple[Path, Mutant, Judgement]
 
-ALWAYS = "silent"
-"""The class whose mutants are always listed: nothing has noticed them."""
+ALWAYS = "silent"  # the class whose mutants are always listed: nothing has noticed them
 Listed = Annotated[
     list[str] | None,
     typer.Option("--list", metavar="CLASS", help="Also list the changes of this class; may be repeated."),

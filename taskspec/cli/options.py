@@ -14,8 +14,7 @@ from taskspec.cli.console import misuse
 
 MAX_OFFERED = 100
 
-Completions = list[tuple[str, str]]
-"""What a word may go on to, each with a remark."""
+Completions = list[tuple[str, str]]  # what a word may go on to, each with a remark
 
 
 def flowed(doc: str) -> str:
@@ -41,9 +40,6 @@ def split_names(texts: Sequence[str] | None) -> list[str]:
 def checked_choices(option: str, texts: Sequence[str] | None, allowed: Sequence[str]) -> list[str]:
     """Return the names in an option that may be repeated, or given with commas."""
     return [checked_choice(option, name, allowed) for name in split_names(texts)]
-
-
-# -- completion ---------------------------------------------------------------------------------------------------
 
 
 def starting(incomplete: str, found: Completions) -> Completions:
@@ -121,9 +117,6 @@ def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None
 
         ctx.with_resource(also(",".join(given)))
     return given
-
-
-# -- options ------------------------------------------------------------------------------------------------------
 
 
 def choices_option(*names: str, allowed: Sequence[str], help: str) -> Any:

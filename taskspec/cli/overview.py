@@ -30,10 +30,8 @@ if TYPE_CHECKING:
 
     Listed = Task | Outline
 
-WIDE = 110
-"""From this width on, rows have room for the capability, which is a heading otherwise."""
-WIDEST = 150
-"""From this width on, rows have room for a summary."""
+WIDE = 110  # from this width on, rows have room for the capability, which is a heading otherwise
+WIDEST = 150  # from this width on, rows have room for a summary
 
 
 def list_tasks(
@@ -155,9 +153,6 @@ def _print_source(code: str) -> None:
     from rich.syntax import Syntax
 
     console(wide=True).print(Syntax(code, "python", theme="ansi_dark", background_color="default", word_wrap=True))
-
-
-# -- explain ------------------------------------------------------------------------------------------------------
 
 
 CodeArgument = Annotated[

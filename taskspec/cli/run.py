@@ -29,10 +29,8 @@ MAX_STEPS = 10_000
 RENDER_MODES: dict[str, RenderMode] = {"ansi": "ansi", "human": "human", "gif": "rgb_array", "mp4": "rgb_array"}
 """The render mode of environments for each value of `--render`."""
 FILMS = ("gif", "mp4")
-GIF_FRAMES = 500
-"""A GIF is kept in memory until it is whole, with 1.5 MB a frame."""
-FPS = 4
-"""Steps per second while a key is held in `play`."""
+GIF_FRAMES = 500  # A GIF is kept in memory until it is whole, with 1.5 MB a frame
+FPS = 4  # steps per second while a key is held in `play`
 
 EpisodeCount = Annotated[
     int | None,

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from taskspec.exact import Difficulty, Expectations, PomdpBounds, Results, Return, Score, Scores
     from taskspec.task.task import Task
 
-MOST_CORNERS = 15
-"""Corners of a front that are printed, about."""
+MOST_CORNERS = 15  # corners of a front that are printed, about
 ReturnsFile = Annotated[
     Path,
     typer.Argument(
@@ -159,9 +158,6 @@ def score(
         })  # fmt: skip
     else:
         _print_score(found, result)
-
-
-# -- output -------------------------------------------------------------------------------------------------------
 
 
 def _bounds_record(bounds: PomdpBounds | None) -> dict[str, Any] | None:

@@ -11,11 +11,9 @@ from rich.text import Text
 if TYPE_CHECKING:
     from rich.table import Table
 
-ENDS = "/?&"
-"""Characters after which a prefix that all names share may end."""
+ENDS = "/?&"  # characters after which a prefix that all names share may end
 UNBOUNDED = 10_000
-MOST_PARTS = 3
-"""The most parts that a table is cut into; one that needs more is turned."""
+MOST_PARTS = 3  # the most parts that a table is cut into; one that needs more is turned
 
 
 class Columns:

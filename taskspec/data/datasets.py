@@ -26,13 +26,10 @@ from taskspec.data.preferences import Preferences
 from taskspec.making import made_by
 from taskspec.model.model import misused
 
-# -- checks of data that was read from a file: a `ValueError` says what is wrong with the first array that is wrong ------
-
 REAL = (np.dtype(np.float64),)
 BOOL = (np.dtype(np.bool_),)
 WHOLE = (np.dtype(np.int64),)
-SPACE = (np.dtype(np.int64), np.dtype(np.float32))
-"""The types of observations and of actions."""
+SPACE = (np.dtype(np.int64), np.dtype(np.float32))  # the types of observations and of actions
 
 
 def check_transitions(data: Transitions) -> None:
@@ -110,8 +107,6 @@ def _refuse_rows(wrong: Array, message: str, values: Array) -> None:
         raise ValueError(message.format(row=row, value=values[row]))
 
 
-# -- tables in Parquet: arrays as lists of fixed length, metadata under the key `taskspec`; pyarrow is imported here ----
-
 KEY = b"taskspec"
 
 
@@ -145,8 +140,6 @@ def _column(arrow: Any, values: Array | Sequence[Any]) -> Any:
         return arrow.array(values)
     return arrow.FixedSizeListArray.from_arrays(arrow.array(values.reshape(-1)), math.prod(values.shape[1:]))
 
-
-# -- demonstrations as a dataset of Minari, in a folder of its own ---------------------------------------------------
 
 EXTRA = "minari"
 _NAME = re.compile(r"[-_\w]*\w-v\d+")
@@ -183,11 +176,8 @@ def _episode(buffer: Any, t: Trajectory, number: int, seed: int) -> Any:
     )  # fmt: skip
 
 
-# -- formats; data is written whole or not at all --------------------------------------------------------------------
-
 Data = Demonstrations | Preferences
-MARK = "taskspec.json"
-"""The file of a dataset's folder that holds the metadata."""
+MARK = "taskspec.json"  # the file of a dataset's folder that holds the metadata
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,8 +239,7 @@ _FORMATS = (
     Format("imitation", "", "a folder, for `imitation.data.serialize.load`", _write_imitation),
     Format("minari", "", "a folder, for `minari.MinariDataset`", _write_minari),
 )
-FORMATS = entries_by_name(_FORMATS)
-"""The formats by name."""
+FORMATS = entries_by_name(_FORMATS)  # the formats by name
 
 
 def write(data: Data, path: str | PathLike[str], format: str | None = None) -> None:
@@ -308,8 +297,6 @@ def _unreadable(place: Path, reason: str) -> NoReturn:
     message = f"'{place}' contains neither demonstrations nor preferences: {reason}"
     raise SpecError([Diagnostic("E711", None, message)]) from None
 
-
-# -- as flat arrays -----------------------------------------------------------------------------------------------
 
 PAIRS = {"preferences": "preference", "returns": "return", "queries": "query"}
 """What preferences have for each pair, by the name that a table has for it."""

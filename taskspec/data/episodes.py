@@ -154,14 +154,10 @@ def concatenated(parts: Iterable[Transitions]) -> Transitions:
 # Episode i is the first one of the scalar environment after `reset(seed=seed + i)`. What a policy draws in it comes from words
 # of the same seed, of a phase of their own (`draws.POLICY`).
 
-Part = tuple[int, int]
-"""The first episode and how many."""
-LANES = 256
-"""Episodes that are stepped together, at most."""
-NUMBERS = 2**23
-"""Numbers that are kept of these at once, about."""
-LONGEST = 20_000
-"""Steps after which an episode without a horizon is taken never to end."""
+Part = tuple[int, int]  # the first episode and how many
+LANES = 256  # episodes that are stepped together, at most
+NUMBERS = 2**23  # numbers that are kept of these at once, about
+LONGEST = 20_000  # steps after which an episode without a horizon is taken never to end
 
 
 def recorded(

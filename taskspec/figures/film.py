@@ -25,22 +25,17 @@ from taskspec.rollout.rollout import Rollout
 from taskspec.task.parts import Component
 from taskspec.task.task import Task
 
-FRAMES = 12
-"""The largest number of frames, of the start of an episode or evenly spread over it."""
-ITEMS = 600
-"""The largest number of items in a frame."""
-SAME = 0.1
-"""Centimetres by which frames of one size may differ."""
+FRAMES = 12  # the largest number of frames, of the start of an episode or evenly spread over it
+ITEMS = 600  # the largest number of items in a frame
+SAME = 0.1  # centimetres by which frames of one size may differ
 SECONDS = 0.7
-LAST = 3
-"""The last frame is shown as long as so many others."""
+LAST = 3  # the last frame is shown as long as so many others
 _STYLE = (
     ".film g{{animation-duration:{seconds:.1f}s;animation-timing-function:step-end;animation-iteration-count:infinite}}"
     ".film:hover g{{animation-play-state:paused}}@media(prefers-reduced-motion:reduce){{.film g{{animation:none}}}}"
 )
 
-Step = tuple[dict[str, Any], str]
-"""A state, and words for the step that led to it."""
+Step = tuple[dict[str, Any], str]  # a state, and words for the step that led to it
 
 
 def film(task: Task) -> str | None:

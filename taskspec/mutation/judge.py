@@ -44,8 +44,7 @@ CLASSES: Mapping[Class, str] = {
     "order": "the same task; its labels are numbered otherwise",
     "silent": "nothing notices",
 }
-PART = 8
-"""Mutants that a process is handed at once."""
+PART = 8  # mutants that a process is handed at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +60,7 @@ class Judgement:
         return cls(kind, found.code, found.message)
 
 
-Tasks = Mapping[str | None, Task]
-"""The complete tasks of a spec, by variant."""
+Tasks = Mapping[str | None, Task]  # the complete tasks of a spec, by variant
 
 
 def tasks_of(document: Document) -> Tasks:

@@ -40,8 +40,7 @@ from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
 T = TypeVar("T")
-NOT_HERE = Mark(False, "not for these values")
-"""The mark of a claim that is about other values of the parameters."""
+NOT_HERE = Mark(False, "not for these values")  # the mark of a claim that is about other values of the parameters
 _ENDS = {"terminal": "terminates", "truncated": "is truncated"}
 
 

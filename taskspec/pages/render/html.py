@@ -23,8 +23,7 @@ from taskspec.pages.render.suite import Suite, notation
 from taskspec.pages.templating import html_environment
 from taskspec.printers.text import plain
 
-MOST_ITEMS = 2000
-"""Larger figures are drawn once, without overlays."""
+MOST_ITEMS = 2000  # larger figures are drawn once, without overlays
 _LAYERS = {
     "task": "task", "values": "best returns", "policy": "best actions", "expert": "expert", "occupancy": "visits",
 }  # fmt: skip
@@ -134,9 +133,6 @@ def _card(suite: Suite, page: Page) -> dict[str, Any]:
         "page": page, "summary": writer.prose(page.summary), "facts": facts, "scores": found, "parameters": names,
         "figure": Markup(svg(scene, css=True)) if scene else None, "variants": suite.folded[page.anchor],
     }  # fmt: skip
-
-
-# -- the source of a task
 
 
 @lru_cache(maxsize=32)
