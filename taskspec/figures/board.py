@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from taskspec.figures.scene import BROAD, ROLES, Box, Circle, Color, Item, Label, Line, Point, marked, sign, text_width
+from taskspec.figures.shapes import BROAD, ROLES, Box, Circle, Color, Item, Label, Line, Point, marked, sign, text_width
 from taskspec.lang.ir import Role
 from taskspec.model.space import Space
 from taskspec.model.transitions import Steps

@@ -15,7 +15,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import number
 from taskspec.figures import scene
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import WORD, Item, Label, Scene, text_width
+from taskspec.figures.shapes import WORD, Item, Label, Scene, text_width
 from taskspec.figures.states import STEPS
 from taskspec.figures.vector_formats import svg_document, svg_item
 from taskspec.lang.types import Kind

@@ -12,7 +12,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.display import plural
 from taskspec.figures.board import CELL, LARGEST, ROOMY, WIDEST, Board, Cell, Thing, chosen_ways
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import ROLES, Color, Scene, fitted, shifted
+from taskspec.figures.shapes import ROLES, Color, Scene, fitted, shifted
 from taskspec.figures.states import Reads, all_states, at_states, first_state, is_noisy, observed, reads_of
 from taskspec.lang.ir import Node, Read, reads
 from taskspec.lang.ir import Role as Reading

@@ -11,21 +11,8 @@ import numpy as np
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import number, plural
 from taskspec.base.limits import limits
+from taskspec.figures import shapes as sc
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import (
-    HIGHLIGHTS,
-    Box,
-    Circle,
-    Color,
-    Item,
-    Label,
-    Line,
-    Scene,
-    equal,
-    fitted,
-    marked,
-    text_width,
-)
 from taskspec.figures.states import at_states, reads_of
 from taskspec.lang.ir import Read, Role, walk
 from taskspec.model.space import Space
@@ -210,15 +197,15 @@ class Captions:
         found = {}
         codes = np.array(self.machine.states)
         for name, node in ({} if task.annotations.figure is None else task.annotations.figure.highlight).items():
-            if not node.type.shape and name in HIGHLIGHTS:
+            if not node.type.shape and name in sc.HIGHLIGHTS:
                 holds = at_states(task, node, dict(self.space.decode(codes)), len(codes))
                 found[name] = tuple(codes[holds.astype(bool)].tolist())
         return found
 
     @cached_property
-    def fills(self) -> Mapping[int, Color]:
+    def fills(self) -> Mapping[int, sc.Color]:
         """Colours of states; the last of several."""
-        return {code: HIGHLIGHTS[name] for name, codes in self.marks.items() for code in codes}
+        return {code: sc.HIGHLIGHTS[name] for name, codes in self.marks.items() for code in codes}
 
     def unmarked(self, shown: Collection[int]) -> Iterator[str]:
         """Yield notes on what a figure of some states does not show of `figure: highlight:`."""
@@ -300,7 +287,7 @@ DRAWN = {
 """How results are drawn."""
 
 
-def matrix(task: Task, overlay: Overlay) -> Scene | None:
+def matrix(task: Task, overlay: Overlay) -> sc.Scene | None:
     """Draw how likely a step of random actions leads from each state (rows) to each other (columns); None for too many states."""
     machine = explore(task)
     if machine is None or len(machine.states) > MOST:
@@ -312,7 +299,7 @@ def matrix(task: Task, overlay: Overlay) -> Scene | None:
     notes += drawn.says.unmarked(machine.states)
     alt = f"Transitions of {task.name} as a table: {plural(len(machine.states), 'state')}, {plural(machine.n_actions, 'action')}"
     items = [*drawn.cells(), *drawn.results(), *drawn.labels(), *drawn.starts()]
-    return fitted(items, alt, tuple(notes), drawn=DRAWN)
+    return sc.fitted(items, alt, tuple(notes), drawn=DRAWN)
 
 
 class _Matrix:
@@ -326,7 +313,7 @@ class _Matrix:
         self.strip = STRIP if says.fills else 0.0
         self.right = self.side + (GAP + STRIP if overlay.occupancy else 0.0)  # of all columns
 
-    def cells(self) -> Iterator[Item]:
+    def cells(self) -> Iterator[sc.Item]:
         machine = self.says.machine
         total: dict[tuple[int, int], float] = {}
         for t in machine.transitions:
@@ -334,31 +321,31 @@ class _Matrix:
             total[key] = total.get(key, 0.0) + t.probability / machine.n_actions
         for (row, column), p in total.items():
             shade = min(1.0, LEAST_SHADE + (1 - LEAST_SHADE) * p)
-            yield Box((column * self.cell, row * self.cell), self.cell, self.cell, "ink", None, shade=shade)
-        yield Box((0, 0), self.side, self.side, None, "faint")
+            yield sc.Box((column * self.cell, row * self.cell), self.cell, self.cell, "ink", None, shade=shade)
+        yield sc.Box((0, 0), self.side, self.side, None, "faint")
         for code, role in self.says.fills.items():
-            box = Box((-self.strip, self.place[code] * self.cell), self.strip, self.cell, role, "faint")
+            box = sc.Box((-self.strip, self.place[code] * self.cell), self.strip, self.cell, role, "faint")
             yield box
-            yield from marked(box)
+            yield from sc.marked(box)
         here = self.says.code_of(self.overlay)
         if here is not None and here in self.place:
-            yield Box((0, self.place[here] * self.cell), self.side, self.cell, "accent", None, shade=0.4)
+            yield sc.Box((0, self.place[here] * self.cell), self.side, self.cell, "accent", None, shade=0.4)
 
-    def results(self) -> Iterator[Item]:
+    def results(self) -> Iterator[sc.Item]:
         """Yield frames around where the chosen actions lead, and on the right how often states are visited."""
         chosen = (t for t in self.says.machine.transitions if self.overlay.chosen(t.source, t.action))
         for row, column in dict.fromkeys((self.place[t.source], self.place[t.target]) for t in chosen):
-            yield Box((column * self.cell, row * self.cell), self.cell, self.cell, None, "accent")
+            yield sc.Box((column * self.cell, row * self.cell), self.cell, self.cell, None, "accent")
         for code, share in self.overlay.occupancy.items():
             if code in self.place:
                 corner = (self.side + GAP, self.place[code] * self.cell)
-                yield Box(corner, STRIP, self.cell, "accent", None, shade=min(1.0, share))
+                yield sc.Box(corner, STRIP, self.cell, "accent", None, shade=min(1.0, share))
         if self.overlay.occupancy:
-            yield Box((self.side + GAP, 0), STRIP, self.side, None, "faint")
+            yield sc.Box((self.side + GAP, 0), STRIP, self.side, None, "faint")
 
-    def labels(self) -> Iterator[Label]:
+    def labels(self) -> Iterator[sc.Label]:
         texts = [self.says.labels[code] for code in self.place]
-        widest = max(text_width(text, LETTERS) for text in texts)
+        widest = max(sc.text_width(text, LETTERS) for text in texts)
         all_numbers = all(isinstance(text, m.Num) for text in texts)
         room = widest + (GAP if all_numbers else CLEAR)
         left = -0.12 - self.strip
@@ -366,32 +353,32 @@ class _Matrix:
         heads = texts
         if self.named and room > self.cell and not all_numbers:
             heads = [m.Num(str(i)) for i in range(len(texts))]
-            beside = left - text_width(heads[-1], LETTERS) - 2 * GAP
+            beside = left - sc.text_width(heads[-1], LETTERS) - 2 * GAP
             room = self.cell
         for i in self._spaced(ROOM):
             y = (i + 0.5) * self.cell
-            yield Label((beside, y), texts[i], LETTERS, "end", "muted")
+            yield sc.Label((beside, y), texts[i], LETTERS, "end", "muted")
             if heads is not texts:
-                yield Label((left, y), heads[i], LETTERS, "end", "muted")
+                yield sc.Label((left, y), heads[i], LETTERS, "end", "muted")
         for i in self._spaced(room):
-            yield Label(((i + 0.5) * self.cell, -0.22), heads[i], LETTERS, "middle", "muted")
+            yield sc.Label(((i + 0.5) * self.cell, -0.22), heads[i], LETTERS, "middle", "muted")
         for code, value in self.overlay.values.items() if self.named else ():
             if code in self.place:
                 y = (self.place[code] + 0.5) * self.cell
-                yield Label((self.right + 0.6, y), equal("V", value), LETTERS, "start", "muted")
-        yield Label((self.side / 2, -0.65), m.Words("to"), LETTERS)
-        yield Label((beside - widest - 0.23, self.side / 2), m.Words("from"), LETTERS, "end")
+                yield sc.Label((self.right + 0.6, y), sc.equal("V", value), LETTERS, "start", "muted")
+        yield sc.Label((self.side / 2, -0.65), m.Words("to"), LETTERS)
+        yield sc.Label((beside - widest - 0.23, self.side / 2), m.Words("from"), LETTERS, "end")
 
     def _spaced(self, room: float) -> range:
         """Return every state, or every second, fifth, tenth, …, so that each has some room, in centimetres."""
         steps = (k * 10**e for e in range(4) for k in (1, 2, 5))
         return range(0, len(self.place), next(k for k in steps if k * self.cell >= room - 1e-9))
 
-    def starts(self) -> Iterator[Item]:
+    def starts(self) -> Iterator[sc.Item]:
         """Yield arrows to the rows in which episodes start, or dots where there is no room."""
         for code in self.says.machine.start:
             y = (self.place[code] + 0.5) * self.cell
             if self.cell > HEAD_ROOM:
-                yield Line(((self.right + 0.5, y), (self.right + 0.06, y)), arrow=True, color="muted")
+                yield sc.Line(((self.right + 0.5, y), (self.right + 0.06, y)), arrow=True, color="muted")
             else:
-                yield Circle((self.right + 0.1, y), 0.05, "muted", None)
+                yield sc.Circle((self.right + 0.1, y), 0.05, "muted", None)

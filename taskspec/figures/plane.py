@@ -15,7 +15,7 @@ from taskspec.base.display import plural
 from taskspec.figures.board import central
 from taskspec.figures.chart import Axes, Scale, arrow_axes
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import ROLES, Box, Circle, Item, Line, Point, Scene, fitted, sign
+from taskspec.figures.shapes import ROLES, Box, Circle, Item, Line, Point, Scene, fitted, sign
 from taskspec.figures.states import Reads, at_state, at_states, expert_path, first_state, reads_of
 from taskspec.lang import batch, interval
 from taskspec.lang.ir import Apply, Node, Read, draws, walk

@@ -13,7 +13,7 @@ import numpy as np
 
 from taskspec.base.extras import need
 from taskspec.base.files import write_bytes
-from taskspec.figures.scene import Area, Box, Circle, Dash, Item, Label, Line, Scene, head, hex_color, shaft
+from taskspec.figures.shapes import Area, Box, Circle, Dash, Item, Label, Line, Scene, head, hex_color, shaft
 from taskspec.printers import tree as m
 from taskspec.printers.text import plain
 

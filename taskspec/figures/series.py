@@ -12,7 +12,7 @@ from taskspec.base.display import plural
 from taskspec.figures.chart import GAP, SYMBOL, TICKS
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.plane import WIDTH, runs, turn
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted, signed
+from taskspec.figures.shapes import Box, Circle, Item, Label, Line, Scene, fitted, signed
 from taskspec.figures.states import STEPS, State, at_state, episode_path
 from taskspec.lang import interval
 from taskspec.lang import syntax as s

@@ -11,7 +11,7 @@ import numpy as np
 from taskspec import draws
 from taskspec.base.arrays import Array
 from taskspec.base.display import number
-from taskspec.figures.scene import Box, Item, Label, Line, Scene, fitted, text_width
+from taskspec.figures.shapes import Box, Item, Label, Line, Scene, fitted, text_width
 from taskspec.lang import batch
 from taskspec.lang.evaluate import Flat, evaluate
 from taskspec.lang.ir import Node, Role
