@@ -26,7 +26,6 @@ def audit(
         str,
         typer.Argument(
             metavar="ENV",
-            show_default=False,
             help="An id of Gymnasium, [cyan]module:id[/] to import a module first, or [cyan]FILE.py:FUNCTION[/] that makes it.",
         ),
     ],
@@ -36,7 +35,7 @@ def audit(
     seconds: Annotated[float, typer.Option("--seconds", min=1, help="Time that the audit may take, roughly.")] = 60.0,
     replay: Annotated[
         str | None,
-        typer.Option("--replay", metavar="TRACE", show_default=False, help="Play a trace of a report instead."),
+        typer.Option("--replay", metavar="TRACE", help="Play a trace of a report instead."),
     ] = None,
     json: options.Json = False,
 ) -> None:

@@ -24,14 +24,14 @@ Output = Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="The
 Format = Annotated[
     str | None,
     typer.Option(
-        "--format", metavar="|".join(FORMATS), help="File format; by default from the suffix.", show_default=False,
+        "--format", metavar="|".join(FORMATS), help="File format; by default from the suffix.",
         autocompletion=lambda: FORMATS,
     ),
 ]  # fmt: skip
 Transitions = Annotated[
     int | None,
     typer.Option(
-        "--transitions", min=1, help="Generate whole episodes, until there are at least this many steps.", show_default=False
+        "--transitions", min=1, help="Generate whole episodes, until there are at least this many steps."
     ),
 ]  # fmt: skip
 TeacherName = Annotated[
@@ -47,9 +47,7 @@ def demos(
     task: TaskArgument,
     output: Output,
     policy: PolicyName = "expert",
-    episodes: Annotated[
-        int | None, typer.Option("--episodes", "-n", min=1, help="How many; 100 by default.", show_default=False)
-    ] = None,
+    episodes: Annotated[int | None, typer.Option("--episodes", "-n", min=1, help="How many; 100 by default.")] = None,
     transitions: Transitions = None,
     seed: Seed = 0,
     variant: Variant = None,

@@ -23,7 +23,7 @@ GIT = "git:"
 Side = Annotated[
     str,
     typer.Argument(
-        metavar="TASK", show_default=False, autocompletion=options.complete_targets,
+        metavar="TASK", autocompletion=options.complete_targets,
         help="An id, the path of a spec, either with values behind it ([cyan]x.yaml?L=5[/]), or a path at a revision, "
         "[cyan]git:REV:PATH[/].",
     ),

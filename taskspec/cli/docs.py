@@ -25,14 +25,12 @@ FORMATS = ("html", "latex", "markdown", "svg", "pdf")
 OVERLAYS = ("values", "policy", "expert", "occupancy")
 Results = Annotated[bool, typer.Option("--results/--no-results", help="Scores, and the verdicts on claims.")]
 Brief = Annotated[bool, typer.Option("--brief", help="Half a page for each task: its definition, figure and scores.")]
-Title = Annotated[
-    str, typer.Option("--title", help="Title of the document; the suite's name by default.", show_default=False)
-]
+Title = Annotated[str, typer.Option("--title", help="Title of the document; the suite's name by default.")]
 FigureFile = Annotated[
     Path,
     typer.Option(
         "--output", "-o", metavar="FILE", help="Output file, ending in .svg, .tex, .png or .pdf.", dir_okay=False,
-        show_default=False,
+
     ),
 ]  # fmt: skip
 Overlays = Annotated[

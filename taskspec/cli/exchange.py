@@ -93,18 +93,16 @@ def _verify(task: Task, format: ModelFormat, model: Any, tables: Any, json: bool
 def import_task(
     source: Annotated[
         str,
-        typer.Argument(
-            metavar="FILE|ENV", help="A file, or the id of an environment with a table P.", show_default=False
-        ),
+        typer.Argument(metavar="FILE|ENV", help="A file, or the id of an environment with a table P."),
     ],
     format: ImportFormat = None,
     output: Annotated[
         Path | None, options.file_option("--output", "-o", help="The spec; standard output by default.")
     ] = None,
-    name: Annotated[str | None, typer.Option("--name", help="Name of the task.", show_default=False)] = None,
+    name: Annotated[str | None, typer.Option("--name", help="Name of the task.")] = None,
     horizon: Annotated[
         int | None,
-        typer.Option("--horizon", min=1, help="Steps of an episode, where the source has none.", show_default=False),
+        typer.Option("--horizon", min=1, help="Steps of an episode, where the source has none."),
     ] = None,
 ) -> None:
     """Write a spec of a finite task that another tool has: UMB, DRN, or Gymnasium's table P.

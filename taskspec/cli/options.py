@@ -121,9 +121,7 @@ def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None
 
 def choices_option(*names: str, allowed: Sequence[str], help: str) -> Any:
     """Return an option with some of the values allowed; see `checked_choices`."""
-    return typer.Option(
-        *names, metavar="|".join(allowed), help=help, autocompletion=lambda: allowed, show_default=False
-    )
+    return typer.Option(*names, metavar="|".join(allowed), help=help, autocompletion=lambda: allowed)
 
 
 def formats_option(allowed: Sequence[str], help: str) -> Any:
@@ -138,7 +136,7 @@ def folder_option(help: str, show_default: bool = True) -> Any:
 
 def file_option(*names: str, help: str) -> Any:
     """Return an option that names a file."""
-    return typer.Option(*names, metavar="FILE", help=help, dir_okay=False, show_default=False)
+    return typer.Option(*names, metavar="FILE", help=help, dir_okay=False)
 
 
 def seed_option(help: str) -> Any:
@@ -146,20 +144,18 @@ def seed_option(help: str) -> Any:
 
 
 def time_limit_option(help: str) -> Any:
-    return typer.Option("--time-limit", metavar="SECONDS", help=help, show_default=False)
+    return typer.Option("--time-limit", metavar="SECONDS", help=help)
 
 
 TaskArgument = Annotated[
     str,
-    typer.Argument(
-        metavar="TASK", help="An id, or the path of a spec.", autocompletion=complete_targets, show_default=False
-    ),
+    typer.Argument(metavar="TASK", help="An id, or the path of a spec.", autocompletion=complete_targets),
 ]
 Targets = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[TASK|FOLDER]...", help="Ids, specs, suites or folders of specs; all known tasks if omitted.",
-        autocompletion=complete_targets, show_default=False,
+        autocompletion=complete_targets,
     ),
 ]  # fmt: skip
 Variant = Annotated[str | None, typer.Option("--variant", "-v", metavar="NAME", help="A variant of the spec.")]
@@ -180,7 +176,7 @@ Modifiers = Annotated[
 LimitsGiven = Annotated[
     list[str] | None,
     typer.Option(
-        "--limit", metavar="NAME=VALUE", callback=_set_limits, show_default=False,
+        "--limit", metavar="NAME=VALUE", callback=_set_limits,
         help="Limit the cost of an analysis: [green]--limit seconds=60[/], or [green]seconds=0[/] to skip it; may be repeated.",
     ),
 ]  # fmt: skip
@@ -195,13 +191,13 @@ PolicyName = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
 Jobs = Annotated[
     int | None,
-    typer.Option("--jobs", "-j", min=1, help="Processes; one for each processor by default.", show_default=False),
+    typer.Option("--jobs", "-j", min=1, help="Processes; one for each processor by default."),
 ]
 Cluster = Annotated[
     str | None,
     typer.Option(
         "--cluster", metavar="ADDRESS", help="A Dask scheduler that does the work, such as tcp://10.0.0.1:8786.",
-        show_default=False,
+
     ),
 ]  # fmt: skip
 Retry = Annotated[bool, typer.Option("--retry", help="Retry what failed before.")]

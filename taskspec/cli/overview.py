@@ -159,7 +159,7 @@ CodeArgument = Annotated[
     str | None,
     typer.Argument(
         metavar="[CODE]", help="A code or its name; lists all if omitted.",
-        show_default=False,
+
     ),
 ]  # fmt: skip
 

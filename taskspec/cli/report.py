@@ -31,12 +31,12 @@ WIDEST = 41
 OUTCOMES = {"confirmed": "good", "refuted": "bad", "undecided": "warn", "not run": "quiet"}
 Folders = Annotated[
     list[Path],
-    typer.Argument(metavar="FOLDER...", help="Results of exams: folders with an exam.json.", show_default=False),
+    typer.Argument(metavar="FOLDER...", help="Results of exams: folders with an exam.json."),
 ]
 Suite = Annotated[
     str | None,
     typer.Option(
-        "--findings", metavar="SUITE", show_default=False,
+        "--findings", metavar="SUITE",
         help="Evaluate the findings of a suite; the exams in one folder are a set of results.",
     ),
 ]  # fmt: skip

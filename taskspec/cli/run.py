@@ -34,9 +34,7 @@ FPS = 4  # steps per second while a key is held in `play`
 
 EpisodeCount = Annotated[
     int | None,
-    typer.Option(
-        "--episodes", "-n", min=1, help=f"How many; {EPISODES} by default, 1 with --render.", show_default=False
-    ),
+    typer.Option("--episodes", "-n", min=1, help=f"How many; {EPISODES} by default, 1 with --render."),
 ]
 Render = Annotated[
     str | None,

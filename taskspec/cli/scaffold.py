@@ -60,14 +60,11 @@ def new(
         typer.Argument(
             metavar="NAME|FILE",
             help="Name of the task, such as RiskyPath, or a file, such as risky_path.yaml.",
-            show_default=False,
         ),
     ],
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="Where to write it; risky_path.yaml by default.", show_default=False
-        ),
+        typer.Option("--output", "-o", metavar="FILE", help="Where to write it; risky_path.yaml by default."),
     ] = None,
 ) -> None:
     """Write a commented spec to start from.

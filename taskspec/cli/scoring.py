@@ -25,7 +25,7 @@ ReturnsFile = Annotated[
     Path,
     typer.Argument(
         metavar="RETURNS", help="Returns of episodes: JSON (as `run --json` writes), or CSV (a monitor file, or a column).",
-        show_default=False,
+
     ),
 ]  # fmt: skip
 

@@ -26,14 +26,14 @@ FAMILY = "families/tables"
 Learner = Annotated[
     str | None,
     typer.Argument(
-        metavar="[A]", show_default=False, autocompletion=options.complete_learners,
+        metavar="[A]", autocompletion=options.complete_learners,
         help="A learner, as [cyan]FILE.py:train[/] or by name.",
     ),
 ]  # fmt: skip
 Opponent = Annotated[
     str | None,
     typer.Argument(
-        metavar="[B]", show_default=False, autocompletion=options.complete_learners,
+        metavar="[B]", autocompletion=options.complete_learners,
         help="Another one; right Q-learning unless given, on tasks that right learners master.",
     ),
 ]  # fmt: skip
@@ -47,14 +47,14 @@ Family = Annotated[
 Zoo = Annotated[
     Path | None,
     typer.Option(
-        "--cover", metavar="ZOO.yaml", show_default=False,
+        "--cover", metavar="ZOO.yaml",
         help="In place of A and B: a file of right learners and their mistakes, each of which a small set of tasks separates.",
     ),
 ]  # fmt: skip
 Output = Annotated[
     Path | None,
     typer.Option(
-        "--output", "-o", metavar="FILE|FOLDER", show_default=False,
+        "--output", "-o", metavar="FILE|FOLDER",
         help="The spec, separates.yaml by default; with --cover a folder of specs, build/covers/ZOO by default.",
     ),
 ]  # fmt: skip
@@ -195,9 +195,7 @@ def freeze(
     variant: options.Variant = None,
     parameters: options.Parameters = None,
     modifiers: options.Modifiers = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", min=0, metavar="SEED", help="Seed of the instance.", show_default=False)
-    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, metavar="SEED", help="Seed of the instance.")] = None,
     output: Annotated[
         Path | None, options.file_option("--output", "-o", help="The spec; standard output by default.")
     ] = None,

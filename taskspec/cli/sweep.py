@@ -26,7 +26,7 @@ ExperimentName = Annotated[
     str,
     typer.Argument(
         metavar="EXPERIMENT", help="The path of an experiment, or suite/name.", autocompletion=options.complete_experiments,
-        show_default=False,
+
     ),
 ]  # fmt: skip
 Format = Annotated[
