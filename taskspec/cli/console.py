@@ -10,6 +10,7 @@ import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import rich.console
@@ -19,6 +20,7 @@ from rich.segment import Segment
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, render
 from taskspec.base.display import visible, visible_json
+from taskspec.base.files import near, write_text
 
 STYLES = {
     "title": "bold",
@@ -122,6 +124,15 @@ def line(*parts: tuple[str, str] | str) -> VisibleText:
         else:
             text.append(*part)
     return text
+
+
+def write_output(text: str, place: Path | None) -> None:
+    """Write a text to a file, and say so; without a place, to standard output."""
+    if place is None:
+        sys.stdout.write(text)
+        return
+    write_text(place, text)
+    say(f"wrote {near(place)}", err=True)
 
 
 def write_json(data: Any) -> None:

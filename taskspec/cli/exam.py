@@ -209,10 +209,7 @@ def _tasks(names: Sequence[str]) -> list[TaskLike]:
     found: list[TaskLike] = []
     for name in names:
         written = read_if_experiment(name)
-        if written is None:
-            found.append(name)
-        else:
-            found += expand(written).tasks()
+        found += [name] if written is None else expand(written).tasks()
     return found
 
 

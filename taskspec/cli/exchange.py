@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.base.diagnostics import spec_error
-from taskspec.base.files import near, write_bytes, write_text
+from taskspec.base.files import near, write_bytes
 from taskspec.cli import options
-from taskspec.cli.console import console, misuse, say, write_json
+from taskspec.cli.console import console, misuse, say, write_json, write_output
 from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
@@ -114,9 +114,4 @@ def import_task(
 
     if format is not None:
         options.checked_choice("--format", format, READ)
-    text = imported(source, format, name, horizon).spec()
-    if output is None:
-        sys.stdout.write(text)
-        return
-    write_text(output, text)
-    say(f"wrote {near(output)}", err=True)
+    write_output(imported(source, format, name, horizon).spec(), output)

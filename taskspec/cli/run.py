@@ -161,16 +161,9 @@ def _record(task: Task, policy: str, seed: int, summary: Summary, done: list[Epi
     if half is not None:
         interval = [summary.mean - half, summary.mean + half]
     return {
-        "id": task.id,
-        "parameters": task.values,
-        "modifiers": list(map(str, task.modifiers)),
-        "policy": policy,
-        "seed": seed,
-        "content_hash": task.content_hash,
-        **found,
-        "confidence_95": interval,
-        "returns": [episode.total for episode in done],
-    }
+        "id": task.id, "parameters": task.values, "modifiers": list(map(str, task.modifiers)), "policy": policy, "seed": seed,
+        "content_hash": task.content_hash, **found, "confidence_95": interval, "returns": [each.total for each in done],
+    }  # fmt: skip
 
 
 def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:

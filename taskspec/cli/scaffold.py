@@ -11,7 +11,7 @@ import typer
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import visible_json
 from taskspec.base.files import write_text
-from taskspec.cli.console import misuse, say
+from taskspec.cli.console import misuse, say, write_output
 from taskspec.cli.options import file_option
 
 SCAFFOLD = """\
@@ -114,9 +114,4 @@ def schema(
     for model, wanted in asked.items():
         if wanted:
             schema = document_schema(model)
-    text = visible_json(schema)
-    if output is None:
-        say(text)
-        return
-    write_text(output, text + "\n")
-    say(f"wrote {output}", err=True)
+    write_output(visible_json(schema) + "\n", output)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +12,7 @@ from taskspec.base.display import fixed, interval
 from taskspec.base.files import near, safe_name, write_text
 from taskspec.base.limits import tell
 from taskspec.cli import options
-from taskspec.cli.console import VisibleText, console, line, misuse, say, write_json
+from taskspec.cli.console import VisibleText, console, line, misuse, say, write_json, write_output
 from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
@@ -213,9 +212,4 @@ def freeze(
     found = tasks_of(task, variant, given, modifiers or [])
     if len(found) != 1:
         raise spec_error("E713", f"{task} names {len(found)} tasks; freeze one at a time")
-    text = frozen(found[0]).spec()
-    if output is None:
-        sys.stdout.write(text)
-        return
-    write_text(output, text)
-    say(f"wrote {near(output)}", err=True)
+    write_output(frozen(found[0]).spec(), output)
