@@ -16,7 +16,7 @@ from taskspec.figures import shapes as sc
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.series import MOST as FOLLOWED
 from taskspec.figures.series import series
-from taskspec.figures.states import State, at_state, at_states, episode_path, expert_path, reads_of
+from taskspec.figures.states import State, at_state, at_states, episode_path, expert_path, figure_of, reads_of
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Node, Read
 from taskspec.lang.types import Kind
@@ -123,10 +123,9 @@ def _sums(row: Array, colors: list[sc.Color], step: float, y: float) -> Iterator
 
 def _vector(task: Task) -> Node | None:
     """Return the vector or the matrix that is drawn."""
+    values = figure_of(task).values
     b = Builder()
-    nodes: list[Node] = [b.read(*c.read, c.type, c.least, c.most) for c in task.state]
-    if task.annotations.figure is not None and task.annotations.figure.values is not None:
-        nodes = [task.annotations.figure.values]
+    nodes = [b.read(*c.read, c.type, c.least, c.most) for c in task.state] if values is None else [values]
     return next((node for node in nodes if node.type.shape and node.type.size), None)
 
 
@@ -138,7 +137,7 @@ def _colors(task: Task, node: Node, state: State) -> list[sc.Color]:
     count = node.type.size
     colors: list[sc.Color] = ["accent"] * count
     reads = reads_of(task, state)
-    for name, part in ({} if task.annotations.figure is None else task.annotations.figure.highlight).items():
+    for name, part in figure_of(task).highlight.items():
         if name not in sc.HIGHLIGHTS:
             continue
         if part.type.kind is Kind.BOOL and part.type.shape in ((), (count,)):

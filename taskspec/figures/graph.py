@@ -9,7 +9,7 @@ from functools import lru_cache
 from taskspec.base.display import plural
 from taskspec.figures import shapes as sc
 from taskspec.figures.layout import DOTS, DX, DY, Arc, Drawing, Vertex, drawings, ordered, whole
-from taskspec.figures.machine import Captions, Machine, explore
+from taskspec.figures.machine import Machine, explore
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.route import ARROW, STATE, Spot, along, at_loop, beside, loops, placed, routed, stubs, ways
 from taskspec.printers import tree as m
@@ -61,7 +61,6 @@ class Plan:
 
 def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
     """Return the best plan without a fault; None when all have faults, cross too often or are too large."""
-    says = Captions(machine)
     best: Plan | None = None
     is_frame = overlay.here is not None
     for found in whole(machine) if is_frame else drawings(machine):
@@ -74,11 +73,11 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
             found,
             machine.ending.intersection(vertices),
             tuple(v for v in machine.start if v in vertices),
-            frozenset(v for v in vertices if says.fills.get(v) == "good"),
+            frozenset(v for v in vertices if machine.fills.get(v) == "good"),
             not found.elided and len(machine.states) <= LOOPS_UP_TO,
-            tuple((v, sc.text_width(says.labels[v], STATE)) for v in vertices),
-            tuple(_on_arrow(says, arc) for arc in found.arcs),
-            tuple((v, word) for v in vertices for word in _at_state(says, v, overlay)),
+            tuple((v, sc.text_width(machine.labels[v], STATE)) for v in vertices),
+            tuple(_on_arrow(machine, arc) for arc in found.arcs),
+            tuple((v, word) for v in vertices for word in _at_state(machine, v, overlay)),
         )
         plan = _planned(request)
         if plan is None or plan.cost:
@@ -94,29 +93,29 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
     return best
 
 
-def _at_state(says: Captions, v: int, overlay: Overlay) -> Iterator[m.Math]:
+def _at_state(machine: Machine, v: int, overlay: Overlay) -> Iterator[m.Math]:
     """Yield who starts in a state, its reward and its value, which are written beside it."""
-    if v in says.machine.starters:
-        yield m.Words(says.machine.starters[v])
-    reward = says.rewards[1].get(v)
+    if v in machine.starters:
+        yield m.Words(machine.starters[v])
+    reward = machine.rewards[1].get(v)
     if reward:
         yield sc.equal("r", reward)
     if v in overlay.values:
         yield sc.equal("V", overlay.values[v])
 
 
-def _on_arrow(says: Captions, arc: Arc) -> m.Math | None:
+def _on_arrow(machine: Machine, arc: Arc) -> m.Math | None:
     """Return action and probability of an arrow, and its reward where states do not decide it."""
     parts: list[m.Math] = []
-    if arc.rewards and says.rewards[0] == "arrow" and len(arc.actions) <= NAMED:
+    if arc.rewards and machine.rewards[0] == "arrow" and len(arc.actions) <= NAMED:
         each = zip(arc.actions, arc.rewards, strict=True)
-        return m.joined((m.joined((says.actions[a], sc.equal("r", reward))) for a, reward in each), ";")
+        return m.joined((m.joined((machine.actions[a], sc.equal("r", reward))) for a, reward in each), ";")
     if arc.probability is not None:
         parts.append(sc.chance(arc.probability))
-    elif len(arc.actions) < says.machine.n_actions:
-        names = [says.actions[a] for a in arc.actions]
+    elif len(arc.actions) < machine.n_actions:
+        names = [machine.actions[a] for a in arc.actions]
         parts += names if len(names) <= NAMED else [names[0], m.Sym("…"), names[-1]]
-    if says.rewards[0] == "arrow" and arc.reward:
+    if machine.rewards[0] == "arrow" and arc.reward:
         parts.append(sc.equal("r", arc.reward))
     if parts:
         return m.joined(parts)
@@ -230,7 +229,6 @@ def _size(v: Vertex, widths: Mapping[Vertex, float]) -> tuple[float, float]:
 
 
 def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:
-    says = Captions(machine)
     items: list[sc.Item] = []
     for arc, line, label in zip(plan.arcs, plan.lines, plan.told, strict=True):
         chosen = isinstance(arc.source, int) and any(overlay.chosen(arc.source, a) for a in arc.actions)
@@ -238,13 +236,13 @@ def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:
         if label is not None:
             items.append(label)
     items += plan.starts
-    present = says.code_of(overlay)
+    present = machine.code_of(overlay)
     for v, spot in plan.spots.items():
         if present is not None:  # room for it around each of them, so that all frames have one size
             items.append(sc.Circle(spot.at, spot.half + 0.16, "accent" if v == present else None, None))
-        items += _vertex(v, spot, plan, says, overlay)
+        items += _vertex(v, spot, plan, machine, overlay)
     shown = [v for v in plan.spots if isinstance(v, int)]
-    notes = (*says.notes(plan.shows_loops), *says.unmarked(shown))
+    notes = (*machine.notes(plan.shows_loops), *machine.unmarked(shown))
     if plan.drawing.elided and (overlay.values or overlay.policy or overlay.occupancy):
         notes += ("Results of the states left out are not shown.",)
     elided = ", elided" if plan.drawing.elided else ""
@@ -253,21 +251,21 @@ def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:
     return sc.fitted(items, f"Transition graph of {machine.task.name}: {size}", notes, focus=focus, drawn=DRAWN)
 
 
-def _vertex(v: Vertex, spot: Spot, plan: Plan, says: Captions, overlay: Overlay) -> Iterator[sc.Item]:
+def _vertex(v: Vertex, spot: Spot, plan: Plan, machine: Machine, overlay: Overlay) -> Iterator[sc.Item]:
     x, y = spot.at
     if isinstance(v, tuple) and v[0] == DOTS:
         yield sc.Label((x, y), m.Sym("…") if v[1] == 2 else m.Words("⋮"), 0.42)
     elif isinstance(v, int):
         if spot.rim:
             yield sc.shape(x, y, spot.half + RIM, sc.RADIUS + RIM, "paper")
-        body = replace(sc.shape(x, y, spot.half, sc.RADIUS, says.fills.get(v, "paper")), state=v)
+        body = replace(sc.shape(x, y, spot.half, sc.RADIUS, machine.fills.get(v, "paper")), state=v)
         yield body
         if v in overlay.occupancy:
             yield sc.shape(x, y, spot.half, sc.RADIUS, "accent", min(1.0, overlay.occupancy[v]))
         signs = [*sc.marked(body)]
         yield from signs
         below = BELOW_SIGN if signs else 0.0
-        yield sc.Label((x, y + below), says.labels[v], STATE)
+        yield sc.Label((x, y + below), machine.labels[v], STATE)
         yield from plan.words.get(v, ())
     else:
         yield sc.Box((x - 0.1, y - 0.1), 0.2, 0.2, "paper")
