@@ -137,9 +137,8 @@ def _summary(about: Any) -> str:
         if about["return"] is not None:
             words += f"; the policy earns {about['return']['value']:.6g} ({about['return']['status']})"
         return words
-    if about["length"] is None:
-        parts = "whole episodes"
-    else:
+    parts = "whole episodes"
+    if about["length"] is not None:
         parts = f"segments of {about['length']} steps"
     words = f"{about['shown'] - about['skipped']:,} pairs of {parts}"
     if about["skipped"]:

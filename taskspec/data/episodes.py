@@ -367,9 +367,8 @@ def role(task: Task, who: Literal["expert", "learner"]) -> Task:
 def described(task: Task, kind: str, acting: TaskPolicy, seed: int) -> dict[str, Any]:
     """Return what data is of, as plain data."""
     value = acting.value
-    if value is None:
-        told = None
-    else:
+    told = None
+    if value is not None:
         told = {"value": value.value, "bound": value.bound, "status": value.status}
     return {
         "kind": kind, "id": task.id, "instance": task.instance_id,

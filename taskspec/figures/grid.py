@@ -80,10 +80,9 @@ class _Grid:
         for word, place in places.items():
             (numbers,) = self.numbers(place, self.reads).astype(float)
             length = float(np.abs(numbers[2:]).max(initial=0.0))
+            way = None
             if 0 < length < math.inf:
                 way = tuple((numbers[2:] / length).tolist())
-            else:
-                way = None
             if word or way is not None:
                 yield Thing(self.short(word), _cell(numbers), way)
 
@@ -140,10 +139,9 @@ class _Grid:
         most = max((1.0, *shades.values()))
         shades = {cell: share / most for cell, share in shades.items()}
         moves = list(chosen_ways(self.task, overlay.policy, by_code))
+        cell = CELL
         if values and moves and len(columns) * ROOMY <= WIDEST:
             cell = ROOMY
-        else:
-            cell = CELL
         board = Board(columns, rows, colors, self.letters, agents, shades, values, moves, self.things, cell=cell)
         alt = f"Grid of {self.task.name}: {plural(len(columns), 'column')} and {plural(len(rows), 'row')}"
         notes = (*self.key(), *unplaced, *board.notes())

@@ -77,14 +77,12 @@ def _class(part: str, paint: sc.Paint) -> str:
 def _svg_paint(item: sc.Circle | sc.Box | sc.Area) -> str:
     classes = [_class(part, paint) for part, paint in (("fill", item.fill), ("line", item.line)) if paint is not None]
     inside = "none" if item.fill is None else sc.hex_color(item.fill)
+    faded = ""
     if item.fill and item.shade < 1:
         faded = f' fill-opacity="{item.shade:.2f}"'
-    else:
-        faded = ""
+    edge = ""
     if item.line:
         edge = f' stroke="{sc.hex_color(item.line)}" stroke-width="{_px(0.032)}"'
-    else:
-        edge = ""
     if isinstance(item, sc.Area) or item.state is None:
         state = ""
     else:
@@ -116,10 +114,9 @@ def _label(label: sc.Label) -> str:
     fill = _class("fill", label.color)
     halo = f' stroke="{sc.hex_color("paper")}" stroke-width="{_px(0.12)}" paint-order="stroke" class="halo {fill}"'
     style = halo if label.halo else f' class="{fill}"'
+    turned = ""
     if label.angle:
         turned = f' transform="rotate({-label.angle:g} {_px(x)} {_px(y)})"'
-    else:
-        turned = ""
     weight = ' font-weight="bold"' if label.bold else ""
     place = f'x="{_px(x)}" y="{_px(y + label.size * 0.34)}" font-size="{_px(label.size)}" text-anchor="{label.anchor}"'
     return f'<text {place} fill="{sc.hex_color(label.color)}"{style}{weight}{turned}>{runs(label.text)}</text>'
@@ -169,10 +166,9 @@ def _tikz_item(item: sc.Item) -> str:
         case sc.Circle(centre=centre, radius=r):
             return rf"\path[{_tikz_paint(item)}] {_tikz_point(centre)} circle [radius={_cm(r)}];"
         case sc.Box(corner=(x, y), width=w, height=h, round=corner):
+            rounded = ""
             if corner:
                 rounded = f", rounded corners={_cm(corner * 28)}pt"
-            else:
-                rounded = ""
             corners = f"{_tikz_point((x, y))} rectangle {_tikz_point((x + w, y + h))}"
             return rf"\path[{_tikz_paint(item)}{rounded}] {corners};"
         case sc.Area(points=points):
@@ -201,10 +197,9 @@ def _tikz_color(paint: sc.Paint) -> str:
 def _tikz_paint(item: sc.Circle | sc.Box | sc.Area) -> str:
     parts = []
     if item.fill:
+        strength = ""
         if item.shade < 1:
             strength = f"!{round(100 * item.shade)}!taskpaper"
-        else:
-            strength = ""
         parts.append(f"fill={_tikz_color(item.fill)}{strength}")
     if item.line:
         parts.append(f"draw={_tikz_color(item.line)}")
@@ -213,9 +208,8 @@ def _tikz_paint(item: sc.Circle | sc.Box | sc.Area) -> str:
 
 def _tikz_line(line: sc.Line) -> str:
     points = sc.shaft(line)
-    if line.dash == "solid":
-        dash = ""
-    else:
+    dash = ""
+    if line.dash != "solid":
         dash = f", {line.dash.replace('dashdot', 'dash dot')}"
     thick = f", line width={_cm(line.width * 23)}pt"
     if line.curved:

@@ -51,10 +51,9 @@ class HtmlWriter:
     def section(self, section: Section, settings: Sequence[str] = ()) -> dict[str, Any]:
         lines = [self.line(line, settings) for line in section.lines]
         lead, rest = section.laid_out(lines)
+        rows = []
         if section.table:
             rows = [[self.prose(cell) for cell in row] for row in section.table.rows]
-        else:
-            rows = []
         header = section.table.header if section.table else ()
         return {"key": section.key, "title": section.title, "lead": lead, "lines": rest, "header": header, "rows": rows}
 
