@@ -34,8 +34,7 @@ def audit(
     ] = "{}",
     seconds: Annotated[float, typer.Option("--seconds", min=1, help="Time that the audit may take, roughly.")] = 60.0,
     replay: Annotated[
-        str | None,
-        typer.Option("--replay", metavar="TRACE", help="Play a trace of a report instead."),
+        str | None, typer.Option("--replay", metavar="TRACE", help="Play a trace of a report instead.")
     ] = None,
     json: options.Json = False,
 ) -> None:

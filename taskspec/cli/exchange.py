@@ -92,8 +92,7 @@ def _verify(task: Task, format: ModelFormat, model: Any, tables: Any, json: bool
 
 def import_task(
     source: Annotated[
-        str,
-        typer.Argument(metavar="FILE|ENV", help="A file, or the id of an environment with a table P."),
+        str, typer.Argument(metavar="FILE|ENV", help="A file, or the id of an environment with a table P.")
     ],
     format: ImportFormat = None,
     output: Annotated[
@@ -101,8 +100,7 @@ def import_task(
     ] = None,
     name: Annotated[str | None, typer.Option("--name", help="Name of the task.")] = None,
     horizon: Annotated[
-        int | None,
-        typer.Option("--horizon", min=1, help="Steps of an episode, where the source has none."),
+        int | None, typer.Option("--horizon", min=1, help="Steps of an episode, where the source has none.")
     ] = None,
 ) -> None:
     """Write a spec of a finite task that another tool has: UMB, DRN, or Gymnasium's table P.

@@ -148,8 +148,7 @@ def time_limit_option(help: str) -> Any:
 
 
 TaskArgument = Annotated[
-    str,
-    typer.Argument(metavar="TASK", help="An id, or the path of a spec.", autocompletion=complete_targets),
+    str, typer.Argument(metavar="TASK", help="An id, or the path of a spec.", autocompletion=complete_targets)
 ]
 Targets = Annotated[
     list[str] | None,
@@ -189,10 +188,7 @@ PolicyName = Annotated[
     ),
 ]  # fmt: skip
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
-Jobs = Annotated[
-    int | None,
-    typer.Option("--jobs", "-j", min=1, help="Processes; one for each processor by default."),
-]
+Jobs = Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Processes; one for each processor by default.")]
 Cluster = Annotated[
     str | None,
     typer.Option(

@@ -30,8 +30,7 @@ NARROWEST = 15  # the least width of a strip
 WIDEST = 41
 OUTCOMES = {"confirmed": "good", "refuted": "bad", "undecided": "warn", "not run": "quiet"}
 Folders = Annotated[
-    list[Path],
-    typer.Argument(metavar="FOLDER...", help="Results of exams: folders with an exam.json."),
+    list[Path], typer.Argument(metavar="FOLDER...", help="Results of exams: folders with an exam.json.")
 ]
 Suite = Annotated[
     str | None,

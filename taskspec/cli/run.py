@@ -33,8 +33,7 @@ GIF_FRAMES = 500  # A GIF is kept in memory until it is whole, with 1.5 MB a fra
 FPS = 4  # steps per second while a key is held in `play`
 
 EpisodeCount = Annotated[
-    int | None,
-    typer.Option("--episodes", "-n", min=1, help=f"How many; {EPISODES} by default, 1 with --render."),
+    int | None, typer.Option("--episodes", "-n", min=1, help=f"How many; {EPISODES} by default, 1 with --render.")
 ]
 Render = Annotated[
     str | None,

@@ -58,8 +58,7 @@ def new(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="NAME|FILE",
-            help="Name of the task, such as RiskyPath, or a file, such as risky_path.yaml.",
+            metavar="NAME|FILE", help="Name of the task, such as RiskyPath, or a file, such as risky_path.yaml."
         ),
     ],
     output: Annotated[
