@@ -8,6 +8,7 @@ import sys
 from typing import Annotated
 
 import typer
+from typer import Option
 
 from taskspec.base import __version__
 from taskspec.cli import overview, scaffold, scoring
@@ -84,9 +85,7 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def taskspec(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
-    ] = False,
+    version: Annotated[bool, Option("--version", callback=_version, is_eager=True, help="Show the version.")] = False,
 ) -> None:
     """Tiny diagnostic reinforcement-learning tasks, each declared in one YAML file.
 

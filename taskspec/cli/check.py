@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Option
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order, records, render
 from taskspec.base.display import plural
@@ -42,12 +43,12 @@ def check(
         str, options.choices_option("--format", allowed=FORMATS, help="Text, JSON, or GitHub annotations.")
     ] = "text",
     json: options.Json = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Count warnings as errors.")] = False,
+    strict: Annotated[bool, Option("--strict", help="Count warnings as errors.")] = False,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Only soundness for the given parameters; no sanity checks, no claims.")
+        bool, Option("--quick", help="Only soundness for the given parameters; no sanity checks, no claims.")
     ] = False,
     fix: Annotated[
-        bool, typer.Option("--fix", help="Write what hints say to write into the files, and check them again.")
+        bool, Option("--fix", help="Write what hints say to write into the files, and check them again.")
     ] = False,
     jobs: options.Jobs = None,
     limits: options.LimitsGiven = None,

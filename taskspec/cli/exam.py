@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from taskspec.base.display import count_of
 from taskspec.base.files import safe_name
@@ -25,12 +26,12 @@ _SECONDS = {"s": 1, "m": 60, "h": 3600}
 
 
 def _option(*names: str, help: str, **more: Any) -> Any:
-    return typer.Option(*names, help=help, **more)
+    return Option(*names, help=help, **more)
 
 
 LearnerArgument = Annotated[
     list[str],
-    typer.Argument(
+    Argument(
         metavar="LEARNER...|EXPERIMENT", autocompletion=options.complete_learners,
         help="[cyan]FILE.py:train[/] or [cyan]module:train[/], a function of a case that gives a policy; or one that comes with "
         "the package, by its name ([cyan]bc[/]) or as a YAML file of its settings. Or an experiment, by its path or as "

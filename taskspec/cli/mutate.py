@@ -7,6 +7,7 @@ from collections import Counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.limits import tell
@@ -25,8 +26,7 @@ if TYPE_CHECKING:
 
 ALWAYS = "silent"  # the class whose mutants are always listed: nothing has noticed them
 Listed = Annotated[
-    list[str] | None,
-    typer.Option("--list", metavar="CLASS", help="Also list the changes of this class; may be repeated."),
+    list[str] | None, Option("--list", metavar="CLASS", help="Also list the changes of this class; may be repeated.")
 ]
 
 
@@ -34,7 +34,7 @@ def mutate(
     targets: Targets = None,
     listed: Listed = None,
     jobs: Jobs = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with status 1 if some change is not noticed.")] = False,
+    strict: Annotated[bool, Option("--strict", help="Exit with status 1 if some change is not noticed.")] = False,
     json: Json = False,
 ) -> None:
     """Find out which mistakes in specs the checks would not notice.

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from taskspec.base.diagnostics import CLASSES, CODES, Code, SpecError, spec_error, suggest
 from taskspec.base.display import plural, visible
@@ -36,7 +36,7 @@ WIDEST = 150  # from this width on, rows have room for a summary
 
 def list_tasks(
     targets: options.Targets = None,
-    capability: Annotated[str | None, typer.Option("--capability", help="Only tasks that isolate this.")] = None,
+    capability: Annotated[str | None, Option("--capability", help="Only tasks that isolate this.")] = None,
     json: options.Json = False,
 ) -> None:
     """List tasks with their parameters, size and horizon.
@@ -111,7 +111,7 @@ def show(
     variant: options.Variant = None,
     parameters: options.Parameters = None,
     modifiers: options.Modifiers = None,
-    source: Annotated[bool, typer.Option("--source", help="The code generated for its environment.")] = False,
+    source: Annotated[bool, Option("--source", help="The code generated for its environment.")] = False,
     json: options.Json = False,
 ) -> None:
     """Show a task as a page, or the code generated from it."""
@@ -155,13 +155,7 @@ def _print_source(code: str) -> None:
     console(wide=True).print(Syntax(code, "python", theme="ansi_dark", background_color="default", word_wrap=True))
 
 
-CodeArgument = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="[CODE]", help="A code or its name; lists all if omitted.",
-
-    ),
-]  # fmt: skip
+CodeArgument = Annotated[str | None, Argument(metavar="[CODE]", help="A code or its name; lists all if omitted.")]
 
 
 def explain(code: CodeArgument = None, json: options.Json = False) -> None:

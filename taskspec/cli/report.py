@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from taskspec.base.display import fixed, interval, plural, visible_json
 from taskspec.base.files import near, safe_name, write_text
@@ -29,16 +29,15 @@ KEY = "● as published  ○ relabelled  | best fixed action  ◂ below −1  �
 NARROWEST = 15  # the least width of a strip
 WIDEST = 41
 OUTCOMES = {"confirmed": "good", "refuted": "bad", "undecided": "warn", "not run": "quiet"}
-Folders = Annotated[
-    list[Path], typer.Argument(metavar="FOLDER...", help="Results of exams: folders with an exam.json.")
-]
+Folders = Annotated[list[Path], Argument(metavar="FOLDER...", help="Results of exams: folders with an exam.json.")]
 Suite = Annotated[
     str | None,
-    typer.Option(
-        "--findings", metavar="SUITE",
+    Option(
+        "--findings",
+        metavar="SUITE",
         help="Evaluate the findings of a suite; the exams in one folder are a set of results.",
     ),
-]  # fmt: skip
+]
 
 
 def report(

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
 from taskspec.base.display import decimal, estimate
 from taskspec.base.limits import tell
@@ -33,7 +33,7 @@ GIF_FRAMES = 500  # A GIF is kept in memory until it is whole, with 1.5 MB a fra
 FPS = 4  # steps per second while a key is held in `play`
 
 EpisodeCount = Annotated[
-    int | None, typer.Option("--episodes", "-n", min=1, help=f"How many; {EPISODES} by default, 1 with --render.")
+    int | None, Option("--episodes", "-n", min=1, help=f"How many; {EPISODES} by default, 1 with --render.")
 ]
 Render = Annotated[
     str | None,
@@ -57,7 +57,7 @@ def run(
     render: Render = None,
     output: FilmFile = None,
     max_steps: Annotated[
-        int, typer.Option("--max-steps", min=1, help="Stop episodes that do not end by themselves.")
+        int, Option("--max-steps", min=1, help="Stop episodes that do not end by themselves.")
     ] = MAX_STEPS,
     json: options.Json = False,
 ) -> None:
@@ -202,7 +202,7 @@ def play(
     variant: options.Variant = None,
     parameters: options.Parameters = None,
     modifiers: options.Modifiers = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the first episode; random if omitted.")] = None,
+    seed: Annotated[int | None, Option("--seed", help="Seed of the first episode; random if omitted.")] = None,
 ) -> None:
     """Play a task with the keyboard, in a window; Escape ends it."""
     from taskspec.envs import Environment, window

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import visible_json
@@ -57,13 +57,10 @@ claims:                              # statements that `taskspec check` holds yo
 def new(
     name: Annotated[
         str,
-        typer.Argument(
-            metavar="NAME|FILE", help="Name of the task, such as RiskyPath, or a file, such as risky_path.yaml."
-        ),
+        Argument(metavar="NAME|FILE", help="Name of the task, such as RiskyPath, or a file, such as risky_path.yaml."),
     ],
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Where to write it; risky_path.yaml by default."),
+        Path | None, Option("--output", "-o", metavar="FILE", help="Where to write it; risky_path.yaml by default.")
     ] = None,
 ) -> None:
     """Write a commented spec to start from.
@@ -89,9 +86,9 @@ def new(
 
 def schema(
     output: Annotated[Path | None, file_option("--output", "-o", help="Write to this file.")] = None,
-    experiment: Annotated[bool, typer.Option("--experiment", help="The schema of experiments.")] = False,
-    exam: Annotated[bool, typer.Option("--exam", help="The schema of exams.")] = False,
-    findings: Annotated[bool, typer.Option("--findings", help="The schema of findings.")] = False,
+    experiment: Annotated[bool, Option("--experiment", help="The schema of experiments.")] = False,
+    exam: Annotated[bool, Option("--exam", help="The schema of exams.")] = False,
+    findings: Annotated[bool, Option("--findings", help="The schema of findings.")] = False,
 ) -> None:
     """Print the JSON Schema of specs or related files, for editors.
 

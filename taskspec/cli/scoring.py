@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from taskspec.base.display import decimal, estimate, number
 from taskspec.cli import options
@@ -24,11 +24,11 @@ RETURNS = ("optimal", "expert", "random", "worst")
 MOST_CORNERS = 15  # corners of a front that are printed, about
 ReturnsFile = Annotated[
     Path,
-    typer.Argument(
-        metavar="RETURNS", help="Returns of episodes: JSON (as `run --json` writes), or CSV (a monitor file, or a column).",
-
+    Argument(
+        metavar="RETURNS",
+        help="Returns of episodes: JSON (as `run --json` writes), or CSV (a monitor file, or a column).",
     ),
-]  # fmt: skip
+]
 
 
 def solve(
@@ -36,22 +36,18 @@ def solve(
     variant: options.Variant = None,
     parameters: options.Parameters = None,
     modifiers: options.Modifiers = None,
-    episodes: Annotated[int, typer.Option("--episodes", "-n", min=2, help="Used where simulation is needed.")] = 1000,
+    episodes: Annotated[int, Option("--episodes", "-n", min=2, help="Used where simulation is needed.")] = 1000,
     seed: Annotated[int, options.seed_option("Used where simulation is needed.")] = 0,
     difficulty: Annotated[
         bool,
-        typer.Option(
-            "--difficulty", help="Measures of difficulty from theory besides: `docs/difficulty.md` lists them."
-        ),
+        Option("--difficulty", help="Measures of difficulty from theory besides: `docs/difficulty.md` lists them."),
     ] = False,
     limit_measure: Annotated[
         list[str] | None,
-        typer.Option(
-            "--limit-measure", metavar="LIMIT", help="Also the best return within a limit on a measure: `cost<=1`."
-        ),
+        Option("--limit-measure", metavar="LIMIT", help="Also the best return within a limit on a measure: `cost<=1`."),
     ] = None,
     front: Annotated[
-        str | None, typer.Option("--front", metavar="MEASURE", help="Also the best return for each value of a measure.")
+        str | None, Option("--front", metavar="MEASURE", help="Also the best return for each value of a measure.")
     ] = None,
     output: Annotated[Path | None, options.file_option("--output", "-o", help="Save the scores to this file.")] = None,
     json: options.Json = False,

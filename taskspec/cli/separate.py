@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import fixed, interval
@@ -24,35 +24,34 @@ if TYPE_CHECKING:
 FAMILY = "families/tables"
 Learner = Annotated[
     str | None,
-    typer.Argument(
-        metavar="[A]", autocompletion=options.complete_learners,
-        help="A learner, as [cyan]FILE.py:train[/] or by name.",
+    Argument(
+        metavar="[A]", autocompletion=options.complete_learners, help="A learner, as [cyan]FILE.py:train[/] or by name."
     ),
-]  # fmt: skip
+]
 Opponent = Annotated[
     str | None,
-    typer.Argument(
+    Argument(
         metavar="[B]", autocompletion=options.complete_learners,
         help="Another one; right Q-learning unless given, on tasks that right learners master.",
     ),
 ]  # fmt: skip
 Family = Annotated[
     str,
-    typer.Option(
+    Option(
         "--in", metavar="EXPERIMENT", autocompletion=options.complete_experiments,
         help="Tasks to search: an experiment, by its path or name, or a suite.",
     ),
 ]  # fmt: skip
 Zoo = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--cover", metavar="ZOO.yaml",
         help="In place of A and B: a file of right learners and their mistakes, each of which a small set of tasks separates.",
     ),
 ]  # fmt: skip
 Output = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--output", "-o", metavar="FILE|FOLDER",
         help="The spec, separates.yaml by default; with --cover a folder of specs, build/covers/ZOO by default.",
     ),
@@ -64,8 +63,8 @@ def separate(
     second: Opponent = None,
     zoo: Zoo = None,
     family: Family = FAMILY,
-    minutes: Annotated[float, typer.Option("--minutes", help="Time that the search may take.")] = 3.0,
-    steps: Annotated[int, typer.Option("--steps", min=1, help="Environment steps of each training run.")] = 3000,
+    minutes: Annotated[float, Option("--minutes", help="Time that the search may take.")] = 3.0,
+    steps: Annotated[int, Option("--steps", min=1, help="Environment steps of each training run.")] = 3000,
     seed: Annotated[int, options.seed_option("Seed of the search.")] = 0,
     output: Output = None,
     jobs: options.Jobs = None,
@@ -194,7 +193,7 @@ def freeze(
     variant: options.Variant = None,
     parameters: options.Parameters = None,
     modifiers: options.Modifiers = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, metavar="SEED", help="Seed of the instance.")] = None,
+    seed: Annotated[int | None, Option("--seed", min=0, metavar="SEED", help="Seed of the instance.")] = None,
     output: Annotated[
         Path | None, options.file_option("--output", "-o", help="The spec; standard output by default.")
     ] = None,
