@@ -49,7 +49,7 @@ def film(task: Task) -> str | None:
         steps = list(_episode(task, who))
     except SpecError:
         return None
-    while len(steps) > 2 and _are_equal(steps[-1][0], steps[-2][0]):
+    while len(steps) > 2 and all(np.array_equal(steps[-1][0][name], steps[-2][0][name]) for name in steps[-1][0]):
         steps.pop()
     every = 1
     if not task.is_finite:
@@ -96,10 +96,6 @@ def _episode(task: Task, who: str) -> Iterator[Step]:
         yield _first_lane(state), f"step {t + 1}: {taken}; reward {number(reward, 4)}, return {number(total, 4)}"
         if bool(moved.terminal[0]):
             return
-
-
-def _are_equal(state: dict[str, Any], other: dict[str, Any]) -> bool:
-    return all(np.array_equal(state[name], other[name]) for name in state)
 
 
 def _first_lane(state: dict[str, Any]) -> dict[str, Any]:
