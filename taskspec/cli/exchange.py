@@ -92,7 +92,7 @@ def _verify(task: Task, format: ModelFormat, model: Any, tables: Any, json: bool
         raise typer.Exit(1)
 
 
-def import_task(
+def import_(
     source: Annotated[str, Argument(metavar="FILE|ENV", help="A file, or the id of an environment with a table P.")],
     format: ImportFormat = None,
     output: Annotated[

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import count, islice
-from typing import Any, Literal, NoReturn, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -226,7 +226,8 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
     running = np.ones(lanes, np.bool_)
     for t in count():
         if t >= LONGEST and task.horizon is None:
-            _refuse_endless(task, acting)
+            who = f"episodes of {acting.name} on {task.id}"
+            misused(f"{who} are still running after {LONGEST:,} steps", "give the task a horizon")
         tell(f"episodes {first + 1:,} to {first + lanes:,}, step {t + 1:,}")
         seen = b.seen.view(copy=True)
         state = by_name(task.state, b.state)
@@ -257,12 +258,9 @@ def _step(engine: NumpyEngine, actions: Any, task: Task, acting: TaskPolicy) -> 
     try:
         engine.step(actions)
     except BadActionError:
-        message = f"the policy {acting.name} gave a value that is not an action of {task.id}, among {_shown(actions)}"
+        shown = np.array2string(np.asarray(actions)[:3], separator=", ", threshold=12).replace("\n", "")
+        message = f"the policy {acting.name} gave a value that is not an action of {task.id}, among {shown}"
         raise SpecError([Diagnostic("E706", None, message, f"an action is one of {task.action_space}")]) from None
-
-
-def _shown(actions: Any) -> str:
-    return np.array2string(np.asarray(actions)[:3], separator=", ", threshold=12).replace("\n", "")
 
 
 def _after(seen: Any, final: Any, ended: Array) -> Any:
@@ -293,12 +291,6 @@ class _Tape:
 def _stacked(*steps: Any) -> Array:
     """Return arrays (lanes, *shape) of each step as one (lanes, steps, *shape)."""
     return np.stack(steps, axis=1)
-
-
-def _refuse_endless(task: Task, acting: TaskPolicy) -> NoReturn:
-    misused(
-        f"episodes of {acting.name} on {task.id} are still running after {LONGEST:,} steps", "give the task a horizon"
-    )
 
 
 # Demonstrations: episodes of a policy where the spec says that the expert acts.

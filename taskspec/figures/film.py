@@ -62,20 +62,15 @@ def film(task: Task) -> str | None:
             drawn = scene(task, Overlay(here=state, seen=seen))
             if drawn is None or len(drawn.items) > ITEMS:
                 return None
-            frames.append(_with_words(drawn, words))
+            label = Label((0.15, drawn.height + WORD), m.Words(words), WORD, "start", "muted")
+            width = max(drawn.width, text_width(label.text, WORD) + 0.3)
+            frames.append(replace(drawn, width=width, height=drawn.height + 2 * WORD, items=(*drawn.items, label)))
     if len(frames) < 2 or np.ptp([frame.height for frame in frames]) > SAME:
         return None
     whose = "an optimal policy" if who == "optimal" else "the expert"
     width = max(frame.width for frame in frames)
     alt = f"An episode of {whose} in {task.name}, {len(frames)} frames"
     return animated(replace(frames[0], width=width, alt=alt), [frame.items for frame in frames])
-
-
-def _with_words(drawn: Scene, words: str) -> Scene:
-    """Return a frame with a line of words below it; nothing moves for them."""
-    label = Label((0.15, drawn.height + WORD), m.Words(words), WORD, "start", "muted")
-    width = max(drawn.width, text_width(label.text, WORD) + 0.3)
-    return replace(drawn, width=width, height=drawn.height + 2 * WORD, items=(*drawn.items, label))
 
 
 def _episode(task: Task, who: str) -> Iterator[Step]:

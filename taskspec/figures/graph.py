@@ -197,7 +197,11 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
     """
     drawing = request.drawing
     widths = dict(request.widths)
-    sizes = {v: _size(v, widths) for v in drawing.vertices}
+    sizes = {}
+    for v in drawing.vertices:
+        sizes[v] = (0.12, 0.12) if _is_chance(v) else (0.26, 0.26)
+        if isinstance(v, int):
+            sizes[v] = (max(sc.RADIUS, widths[v] / 2 + 0.1), sc.RADIUS)
     arcs = zip(drawing.arcs, request.texts, strict=True)
     longest = max((sc.text_width(t, ARROW) for a, t in arcs if a.source != a.target and t), default=0.0)
     step = max(DX, longest + 2 * max(half for half, _ in sizes.values()) + 0.35) * request.stretch
@@ -218,14 +222,6 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
 
 def _is_chance(v: Vertex) -> bool:
     return isinstance(v, tuple) and v[0] == "chance"
-
-
-def _size(v: Vertex, widths: Mapping[Vertex, float]) -> tuple[float, float]:
-    if isinstance(v, int):
-        return max(sc.RADIUS, widths[v] / 2 + 0.1), sc.RADIUS
-    if _is_chance(v):
-        return (0.12, 0.12)
-    return (0.26, 0.26)
 
 
 def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:

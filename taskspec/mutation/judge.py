@@ -119,15 +119,12 @@ def _are_same_everywhere(one: Task, other: Task) -> bool:
         return False
     for values in cases(one):
         try:
-            if not same_task(_with(one, values), _with(other, values)):
+            pair = [build(x.source.document, x.source.variant, values, x.source.suite) for x in (one, other)]
+            if not same_task(*pair):
                 return False
         except SpecError:
             return False
     return True
-
-
-def _with(task: Task, values: Mapping[str, Any]) -> Task:
-    return build(task.source.document, task.source.variant, values, task.source.suite)
 
 
 def judgements(

@@ -146,7 +146,11 @@ def formula(math: m.Math, display: bool = False) -> Markup:
         kind = "rigid" if m.width(math) > BREAK_AFTER else "formula"
         return Markup(f'<span class="{kind}">{mathml(math)}</span>')
     alt = escape(plain(math), quote=True)
-    inner = " ".join(_infix(mathml(piece)) for piece in pieces)
+    infix = (
+        r"^(<math[^>]*><mrow><mo)>",
+        r'\1 form="infix">',
+    )  # a piece that starts with a sign keeps the space around it
+    inner = " ".join(re.sub(*infix, mathml(piece)) for piece in pieces)
     return Markup(f'<span class="formula long" role="math" aria-label="{alt}">{inner}</span>')
 
 
@@ -188,8 +192,3 @@ def _flat(math: m.Math, inside: bool = False) -> list[m.Math]:
             return [m.Sym(left), *_flat(body, inside), m.Sym(right)]
         case _:
             return [math]
-
-
-def _infix(element: str) -> str:
-    """Return a piece that starts with a sign keeps the space around it."""
-    return re.sub(r"^(<math[^>]*><mrow><mo)>", r'\1 form="infix">', element)

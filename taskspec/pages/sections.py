@@ -326,13 +326,10 @@ def all_sections(w: Writing, facts: Facts, found_results: Iterable[Section] = ()
         Section("errata", "Corrections to the source", tuple(map(SectionLine, _errata(w)))),
         Section("sources", "Sources", tuple(SectionLine((p.Cite(x.key, x.where),)) for x in w.spec.sources)),
     ]
-    return [_single(s) for s in found if s.lines or s.table]
-
-
-def _single(section: Section) -> Section:
-    if len(section.lines) == 1 and section.lines[0].verbatim is None:
-        return replace(section, lead=True)
-    return section
+    for i, section in enumerate(found):
+        if len(section.lines) == 1 and section.lines[0].verbatim is None:
+            found[i] = replace(section, lead=True)
+    return [section for section in found if section.lines or section.table]
 
 
 def results(columns: Sequence[tuple[str, Task, Facts]]) -> list[Section]:
