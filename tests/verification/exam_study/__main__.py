@@ -11,6 +11,7 @@ What was done is read again, from build/exam_study, as long as no learner has ch
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import time
 
@@ -27,7 +28,9 @@ def main() -> None:
         formatter_class=argparse.RawTextHelpFormatter,
     )
     parser.add_argument("--learner", choices=exams.TERMS, action="append", help="default: all of them; else no page")
-    parser.add_argument("--right", type=int, default=len(exams.OF_RIGHT_ONES), help="exams of each right version")
+    parser.add_argument(
+        "--right", type=int, default=len(exams.OF_RIGHT_ONES), help="exams of each right version, at most"
+    )
     parser.add_argument("--held", action="store_true", help="only exams that were held before; writes the page")
     parser.add_argument("--baselines", action="store_true", help="keep the results of the right versions")
     given = parser.parse_args()
@@ -41,17 +44,16 @@ def main() -> None:
     for bug in exams.chosen(bugs(), learners):
         if given.held and not exams.is_held(f"{bug.learner}-{bug.name}"):
             continue
-        found = exams.found(exams.wrong(bug), bug.learner)
+        found = exams.of_bug(bug)
         wrong.append((bug, found))
         progress(begin, bug.learner, bug.what, found, found.cause(bug))
     right: dict[tuple[str, int], Found] = {}
-    for learner in learners:
-        for first in exams.OF_RIGHT_ONES[: given.right]:
-            if given.held and not exams.is_held(f"{learner}-right-{first}"):
-                continue
-            found = exams.found(exams.right(learner, first), learner)
-            right[learner, first] = found
-            progress(begin, learner, f"right, seeds from {first}", found, "")
+    for number, learner in itertools.product(range(len(exams.OF_RIGHT_ONES)), learners):
+        first = exams.OF_RIGHT_ONES[number]
+        is_wanted = number < min(given.right, exams.TERMS[learner].right)
+        if is_wanted and (not given.held or exams.is_held(f"{learner}-right-{first}")):
+            right[learner, first] = exams.of_right(learner, number)
+            progress(begin, learner, f"right, seeds from {first}", right[learner, first], "")
     if not given.learner:
         written(wrong, right)
 

@@ -26,7 +26,7 @@ of DERAIL and on the probes, against stored results of the right version, on {se
 The probes were made before the new mistakes were written. Operators of [learned values](learned.md) and two diagnoses were added
 afterwards, for mistakes that had none, so the rows about causes are about known mistakes. Tolerances were set on other seeds;
 after a first look at these ones, an error in the fixed points of critics was corrected. A cause is right if it is one of those
-written beside the mistake; it is another one if values or rewards are explained by a mistake that is not.
+written beside the mistake; it is another one if values, a reward or a policy are explained by a mistake that is not.
 
 {right}
 
@@ -35,11 +35,10 @@ written beside the mistake; it is another one if values or rewards are explained
 | old tasks | lower scores, twins that differ, peeking, failures and diagnoses, on DERAIL |
 | probes | the same on the suite `probes` |
 | values | other numbers that differ: learned values and rewards, learning curves, drawn actions, a longer horizon |
-| fingerprints | learned values or rewards that a known mistake explains, without a right version |
+| fingerprints | learned values, rewards or policies that a known mistake explains, without a right version |
 
 `python -m tests.verification.exam_study` does it again. The tables have all new mistakes (the last three learners), and first
-ones whose cause is not named; o, p, v and f are the parts that flag them. Learners from demonstrations hand over no values: their
-mistakes are named by diagnoses alone.
+ones whose cause is not named; o, p, v and f are the parts that flag them.
 """
 HEAD = "| mistake | flagged by | cause |\n|---|---|---|"
 
