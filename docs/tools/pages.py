@@ -6,6 +6,7 @@ the page. Outputs of examples are those that the pages have already; `tests/docs
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from docs.tools.commands import overview
@@ -13,7 +14,9 @@ from docs.tools.language import language
 from docs.tools.library import library
 from docs.tools.markdown import code, entries, filled, table
 from docs.tools.probes import probes
+from taskspec.exam.mistakes import MISTAKES, KnownMistake
 from taskspec.exam.operators import OPERATORS
+from taskspec.exam.pairings import PAIRINGS
 from taskspec.exam.starc import REWARDS
 from taskspec.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
 from taskspec.modifiers.entry import never
@@ -34,10 +37,22 @@ def difficulty() -> str:
 
 
 def learned() -> str:
-    """Return the page of learned values and rewards, with the mistakes that they show."""
-    operators = entries((o.name, f"a learner {o.mistake} ({o.code})") for o in OPERATORS.values())
-    rewards = entries((r.name, f"{r.mistake} ({r.code})" if r.code else r.mistake) for r in REWARDS.values())
-    return filled(DOCS / "learned.md", {"operators": operators, "rewards": rewards})
+    """Return the page of what was learned, with the mistakes that it shows; each is described where it comes first."""
+    tables: dict[str, Iterable[str]] = {"operators": OPERATORS, "rewards": REWARDS, "pairings": PAIRINGS}
+    described: set[str] = set()
+    parts = {}
+    for kind, names in tables.items():
+        new = [name for name in names if name not in described]
+        known = [name for name in names if name in described]
+        rows = [(name, _mistake(MISTAKES[name])) for name in new]
+        parts[kind] = entries([*rows, ("as above", ", ".join(known))] if known else rows)
+        described.update(new)
+    return filled(DOCS / "learned.md", parts)
+
+
+def _mistake(mistake: KnownMistake) -> str:
+    code_of_it = f" ({mistake.code})" if mistake.code else ""
+    return f"a learner {mistake.what}{code_of_it}"
 
 
 def modifiers() -> str:
