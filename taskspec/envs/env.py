@@ -55,13 +55,9 @@ class Environment(gymnasium.Env[Any, Any]):
     metadata: ClassVar[dict[str, Any]] = {"render_modes": list(get_args(RenderMode)), "render_fps": 4}  # type: ignore[misc]
 
     def __init__(
-        self,
-        task: TaskLike,
-        *,
-        render_mode: RenderMode | None = None,
-        ending: Ending = "terminate",
+        self, task: TaskLike, *, render_mode: RenderMode | None = None, ending: Ending = "terminate",
         observe_time: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
         one_of("ending", ending, ENDINGS)

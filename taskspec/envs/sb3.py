@@ -48,15 +48,9 @@ class Sb3VecEnv(VecEnv):
     """
 
     def __init__(
-        self,
-        task: TaskLike,
-        num_envs: int,
-        *,
-        seed: int = 0,
-        backend: BackendName = "auto",
-        num_threads: int = 1,
+        self, task: TaskLike, num_envs: int, *, seed: int = 0, backend: BackendName = "auto", num_threads: int = 1,
         render_mode: RenderMode | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.task: Task = load(task)
         num_envs = positive("num_envs", num_envs)
         num_threads = positive("num_threads", num_threads)

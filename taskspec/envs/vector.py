@@ -90,18 +90,11 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
     """
 
     def __init__(
-        self,
-        task: TaskLike,
-        num_envs: int = 1,
-        *,
-        backend: BackendName = "auto",
-        autoreset_mode: AutoresetMode | Autoreset = AutoresetMode.NEXT_STEP,
-        reuse: bool = False,
-        num_threads: int = 1,
-        ending: Ending = "terminate",
-        observe_time: bool = False,
+        self, task: TaskLike, num_envs: int = 1, *, backend: BackendName = "auto",
+        autoreset_mode: AutoresetMode | Autoreset = AutoresetMode.NEXT_STEP, reuse: bool = False,
+        num_threads: int = 1, ending: Ending = "terminate", observe_time: bool = False,
         render_mode: RenderMode | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         num_envs = positive("num_envs", num_envs)
         num_threads = positive("num_threads", num_threads)
         one_of("ending", ending, ENDINGS)

@@ -95,12 +95,9 @@ class Frames:
 
 
 def frame(
-    task: Task,
-    state: dict[str, Any],
-    time: int,
-    note: str | None = None,
+    task: Task, state: dict[str, Any], time: int, note: str | None = None,
     seen: Mapping[int, dict[str, Any]] | None = None,
-) -> Frame:
+) -> Frame:  # fmt: skip
     """Return a state as pixels: (height, width, 3), uint8; a note stands above it, cut to what has room.
 
     `seen` are the states of the episode by time, the present one included.

@@ -300,18 +300,9 @@ def show(n: Any, reals: Any, width: Any, number: Any, size: Any, seen: Any, row:
 
 @inner
 def show_some(
-    m: Any,
-    lanes: Any,
-    reals: Any,
-    width: Any,
-    number: Any,
-    size: Any,
-    seen: Any,
-    row: Any,
-    every: Any,
-    first: Any,
+    m: Any, lanes: Any, reals: Any, width: Any, number: Any, size: Any, seen: Any, row: Any, every: Any, first: Any,
     n: Any,
-) -> None:
+) -> None:  # fmt: skip
     for k in range(size):
         a = f32s(reals, (number + k) * width)
         b = f32s(seen, (row + k) * every + first)
