@@ -11,7 +11,6 @@ from typing import Any
 import gymnasium
 import gymnasium.vector
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector.utils import batch_space
 
 from taskspec import draws
@@ -26,6 +25,7 @@ from taskspec.envs.options import (
     ENDINGS,
     ActionError,
     Autoreset,
+    HasSpec,
     NotRunningError,
     invalid,
     lanes_of,
@@ -33,7 +33,6 @@ from taskspec.envs.options import (
     positive,
     seed_of,
     uncopied,
-    with_horizon,
 )
 from taskspec.envs.state import (
     RENDER_MODES,
@@ -66,7 +65,7 @@ AutoresetMode = gymnasium.vector.AutoresetMode
 _MODES: dict[str, Mode] = {"NextStep": "next_step", "SameStep": "same_step", "Disabled": "disabled"}
 
 
-class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
+class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
     """Environments of one task, stepped together.
 
     Args:
@@ -110,7 +109,6 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             "autoreset_mode": self.autoreset_mode,
         }
         self.render_mode: str | None = lane_render_mode(render_mode)
-        self._spec: EnvSpec | None = None
         options = Options(_MODES[self.autoreset_mode.value], num_threads)
         self._engine = backend_table.engine(self.task, self.num_envs, self.backend, options)
         self._same_step = self.autoreset_mode == AutoresetMode.SAME_STEP
@@ -217,15 +215,6 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def _lane(self, number: int) -> LaneView:
         return LaneView(self.task, self._engine, number, self.render_mode, self._seeded, self._drawings[number])
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """Gymnasium's spec of it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, value: EnvSpec | None) -> None:
-        self._spec = with_horizon(value, self.task)
 
     def __reduce_ex__(self, protocol: Any) -> Any:
         uncopied(self)
