@@ -18,8 +18,8 @@ from taskspec import draws
 from taskspec.backends.scalar import Clock, Lane, ScalarProgram, compile_scalar
 from taskspec.base.arrays import Array
 from taskspec.envs import window
-from taskspec.envs.options import ENDINGS, ActionError, HasSpec, NotRunningError, one_of, seed_of
-from taskspec.envs.state import flat_state, overridden, plain_state, require_legal
+from taskspec.envs.options import ENDINGS, ActionError, HasSpec, NotRunningError, one_of, reset_option, seed_of
+from taskspec.envs.state import flat_state, plain_state, require_legal
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.lang.variates import sampler
@@ -87,10 +87,10 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
             options: `{"state": {name: value}}` overrides components of the first state.
 
         Raises:
-            StateError: when an overridden component has no such value, or for another option.
-            SpecError: E713, when the seed is none.
+            StateError: when an overridden component has no such value.
+            SpecError: E713, when the seed is none, or for another option.
         """
-        override = None if options is None else overridden(options)
+        override = reset_option(options, "state")
         if seed is not None:
             seed = seed_of(seed)
             super().reset(seed=seed)

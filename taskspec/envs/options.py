@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import operator
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias, get_args
 
 import gymnasium.error
@@ -85,6 +85,19 @@ class HasSpec:
 def uncopied(env: object) -> NoReturn:
     """Refuse to copy or pickle lanes: generated code is bound to their arrays, so a copy would step the original."""
     raise TypeError(f"{type(env).__name__} is not copied or pickled; make another, and reset it with the same seed")
+
+
+def reset_option(options: Any, name: str) -> Any:
+    """Return the value of the only option that a reset takes; None where it is left out.
+
+    Raises:
+        SpecError: E713 for other options.
+    """
+    if options is None:
+        return None
+    if not isinstance(options, Mapping) or set(options) - {name}:
+        raise invalid(f"the options of reset are {{'{name}': ...}}, not {options!r}")
+    return options.get(name)
 
 
 def positive(name: str, value: Any) -> int:

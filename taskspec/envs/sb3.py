@@ -21,7 +21,7 @@ from taskspec.backends.vector_program import BadActionError, LanesNotRunningErro
 from taskspec.base.arrays import part_at
 from taskspec.base.extras import need
 from taskspec.envs.options import ActionError, NotRunningError, positive, seed_of, uncopied
-from taskspec.envs.state import RENDER_MODES, LaneView, ask_lane, lane_render_mode, refuse_to_set
+from taskspec.envs.state import RENDER_MODES, LaneView, lane_render_mode, refuse_to_set
 from taskspec.envs.window import Frames
 from taskspec.model.model import misused
 from taskspec.policies.experts import Expert
@@ -144,7 +144,7 @@ class Sb3VecEnv(VecEnv):
         found = []
         for i in self._get_indices(indices):
             lane = LaneView(self.task, self._engine, i, self.render_mode, self._started, self._drawings[i])
-            found.append(ask_lane(lane, method_name, *args, **kwargs))
+            found.append(lane.ask(method_name, *args, **kwargs))
         return found
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:

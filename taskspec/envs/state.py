@@ -108,19 +108,6 @@ def _needs(c: Component) -> str:
     return f"{kind}{shape} between {c.least:g} and {c.most:g}"
 
 
-def overridden(options: Any) -> Mapping[str, Any] | None:
-    """Return the components that the options of a reset override."""
-    if not isinstance(options, Mapping):
-        raise StateError(f"E713: options are a mapping such as {{'state': {{...}}}}, not {options!r}")
-    for name in options:
-        if name != "state":
-            raise StateError(f"E713: {name!r} is not an option of reset; the only one is 'state'")
-    state = options.get("state")
-    if state is not None and not isinstance(state, Mapping):
-        raise StateError(f"E709: the option 'state' gives values by component, as in {{'x': 1}}, not {state!r}")
-    return state
-
-
 # -- the state in infos of many environments ----------------------------------------------------------------------
 
 
@@ -261,6 +248,17 @@ class LaneView:
     def get_keys_to_action(self) -> dict[tuple[int, ...], Any]:
         return window.keys_to_action(self.task)
 
+    def ask(self, name: str, *args: Any, **options: Any) -> Any:
+        """Return an attribute of the lane, or what a method of it gives.
+
+        Raises:
+            LaneError: lanes have nothing of that name.
+        """
+        if name not in KNOWN:
+            raise LaneError(f"E713: a lane has no {name!r}; it has {', '.join(KNOWN)}")
+        found = getattr(self, name)
+        return found(*args, **options) if callable(found) else found
+
 
 KNOWN = (
     "task", "state", "time", "observation_space", "action_space", "render_mode", "render", "action_masks", "get_keys_to_action",
@@ -275,20 +273,6 @@ def require_legal(task: Task) -> None:
     """
     if not task.mask:
         misused(f"{task.id} has no `legal:`; all its actions are legal")
-
-
-def ask_lane(lane: LaneView, name: str, *args: Any, **options: Any) -> Any:
-    """Return an attribute of a lane, or what a method of it gives.
-
-    Raises:
-        LaneError: lanes have nothing of that name.
-    """
-    if name not in KNOWN:
-        raise LaneError(f"E713: a lane has no {name!r}; it has {', '.join(KNOWN)}")
-    found = getattr(lane, name)
-    if callable(found):
-        return found(*args, **options)
-    return found
 
 
 def refuse_to_set(name: str) -> NoReturn:

@@ -31,6 +31,7 @@ from taskspec.envs.options import (
     lanes_of,
     one_of,
     positive,
+    reset_option,
     seed_of,
     uncopied,
 )
@@ -38,7 +39,6 @@ from taskspec.envs.state import (
     RENDER_MODES,
     LaneView,
     Masks,
-    ask_lane,
     lane_render_mode,
     masked,
     refuse_to_set,
@@ -149,7 +149,7 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
                 seed all streams go on; the first time, they start from a random one.
             options: `{"reset_mask": array}`.
         """
-        mask = None if options is None else _reset_mask(options)
+        mask = reset_option(options, "reset_mask")
         lanes = None if mask is None else self._lanes(mask)
         self._seed_streams(seed, lanes)
         self._engine.reset(lanes)
@@ -199,7 +199,7 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         Raises:
             LaneError: lanes have nothing of that name.
         """
-        return tuple(ask_lane(self._lane(i), name, *args, **options) for i in range(self.num_envs))
+        return tuple(self._lane(i).ask(name, *args, **options) for i in range(self.num_envs))
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """Return an attribute of every lane; see `call`."""
@@ -265,9 +265,10 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         return np.flatnonzero(mask)
 
     def _seed_streams(self, seed: int | Sequence[int | None] | None, lanes: Array | None) -> None:
+        if not self._seeded:
+            self._engine.seed(draws.lane_seeds(int.from_bytes(os.urandom(8), "little"), self.num_envs))
         if seed is None:
-            if not self._seeded:
-                self._engine.seed(draws.lane_seeds(int.from_bytes(os.urandom(8), "little"), self.num_envs))
+            pass
         elif not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str | bytes):
             every = draws.lane_seeds(seed_of(seed), self.num_envs)
             self._engine.seed(every if lanes is None else every[lanes], lanes)
@@ -278,8 +279,6 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
     def _seed_each(self, seeds: list[int | None], lanes: Array | None) -> None:
         if len(seeds) != self.num_envs:
             raise invalid(f"{len(seeds)} seeds for {self.num_envs} lanes")
-        if not self._seeded and None in seeds:
-            self._engine.seed(draws.lane_seeds(int.from_bytes(os.urandom(8), "little"), self.num_envs))
         allowed = set(range(self.num_envs) if lanes is None else lanes.tolist())
         given = {i: seed_of(s) for i, s in enumerate(seeds) if s is not None and i in allowed}
         if len(given) == self.num_envs:
@@ -305,15 +304,6 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         return NotRunningError(
             f"E708: the episodes of lanes {lanes} are over; call reset(options={{'reset_mask': ...}}) first"
         )
-
-
-def _reset_mask(options: Any) -> Any:
-    if not isinstance(options, Mapping):
-        raise invalid(f"options are a mapping such as {{'reset_mask': ...}}, not {options!r}")
-    for name in options:
-        if name != "reset_mask":
-            raise invalid(f"{name!r} is not an option of reset; the only one is 'reset_mask'")
-    return options.get("reset_mask")
 
 
 class InstanceLanes(gymnasium.vector.SyncVectorEnv):
