@@ -213,7 +213,7 @@ class OpenParameters:
             known = _known(holds)
             if known is not None and not known.all():
                 first = np.argmin(known)
-                values = {p.name: np.ravel(_known(getattr(params, p.name))) for p in self.varying}
+                values = {p.name: np.asarray(_known(getattr(params, p.name))).reshape(-1) for p in self.varying}
                 told = (f"{name}={value[first % value.size]}" for name, value in values.items())
                 raise spec_error("E704", f"{message} ({', '.join(told)})")
 
