@@ -79,6 +79,7 @@ def register(folder: str | os.PathLike[str] | None = None) -> list[str]:
     Raises:
         SpecError: when the folder does not exist or a spec in it cannot be read.
     """
+    _take_instances()
     if folder is None:
         for entry in shipped().values():
             _add(entry.id, {"task": entry.id})
@@ -96,15 +97,12 @@ def register(folder: str | os.PathLike[str] | None = None) -> list[str]:
 
 
 def _add(task_id: str, kwargs: dict[str, Any]) -> None:
-    from gymnasium.envs.registration import register as add
-    from gymnasium.envs.registration import registry
+    from gymnasium.envs.registration import EnvSpec
+    from gymnasium.envs.registration import registry as known
 
-    _take_instances()
-    if task_id in registry and registry[task_id].kwargs == kwargs:
-        return
-    registry.pop(task_id, None)
-    # The environment checks order, horizon and actions itself, so that `gym.make` can return it bare.
-    add(
+    # The environment checks order, horizon and actions itself, so that `gym.make` can return it bare. Gymnasium's `register`
+    # would look for other versions of each task among all tasks.
+    known[task_id] = EnvSpec(
         task_id,
         ENTRY_POINT,
         vector_entry_point="taskspec.making:make_vec_registered",

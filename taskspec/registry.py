@@ -83,7 +83,7 @@ def _texts(folder: Path) -> Iterable[tuple[Path, str]]:
     for name in sorted(name for name in os.listdir(folder) if name.endswith((".yaml", ".yml"))):  # noqa: PTH208
         path = folder / name
         try:
-            yield path, path.read_text(encoding="utf-8", errors="replace")
+            yield path, path.read_bytes().decode("utf-8", "replace")
         except (IsADirectoryError, FileNotFoundError):
             yield path, ""
 

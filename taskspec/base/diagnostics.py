@@ -8,7 +8,6 @@ Columns and offsets count characters (code points), lines and columns start at 1
 
 from __future__ import annotations
 
-import difflib
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
@@ -266,6 +265,8 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
         return min(begun, key=len)
     is_short = len(name) <= 4  # a short name is alike to any long one that has its letters
     alike = [each for each in known if not is_short or len(each) < 2 * len(name) or each.startswith(name)]
+    import difflib
+
     found = difflib.get_close_matches(name, alike, n=1, cutoff=0.5 if is_short else 0.6)
     if found:
         return found[0]

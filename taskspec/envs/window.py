@@ -6,7 +6,6 @@ import importlib
 import itertools
 import math
 import re
-import string
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -176,7 +175,7 @@ def _pyplot() -> Any:
 #
 # Needs finitely many actions, and no more of them than there are digits and letters.
 
-KEYS = string.digits + string.ascii_lowercase
+KEYS = "0123456789abcdefghijklmnopqrstuvwxyz"
 _ARROWS = {"right": 1073741903, "left": 1073741904, "down": 1073741905, "up": 1073741906}
 """Arrow keys, by the numbers that SDL gives them."""
 _DIRECTIONS = _ARROWS | dict(zip(("east", "west", "south", "north"), _ARROWS.values(), strict=True))
