@@ -10,7 +10,6 @@ import dataclasses
 import functools
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskspec import registry
@@ -85,6 +84,8 @@ def register(folder: str | os.PathLike[str] | None = None) -> list[str]:
             _add(entry.id, {"task": entry.id})
         _add(SPEC_ID, {})
         return [*shipped(), SPEC_ID]
+    from pathlib import Path
+
     root = Path(folder)
     if not root.is_dir():
         raise spec_error("E710", f"there is no folder '{root}'")
@@ -246,7 +247,11 @@ def _made(
     """
     if task is not None and path is not None:
         raise spec_error("E713", "give `task` or `path`, not both")
-    source = task if path is None else Path(path)
+    source: TaskLike | None = task
+    if path is not None:
+        from pathlib import Path
+
+        source = Path(path)
     if source is None:
         raise spec_error("E713", f"{SPEC_ID} needs a spec", 'gym.make("taskspec/Spec-v0", path="my.yaml")')
     made = maker(source, variant, modifiers=(*id_modifiers, *registry.listed(modifiers)), **options)
