@@ -20,6 +20,7 @@ from taskspec.cli.diff import diff
 from taskspec.cli.docs import card, docs, figure
 from taskspec.cli.exam import exam
 from taskspec.cli.exchange import export, import_task
+from taskspec.cli.fmt import fmt
 from taskspec.cli.help import Command, Commands
 from taskspec.cli.lsp import lsp
 from taskspec.cli.mutate import mutate
@@ -38,6 +39,7 @@ COMMANDS = (
     ("explain", overview.explain, READ),
     ("new", scaffold.new, WRITE),
     ("check", check, WRITE),
+    ("fmt", fmt, WRITE),
     ("diff", diff, WRITE),
     ("mutate", mutate, WRITE),
     ("build", build, WRITE),
