@@ -19,11 +19,11 @@ from taskspec.backends import backend_table
 from taskspec.backends.backend_table import BackendName
 from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Options
 from taskspec.base.arrays import part_at
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import need
 from taskspec.envs.options import ActionError, NotRunningError, positive, seed_of, uncopied
 from taskspec.envs.state import RENDER_MODES, LaneView, lane_render_mode, refuse_to_set
 from taskspec.envs.window import Frames
-from taskspec.model.model import misused
 from taskspec.policies.experts import Expert
 from taskspec.registry import load
 from taskspec.task.parts import RenderMode
@@ -176,4 +176,4 @@ class Sb3Expert(BasePolicy):
 
     def _predict(self, observation: Any, deterministic: bool = False) -> Any:
         """Refused (E713): the steps taken so far go through `predict` alone."""
-        misused("an expert is asked with `predict`, which is told how many steps were taken")
+        raise spec_error("E713", "an expert is asked with `predict`, which is told how many steps were taken")

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import gymnasium
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import suggest
-from taskspec.base.records import all_names
+from taskspec.base.diagnostics import spec_error, suggest
+from taskspec.base.records import all_names, dataclass
 from taskspec.envs import window
 from taskspec.envs.options import LaneError, NotRunningError, StateError, one_of
 from taskspec.lang.ir import Role
 from taskspec.lang.types import Domain, Kind
-from taskspec.model.model import misused
-from taskspec.model.space import Space
 from taskspec.task.legal import action_mask
 from taskspec.task.parts import Component, RenderMode, are_finite
 from taskspec.task.spaces import single, space
@@ -158,6 +155,8 @@ class Masks:
         self._task = task
         self._state = {c.name: part for c, part in zip(task.state, state, strict=True)}
         self._table: Array | None = None
+        from taskspec.model.space import Space
+
         space = Space(task.state, Role.STATE)
         if are_finite(task.state) and space.size * task.action_layout.counts[0] <= LOOKED_UP:
             every = {name: values for (_, name), values in space.decode(np.arange(space.size)).items()}
@@ -272,7 +271,7 @@ def require_legal(task: Task) -> None:
         SpecError: E713.
     """
     if not task.mask:
-        misused(f"{task.id} has no `legal:`; all its actions are legal")
+        raise spec_error("E713", f"{task.id} has no `legal:`; all its actions are legal")
 
 
 def refuse_to_set(name: str) -> NoReturn:
