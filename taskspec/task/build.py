@@ -8,13 +8,13 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, in_order, raise_if_errors
 from taskspec.base.limits import Limits, limits
-from taskspec.base.records import all_names
+from taskspec.base.records import all_names, dataclass
 from taskspec.lang.check import check_uncalled
 from taskspec.lang.ir import Role, reads
 from taskspec.lang.scope import FunctionDef

@@ -8,7 +8,8 @@ import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any, Literal, NamedTuple, get_args
 
-from taskspec.base.diagnostics import CODES, Advice, suggest
+from taskspec.base.codes import codes
+from taskspec.base.diagnostics import Advice, suggest
 
 # ---------- problems
 # What may be wrong with a value of a spec, and what other formats call its keys.
@@ -162,7 +163,7 @@ _PIECE_KEYS = ("if", "then", "else")
 _TABLE_KEYS = ("by", "rows")
 _ENDLESS = ("no", "none", "null", "off", "never", "inf", "infinite", "infinity", "unlimited", "~")
 Kind = Literal["int", "real", "bool", "choice"]
-WARNINGS = tuple(code for code, entry in CODES.items() if entry.severity == "warning")
+WARNINGS = tuple(code for code, entry in codes().items() if entry.severity == "warning")
 SPACES = ("box", "dict", "one_hot", "multi_discrete", "discrete")
 
 
