@@ -231,8 +231,10 @@ class BaseChecker(ABC):
             SpecError: (E314) when there have been too many expressions by now.
         """
 
-    def check(self, expr: s.Expr, scope: Scope, want: Domain | None = None) -> Value | None:
-        """Return the value of an expression, or None when it is broken (and reported)."""
+    def check(self, expr: s.Expr | None, scope: Scope, want: Domain | None = None) -> Value | None:
+        """Return the value of an expression, or None for none, and for one that is broken (and reported)."""
+        if expr is None:
+            return None
         try:
             return self.value(expr, scope, want)
         except Poisoned:

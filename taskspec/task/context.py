@@ -418,9 +418,9 @@ class Context:
 
     # -- values of components -------------------------------------------------------------------------------------
 
-    def assign(self, expr: s.Expr, scope: Scope, component: Component) -> Node | None:
-        """Return an expression as a value of a component; None when either is broken (and reported)."""
-        if component.name in self.broken:
+    def assign(self, expr: s.Expr | None, scope: Scope, component: Component) -> Node | None:
+        """Return an expression as a value of a component; None when there is none, or either is broken (and reported)."""
+        if expr is None or component.name in self.broken:
             self.checker.check(expr, scope, component.domain)
             return None
         return assign(self.checker, expr, scope, component)

@@ -293,10 +293,7 @@ class Names:
         expr = context.exprs["dynamics"][written]
         leave = context.guard(written, at)
         try:
-            if expr is None:
-                node = None
-            else:
-                node = context.assign(expr, self.scope("dynamics"), component)
+            node = context.assign(expr, self.scope("dynamics"), component)
         finally:
             leave()
         if node is None:
