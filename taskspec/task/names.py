@@ -230,12 +230,8 @@ class Names:
             expr = self.context.exprs["noise"][name]
             if expr is None:
                 raise Poisoned
-            leave = self.context.guard(name, expr)
-            try:
-                with builder.written() as draws:
-                    value = self.context.shaped(name, self.context.checker.value(expr, self.scope("noise")))
-            finally:
-                leave()
+            with self.context.guard(name, expr), builder.written() as draws:
+                value = self.context.shaped(name, self.context.checker.value(expr, self.scope("noise")))
             self._noise[name] = replace(value, late=True), tuple(draws.values())
         value, made = self._noise[name]
         builder.name_draws(made)
@@ -291,11 +287,8 @@ class Names:
             self.raw_next[name] = value.node
             return Value(value.node, value.domain)
         expr = context.exprs["dynamics"][written]
-        leave = context.guard(written, at)
-        try:
+        with context.guard(written, at):
             node = context.assign(expr, self.scope("dynamics"), component)
-        finally:
-            leave()
         if node is None:
             raise Poisoned
         self.raw_next[name] = node
