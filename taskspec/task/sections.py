@@ -190,11 +190,11 @@ def observed(context: Context, names: Names, initial: list[Node], following: lis
     makes = Observed(context.builder, context.state, reached)
     declared = context.exprs["observation"]
     if not declared:
-        nodes = tuple(context.read(c, Role.STATE).node for c in context.state)
-        components = tuple(map(makes.state, context.state))
+        values = [context.read(c, Role.STATE) for c in context.state]
+        components = tuple(makes.expression(c.name, value) for c, value in zip(context.state, values, strict=True))
         if whole:
             _check_space(context, components, space)
-        return Observation(components, nodes, space, is_state=True)
+        return Observation(components, tuple(value.node for value in values), space, is_state=True)
     scope = names.scope("observation")
     values = {name: context.checker.check(expr, scope) for name, expr in declared.items()}
     found = {name: value for name, value in values.items() if value is not None}
