@@ -302,10 +302,9 @@ def subscript(checker: BaseChecker, expr: s.Subscript, scope: Scope) -> Node:
     b = checker.builder
     node = checker.numeric(expr.value, scope)
     if len(expr.indices) > len(node.type.shape):
+        what = f"a vector of {len(node.type.shape)} axis"
         if node.type.is_scalar:
             what = "a single value"
-        else:
-            what = f"a vector of {len(node.type.shape)} axis"
         checker.fail("E307", expr, f"{what} cannot take {len(expr.indices)} indices")
     if len(expr.indices) > 1:
         return _block(checker, node, expr, scope)

@@ -80,7 +80,7 @@ def explain(value: str, error: Exception) -> NoReturn:
         hint = "write `x if condition else y`"
     if message.startswith("invalid syntax"):
         message = "this cannot be read as an expression"
-    raise SyntaxFailure(start, max(end, start + 1), message, hint)
+    raise SyntaxFailure(start, max(end, start + 1), message, hint or None)
 
 
 def _offset(value: str, line: int, column: int) -> int:

@@ -65,10 +65,9 @@ def _any(b: Builder, c: Component) -> Node:
 def _permuted(b: Builder, task: Task, given: Arguments) -> Task:
     """Return the table has a row of actions for every state, or one row for all."""
     count = core.combinations(task.action, "the actions")
+    states = 1
     if given["per_state"]:
         states = core.combinations(task.state, "the states", max(1, core.MOST // count))
-    else:
-        states = 1
     table = permutations(given["seed"], states, count)
     if states > 1:
         row = core.joint(b, task.state, [core.present(b, c) for c in task.state])
@@ -100,10 +99,9 @@ def permutations(seed: int, rows: int, count: int) -> np.ndarray[tuple[int, ...]
 
 
 def _says_permuted(task: Task, given: Arguments) -> str:
+    where = "in all states alike"
     if given["per_state"]:
         where = "in each state anew"
-    else:
-        where = "in all states alike"
     return f"what the actions do is permuted by the seed {given['seed']}, {where}"
 
 
@@ -176,10 +174,9 @@ def _horizon(b: Builder, task: Task, given: Arguments) -> Task:
     steps = given["steps"]
     longer = task.horizon is not None and steps > task.horizon
     if core.reads_time(task) and (longer or task.modifiers or task.horizon is None):
+        hint = "a parameter of the task may decide it"
         if task.modifiers:
             hint = "give the horizon before other modifiers"
-        else:
-            hint = "a parameter of the task may decide it"
         raise Inapplicable("it depends on the time, and so on its horizon", hint)
     if longer:
         return _longer(b, task, steps)
@@ -204,10 +201,9 @@ def _longer(b: Builder, task: Task, steps: int) -> Task:
 
 
 def _says_horizon(task: Task, given: Arguments) -> str:
+    before = f"of ${task.horizon}$ steps"
     if task.horizon is None:
         before = "without a time limit"
-    else:
-        before = f"of ${task.horizon}$ steps"
     return f"the horizon is ${given['steps']}$, in place of one {before}"
 
 

@@ -32,10 +32,9 @@ def _declared(task: Task, name: str) -> Symmetry:
     """Return a symmetry by its name."""
     known = entries_by_name(task.unmodified.annotations.symmetries)
     if name not in known:
+        reason = "it declares no symmetries"
         if known:
             reason = f"it declares no symmetry '{name}'"
-        else:
-            reason = "it declares no symmetries"
         raise Inapplicable(reason, suggest(name, known) or (f"it has {', '.join(known)}" if known else None))
     return known[name]
 

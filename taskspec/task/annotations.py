@@ -89,10 +89,9 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
     constants = context.data.get("constants") or {}
     if name is None:
         return ()
+    grid = None
     if isinstance(constants.get(name), dict):
         grid = constants[name].get("grid")
-    else:
-        grid = None
     if name not in constants:
         context.report("E302", ("figure", "map"), f"there is no constant '{name}'", suggest(name, constants))
     elif grid is None:

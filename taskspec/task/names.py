@@ -176,10 +176,9 @@ class Names:
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0))
             bindings.setdefault("T", Unavailable("E302", "there is no horizon 'T': it is `none`"))
         else:
+            last = horizon - 1
             if section in ("observation", "claims"):
                 last = horizon
-            else:
-                last = horizon - 1
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0, last))
             bindings["T"] = Value(b.scalar(horizon))
         if section == "legal":

@@ -119,10 +119,8 @@ def check_widths(context: Context, **sections: Sequence[Node]) -> None:
             most = widest([node])
             if not most:
                 continue
-            place = context.place(section)
-            if len(lines) == len(nodes) and lines[number] is not None:
-                place = lines[number].place
-            too_wide(context.collector, place, most)
+            line = lines[number] if len(lines) == len(nodes) else None
+            too_wide(context.collector, line.place if line else context.place(section), most)
             break
 
 
@@ -190,11 +188,11 @@ def observed(context: Context, names: Names, initial: list[Node], following: lis
     makes = Observed(context.builder, context.state, reached)
     declared = context.exprs["observation"]
     if not declared:
-        values = [context.read(c, Role.STATE) for c in context.state]
-        components = tuple(makes.expression(c.name, value) for c, value in zip(context.state, values, strict=True))
+        present = [context.read(c, Role.STATE) for c in context.state]
+        components = tuple(makes.expression(c.name, value) for c, value in zip(context.state, present, strict=True))
         if whole:
             _check_space(context, components, space)
-        return Observation(components, tuple(value.node for value in values), space, is_state=True)
+        return Observation(components, tuple(value.node for value in present), space, is_state=True)
     scope = names.scope("observation")
     values = {name: context.checker.check(expr, scope) for name, expr in declared.items()}
     found = {name: value for name, value in values.items() if value is not None}
@@ -320,9 +318,9 @@ def abstraction_map(context: Context, names: Names) -> list[Node]:
             context.report_key("E216", (*path, name), message, suggest(name, components))
             continue
         c = declarations.component(context, ("abstraction", "state", name), fixed)
-        node = c and context.assign(expr, scope, c)
-        if node is not None:
-            nodes.append(node)
+        if c is not None:
+            node = context.assign(expr, scope, c)
+            nodes += [] if node is None else [node]
     for name in components:
         if name not in written:
             context.report_key("E216", path, f"the map does not say what '{name}' is", f"add `{name}: ...`")

@@ -117,10 +117,9 @@ class SpaceLayout:
         found: list[Segment] = []
         first = 0
         for i, c in enumerate(self.components):
+            starts = ()
             if self.form in ("multi_discrete", "one_hot"):
                 starts = tuple(map(int, c.low))
-            else:
-                starts = ()
             if self.form == "dict":
                 found.append(Segment(i, 0, i, c.type.size))
             elif self.form == "one_hot":
