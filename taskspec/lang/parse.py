@@ -73,7 +73,7 @@ def explain(value: str, error: Exception) -> NoReturn:
     if product:
         hint = f"a product is written `{product[1]} * {product[2]}`"
         raise SyntaxFailure(product.start(), product.end(), f"'{product[0]}' is neither a number nor a name", hint)
-    hint = None
+    hint = ""
     if message.startswith("invalid ") and value[start] in _CHARACTERS:
         hint = f"write {_CHARACTERS[value[start]]}"
     elif message.startswith("expected 'else'") or value.startswith(("if ", "if(")):

@@ -133,9 +133,9 @@ def _compose(text: str) -> tuple[Node | None, list[TextProblem]]:
     composed, stops = compose_all(text)
     if stops and stops[-1].code == "E114":
         return composed.root, stops[-1:]  # a text past the bounds is not looked at any further
-    traps = list(find(text, composed.root, composed.bad_keys))
-    if composed.root is None:
-        traps = []
+    traps: list[TextProblem] = []
+    if composed.root is not None:
+        traps = list(find(text, composed.root, composed.bad_keys))
     findings = [each for each in traps if not any(stop.covers(each) for stop in stops)]
     findings += [stop for stop in stops if not any(each.covers(stop) for each in findings)]
     return composed.root, findings
