@@ -385,7 +385,7 @@ def _member(left: _Side, right: _Side) -> Node:
     checker = left.checker
     if isinstance(right.expr, s.Comprehension) and right.expr.is_set and left.has_choices:
         return _member_of_many(left, right.expr, right.scope)
-    items = ()
+    items: tuple[s.Expr, ...] = ()
     if isinstance(right.expr, s.SetOf | s.Vector):
         items = right.expr.items
     sides = [_Side(checker, item, right.scope) for item in items]

@@ -117,7 +117,7 @@ class SpaceLayout:
         found: list[Segment] = []
         first = 0
         for i, c in enumerate(self.components):
-            starts = ()
+            starts: tuple[int, ...] = ()
             if self.form in ("multi_discrete", "one_hot"):
                 starts = tuple(map(int, c.low))
             if self.form == "dict":
