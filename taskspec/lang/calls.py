@@ -59,7 +59,7 @@ def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) 
 
 def no_function(collector: Collector, expr: s.Call, scope: Scope) -> None:
     """Report a function that does not exist."""
-    known = advice(expr.function)
+    known = advice(expr.function, len(expr.args))
     hint = known or suggest(expr.function, (*FUNCTIONS, *dists.DISTS, dists.CATEGORICAL.name, *_definitions(scope)))
     collector.add("E303", expr.name_place, f"there is no function '{expr.function}'", hint)
 

@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import islice
-from pathlib import Path as FilePath
 from typing import Any, TypeAlias
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Origin, SpecError, spec_error
@@ -47,7 +46,7 @@ def read_file(path: str | os.PathLike[str], name: str | None = None) -> Document
 def _read_file(path: str | os.PathLike[str], name: str, chain: tuple[str, ...], known: _Known) -> Document:
     most = limits().file
     try:
-        with FilePath(path).open("rb") as file:
+        with open(path, "rb") as file:
             content = file.read(most + 1)
     except FileNotFoundError:
         raise spec_error("E710", f"there is no file {name!r}") from None
@@ -86,9 +85,9 @@ def _with_others(document: Document, chain: tuple[str, ...], known: _Known) -> D
         try:
             if not name.endswith((".yaml", ".yml")):
                 raise spec_error("E711", f"`{EXTENDS}` names the file of a spec, which ends in .yaml, not {name!r}")
-            other = os.path.normpath(FilePath(document.origin.name).parent / name)
+            other = os.path.normpath(os.path.join(os.path.dirname(document.origin.name), name))
             if other in here:
-                circle = [FilePath(each).name for each in (*here[here.index(other) :], other)]
+                circle = [os.path.basename(each) for each in (*here[here.index(other) :], other)]
                 raise spec_error("E212", f"these specs extend each other: {' -> '.join(circle)}")
             if other not in known:
                 known[other] = _read_file(other, other, here, known)

@@ -254,7 +254,8 @@ def pack_many(layout: SpaceLayout, rows: Sequence[np.ndarray[Any, Any]]) -> Any:
     with np.errstate(over="ignore"):
         for part, columns in zip(layout.parts, blocks, strict=True):
             kind = np.int64 if part.is_whole else np.float32
-            held[part.name] = np.concatenate(columns, axis=1).astype(kind).reshape(-1, *part.shape)
+            joined = np.concatenate(columns, axis=1).astype(kind)
+            held[part.name] = joined.reshape(len(joined), *part.shape)
     if layout.is_dict:
         return held
     return held[None]
