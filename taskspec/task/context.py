@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from keyword import iskeyword
 from typing import Any, NoReturn
 
@@ -299,6 +300,12 @@ class Context:
         self.shapes: dict[str, Shape] = {}  # of definitions and of noise
         self._busy: list[str] = []  # names that are being expanded
 
+    def move(self, merged: Merged) -> None:
+        """Take the places of expressions from another text that says the same."""
+        merged.parsed.update(self.merged.parsed)
+        self.merged = merged
+        self.forms.merged = merged
+
     def constant_scope(self, why_no_draws: str | None = None) -> Scope:
         """Return a scope of parameters and constants alone."""
         scope = Scope(self.constants, draws=why_no_draws)
@@ -372,13 +379,17 @@ class Context:
 
     # -- names worked out on first use ----------------------------------------------------------------------------
 
-    def guard(self, name: str, at: s.Expr) -> Callable[[], None]:
-        """Enter the expansion of a name; entering it twice is a circle. Returns what leaves it."""
+    @contextmanager
+    def guard(self, name: str, at: s.Expr) -> Iterator[None]:
+        """Expand a name inside; expanding it there again is a circle."""
         if name in self._busy:
             circle = " -> ".join([*self._busy[self._busy.index(name) :], name])
             self.checker.fail("E310", at, f"'{name}' needs its own value: {circle}")
         self._busy.append(name)
-        return lambda: self._busy.remove(name)
+        try:
+            yield
+        finally:
+            self._busy.remove(name)
 
     def lazy(self, name: str, make: Callable[[], Value]) -> Lazy:
         """Return a binding worked out once, on first use; a circle is reported."""
@@ -386,13 +397,11 @@ class Context:
 
         def resolve(at: s.Name) -> Value:
             if not known:
-                leave = self.guard(name, at)
-                try:
-                    known.append(make())
-                except Poisoned:
-                    known.append(None)
-                finally:
-                    leave()
+                with self.guard(name, at):
+                    try:
+                        known.append(make())
+                    except Poisoned:
+                        known.append(None)
             if known[0] is None:
                 raise Poisoned
             return known[0]
@@ -418,9 +427,9 @@ class Context:
 
     # -- values of components -------------------------------------------------------------------------------------
 
-    def assign(self, expr: s.Expr, scope: Scope, component: Component) -> Node | None:
-        """Return an expression as a value of a component; None when either is broken (and reported)."""
-        if component.name in self.broken:
+    def assign(self, expr: s.Expr | None, scope: Scope, component: Component) -> Node | None:
+        """Return an expression as a value of a component; None when there is none, or either is broken (and reported)."""
+        if expr is None or component.name in self.broken:
             self.checker.check(expr, scope, component.domain)
             return None
         return assign(self.checker, expr, scope, component)

@@ -9,7 +9,8 @@ import pytest
 
 import taskspec
 from taskspec import source
-from taskspec.base.diagnostics import CODES, Diagnostic, SpecError
+from taskspec.base.codes import codes
+from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.check.file_checks import check_file
 from taskspec.cli.check import examine
 from taskspec.exact import check as report
@@ -48,7 +49,7 @@ def test_a_broken_spec_gets_its_code_at_its_place(path: Path) -> None:
 
 
 def test_every_code_of_specs_has_a_broken_spec() -> None:
-    wanted = {f"{c.code}-{c.slug}" for c in CODES.values() if c.code[:2] in ("E1", "E2", "E3", "E4")}
+    wanted = {f"{c.code}-{c.slug}" for c in codes().values() if c.code[:2] in ("E1", "E2", "E3", "E4")}
     assert {path.stem for path in FILES} == wanted
 
 
@@ -243,8 +244,8 @@ HINTS: list[tuple[str, str, str, str, str | None]] = [
     ("horizon: 4 * N", "horizon: 4N", "E301", "4N", "a product is written `4 * N`"),
     ("horizon: 4 * N", "horizon: N × 4", "E301", "×", "write `*`"),
     ("-far(p')", "−far(p')", "E301", "−", "write `-`"),
-    ("all(p' == (0, 3))", "on", "E302", "on", "write `true`"),
-    ("all(p' == (0, 3))", "No", "E302", "No", "write `false`"),
+    ("all(p' == (0, 3))", "on", "E302", "on", None),
+    ("all(p' == (0, 3))", "No", "E302", "No", None),
     ("all(p' == (0, 3))", "mood == happy", "E313", "happy", None),
     ("      cross: calm", "      happy: calm", "E313", "happy", None),
     ("by: [mood, move]", "by: [mood]", "E208", "{up: cross, else: calm}", "add to `by` what these rows look at"),
