@@ -26,6 +26,7 @@ from taskspec.cli.mutate import mutate
 from taskspec.cli.options import flowed
 from taskspec.cli.report import report
 from taskspec.cli.separate import freeze, separate
+from taskspec.cli.studio import studio
 from taskspec.cli.sweep import sweep
 
 READ = "Read tasks"
@@ -45,6 +46,7 @@ COMMANDS = (
     ("import", import_task, WRITE),
     ("schema", scaffold.schema, WRITE),
     ("lsp", lsp, WRITE),
+    ("studio", studio, WRITE),
     ("run", running.run, USE),
     ("play", running.play, USE),
     ("solve", scoring.solve, USE),

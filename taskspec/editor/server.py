@@ -85,6 +85,15 @@ class SavedFile:
 server = Server()
 
 
+def new_server() -> Server:
+    """Return a server with the features of `server`, for one more client."""
+    fresh = Server()
+    known = server.protocol.fm
+    for name, feature in known.features.items():
+        fresh.feature(name, known.feature_options.get(name))(feature.func)
+    return fresh
+
+
 # -- documents ----------------------------------------------------------------------------------------------------
 
 
