@@ -70,7 +70,7 @@ class Server(LanguageServer):
         checked = self.checked.get(uri)
         if checked is not None and checked.text == found.text:
             problems += checked.problems
-        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, problems))
+        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, problems, document.version))
 
 
 class SavedFile:

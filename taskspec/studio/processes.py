@@ -7,6 +7,7 @@ end with the server, even if that is killed.
 from __future__ import annotations
 
 import asyncio
+import gc
 import multiprocessing
 import os
 import signal
@@ -117,8 +118,6 @@ class Lane:
                 return connection.recv_bytes()
         except (EOFError, OSError):
             raise NoAnswer(f"the process that worked out `{self._kind}` ended") from None
-        finally:
-            pass
         self._kill()
         raise NoAnswer(f"`{self._kind}` took longer than {seconds} s, and was ended; smaller parameters may help")
 
@@ -151,6 +150,7 @@ class Lanes:
 def work(connection: Connection, folder: Path) -> None:
     """Answer questions, one after the other, until nobody asks any more: what a process does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which ends this process
+    gc.set_threshold(100_000, 50, 50)  # as the command line does, for the same reason
     Thread(target=_end_with_server, daemon=True).start()
     from taskspec.studio.answers import answered
 
