@@ -19,13 +19,13 @@ from taskspec.analysis import analyse
 from taskspec.analysis.fixes import fixed
 from taskspec.base.bibliography import beside
 from taskspec.base.diagnostics import SpecError, raise_if_errors, records, spec_error
-from taskspec.base.display import decimal, json_data, small_fraction
+from taskspec.base.display import decimal, json_data
 from taskspec.base.ids import shown
 from taskspec.check.report import Report
 from taskspec.figures import scene, svg
 from taskspec.modifiers import modify
 from taskspec.pages import gather, gather_pages, page, render
-from taskspec.pages.facts import Facts, ScoreFact, lines
+from taskspec.pages.facts import Facts, lines
 from taskspec.pages.hypertext import HtmlWriter, article
 from taskspec.pages.sections import results as result_sections
 from taskspec.registry import suite_of
@@ -100,7 +100,7 @@ def answered(message: bytes, root: Path) -> bytes:
     except Exception as error:  # a mistake of ours, or a message of another form
         traceback.print_exc()
         found = {"ok": False, "message": f"this could not be worked out: {type(error).__name__}: {error}"}
-    found |= {"id": given["id"], "kind": given["kind"], "milliseconds": 1000 * (time.perf_counter() - start)}
+    found |= {"id": given.get("id"), "kind": given["kind"], "milliseconds": 1000 * (time.perf_counter() - start)}
     return json.dumps(json_data(found), ensure_ascii=False, default=str).encode(errors="replace")
 
 
@@ -171,23 +171,12 @@ def _rows(task: Task, facts: Facts) -> Iterator[dict[str, Any]]:
     for label, *value in lines(task, facts):
         name = label.text.strip()  # type: ignore[union-attr]
         score = facts.scores.get(name)
-        exact = None if score is None else _fraction(score)
-        shown_decimal = None if score is None else decimal(float(score.value), 10)
-        is_estimated = score is not None and not score.exact
-        html = writer.prose(tuple(value))
-        yield {"label": name, "exact": exact, "decimal": shown_decimal, "html": html, "estimated": is_estimated}
-
-
-LARGEST = 10_000
-"""The largest denominator of a return that is shown as a fraction."""
-
-
-def _fraction(score: ScoreFact) -> str | None:
-    """Return a return as a fraction, where it is one up to rounding."""
-    if not score.exact:
-        return None
-    found = small_fraction(score.value, LARGEST, 1e-12 * max(1.0, abs(score.value)))
-    return None if found is None else str(found)
+        row = {"label": name, "html": writer.prose(tuple(value)), "exact": None, "decimal": None, "estimated": False}
+        if score is not None:
+            number = float(score.value)
+            row |= {"decimal": decimal(number, 10), "estimated": not score.exact}
+            row["exact"] = episodes.fraction(number) if score.exact else None
+        yield row
 
 
 def _claims(task: Task, facts: Facts, said: Sequence[Verdict]) -> Iterator[dict[str, Any]]:

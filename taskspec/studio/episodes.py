@@ -1,4 +1,4 @@
-"""What happens in a task: values and policies over its states, an episode that is played, and episodes of policies."""
+"""Values and policies over its states, an episode that is played, and episodes of policies, for the studio."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ MOST_STEPS = 200
 MOST_PAIRS = 400
 """Pairs of state and action up to which the lines of the spec are looked up that decide about each."""
 LARGEST = 10_000
-"""The largest denominator of a regret that is shown as a fraction."""
+"""The largest denominator of a number that is shown as a fraction."""
 ARROWS = {"right": "ArrowRight", "left": "ArrowLeft", "down": "ArrowDown", "up": "ArrowUp"}
 """Names of keys in browsers."""
 
@@ -178,7 +178,7 @@ class _Lines:
             reads = {**state, **model.actions.decode(np.array([a])), (Role.TIME, "t"): np.zeros(1, np.int64)}
             for expr, scope in self.written:
                 place = narrow(expr, scope, reads).place
-                if place is not None and place.span.origin.name == self.task.source.document.origin.name:
+                if place.span.origin.name == self.task.source.document.origin.name:
                     found.add(place.span.line)
         return sorted(found)
 
@@ -223,9 +223,12 @@ def play(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
     steps = []
     for t, (move, regret) in enumerate(zip(moves, regrets, strict=True)):
         total += task.discount**t * move.reward
+        regret_text = None
+        if regret is not None:
+            regret_text = fraction(regret) or number(regret)
         steps.append({
-            "action": move.words, "reward": move.reward, "return": total, "regret": regret,
-            "regret_text": _fraction(regret), "state": move.after, "observation": move.seen,
+            "action": move.words, "reward": move.reward, "return": total, "regret": regret, "regret_text": regret_text,
+            "state": move.after, "observation": move.seen,
         })  # fmt: skip
     known_regrets = [regret for regret in regrets if regret is not None]
     mask = info.get("action_mask")
@@ -283,12 +286,10 @@ def _index(results: Results, model: Model, state: Mapping[str, Any]) -> int | No
         return None
 
 
-def _fraction(value: float | None) -> str | None:
-    """Return a number as a short fraction or in decimals."""
-    if value is None:
-        return None
+def fraction(value: float) -> str | None:
+    """Return a number as a short fraction, where it is one up to rounding."""
     found = small_fraction(value, LARGEST, 1e-12 * max(1.0, abs(value)))
-    return number(value) if found is None else str(found)
+    return None if found is None else str(found).replace("-", "−")
 
 
 # -- episodes of policies ---------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The files of a studio: a folder, outside of which nothing is read or written."""
+"""The files of a studio: nothing outside of one folder is read or written."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class Folder:
             known: the digest of the text that the page has seen in the file; None for a new file.
 
         Raises:
-            Refused: the file exists although it is said to be new, or has another text than the page has seen.
+            Refused: the file exists although it should be new, or has another text than the page has seen.
         """
         place = self.spec(path)
         if known is None and place.exists():

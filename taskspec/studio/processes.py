@@ -77,7 +77,9 @@ class Lane:
             except NoAnswer:
                 if number == self._newest:
                     raise
-            self._present = 0
+                return None
+            finally:
+                self._present = 0
             return answer if number == self._newest else None
 
     def warm(self) -> None:
@@ -99,15 +101,15 @@ class Lane:
             self._process.kill()
 
     def _started(self) -> Connection:
-        """Return the connection to a process that is alive."""
-        if self._connection is not None and self._process.is_alive():
-            return self._connection
-        ours, theirs = self._context.Pipe()
-        self._process = self._context.Process(target=work, args=(theirs, self._folder), daemon=True)
-        self._process.start()
-        theirs.close()
-        self._connection = ours
-        return ours
+        """Return the connection to the process, which is started if there is none."""
+        if self._connection is None:
+            ours: Connection
+            ours, theirs = self._context.Pipe()
+            self._process = self._context.Process(target=work, args=(theirs, self._folder), daemon=True)
+            self._process.start()
+            theirs.close()
+            self._connection = ours
+        return self._connection
 
     def _answer(self, question: bytes) -> bytes:
         seconds = SECONDS[self._kind]
@@ -116,10 +118,12 @@ class Lane:
             connection.send_bytes(question)
             if connection.poll(seconds):
                 return connection.recv_bytes()
+            reason = f"`{self._kind}` took longer than {seconds} s, and was ended; smaller parameters may help"
         except (EOFError, OSError):
-            raise NoAnswer(f"the process that worked out `{self._kind}` ended") from None
+            reason = f"the process that worked out `{self._kind}` ended"
         self._kill()
-        raise NoAnswer(f"`{self._kind}` took longer than {seconds} s, and was ended; smaller parameters may help")
+        self._connection = None  # the next question starts another
+        raise NoAnswer(reason)
 
 
 class Lanes:

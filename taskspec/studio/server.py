@@ -52,7 +52,7 @@ HEADERS = {
 
 @dataclass(frozen=True)
 class Studio:
-    """What is served: a folder, the spec of it that is opened first, and the token that the page's address has."""
+    """A folder that is served, the spec of it that is opened first, and the token that the page's address has."""
 
     folder: Folder
     opened: str | None
@@ -93,7 +93,7 @@ class Studio:
 
     @property
     def hosts(self) -> tuple[str, str]:
-        """What this server is called in addresses."""
+        """The names of this server in addresses."""
         port = self.socket.getsockname()[1]
         return f"{HOST}:{port}", f"localhost:{port}"
 
@@ -210,13 +210,15 @@ class Conversation:
         asked: Any = None
         with suppress(ValueError, RecursionError):
             asked = json.loads(text)
-        if not isinstance(asked, dict) or asked.get("kind") not in {*SECONDS, *self._files}:
-            asked = asked if isinstance(asked, dict) else {}
-            answer = _refusal(asked, f"there is no kind of question '{asked.get('kind')}'")
-        elif asked["kind"] in SECONDS:
+        if not isinstance(asked, dict):
+            asked = {}
+        kind = str(asked.get("kind"))
+        if kind in SECONDS:
             answer = await self._worked_out(asked, text)
-        else:
+        elif kind in self._files:
             answer = await asyncio.to_thread(self._about_files, asked)
+        else:
+            answer = _refusal(asked, f"there is no kind of question '{kind}'")
         with suppress(RuntimeError, WebSocketDisconnect):  # the page is gone
             await self._page.send_text(answer)
 
@@ -236,6 +238,8 @@ class Conversation:
             return _refusal(asked, str(error), refused=error.why)
         except SpecError as error:
             return _refusal(asked, error.diagnostics[0].message, problems=records(error.diagnostics))
+        except OSError as error:
+            return _refusal(asked, f"the file cannot be used: {error.strerror}")
         except (KeyError, TypeError, AttributeError) as error:
             return _refusal(asked, f"the question lacks a part, or it has another type: {error}")
         return json.dumps({"id": asked.get("id"), "kind": asked["kind"], "ok": True, **found}, ensure_ascii=False)

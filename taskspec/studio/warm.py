@@ -1,7 +1,7 @@
 """Imported once, by the process that the others are forked from: it answers one question of each kind.
 
-What is imported on first use, templates that are compiled on first use, and caches are there then, in each process and from its
-first question on.
+Modules that are imported on first use, templates that are compiled on first use, and caches are then there in each process, from
+its first question on.
 """
 
 from __future__ import annotations
