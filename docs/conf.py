@@ -89,8 +89,6 @@ def read(app: Any, page: str, source: list[str]) -> None:
     elif page == "index":
         text, _, pages = source[0].partition("\n## Pages\n")
         source[0] = HIDDEN + text.replace("<!-- tasks -->", galleries.thumbnails()) + contents(pages)
-    if page == "library":
-        source[0] = galleries.with_drawings(source[0])
     source[0] = galleries.with_figures(source[0], (DOCS / page).parent)
 
 

@@ -20,7 +20,6 @@ SUITES = {
 }
 """Index pages, and the suites whose tasks they show, with their headings."""
 FIGURES = DOCS / "suite/figures"
-ROW = re.compile(r"(?<=^\| )`([\w/]+-v\d+)`", re.MULTILINE)
 FIGURE = re.compile(r"!\[([^\]]*)\]\(([\w./-]+\.svg)\)")
 PAPER = re.compile(r'<rect width="[\d.]+" height="[\d.]+" fill="#ffffff"/>')
 
@@ -59,18 +58,6 @@ def thumbnails() -> str:
         drawn = PAPER.sub("", (FIGURES / f"{anchor}.svg").read_text(encoding="utf-8"), count=1)
         links.append(f'<a href="suite/{anchor}.html">{drawn}<span>{page.name}</span><em>{page.capability}</em></a>')
     return '```{raw} html\n<div class="thumbnails">' + "".join(links) + "</div>\n```\n"
-
-
-def with_drawings(text: str) -> str:
-    """The page of the library, with the figures of tasks that have one."""
-
-    def drawn(found: re.Match[str]) -> str:
-        scene = figures.scene(registry.load(found[1]))
-        if scene is None:
-            return found[0]
-        return f'{found[0]} <span class="drawn">{PAPER.sub("", figures.svg(scene), count=1)}</span>'
-
-    return ROW.sub(drawn, text)
 
 
 def below(page: str) -> list[str] | None:

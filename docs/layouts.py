@@ -21,7 +21,7 @@ from taskspec.figures.graph import Plan, plan_of
 from taskspec.figures.machine import explore
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.route import box
-from taskspec.figures.scene import Line, bezier
+from taskspec.figures.shapes import Line, bezier
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task

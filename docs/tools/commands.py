@@ -11,7 +11,7 @@ from typing import Any, get_type_hints
 from typer.models import ArgumentInfo, OptionInfo
 
 from docs.tools.markdown import code, table
-from taskspec.cli.app import COMMANDS
+from taskspec.cli.app import COMMANDS, command_name
 from taskspec.cli.options import flowed
 
 HEAD = """# Commands
@@ -43,7 +43,7 @@ def overview() -> str:
 
 def commands() -> str:
     """Return the page of the site: each command with its arguments and options."""
-    counted = Counter(row for _, function, _ in COMMANDS for row in _rows(function))
+    counted = Counter(row for functions in COMMANDS.values() for function in functions for row in _rows(function))
     shared = [row for row, count in counted.items() if count >= SHARED]
     parts = [HEAD.rstrip("\n"), IN_FULL.rstrip("\n"), table(("option", "what it is"), shared)]
     for panel, group in _panels():
@@ -55,9 +55,8 @@ def commands() -> str:
 
 def _panels() -> Iterator[tuple[str, list[tuple[str, Callable[..., Any]]]]]:
     """Yield the groups of commands as the help lists them, with names and functions."""
-    panels = list(dict.fromkeys(panel for _, _, panel in COMMANDS))
-    for panel in panels:
-        yield panel, [(name, function) for name, function, its_panel in COMMANDS if its_panel == panel]
+    for panel, functions in COMMANDS.items():
+        yield panel, [(command_name(function), function) for function in functions]
 
 
 def _command(name: str, function: Callable[..., Any], shared: Sequence[Row]) -> Iterator[str]:

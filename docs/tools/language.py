@@ -9,7 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from docs.tools.markdown import code, filled, table
+from docs.tools.markdown import code, entries, filled, table
 from taskspec.base import limits
 from taskspec.base.diagnostics import Collector, Origin, Span, SpecError
 from taskspec.lang import dists
@@ -52,7 +52,6 @@ def language() -> str:
 
 FIRST = ("taskspec", "name")
 LAST = ("variants", EXTENDS)
-NEEDED = "required"
 EXPLAINED = {"Component": "Parameter", "Memory": "Component"}
 """Entries, and those explained before them whose keys they share."""
 
@@ -63,11 +62,12 @@ def _sections() -> str:
     properties: dict[str, Any] = {**spec["properties"], EXTENDS: extension["properties"][EXTENDS]}
     middle = [key for key in properties if key not in FIRST + LAST]
     needed = {*spec["required"], *REQUIRED}
-    rows = ((key, properties[key]) for key in (*FIRST, *middle, *LAST))
-    return table(
-        ("section", "", "what it holds"),
-        ((code(key), NEEDED if key in needed else "", about["description"]) for key, about in rows),
-    )
+    rows = ((key, properties[key]["description"]) for key in (*FIRST, *middle, *LAST))
+    return entries((_marked(key, key in needed), text) for key, text in rows)
+
+
+def _marked(key: str, is_needed: bool) -> str:
+    return code(key) + (" (required)" if is_needed else "")
 
 
 def _keys(definition: str) -> str:
@@ -84,34 +84,47 @@ def _keys(definition: str) -> str:
         if key not in needed and key in explained and explained[key]["description"] == text:
             known.append(code(key))
         else:
-            rows.append((code(key), NEEDED if key in needed else "", text))
+            rows.append((_marked(key, key in needed), text))
     if known:
-        rows.append((", ".join(known), "", f"As for a {before.lower()}."))
-    return table(("key", "", "what it is"), rows)
+        rows.append((", ".join(known), f"As for a {before.lower()}."))
+    return entries(rows)
 
 
 # Expressions.
 
 
+GRAMMAR = (
+    (0, "`x if c else y`", "x where the condition c holds, else y."),
+    (7, "`-x`, `+x`", "Negation; identity."),
+    (9, "`x[i]`, `f(x)`", "Element, call."),
+)
+"""Operators that are grammar, with no entry of their own."""
+
+
 def _operators() -> str:
-    rows = [(i.precedence, code(i.symbol), i.doc) for i in INFIX.values()]
-    rows += [(0, "`x if c else y`", "x where the condition c holds, else y."), (7, "`-x`, `+x`", "Negation; identity.")]
-    rows += [(9, "`x[i]`, `f(x)`", "Element, call.")]
-    # The table of operators has no entry for what is grammar; a stable sort keeps the rest in its order.
-    rows.sort(key=lambda row: row[0])
-    return table(("binds", "operator", "meaning"), ((str(level), symbol, doc) for level, symbol, doc in rows))
+    """Operators, those that bind alike in one row."""
+    levels: dict[int, list[str]] = {}
+    written = [(i.precedence, code(i.symbol), i.doc) for i in INFIX.values()]
+    for level, symbol, doc in sorted([*written, *GRAMMAR], key=lambda operator: operator[0]):
+        levels.setdefault(level, []).append(f"{symbol} {doc}")
+    return entries((str(level), " ".join(operators)) for level, operators in levels.items())
 
 
 def _functions() -> str:
-    return table(
-        ("function", "value", "example"),
-        ((code(f.signature), f.doc, _example(f.name, f.samples[0])) for f in FUNCTIONS.values()),
-    )
+    return entries((code(f.signature), f"{f.doc}{_example(f.name, f.samples[0])}") for f in FUNCTIONS.values())
+
+
+ROUNDED = 4
+"""Digits after the point with which a value is taken to be rounded."""
 
 
 def _example(name: str, sample: tuple[Any, ...]) -> str:
+    """Return an example of a function, unless its value has to be rounded."""
     expression = f"{name}({', '.join(map(_literal, sample))})"
-    return f"{code(expression)} is {code(_value(expression))}"
+    value = _value(expression)
+    if len(value.partition(".")[2]) > ROUNDED:
+        return ""
+    return f" {code(expression)} is {code(value)}."
 
 
 def _literal(item: Any) -> str:
@@ -121,8 +134,8 @@ def _literal(item: Any) -> str:
 
 
 def _distributions() -> str:
-    entries = (dists.CATEGORICAL, *dists.DISTS.values())
-    return table(("distribution", "what is drawn"), ((code(_signature(d)), d.doc) for d in entries))
+    every = (dists.CATEGORICAL, *dists.DISTS.values())
+    return entries((code(_signature(d)), d.doc) for d in every)
 
 
 def _signature(dist: dists.Dist) -> str:
@@ -139,7 +152,7 @@ AWKWARD = (
 
 
 def _awkward() -> str:
-    return table(("expression", "value"), ((code(each), code(_value(each))) for each in AWKWARD))
+    return entries((code(each), code(_value(each))) for each in AWKWARD)
 
 
 # Places.
@@ -162,18 +175,29 @@ PLACES = (
     ("`absorbing_reward`", "absorbing_reward", '"@"'),
 )
 NAMES = (
-    ("parameter", "L"), ("constant", "k"), ("state `x`", "x"), ("action", "a"), ("`x'`", "x'"), ("noise", "n"),
-    ("draw", "UniformInt(0, 1)"), ("`t`", "t"), ("`T`", "T"),
+    ("parameters", "L"), ("constants", "k"), ("the state `x`", "x"), ("the action", "a"), ("`x'`", "x'"), ("noise", "n"),
+    ("draws", "UniformInt(0, 1)"), ("`t`", "t"), ("`T`", "T"),
 )  # fmt: skip
 
 
 def _visibility() -> str:
-    alike: dict[tuple[str, ...], list[str]] = {}
+    """Which names can be used in which places; places with the same names in one row."""
+    alike: dict[str, list[str]] = {}
     for place, section, template in PLACES:
-        row = tuple("✓" if _fits(section, template, expression) else "" for _, expression in NAMES)
-        alike.setdefault(row, []).append(place)
-    rows = ((", ".join(places), *row) for row, places in alike.items())
-    return table(("in", *(heading for heading, _ in NAMES)), rows)
+        fits = [_fits(section, template, expression) for _, expression in NAMES]
+        alike.setdefault(_named(fits), []).append(place)
+    return entries((", ".join(places), names) for names, places in alike.items())
+
+
+def _named(fits: list[bool]) -> str:
+    """Return the kinds of names that fit, or those that do not where they are few."""
+    fitting = [name for (name, _), fit in zip(NAMES, fits, strict=True) if fit]
+    others = [name for name, _ in NAMES if name not in fitting]
+    if not others:
+        return "all"
+    if len(others) <= 3:
+        return f"all but {', '.join(others)}"
+    return ", ".join(fitting)
 
 
 # Spaces.
@@ -282,30 +306,27 @@ def _probe_spaces(changes: dict[str, Any]) -> tuple[str, str]:
 
 
 def _limits() -> str:
-    rows = limits.table()
-    return table(("limit", "default", "what"), ((_limit_name(row), f"{row.value:,}", row.what) for row in rows))
-
-
-def _limit_name(row: limits.LimitRow) -> str:
-    return "" if row.fixed else code(row.name)
+    named = [(code(row.name), f"{row.value:,} {row.what}") for row in limits.table() if not row.fixed]
+    fixed = [f"{row.what}: {row.value:,}" for row in limits.table() if row.fixed]
+    return entries([*named, ("fixed", "; ".join(fixed))])
 
 
 def _words(name: str) -> str:
     """One of the tables of what claims may say."""
     words = getattr(claim_rules, name).values()
-    return table(("written", "meaning"), ((code(w.written), w.doc) for w in words))
+    return entries((code(w.written), w.doc) for w in words)
 
 
 def _figures() -> str:
     names: dict[str, list[str]] = {}
     for kind in FIGURE_KINDS.values():
         names.setdefault(kind.doc, []).append(code(kind.name))
-    return table(("kind", "further keys"), ((", ".join(kinds), doc) for doc, kinds in names.items()))
+    return entries((", ".join(kinds), doc) for doc, kinds in names.items())
 
 
 def _statuses(which: str) -> str:
     found = CLAIMS.values() if which == "claims" else NUMBERS.values()
-    return table(("status", "meaning"), ((code(s.word), s.doc + (f" ({s.code})" if s.code else "")) for s in found))
+    return entries((code(s.word), s.doc + (f" ({s.code})" if s.code else "")) for s in found)
 
 
 _TABLES: dict[str, Callable[..., str]] = {

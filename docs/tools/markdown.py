@@ -13,6 +13,11 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join([*lines, *(_row(row) for row in rows)])
 
 
+def entries(rows: Iterable[Sequence[str]]) -> str:
+    """Return a list: of each row the first cell, a colon, and the second cell."""
+    return "\n".join(f"- {name}: {text}" for name, text in rows)
+
+
 def _row(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |"
 

@@ -22,7 +22,7 @@ from taskspec.experiments.races import family_of, rounds
 from taskspec.experiments.references import GAMMA, STEP_SIZE, ObservationTable
 from taskspec.figures import chart
 from taskspec.figures.chart import Axes, Scale
-from taskspec.figures.scene import Item, Line, Scene
+from taskspec.figures.shapes import Item, Line, Scene
 from taskspec.figures.vector_formats import svg
 from taskspec.jobs.running import Running, run
 from taskspec.jobs.store import Job, Store

@@ -6,6 +6,7 @@ the page. Outputs of examples are those that the pages have already; `tests/docs
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from docs.tools.commands import overview
@@ -13,7 +14,9 @@ from docs.tools.language import language
 from docs.tools.library import library
 from docs.tools.markdown import code, filled, table
 from docs.tools.probes import probes
+from taskspec.exam.mistakes import MISTAKES
 from taskspec.exam.operators import OPERATORS
+from taskspec.exam.pairings import PAIRINGS
 from taskspec.exam.starc import REWARDS
 from taskspec.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
 from taskspec.modifiers.entry import never
@@ -30,12 +33,13 @@ def difficulty() -> str:
 
 
 def learned() -> str:
-    """Return the page of learned values and rewards, with the mistakes that they show."""
+    """Return the page of what was learned, with the mistakes that it shows."""
+    tables: dict[str, Iterable[str]] = {"operators": OPERATORS, "rewards": REWARDS, "pairings": PAIRINGS}
     header = ("name", "the learner is one", "usual code")
-    operators = table(header, [(o.name, o.mistake, o.code) for o in OPERATORS.values()])
-    rewards = table(("name", "what is learned", "usual code"), [(r.name, r.mistake, r.code) for r in REWARDS.values()])
-    parts = {"operators": operators, "rewards": rewards}
-    return filled(DOCS / "learned.md", parts)
+    rows = {
+        kind: [(name, MISTAKES[name].what, MISTAKES[name].code) for name in names] for kind, names in tables.items()
+    }
+    return filled(DOCS / "learned.md", {kind: table(header, rows[kind]) for kind in tables})
 
 
 def modifiers() -> str:

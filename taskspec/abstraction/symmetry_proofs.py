@@ -9,6 +9,7 @@ points; if all of them return to themselves, it is tested.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,13 @@ class SymmetryCheck:
     @property
     def is_proved(self) -> bool:
         return self.problem is None and not self.points
+
+    def record(self) -> dict[str, Any]:
+        """Return it as plain data for JSON."""
+        status = "false"
+        if self.problem is None:
+            status = "proved" if self.is_proved else "tested"
+        return {"symmetry": self.symmetry.name, "status": status, "detail": self.problem or "", "points": self.points}
 
 
 def verify_symmetry(task: Task, symmetry: Symmetry) -> SymmetryCheck:

@@ -88,12 +88,14 @@ class Analysis:
                             yield node
 
 
-def analyse(text: str, name: str = "<string>") -> Analysis:
+def analyse(text: str, name: str = "<string>", before: Analysis | None = None) -> Analysis:
     """Return the analysis of a spec's text, which need not be complete. Never raises for a bad text.
 
     Args:
         text: the text of the spec.
         name: its file, from which the files that it extends are found.
+        before: the analysis of the text before its last change; what has not changed is not worked out again, and
+            expressions of `before` have their places in this text from now on.
     """
     reading = read_tolerantly(text, name)
     if reading.document is None:
@@ -101,7 +103,7 @@ def analyse(text: str, name: str = "<string>") -> Analysis:
     found = list(reading.diagnostics)
     made: list[Attempt] = []
     try:
-        made, mistakes = attempts(reading.document)
+        made, mistakes = attempts(reading.document, before=before.attempts if before else ())
         found += [each for each in mistakes if not _on_lines(each, reading.repaired)]
     except SpecError as error:
         found += error.diagnostics

@@ -22,13 +22,9 @@ from taskspec.task.legal import with_all_actions
 from taskspec.task.parts import Component, Soft, by_name
 from taskspec.task.task import Task
 
-LONGER = 1000
-"""Steps beyond the horizon that are searched for other rewards."""
-FEW = 32
-"""Values of an action up to which all pairs are compared."""
+LONGER = 1000  # steps beyond the horizon that are searched for other rewards
+FEW = 32  # values of an action up to which all pairs are compared
 ROUNDING = 1e-12
-
-# -- states ---------------------------------------------------------------------------------------
 
 
 def unreachable(context: LintContext) -> Iterator[Doubt]:
@@ -118,9 +114,6 @@ def forgotten(context: LintContext) -> Iterator[Doubt]:
             yield Doubt(context.key("memory", name), f"no action of the expert depends on '{name}'")
 
 
-# -- rewards --------------------------------------------------------------------------------------
-
-
 def later_rewards(context: LintContext) -> Iterator[Doubt]:
     """Yield the horizon where it ends episodes before rewards differ."""
     later = _later_reward(context)
@@ -167,9 +160,6 @@ def indifferent(context: LintContext) -> Iterator[Doubt]:
         yield Doubt(context.merged.span(("reward",)), message)
 
 
-# -- actions --------------------------------------------------------------------------------------
-
-
 def inert(context: LintContext) -> Iterator[Doubt]:
     """Yield a component of the action that changes nothing."""
     model = context.model
@@ -195,9 +185,6 @@ def illegal(context: LintContext) -> Iterator[Doubt]:
     if free is not None and free.value > best.value + SAME * max(1.0, abs(best.value)):
         message = f"illegal actions pay: the best policy returns {words(free.value)}, and {words(best.value)} with legal actions"
         yield Doubt(context.key("legal"), message, "let them change nothing, or end the episode, or cost something")
-
-
-# -- experts --------------------------------------------------------------------------------------
 
 
 def expert(context: LintContext) -> Iterator[Doubt]:

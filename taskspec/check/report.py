@@ -23,33 +23,22 @@ from taskspec.soundness.soundness import check_ranges, examine
 from taskspec.task.merge import merge
 from taskspec.task.task import Task, TaskLike
 
-# -- warnings -------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class WarningKind:
-    """A kind of warnings: their code, and the function that finds them."""
-
-    code: str
-    find: Callable[[LintContext], Iterator[Doubt]]
-
-
-KINDS: tuple[WarningKind, ...] = (
-    WarningKind("W501", model_warnings.unreachable),
-    WarningKind("W502", model_warnings.later_rewards),
-    WarningKind("W503", model_warnings.same_reward),
-    WarningKind("W504", model_warnings.indifferent),
-    WarningKind("W505", model_warnings.inert),
-    WarningKind("W506", spec_warnings.unused_names),
-    WarningKind("W507", model_warnings.expert),
-    WarningKind("W510", spec_warnings.moved),
-    WarningKind("W516", spec_warnings.constant),
-    WarningKind("W518", spec_warnings.hidden),
-    WarningKind("W519", model_warnings.unread),
-    WarningKind("W519", model_warnings.forgotten),
-    WarningKind("W522", spec_warnings.unproved_abstraction),
-    WarningKind("W528", model_warnings.illegal),
-)
+KINDS: tuple[tuple[str, Callable[[LintContext], Iterator[Doubt]]], ...] = (
+    ("W501", model_warnings.unreachable),
+    ("W502", model_warnings.later_rewards),
+    ("W503", model_warnings.same_reward),
+    ("W504", model_warnings.indifferent),
+    ("W505", model_warnings.inert),
+    ("W506", spec_warnings.unused_names),
+    ("W507", model_warnings.expert),
+    ("W510", spec_warnings.moved),
+    ("W516", spec_warnings.constant),
+    ("W518", spec_warnings.hidden),
+    ("W519", model_warnings.unread),
+    ("W519", model_warnings.forgotten),
+    ("W522", spec_warnings.unproved_abstraction),
+    ("W528", model_warnings.illegal),
+)  # codes of warnings, and the functions that find them
 
 
 def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic, ...]:
@@ -61,9 +50,9 @@ def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic
     task = load(task)
     context = LintContext(task, results or Results(task))
     collector = Collector()
-    for kind in KINDS:
-        for doubt in kind.find(context):
-            collector.add(kind.code, doubt.place, doubt.message, doubt.hint, doubt.notes)
+    for code, find in KINDS:
+        for doubt in find(context):
+            collector.add(code, doubt.place, doubt.message, doubt.hint, doubt.notes)
     return collector.diagnostics
 
 
@@ -102,10 +91,7 @@ def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) 
     return found
 
 
-# -- the report -----------------------------------------------------------------------------------
-
-MODERATE = 4_000_000
-"""Entries up to which a model is extracted for warnings alone."""
+MODERATE = 4_000_000  # entries up to which a model is extracted for warnings alone
 
 
 @dataclass(frozen=True)
@@ -115,6 +101,7 @@ class Report:
     Args:
         method: for soundness: all points, or samples.
         cases: other parameter values that were checked.
+        examples: how many were checked.
         skipped: checks that were not possible, and the reason; None if there are none.
         accepted: warnings for which the spec itself gives a reason; they are not among the `diagnostics`.
         wrong_examples: numbers of examples that are not confirmed.
@@ -125,6 +112,7 @@ class Report:
     method: Method
     cases: tuple[Mapping[str, Any], ...] = ()
     verdicts: tuple[Verdict, ...] = ()
+    examples: int = 0
     skipped: str | None = None
     results: Results | None = field(default=None, repr=False)
     accepted: tuple[Accepted, ...] = ()
@@ -154,8 +142,7 @@ class Report:
         return html_table(caption, ("", "where", "what", ""), [*found, *said])
 
 
-_MEANINGLESS = {"E404", "E406"}
-"""No warnings are given without a first state, or for rewards that are not numbers."""
+_MEANINGLESS = {"E404", "E406"}  # no warnings are given without a first state, or for rewards that are not numbers
 
 
 def check(  # noqa: C901
@@ -189,9 +176,16 @@ def check(  # noqa: C901
         if each.problem is not None:
             place = merge(task.source.document, task.source.variant).key_span(("symmetries", each.symmetry.name))
             found.append(Diagnostic("E605", place, f"'{each.symmetry.name}' is not a symmetry: {each.problem}"))
-    wrong = list(wrong_examples(task)) if claims and task.annotations.examples else []
-    found += [diagnostic for _, diagnostic in wrong]
-    report = Report(task, (), sound.method, cases, wrong_examples=frozenset(dict(wrong)), symmetries=tuple(symmetries))
+    examples = 0
+    wrong = set()
+    if claims:
+        examples = len(task.annotations.examples)
+        for number, problem in wrong_examples(task):
+            wrong.add(number)
+            found.append(problem)
+    report = Report(
+        task, (), sound.method, cases, examples=examples, wrong_examples=frozenset(wrong), symmetries=tuple(symmetries)
+    )
     if not is_installed("scipy"):
         skipped = None
         if with_warnings or claims:
@@ -231,5 +225,4 @@ def _warnings(task: Task, results: Results) -> list[Diagnostic]:
     return found
 
 
-ELSEWHERE: tuple[str, ...] = ("W523", "W524", "W527")
-"""Warnings about how a task is drawn and printed."""
+ELSEWHERE: tuple[str, ...] = ("W523", "W524", "W527")  # warnings about how a task is drawn and printed

@@ -48,15 +48,7 @@ def unused_names(context: LintContext) -> Iterator[Doubt]:
                 yield Doubt(context.key(section, name), f"nothing uses the {NAMED[section]} '{name}'")
 
 
-def mentioned(task: Task, section: str, name: str | None = None) -> set[str]:
-    """Return every word of a section (or of one of its entries), and of the definitions, constants and noises that it names."""
-    value = task.written.get(section)
-    if name is not None:
-        value = value.get(name) if isinstance(value, dict) else None
-    return followed(task, set(_words(value)))
-
-
-def followed(task: Task, words: set[str], sections: Sequence[str] = tuple(NAMED)[1:]) -> set[str]:
+def followed(task: Task, words: set[str], sections: Sequence[str]) -> set[str]:
     """Return some words, and every word of the entries of some sections that they name."""
     entries = {}
     for section in sections:
@@ -88,10 +80,7 @@ def _words(value: Any) -> Iterator[str]:
             return
 
 
-# -- indices --------------------------------------------------------------------------------------
-
-POINTS = 100_000
-"""States, actions and times that are evaluated, at most."""
+POINTS = 100_000  # states, actions and times that are evaluated, at most
 
 
 def moved(context: LintContext) -> Iterator[Doubt]:
@@ -174,9 +163,6 @@ def _guards(roots: Sequence[Node], b: Builder) -> Iterator[tuple[Node, Node]]:
             guards[id(child)] = b.apply("or", guards.get(id(child), never), guard)
 
 
-# -- observations ---------------------------------------------------------------------------------
-
-
 def _bare(node: Node) -> Node:
     while isinstance(node, Apply) and node.op in ("to_real", "to_int"):
         node = node.args[0]
@@ -223,7 +209,7 @@ def hidden(context: LintContext) -> Iterator[Doubt]:
     if model is not None and model.acting.any():
         known = model.states.decode(model.codes[model.acting])
     paid = followed_states(by_name(task.state, task.process.next), (task.process.reward,))
-    paid -= mentioned(task, "observation")
+    paid -= followed(task, set(_words(task.written.get("observation"))), tuple(NAMED)[1:])
     for c in task.state:
         values = known.get((Role.STATE, c.name))
         varies = values is None or not _is_constant(values)

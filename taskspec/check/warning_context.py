@@ -16,10 +16,8 @@ from taskspec.scores.returns import Results
 from taskspec.task.merge import Merged, merge
 from taskspec.task.task import Task
 
-SAME = 1e-9
-"""Numbers that differ by less, relative to their size, count as equal."""
-SMALL = 3_000_000
-"""Entries of models that are searched for problems."""
+SAME = 1e-9  # numbers that differ by less, relative to their size, count as equal
+SMALL = 3_000_000  # entries of models that are searched for problems
 
 
 @dataclass(frozen=True)

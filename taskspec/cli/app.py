@@ -5,9 +5,11 @@ from __future__ import annotations
 import gc
 import os
 import sys
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
+from typer import Option
 
 from taskspec.base import __version__
 from taskspec.cli import overview, scaffold, scoring
@@ -19,7 +21,7 @@ from taskspec.cli.data import demos, preferences
 from taskspec.cli.diff import diff
 from taskspec.cli.docs import card, docs, figure
 from taskspec.cli.exam import exam
-from taskspec.cli.exchange import export, import_task
+from taskspec.cli.exchange import export, import_
 from taskspec.cli.help import Command, Commands
 from taskspec.cli.lsp import lsp
 from taskspec.cli.mutate import mutate
@@ -29,40 +31,19 @@ from taskspec.cli.separate import freeze, separate
 from taskspec.cli.studio import studio
 from taskspec.cli.sweep import sweep
 
-READ = "Read tasks"
-WRITE = "Write tasks"
-USE = "Run and score tasks"
-PRINT = "Print tasks"
-COMMANDS = (
-    ("list", overview.list_tasks, READ),
-    ("show", overview.show, READ),
-    ("explain", overview.explain, READ),
-    ("new", scaffold.new, WRITE),
-    ("check", check, WRITE),
-    ("diff", diff, WRITE),
-    ("mutate", mutate, WRITE),
-    ("build", build, WRITE),
-    ("freeze", freeze, WRITE),
-    ("import", import_task, WRITE),
-    ("schema", scaffold.schema, WRITE),
-    ("lsp", lsp, WRITE),
-    ("studio", studio, WRITE),
-    ("run", running.run, USE),
-    ("play", running.play, USE),
-    ("solve", scoring.solve, USE),
-    ("score", scoring.score, USE),
-    ("sweep", sweep, USE),
-    ("exam", exam, USE),
-    ("report", report, USE),
-    ("separate", separate, USE),
-    ("audit", audit, USE),
-    ("demos", demos, USE),
-    ("preferences", preferences, USE),
-    ("export", export, PRINT),
-    ("docs", docs, PRINT),
-    ("card", card, PRINT),
-    ("figure", figure, PRINT),
-)
+COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
+    "Read tasks": (overview.list_, overview.show, overview.explain),
+    "Write tasks": (scaffold.new, check, diff, mutate, build, freeze, import_, scaffold.schema, lsp, studio),
+    "Run and score tasks": (
+        running.run, running.play, scoring.solve, scoring.score, sweep, exam, report, separate, audit, demos, preferences,
+    ),
+    "Print tasks": (export, docs, card, figure),
+}  # fmt: skip
+
+
+def command_name(function: Callable[..., None]) -> str:
+    """Return the name of a command; functions named like a word of Python have a line after it."""
+    return function.__name__.rstrip("_")
 
 
 app = typer.Typer(
@@ -74,8 +55,11 @@ app = typer.Typer(
 )
 
 
-for _name, _function, _panel in COMMANDS:
-    app.command(_name, cls=Command, rich_help_panel=_panel, help=flowed(_function.__doc__ or ""))(_function)
+for _panel, _functions in COMMANDS.items():
+    for _function in _functions:
+        app.command(command_name(_function), cls=Command, rich_help_panel=_panel, help=flowed(_function.__doc__ or ""))(
+            _function
+        )
 
 
 def _version(wanted: bool) -> None:
@@ -86,9 +70,7 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def taskspec(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
-    ] = False,
+    version: Annotated[bool, Option("--version", callback=_version, is_eager=True, help="Show the version.")] = False,
 ) -> None:
     """Tiny diagnostic reinforcement-learning tasks, each declared in one YAML file.
 

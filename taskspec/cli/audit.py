@@ -9,6 +9,7 @@ import warnings
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from taskspec.base.display import decimal, plural
 from taskspec.cli import options
@@ -24,20 +25,14 @@ if TYPE_CHECKING:
 def audit(
     env: Annotated[
         str,
-        typer.Argument(
+        Argument(
             metavar="ENV",
-            show_default=False,
             help="An id of Gymnasium, [cyan]module:id[/] to import a module first, or [cyan]FILE.py:FUNCTION[/] that makes it.",
         ),
     ],
-    kwargs: Annotated[
-        str, typer.Option("--kwargs", metavar="JSON", help="Keyword arguments, as a JSON object.")
-    ] = "{}",
-    seconds: Annotated[float, typer.Option("--seconds", min=1, help="Time that the audit may take, roughly.")] = 60.0,
-    replay: Annotated[
-        str | None,
-        typer.Option("--replay", metavar="TRACE", show_default=False, help="Play a trace of a report instead."),
-    ] = None,
+    kwargs: Annotated[str, Option("--kwargs", metavar="JSON", help="Keyword arguments, as a JSON object.")] = "{}",
+    seconds: Annotated[float, Option("--seconds", min=1, help="Time that the audit may take, roughly.")] = 60.0,
+    replay: Annotated[str | None, Option("--replay", metavar="TRACE", help="Play a trace of a report instead.")] = None,
     json: options.Json = False,
 ) -> None:
     """Look for faults of any Gymnasium environment.

@@ -15,14 +15,14 @@ from taskspec.base.display import visible_json
 from taskspec.base.extras import is_installed
 from taskspec.base.files import safe_name, write_text
 from taskspec.base.limits import tell, telling
-from taskspec.cli.check import print_reports, reported, verdict
+from taskspec.cli.check import examine, print_reports, verdict
 from taskspec.cli.console import console, fail, line, say
 from taskspec.cli.docs import has_scores
 from taskspec.cli.options import LimitsGiven, Targets, folder_option
 from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
-    from taskspec.check.file_checks import Finding
+    from taskspec.check.report import Report
     from taskspec.pages.facts import Facts
     from taskspec.task.task import Task
 
@@ -52,11 +52,10 @@ def build(
         files = telling(files_of(targets or []), lambda file: str(file.path))
         reports = [check_file(file, results.examine) for file in files]
     problems = [d for report in reports for d in report.diagnostics]
-    errors, warnings = counts(problems)
     print_reports(reports, problems)
     out = console(wide=True)
-    out.print(verdict(reports, errors, warnings, time.perf_counter() - start))
-    if errors:
+    out.print(verdict(reports, problems, time.perf_counter() - start))
+    if counts(problems)[0]:
         say("nothing was written", err=True)
         raise typer.Exit(1)
     with progress("write"):
@@ -76,12 +75,11 @@ class _Results:
         self.scores: dict[str, Any] = {}
         self.problems: list[Diagnostic] = []  # why tasks have no scores
 
-    def examine(self, task: Task) -> Finding:
-        from taskspec.check.file_checks import finding
+    def examine(self, task: Task) -> Report:
         from taskspec.exact import scores
         from taskspec.pages.facts import gather
 
-        report = reported(task)
+        report = examine(task)
         tell(f"scores of {task.id}")
         if is_installed("scipy") and not report.errors:
             try:
@@ -89,7 +87,7 @@ class _Results:
                 self.scores[task.id] = scores(report.unlimited).record()
             except SpecError as error:
                 self.problems += error.diagnostics
-        return finding(report, len(task.annotations.examples))
+        return report
 
 
 def _write(tasks: Sequence[Task], results: _Results, folder: Path) -> Iterator[tuple[Path, str]]:

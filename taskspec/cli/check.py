@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Option
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order, records, render
 from taskspec.base.display import plural
@@ -21,7 +22,7 @@ from taskspec.cli.tables import Columns
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taskspec.check.file_checks import Checked, FileReport, Finding
+    from taskspec.check.file_checks import Checked, FileReport
     from taskspec.check.report import Report
     from taskspec.source.scan import Kind
     from taskspec.targets import File
@@ -42,12 +43,12 @@ def check(
         str, options.choices_option("--format", allowed=FORMATS, help="Text, JSON, or GitHub annotations.")
     ] = "text",
     json: options.Json = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Count warnings as errors.")] = False,
+    strict: Annotated[bool, Option("--strict", help="Count warnings as errors.")] = False,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Only soundness for the given parameters; no sanity checks, no claims.")
+        bool, Option("--quick", help="Only soundness for the given parameters; no sanity checks, no claims.")
     ] = False,
     fix: Annotated[
-        bool, typer.Option("--fix", help="Write what hints say to write into the files, and check them again.")
+        bool, Option("--fix", help="Write what hints say to write into the files, and check them again.")
     ] = False,
     jobs: options.Jobs = None,
     limits: options.LimitsGiven = None,
@@ -69,49 +70,46 @@ def check(
     files = files_of(targets or [], parameters or [], modifiers or [])
     if variant is not None:
         files = [replace(file, variants=(variant,)) for file in files]
-    reports = _checked(others_of(targets or []), files, not quick, jobs)
-    if fix and _fix(reports):
-        files = files_of(targets or [], parameters or [], modifiers or [])
-        reports = _checked(others_of(targets or []), files, not quick, jobs)
+    others = others_of(targets or [])
+    reports = _checked(others, files, not quick, jobs)
+    if fix:
+        from taskspec.analysis.fixes import fix_files
+
+        number = fix_files(d for report in reports for d in report.diagnostics)
+        console(err=True).print(f"{plural(number, 'mistake')} put right")
+        if number:
+            reports = _checked(others, files, not quick, jobs)
     problems = [d for report in reports for d in report.diagnostics]
-    errors, warnings = counts(problems)
     seconds = time.perf_counter() - start
     if json or format == "json":
-        _print_json(reports, problems, errors, warnings, seconds)
+        _print_json(reports, problems, seconds)
     elif format == "github":
         if problems:
             say(render(problems, "github"))
-        console(err=True).print(verdict(reports, errors, warnings, seconds))
+        console(err=True).print(verdict(reports, problems, seconds))
     else:
         print_reports(reports, problems)
-        console(wide=True).print(verdict(reports, errors, warnings, seconds))
+        console(wide=True).print(verdict(reports, problems, seconds))
+    errors, warnings = counts(problems)
     if errors or (strict and warnings):
         raise typer.Exit(1)
-
-
-def _fix(reports: Sequence[FileReport]) -> int:
-    from taskspec.analysis.fixes import fix_files
-
-    number = fix_files(d for report in reports for d in report.diagnostics)
-    console(err=True).print(f"{plural(number, 'mistake')} put right")
-    return number
 
 
 def _checked(
     others: Iterable[tuple[Path, Kind]], files: Iterable[File], sense: bool, jobs: int | None
 ) -> list[FileReport]:
     from taskspec import exact, figures  # noqa: F401  # before processes are forked, which then need not import them again
-    from taskspec.check.file_checks import FileCheck, check_file, started
+    from taskspec.check.file_checks import FileCheck, check_file, run_checks
 
     checks = [FileCheck(path, partial(check_other, path, kind)) for path, kind in others]
     for file in files:
         prove = partial(examine, sense=sense, defaults=not file.parameters)
         checks.append(FileCheck(file.path, partial(check_file, file, prove)))
-    with started(checks, jobs) as reports, progress("check"):
-        return reports()
+    with progress("check"):
+        return run_checks(checks, jobs)
 
 
-def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
+def examine(task: Task, sense: bool = True, defaults: bool = True) -> Report:
     """Check a task.
 
     Args:
@@ -119,13 +117,6 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
         sense: also check sanity and claims, beyond soundness.
         defaults: whether its parameters have their defaults: claims speak of these, and ranges are checked from there.
     """
-    from taskspec.check.file_checks import finding
-
-    return finding(reported(task, sense, defaults), len(task.annotations.examples) if sense and defaults else 0)
-
-
-def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:
-    """Return the report of `examine` with the results that it rests on, which may be large."""
     from taskspec import exact
 
     wanted = sense and defaults
@@ -160,9 +151,6 @@ def check_other(path: Path, kind: Kind) -> FileReport:
     return FileReport(str(path), (), in_order(diagnostics), kind=kind, entries=entries)
 
 
-# -- text ---------------------------------------------------------------------------------------------------------
-
-
 def print_reports(reports: Sequence[FileReport], problems: Sequence[Diagnostic]) -> None:
     """Print problems, what was checked and how, and what was left out and why, each reason once."""
     print_diagnostics(problems, err=False)
@@ -171,41 +159,47 @@ def print_reports(reports: Sequence[FileReport], problems: Sequence[Diagnostic])
         out.print()
     out.print(_table(reports))
     out.print()
-    skipped = [each.finding.skipped for report in reports for each in report.tasks]
+    skipped = [each.skipped for report in reports for each in report.tasks]
     for reason in dict.fromkeys(filter(None, skipped)):
         out.print(reason, style="warn")
 
 
 def _table(reports: Sequence[FileReport]) -> Columns:
     tasks = [each for report in reports for each in report.tasks]
-    is_built = any(each.id is not None for each in tasks)
-    shown = {
-        "validated by": True,
-        "settings": is_built,
-        "claims": is_built,
-        "examples": any(each.finding.examples for each in tasks),
-        "symmetries": any(each.finding.symmetries for each in tasks),
-    }
-    headers = [header for header, is_shown in shown.items() if is_shown]
-    if not is_built:
-        headers = [""] * len(headers)
+    if any(each.id is not None for each in tasks):
+        headers = ["validated by", "settings", "claims"]
+        headers += [name for name in ("examples", "symmetries") if any(getattr(each, name) for each in tasks)]
+    else:
+        headers = [""]
     table = Columns("", "", *headers, names=1, spare=range(len(headers) + 1, 2, -1))
     for report in reports:
         table.add_row(_mark(report.diagnostics), VisibleText(report.path, style="title"))
         if report.kind != "taskspec":
             table.add_row("", VisibleText(f"  {plural(report.entries, ENTRIES[report.kind])}", style="quiet"))
         for each in report.tasks:
-            found = each.finding
             cells = {
-                "validated by": found.how,
-                "settings": f"{found.cases} tried" if found.cases else "",
-                "claims": found.claims_words,
-                "examples": found.examples_words,
-                "symmetries": found.symmetries_words,
+                "settings": f"{each.cases} tried" * bool(each.cases),
+                "claims": _decided(each.claims),
+                "examples": f"{each.wrong_examples} wrong" if each.wrong_examples else str(each.examples or ""),
+                "symmetries": _decided(each.symmetries),
             }
-            name = VisibleText(f"  {each.title}", style="name")
-            table.add_row(_mark(each.diagnostics), name, *(cells[header] for header in shown if shown[header]))
+            name = VisibleText(f"  {each.id or each.name}", style="name")
+            table.add_row(_mark(each.diagnostics), name, each.how, *(cells[header] for header in headers[1:]))
     return table
+
+
+def _decided(records: Sequence[dict[str, Any]]) -> str:
+    """Return how many claims or symmetries are proved, as `8 proved`; `3 (2 tested)` are three with one that is proved."""
+    statuses = Counter(record["status"] for record in records)
+    proved = statuses["proved"]
+    tested = statuses["tested"]
+    if len(records) > proved + tested:
+        return f"{len(records) - proved - tested} failed"
+    if proved and tested:
+        return f"{len(records)} ({tested} tested)"
+    if proved:
+        return f"{proved} proved"
+    return f"{tested} tested" * bool(tested)
 
 
 def _mark(diagnostics: Sequence[Diagnostic]) -> VisibleText:
@@ -218,8 +212,11 @@ def _mark(diagnostics: Sequence[Diagnostic]) -> VisibleText:
     return VisibleText("✓", style="good")
 
 
-def verdict(reports: Sequence[FileReport], errors: int, warnings: int, seconds: float) -> VisibleText:
+def verdict(reports: Sequence[FileReport], problems: Sequence[Diagnostic], seconds: float) -> VisibleText:
     """Return the last line: how many tasks, how many problems, how long."""
+    from taskspec.check.file_checks import counts
+
+    errors, warnings = counts(problems)
     tasks = sum(len(report.tasks) for report in reports)
     accepted = sum(len(report.accepted) for report in reports)
     kinds = Counter(report.kind for report in reports)
@@ -241,12 +238,10 @@ def verdict(reports: Sequence[FileReport], errors: int, warnings: int, seconds: 
     return found.append(f"  ({seconds:.2f} s)", "quiet")
 
 
-# -- for programs -------------------------------------------------------------------------------------------------
+def _print_json(reports: Sequence[FileReport], problems: Sequence[Diagnostic], seconds: float) -> None:
+    from taskspec.check.file_checks import counts
 
-
-def _print_json(
-    reports: Sequence[FileReport], problems: Sequence[Diagnostic], errors: int, warnings: int, seconds: float
-) -> None:
+    errors, warnings = counts(problems)
     data: dict[str, Any] = {
         "errors": errors,
         "warnings": warnings,
@@ -271,12 +266,11 @@ def _record(path: str, each: Checked) -> dict[str, Any]:
     from taskspec.check.file_checks import counts
 
     errors, warnings = counts(each.diagnostics)
-    found = each.finding
-    statuses = [verdict["status"] for verdict in found.verdicts]
+    statuses = [claim["status"] for claim in each.claims]
     return {
         "id": each.id, "name": each.name, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
-        "method": found.method, "other_parameter_values": found.cases, "claims_proved": statuses.count("proved"),
-        "claims_tested": statuses.count("tested"), "claims": found.verdicts, "examples": found.examples,
-        "examples_wrong": found.wrong_examples, "skipped": found.skipped, "symmetries": found.symmetries,
+        "method": each.method, "other_parameter_values": each.cases, "claims_proved": statuses.count("proved"),
+        "claims_tested": statuses.count("tested"), "claims": each.claims, "examples": each.examples,
+        "examples_wrong": each.wrong_examples, "skipped": each.skipped, "symmetries": each.symmetries,
         "seconds": round(each.seconds, 6),
     }  # fmt: skip

@@ -10,6 +10,7 @@ import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import rich.console
@@ -19,6 +20,7 @@ from rich.segment import Segment
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, render
 from taskspec.base.display import visible, visible_json
+from taskspec.base.files import near, write_text
 
 STYLES = {
     "title": "bold",
@@ -30,12 +32,9 @@ STYLES = {
     "bad": "bold red",
     "warn": "bold yellow",
 }
-PAGE = 100
-"""The largest width of prose."""
-PIPED = 4096
-"""The width of tables in pipes: every row stays on one line."""
-DEBUG = "TASKSPEC_TRACEBACK"
-"""Set in the environment, this variable shows where an internal error comes from."""
+PAGE = 100  # the largest width of prose
+PIPED = 4096  # the width of tables in pipes: every row stays on one line
+DEBUG = "TASKSPEC_TRACEBACK"  # set in the environment, this variable shows where an internal error comes from
 PASSED_ON = ("Exit", "Abort", "BrokenPipeError")  # by name: their modules differ between versions of typer
 
 
@@ -127,6 +126,15 @@ def line(*parts: tuple[str, str] | str) -> VisibleText:
     return text
 
 
+def write_output(text: str, place: Path | None) -> None:
+    """Write a text to a file, and say so; without a place, to standard output."""
+    if place is None:
+        sys.stdout.write(text)
+        return
+    write_text(place, text)
+    say(f"wrote {near(place)}", err=True)
+
+
 def write_json(data: Any) -> None:
     """Print data as JSON."""
     say(visible_json(data))
@@ -135,9 +143,6 @@ def write_json(data: Any) -> None:
 def write_records(records: Sequence[Any]) -> None:
     """Print the records of several tasks as a JSON list, or that of one task alone."""
     write_json(records[0] if len(records) == 1 else list(records))
-
-
-# -- errors -------------------------------------------------------------------------------------------------------
 
 
 class UsageError(SpecError):

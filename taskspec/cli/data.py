@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
 from taskspec.cli.console import console, line, misuse, say, write_records
 from taskspec.cli.options import Json, Modifiers, Parameters, PolicyName, TaskArgument, Variant, seed_option
@@ -19,24 +19,22 @@ if TYPE_CHECKING:
 
 FORMATS = ("npz", "parquet", "imitation", "minari")
 Seed = Annotated[int, seed_option("Episode i is that of [green]reset(seed=SEED+i)[/].")]
-DataJobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Processes; the data is the same for any number.")]
-Output = Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="The file, or the folder.")]
+DataJobs = Annotated[int, Option("--jobs", "-j", min=1, help="Processes; the data is the same for any number.")]
+Output = Annotated[Path, Option("--output", "-o", metavar="OUT", help="The file, or the folder.")]
 Format = Annotated[
     str | None,
-    typer.Option(
-        "--format", metavar="|".join(FORMATS), help="File format; by default from the suffix.", show_default=False,
+    Option(
+        "--format", metavar="|".join(FORMATS), help="File format; by default from the suffix.",
         autocompletion=lambda: FORMATS,
     ),
 ]  # fmt: skip
 Transitions = Annotated[
     int | None,
-    typer.Option(
-        "--transitions", min=1, help="Generate whole episodes, until there are at least this many steps.", show_default=False
-    ),
-]  # fmt: skip
+    Option("--transitions", min=1, help="Generate whole episodes, until there are at least this many steps."),
+]
 TeacherName = Annotated[
     str,
-    typer.Option(
+    Option(
         "--teacher", metavar="NAME", help="noiseless, boltzmann(0.1), myopic(0.9), mistaken(0.1), skipping(0.2), equal(0.1), "
         "with any numbers; [green]+[/] combines several.",
     ),
@@ -47,9 +45,7 @@ def demos(
     task: TaskArgument,
     output: Output,
     policy: PolicyName = "expert",
-    episodes: Annotated[
-        int | None, typer.Option("--episodes", "-n", min=1, help="How many; 100 by default.", show_default=False)
-    ] = None,
+    episodes: Annotated[int | None, Option("--episodes", "-n", min=1, help="How many; 100 by default.")] = None,
     transitions: Transitions = None,
     seed: Seed = 0,
     variant: Variant = None,
@@ -76,10 +72,10 @@ def demos(
 def preferences(
     task: TaskArgument,
     output: Output,
-    pairs: Annotated[int, typer.Option("--pairs", "-n", min=1, help="How many pairs the teacher is shown.")] = 100,
+    pairs: Annotated[int, Option("--pairs", "-n", min=1, help="How many pairs the teacher is shown.")] = 100,
     policy: PolicyName = "random",
     length: Annotated[
-        int | None, typer.Option("--length", min=1, metavar="K", help="Steps of a segment; whole episodes by default.")
+        int | None, Option("--length", min=1, metavar="K", help="Steps of a segment; whole episodes by default.")
     ] = None,
     teacher: TeacherName = "noiseless",
     seed: Seed = 0,
@@ -139,9 +135,8 @@ def _summary(about: Any) -> str:
         if about["return"] is not None:
             words += f"; the policy earns {about['return']['value']:.6g} ({about['return']['status']})"
         return words
-    if about["length"] is None:
-        parts = "whole episodes"
-    else:
+    parts = "whole episodes"
+    if about["length"] is not None:
         parts = f"segments of {about['length']} steps"
     words = f"{about['shown'] - about['skipped']:,} pairs of {parts}"
     if about["skipped"]:

@@ -7,6 +7,7 @@ import subprocess
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import decimal
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 GIT = "git:"
 Side = Annotated[
     str,
-    typer.Argument(
-        metavar="TASK", show_default=False, autocompletion=options.complete_targets,
+    Argument(
+        metavar="TASK", autocompletion=options.complete_targets,
         help="An id, the path of a spec, either with values behind it ([cyan]x.yaml?L=5[/]), or a path at a revision, "
         "[cyan]git:REV:PATH[/].",
     ),
@@ -35,7 +36,7 @@ def diff(
     second: Side,
     variant: Annotated[
         list[str] | None,
-        typer.Option("--variant", "-v", metavar="NAME", help="A variant of both specs; given twice, of each of them."),
+        Option("--variant", "-v", metavar="NAME", help="A variant of both specs; given twice, of each of them."),
     ] = None,
     json: options.Json = False,
 ) -> None:

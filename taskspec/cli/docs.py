@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, raise_if_errors, spec_error
 from taskspec.base.display import plural
@@ -23,18 +24,13 @@ if TYPE_CHECKING:
 
 FORMATS = ("html", "latex", "markdown", "svg", "pdf")
 OVERLAYS = ("values", "policy", "expert", "occupancy")
-Results = Annotated[bool, typer.Option("--results/--no-results", help="Scores, and the verdicts on claims.")]
-Brief = Annotated[bool, typer.Option("--brief", help="Half a page for each task: its definition, figure and scores.")]
-Title = Annotated[
-    str, typer.Option("--title", help="Title of the document; the suite's name by default.", show_default=False)
-]
+Results = Annotated[bool, Option("--results/--no-results", help="Scores, and the verdicts on claims.")]
+Brief = Annotated[bool, Option("--brief", help="Half a page for each task: its definition, figure and scores.")]
+Title = Annotated[str, Option("--title", help="Title of the document; the suite's name by default.")]
 FigureFile = Annotated[
     Path,
-    typer.Option(
-        "--output", "-o", metavar="FILE", help="Output file, ending in .svg, .tex, .png or .pdf.", dir_okay=False,
-        show_default=False,
-    ),
-]  # fmt: skip
+    Option("--output", "-o", metavar="FILE", help="Output file, ending in .svg, .tex, .png or .pdf.", dir_okay=False),
+]
 Overlays = Annotated[
     list[str] | None,
     options.choices_option(
@@ -157,7 +153,7 @@ def _facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Fa
 
 def card(
     task: options.TaskArgument,
-    format: Annotated[str, typer.Option("--format", "-f", metavar="md|json", help="Markdown, or JSON-LD.")] = "md",
+    format: Annotated[str, Option("--format", "-f", metavar="md|json", help="Markdown, or JSON-LD.")] = "md",
     variant: options.Variant = None,
     parameters: options.Parameters = None,
     modifiers: options.Modifiers = None,

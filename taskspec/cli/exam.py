@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from taskspec.base.display import count_of
 from taskspec.base.files import safe_name
@@ -25,13 +26,13 @@ _SECONDS = {"s": 1, "m": 60, "h": 3600}
 
 
 def _option(*names: str, help: str, **more: Any) -> Any:
-    return typer.Option(*names, help=help, show_default=False, **more)
+    return Option(*names, help=help, **more)
 
 
 LearnerArgument = Annotated[
     list[str],
-    typer.Argument(
-        metavar="LEARNER...|EXPERIMENT", show_default=False, autocompletion=options.complete_learners,
+    Argument(
+        metavar="LEARNER...|EXPERIMENT", autocompletion=options.complete_learners,
         help="[cyan]FILE.py:train[/] or [cyan]module:train[/], a function of a case that gives a policy; or one that comes with "
         "the package, by its name ([cyan]bc[/]) or as a YAML file of its settings. Or an experiment, by its path or as "
         "[cyan]suite/name[/]: its learners, on its tasks. Several learners are compared side by side.",
@@ -88,9 +89,7 @@ Against = Annotated[
         help="An earlier exam, or one that comes with a suite (derail/bc): changes since then are flagged.",
     ),
 ]  # fmt: skip
-Output = Annotated[
-    Path | None, options.folder_option("Where results are stored; build/exams/NAME by default.", show_default=False)
-]
+Output = Annotated[Path | None, options.folder_option("Where results are stored; build/exams/NAME by default.")]
 
 
 def exam(
@@ -211,10 +210,7 @@ def _tasks(names: Sequence[str]) -> list[TaskLike]:
     found: list[TaskLike] = []
     for name in names:
         written = read_if_experiment(name)
-        if written is None:
-            found.append(name)
-        else:
-            found += expand(written).tasks()
+        found += [name] if written is None else expand(written).tasks()
     return found
 
 

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from taskspec.base.diagnostics import spec_error
-from taskspec.base.files import near, write_bytes, write_text
+from taskspec.base.files import near, write_bytes
 from taskspec.cli import options
-from taskspec.cli.console import console, misuse, say, write_json
+from taskspec.cli.console import console, misuse, say, write_json, write_output
 from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
@@ -33,9 +34,7 @@ def export(
     output: Annotated[
         Path | None, options.file_option("--output", "-o", help="The file; standard output by default, for text.")
     ] = None,
-    verify: Annotated[
-        bool, typer.Option("--verify", help="Let Storm solve the file, and compare the returns.")
-    ] = False,
+    verify: Annotated[bool, Option("--verify", help="Let Storm solve the file, and compare the returns.")] = False,
     variant: options.Variant = None,
     parameters: options.Parameters = None,
     modifiers: options.Modifiers = None,
@@ -78,9 +77,12 @@ def _verify(task: Task, format: ModelFormat, model: Any, tables: Any, json: bool
     with progress(f"{task.instance_id} by Storm"):
         rows = list(compared(model, tables, format))
     if json:
-        write_json([
-            {"return": row.which, "taskspec": str(row.ours), "storm": str(row.storm), "verdict": row.verdict} for row in rows
-        ])  # fmt: skip
+        write_json(
+            [
+                {"return": row.which, "taskspec": str(row.ours), "storm": str(row.storm), "verdict": row.verdict}
+                for row in rows
+            ]
+        )
     else:
         table = Columns("return", "taskspec", "Storm", "", styles=("name",), fold=(2,))
         for row in rows:
@@ -90,21 +92,15 @@ def _verify(task: Task, format: ModelFormat, model: Any, tables: Any, json: bool
         raise typer.Exit(1)
 
 
-def import_task(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE|ENV", help="A file, or the id of an environment with a table P.", show_default=False
-        ),
-    ],
+def import_(
+    source: Annotated[str, Argument(metavar="FILE|ENV", help="A file, or the id of an environment with a table P.")],
     format: ImportFormat = None,
     output: Annotated[
         Path | None, options.file_option("--output", "-o", help="The spec; standard output by default.")
     ] = None,
-    name: Annotated[str | None, typer.Option("--name", help="Name of the task.", show_default=False)] = None,
+    name: Annotated[str | None, Option("--name", help="Name of the task.")] = None,
     horizon: Annotated[
-        int | None,
-        typer.Option("--horizon", min=1, help="Steps of an episode, where the source has none.", show_default=False),
+        int | None, Option("--horizon", min=1, help="Steps of an episode, where the source has none.")
     ] = None,
 ) -> None:
     """Write a spec of a finite task that another tool has: UMB, DRN, or Gymnasium's table P.
@@ -116,9 +112,4 @@ def import_task(
 
     if format is not None:
         options.checked_choice("--format", format, READ)
-    text = imported(source, format, name, horizon).spec()
-    if output is None:
-        sys.stdout.write(text)
-        return
-    write_text(output, text)
-    say(f"wrote {near(output)}", err=True)
+    write_output(imported(source, format, name, horizon).spec(), output)

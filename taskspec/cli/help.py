@@ -21,8 +21,7 @@ First commands:
   taskspec new my_task.yaml   a spec to start from
   taskspec exam bc            what is wrong with a learner
 """
-LEFT = 26
-"""The width of what stands left of an explanation; what is longer stands on a line of its own."""
+LEFT = 26  # the width of what stands left of an explanation; what is longer stands on a line of its own
 GENERIC = re.compile(r" ?(<list\[\w+\]>|<str>|<path>|<file>|<directory>|<bool>|TEXT|PATH|FILE)$")
 NUMBERS = re.compile(r"<(int|float)( range)?>|(INTEGER|FLOAT)( RANGE)?")
 

@@ -7,6 +7,7 @@ from collections import Counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.limits import tell
@@ -23,11 +24,9 @@ if TYPE_CHECKING:
 
     Judged = tuple[Path, Mutant, Judgement]
 
-ALWAYS = "silent"
-"""The class whose mutants are always listed: nothing has noticed them."""
+ALWAYS = "silent"  # the class whose mutants are always listed: nothing has noticed them
 Listed = Annotated[
-    list[str] | None,
-    typer.Option("--list", metavar="CLASS", help="Also list the changes of this class; may be repeated."),
+    list[str] | None, Option("--list", metavar="CLASS", help="Also list the changes of this class; may be repeated.")
 ]
 
 
@@ -35,7 +34,7 @@ def mutate(
     targets: Targets = None,
     listed: Listed = None,
     jobs: Jobs = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with status 1 if some change is not noticed.")] = False,
+    strict: Annotated[bool, Option("--strict", help="Exit with status 1 if some change is not noticed.")] = False,
     json: Json = False,
 ) -> None:
     """Find out which mistakes in specs the checks would not notice.
@@ -87,10 +86,9 @@ def _print(judged: list[Judged], classes: list[str]) -> None:
     for path, mutant, judgement in judged:
         if judgement.kind in classes:
             place = f"{path}:{mutant.place.line}:{mutant.place.column}"
+            noticed = ""
             if judgement.code:
                 noticed = f"  {judgement.code} {judgement.message}"
-            else:
-                noticed = ""
             change = f"{mutant.section}: {mutant.before or '(nothing)'} → {mutant.after}"
             out.print(line((place, "name"), "  ", (judgement.kind, "warn"), f"  {change}", (noticed, "quiet")))
 

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from taskspec.base.diagnostics import suggest
 from taskspec.cli.console import misuse
 
 MAX_OFFERED = 100
 
-Completions = list[tuple[str, str]]
-"""What a word may go on to, each with a remark."""
+Completions = list[tuple[str, str]]  # what a word may go on to, each with a remark
 
 
 def flowed(doc: str) -> str:
@@ -41,9 +41,6 @@ def split_names(texts: Sequence[str] | None) -> list[str]:
 def checked_choices(option: str, texts: Sequence[str] | None, allowed: Sequence[str]) -> list[str]:
     """Return the names in an option that may be repeated, or given with commas."""
     return [checked_choice(option, name, allowed) for name in split_names(texts)]
-
-
-# -- completion ---------------------------------------------------------------------------------------------------
 
 
 def starting(incomplete: str, found: Completions) -> Completions:
@@ -123,14 +120,9 @@ def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None
     return given
 
 
-# -- options ------------------------------------------------------------------------------------------------------
-
-
 def choices_option(*names: str, allowed: Sequence[str], help: str) -> Any:
     """Return an option with some of the values allowed; see `checked_choices`."""
-    return typer.Option(
-        *names, metavar="|".join(allowed), help=help, autocompletion=lambda: allowed, show_default=False
-    )
+    return Option(*names, metavar="|".join(allowed), help=help, autocompletion=lambda: allowed)
 
 
 def formats_option(allowed: Sequence[str], help: str) -> Any:
@@ -140,75 +132,66 @@ def formats_option(allowed: Sequence[str], help: str) -> Any:
 def folder_option(help: str, show_default: bool = True) -> Any:
     """Return the option for the folder that a command writes to."""
     names = ("--output", "--out", "-o")
-    return typer.Option(*names, metavar="FOLDER", help=help, file_okay=False, show_default=show_default)
+    return Option(*names, metavar="FOLDER", help=help, file_okay=False, show_default=show_default)
 
 
 def file_option(*names: str, help: str) -> Any:
     """Return an option that names a file."""
-    return typer.Option(*names, metavar="FILE", help=help, dir_okay=False, show_default=False)
+    return Option(*names, metavar="FILE", help=help, dir_okay=False)
 
 
 def seed_option(help: str) -> Any:
-    return typer.Option("--seed", min=0, max=2**64 - 1, metavar="SEED", help=help)
+    return Option("--seed", min=0, max=2**64 - 1, metavar="SEED", help=help)
 
 
 def time_limit_option(help: str) -> Any:
-    return typer.Option("--time-limit", metavar="SECONDS", help=help, show_default=False)
+    return Option("--time-limit", metavar="SECONDS", help=help)
 
 
 TaskArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="TASK", help="An id, or the path of a spec.", autocompletion=complete_targets, show_default=False
-    ),
+    str, Argument(metavar="TASK", help="An id, or the path of a spec.", autocompletion=complete_targets)
 ]
 Targets = Annotated[
     list[str] | None,
-    typer.Argument(
+    Argument(
         metavar="[TASK|FOLDER]...", help="Ids, specs, suites or folders of specs; all known tasks if omitted.",
-        autocompletion=complete_targets, show_default=False,
+        autocompletion=complete_targets,
     ),
 ]  # fmt: skip
-Variant = Annotated[str | None, typer.Option("--variant", "-v", metavar="NAME", help="A variant of the spec.")]
+Variant = Annotated[str | None, Option("--variant", "-v", metavar="NAME", help="A variant of the spec.")]
 Parameters = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "-p", "--param", metavar="NAME=VALUE,...",
         help="A parameter, such as [green]-p L=20[/], or several values, [green]-p L=5,10,20[/]; may be repeated.",
     ),
 ]  # fmt: skip
 Modifiers = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "-m", "--modifier", metavar="NAME=VALUE", autocompletion=complete_modifiers,
         help="A modifier of the task, such as [green]-m sticky=0.25[/]; may be repeated; the order matters.",
     ),
 ]  # fmt: skip
 LimitsGiven = Annotated[
     list[str] | None,
-    typer.Option(
-        "--limit", metavar="NAME=VALUE", callback=_set_limits, show_default=False,
+    Option(
+        "--limit", metavar="NAME=VALUE", callback=_set_limits,
         help="Limit the cost of an analysis: [green]--limit seconds=60[/], or [green]seconds=0[/] to skip it; may be repeated.",
     ),
 ]  # fmt: skip
 PolicyName = Annotated[
     str,
-    typer.Option(
+    Option(
         "--policy", metavar="NAME|FILE", autocompletion=complete_policies,
         help="random, expert, optimal, soft(1), epsilon(0.1) with any numbers; FILE.py:FUNCTION, from the observation to the "
         "action; [green]run[/] also takes a .json or .csv file of actions.",
     ),
 ]  # fmt: skip
-Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
-Jobs = Annotated[
-    int | None,
-    typer.Option("--jobs", "-j", min=1, help="Processes; one for each processor by default.", show_default=False),
-]
+Json = Annotated[bool, Option("--json", help="Print JSON, for programs.")]
+Jobs = Annotated[int | None, Option("--jobs", "-j", min=1, help="Processes; one for each processor by default.")]
 Cluster = Annotated[
     str | None,
-    typer.Option(
-        "--cluster", metavar="ADDRESS", help="A Dask scheduler that does the work, such as tcp://10.0.0.1:8786.",
-        show_default=False,
-    ),
-]  # fmt: skip
-Retry = Annotated[bool, typer.Option("--retry", help="Retry what failed before.")]
+    Option("--cluster", metavar="ADDRESS", help="A Dask scheduler that does the work, such as tcp://10.0.0.1:8786."),
+]
+Retry = Annotated[bool, Option("--retry", help="Retry what failed before.")]

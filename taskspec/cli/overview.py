@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from taskspec.base.diagnostics import CLASSES, CODES, Code, SpecError, spec_error, suggest
 from taskspec.base.display import plural, visible
@@ -30,15 +30,14 @@ if TYPE_CHECKING:
 
     Listed = Task | Outline
 
-WIDE = 110
-"""From this width on, rows have room for the capability, which is a heading otherwise."""
-WIDEST = 150
-"""From this width on, rows have room for a summary."""
+CODE_FIELDS = ("code", "slug", "severity", "title", "explanation")
+WIDE = 110  # from this width on, rows have room for the capability, which is a heading otherwise
+WIDEST = 150  # from this width on, rows have room for a summary
 
 
-def list_tasks(
+def list_(
     targets: options.Targets = None,
-    capability: Annotated[str | None, typer.Option("--capability", help="Only tasks that isolate this.")] = None,
+    capability: Annotated[str | None, Option("--capability", help="Only tasks that isolate this.")] = None,
     json: options.Json = False,
 ) -> None:
     """List tasks with their parameters, size and horizon.
@@ -113,39 +112,29 @@ def show(
     variant: options.Variant = None,
     parameters: options.Parameters = None,
     modifiers: options.Modifiers = None,
-    source: Annotated[bool, typer.Option("--source", help="The code generated for its environment.")] = False,
+    source: Annotated[bool, Option("--source", help="The code generated for its environment.")] = False,
     json: options.Json = False,
 ) -> None:
     """Show a task as a page, or the code generated from it."""
+    from taskspec.backends.scalar import compile_scalar
     from taskspec.cli.page import print_page
     from taskspec.targets import tasks_of
+    from taskspec.task.record import constants, record
 
     found = tasks_of(task, variant, parameters or [], modifiers or [])
-    records = []
+    records: list[dict[str, Any]] = []
     for each in found:
         if source:
-            code = _source(each)
+            code = compile_scalar(each).source
             records.append({"id": each.id, "language": "python", "source": code})
             if not json:
                 _print_source(code)
         elif json:
-            records.append(_record(each))
+            records.append({**record(each), "constants": constants(each), "spec": each.written})
         else:
             print_page(each, console())
     if json:
         write_records(records)
-
-
-def _source(task: Task) -> str:
-    from taskspec.backends.scalar import compile_scalar
-
-    return compile_scalar(task).source
-
-
-def _record(task: Task) -> dict[str, Any]:
-    from taskspec.task.record import constants, record
-
-    return {**record(task), "constants": constants(task), "spec": task.written}
 
 
 def _print_source(code: str) -> None:
@@ -157,23 +146,14 @@ def _print_source(code: str) -> None:
     console(wide=True).print(Syntax(code, "python", theme="ansi_dark", background_color="default", word_wrap=True))
 
 
-# -- explain ------------------------------------------------------------------------------------------------------
-
-
-CodeArgument = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="[CODE]", help="A code or its name; lists all if omitted.",
-        show_default=False,
-    ),
-]  # fmt: skip
+CodeArgument = Annotated[str | None, Argument(metavar="[CODE]", help="A code or its name; lists all if omitted.")]
 
 
 def explain(code: CodeArgument = None, json: options.Json = False) -> None:
     """Explain an error or a warning, such as E302, with an example."""
     found = list(CODES.values()) if code is None else [_find(code)]
     if json:
-        write_json([_code_record(each) for each in found])
+        write_json([{name: getattr(each, name) for name in CODE_FIELDS} for each in found])
     elif code is None:
         _print_codes(found)
     else:
@@ -208,10 +188,6 @@ def _explain(code: Code) -> None:
             else:
                 parts += [" ".join(paragraph.split()) for paragraph in part.split("\n\n") if paragraph.strip()]
         out.print("\n\n".join(parts))
-
-
-def _code_record(c: Code) -> dict[str, str]:
-    return {"code": c.code, "slug": c.slug, "severity": c.severity, "title": c.title, "explanation": c.explanation}
 
 
 def _print_codes(codes: Sequence[Code]) -> None:

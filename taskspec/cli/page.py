@@ -28,10 +28,8 @@ from taskspec.task.task import Task
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-LONGEST = 300
-"""Longer constants are cut."""
-LABELS = 13
-"""The width of the column of titles."""
+LONGEST = 300  # longer constants are cut
+LABELS = 13  # the width of the column of titles
 
 
 def print_page(task: Task, out: Console) -> None:

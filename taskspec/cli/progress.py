@@ -15,14 +15,10 @@ from taskspec.base.display import visible
 from taskspec.base.limits import progress_listener
 from taskspec.cli.console import say
 
-PATIENCE = 1.0
-"""Seconds before the line is shown."""
-EVERY = 0.1
-"""Seconds between changes of the line."""
-BETWEEN_LINES = 10.0
-"""Seconds between lines where there is no terminal."""
-WIDTH = 20
-"""The width of a bar in characters."""
+PATIENCE = 1.0  # seconds before the line is shown
+EVERY = 0.1  # seconds between changes of the line
+BETWEEN_LINES = 10.0  # seconds between lines where there is no terminal
+WIDTH = 20  # the width of a bar in characters
 
 
 def is_terminal() -> bool:

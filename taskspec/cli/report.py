@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from taskspec.base.display import fixed, interval, plural, visible_json
 from taskspec.base.files import near, safe_name, write_text
@@ -26,21 +26,18 @@ if TYPE_CHECKING:
 FORMATS = ("html", "png", "pdf", "svg", "parquet")
 GRADES = {"masters": "good", "passes": "warn", "unsure": "warn", "fails": "bad"}
 KEY = "● as published  ○ relabelled  | best fixed action  ◂ below −1  ┊ 0.9; 0 is random, 1 the expert"
-NARROWEST = 15
+NARROWEST = 15  # the least width of a strip
 WIDEST = 41
-"""The least and the largest width of a strip."""
 OUTCOMES = {"confirmed": "good", "refuted": "bad", "undecided": "warn", "not run": "quiet"}
-Folders = Annotated[
-    list[Path],
-    typer.Argument(metavar="FOLDER...", help="Results of exams: folders with an exam.json.", show_default=False),
-]
+Folders = Annotated[list[Path], Argument(metavar="FOLDER...", help="Results of exams: folders with an exam.json.")]
 Suite = Annotated[
     str | None,
-    typer.Option(
-        "--findings", metavar="SUITE", show_default=False,
+    Option(
+        "--findings",
+        metavar="SUITE",
         help="Evaluate the findings of a suite; the exams in one folder are a set of results.",
     ),
-]  # fmt: skip
+]
 
 
 def report(
@@ -108,9 +105,6 @@ def _exams_in(folder: Path) -> list[Path]:
         return [folder.parent]
     below = {path.parent for name in NAMES for path in folder.rglob(name)}
     return sorted(below) or [folder]
-
-
-# -- one exam -----------------------------------------------------------------------------------------------------
 
 
 def print_exam(exam: Mapping[str, Any], out: Console | None = None) -> None:
@@ -227,9 +221,6 @@ def _strip(row: TaskRow, width: int, style: str) -> VisibleText:
     return text
 
 
-# -- several exams ------------------------------------------------------------------------------------------------
-
-
 def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -> None:
     """Show the exams of an experiment, and write the report of each, and pictures of them all."""
     from taskspec.exam.report import write, write_several
@@ -287,9 +278,6 @@ def print_matrix(exams: Mapping[str, Mapping[str, Any]]) -> None:
         prose.print(line((name, "name"), f"  {own.lead} ", (own.advice, "quiet")))
         for flag in own.flags:
             prose.print(line(("  " + flag.kind, "bad"), f"  {flag.words}"))
-
-
-# -- findings -----------------------------------------------------------------------------------------------------
 
 
 def _report_findings(suite: str, folders: Sequence[Path], output: Path, json: bool) -> None:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
 from taskspec.base.display import decimal, estimate
 from taskspec.base.limits import tell
@@ -29,16 +29,11 @@ MAX_STEPS = 10_000
 RENDER_MODES: dict[str, RenderMode] = {"ansi": "ansi", "human": "human", "gif": "rgb_array", "mp4": "rgb_array"}
 """The render mode of environments for each value of `--render`."""
 FILMS = ("gif", "mp4")
-GIF_FRAMES = 500
-"""A GIF is kept in memory until it is whole, with 1.5 MB a frame."""
-FPS = 4
-"""Steps per second while a key is held in `play`."""
+GIF_FRAMES = 500  # A GIF is kept in memory until it is whole, with 1.5 MB a frame
+FPS = 4  # steps per second while a key is held in `play`
 
 EpisodeCount = Annotated[
-    int | None,
-    typer.Option(
-        "--episodes", "-n", min=1, help=f"How many; {EPISODES} by default, 1 with --render.", show_default=False
-    ),
+    int | None, Option("--episodes", "-n", min=1, help=f"How many; {EPISODES} by default, 1 with --render.")
 ]
 Render = Annotated[
     str | None,
@@ -62,7 +57,7 @@ def run(
     render: Render = None,
     output: FilmFile = None,
     max_steps: Annotated[
-        int, typer.Option("--max-steps", min=1, help="Stop episodes that do not end by themselves.")
+        int, Option("--max-steps", min=1, help="Stop episodes that do not end by themselves.")
     ] = MAX_STEPS,
     json: options.Json = False,
 ) -> None:
@@ -165,16 +160,9 @@ def _record(task: Task, policy: str, seed: int, summary: Summary, done: list[Epi
     if half is not None:
         interval = [summary.mean - half, summary.mean + half]
     return {
-        "id": task.id,
-        "parameters": task.values,
-        "modifiers": list(map(str, task.modifiers)),
-        "policy": policy,
-        "seed": seed,
-        "content_hash": task.content_hash,
-        **found,
-        "confidence_95": interval,
-        "returns": [episode.total for episode in done],
-    }
+        "id": task.id, "parameters": task.values, "modifiers": list(map(str, task.modifiers)), "policy": policy, "seed": seed,
+        "content_hash": task.content_hash, **found, "confidence_95": interval, "returns": [each.total for each in done],
+    }  # fmt: skip
 
 
 def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
@@ -214,7 +202,7 @@ def play(
     variant: options.Variant = None,
     parameters: options.Parameters = None,
     modifiers: options.Modifiers = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the first episode; random if omitted.")] = None,
+    seed: Annotated[int | None, Option("--seed", help="Seed of the first episode; random if omitted.")] = None,
 ) -> None:
     """Play a task with the keyboard, in a window; Escape ends it."""
     from taskspec.envs import Environment, window

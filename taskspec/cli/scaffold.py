@@ -6,12 +6,12 @@ import re
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import visible_json
 from taskspec.base.files import write_text
-from taskspec.cli.console import misuse, say
+from taskspec.cli.console import misuse, say, write_output
 from taskspec.cli.options import file_option
 
 SCAFFOLD = """\
@@ -57,17 +57,10 @@ claims:                              # statements that `taskspec check` holds yo
 def new(
     name: Annotated[
         str,
-        typer.Argument(
-            metavar="NAME|FILE",
-            help="Name of the task, such as RiskyPath, or a file, such as risky_path.yaml.",
-            show_default=False,
-        ),
+        Argument(metavar="NAME|FILE", help="Name of the task, such as RiskyPath, or a file, such as risky_path.yaml."),
     ],
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="Where to write it; risky_path.yaml by default.", show_default=False
-        ),
+        Path | None, Option("--output", "-o", metavar="FILE", help="Where to write it; risky_path.yaml by default.")
     ] = None,
 ) -> None:
     """Write a commented spec to start from.
@@ -93,9 +86,9 @@ def new(
 
 def schema(
     output: Annotated[Path | None, file_option("--output", "-o", help="Write to this file.")] = None,
-    experiment: Annotated[bool, typer.Option("--experiment", help="The schema of experiments.")] = False,
-    exam: Annotated[bool, typer.Option("--exam", help="The schema of exams.")] = False,
-    findings: Annotated[bool, typer.Option("--findings", help="The schema of findings.")] = False,
+    experiment: Annotated[bool, Option("--experiment", help="The schema of experiments.")] = False,
+    exam: Annotated[bool, Option("--exam", help="The schema of exams.")] = False,
+    findings: Annotated[bool, Option("--findings", help="The schema of findings.")] = False,
 ) -> None:
     """Print the JSON Schema of specs or related files, for editors.
 
@@ -117,9 +110,4 @@ def schema(
     for model, wanted in asked.items():
         if wanted:
             schema = document_schema(model)
-    text = visible_json(schema)
-    if output is None:
-        say(text)
-        return
-    write_text(output, text + "\n")
-    say(f"wrote {output}", err=True)
+    write_output(visible_json(schema) + "\n", output)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from taskspec.base.display import decimal, estimate, number
 from taskspec.cli import options
-from taskspec.cli.console import Console, console, line, write_json, write_records
+from taskspec.cli.console import Console, VisibleText, console, line, write_json, write_records
 from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from taskspec.exact import Difficulty, Expectations, PomdpBounds, Results, Return, Score, Scores
     from taskspec.task.task import Task
 
-MOST_CORNERS = 15
-"""Corners of a front that are printed, about."""
+RETURNS = ("optimal", "expert", "random", "worst")
+MOST_CORNERS = 15  # corners of a front that are printed, about
 ReturnsFile = Annotated[
     Path,
-    typer.Argument(
-        metavar="RETURNS", help="Returns of episodes: JSON (as `run --json` writes), or CSV (a monitor file, or a column).",
-        show_default=False,
+    Argument(
+        metavar="RETURNS",
+        help="Returns of episodes: JSON (as `run --json` writes), or CSV (a monitor file, or a column).",
     ),
-]  # fmt: skip
+]
 
 
 def solve(
@@ -36,22 +36,18 @@ def solve(
     variant: options.Variant = None,
     parameters: options.Parameters = None,
     modifiers: options.Modifiers = None,
-    episodes: Annotated[int, typer.Option("--episodes", "-n", min=2, help="Used where simulation is needed.")] = 1000,
+    episodes: Annotated[int, Option("--episodes", "-n", min=2, help="Used where simulation is needed.")] = 1000,
     seed: Annotated[int, options.seed_option("Used where simulation is needed.")] = 0,
     difficulty: Annotated[
         bool,
-        typer.Option(
-            "--difficulty", help="Measures of difficulty from theory besides: `docs/difficulty.md` lists them."
-        ),
+        Option("--difficulty", help="Measures of difficulty from theory besides: `docs/difficulty.md` lists them."),
     ] = False,
     limit_measure: Annotated[
         list[str] | None,
-        typer.Option(
-            "--limit-measure", metavar="LIMIT", help="Also the best return within a limit on a measure: `cost<=1`."
-        ),
+        Option("--limit-measure", metavar="LIMIT", help="Also the best return within a limit on a measure: `cost<=1`."),
     ] = None,
     front: Annotated[
-        str | None, typer.Option("--front", metavar="MEASURE", help="Also the best return for each value of a measure.")
+        str | None, Option("--front", metavar="MEASURE", help="Also the best return for each value of a measure.")
     ] = None,
     output: Annotated[Path | None, options.file_option("--output", "-o", help="Save the scores to this file.")] = None,
     json: options.Json = False,
@@ -73,61 +69,39 @@ def solve(
             scores = exact.scores(each, episodes, seed)
             results = exact.Results(each)
             bounds = exact.pomdp_bounds(results)
-            answers = Answers.of(results, difficulty, limit_measure or [], front)
+            answers = list(_answers(results, scores, difficulty, limit_measure or [], front))
         if output is not None:
             scores.save(output if len(found) == 1 else beside(output, each))
         if json:
-            records.append(scores.record() | {"yardsticks": _bounds_record(bounds)} | answers.record())
-        else:
-            _print_scores(each, scores, bounds)
-            answers.show(scores)
+            record = scores.record() | {"yardsticks": _bounds_record(bounds)}
+            records.append(record | {name: data for name, data, _ in answers})
+            continue
+        _print_scores(each, scores, bounds)
+        for _, _, shown in answers:
+            for part in shown:
+                console().print(part)
     if json:
         write_records(records)
 
 
-@dataclass
-class Answers:
-    """Answers that are asked for beside the returns: measures of difficulty, the best return within limits, a front."""
+def _answers(
+    results: Results, scores: Scores, difficulty: bool, limits: Sequence[str], measure: str | None
+) -> Iterator[tuple[str, Any, list[Any]]]:
+    """Yield answers that are asked for beside the returns: their names, as plain data, and as they are printed."""
+    from taskspec import exact
 
-    difficulty: Difficulty | None
-    limits: Sequence[str]
-    within: Expectations | None
-    measure: str | None
-    front: Sequence[Expectations]
-
-    @classmethod
-    def of(cls, results: Results, difficulty: bool, limits: Sequence[str], measure: str | None) -> Answers:
-        """Return the answers about a task."""
-        from taskspec import exact
-
-        found = cls(None, limits, None, measure, ())
-        if difficulty:
-            found.difficulty = exact.difficulty(results)
-        if limits:
-            found.within = exact.constrained_optimum(results.task, limits)
-        if measure is not None:
-            found.front = exact.pareto_front(results.task, measure)
-        return found
-
-    def record(self) -> dict[str, Any]:
-        """Return them as plain data for JSON."""
-        found: dict[str, Any] = {}
-        if self.difficulty is not None:
-            found["difficulty"] = self.difficulty.record()
-        if self.within is not None:
-            found["within_limits"] = {"limits": list(self.limits), **asdict(self.within)}
-        if self.front:
-            found["front"] = [asdict(corner) for corner in self.front]
-        return found
-
-    def show(self, scores: Scores) -> None:
-        """Print them below the returns."""
-        if self.difficulty is not None:
-            _print_difficulty(self.difficulty, scores.why_not_exact)
-        if self.within is not None:
-            _print_within(self.within, self.limits)
-        if self.measure is not None:
-            _print_front(self.front, self.measure)
+    if difficulty:
+        measures = exact.difficulty(results)
+        yield "difficulty", measures.record(), [_difficulty_table(measures, scores.why_not_exact)]
+    if limits:
+        found = exact.constrained_optimum(results.task, limits)
+        table = Columns("", "", "", right=(1,), fold=(2,), styles=("quiet", "title", "quiet"))
+        reached = ", ".join(f"{name} {number(value, 6)}" for name, value in found.measures.items())
+        table.add_row(f"  best with {' and '.join(limits)}", number(found.value, 8), f"linear program, {reached}")
+        yield "within_limits", {"limits": list(limits), **asdict(found)}, [table]
+    if measure is not None:
+        corners = exact.pareto_front(results.task, measure)
+        yield "front", [asdict(corner) for corner in corners], [*_front(corners, measure)]
 
 
 def score(
@@ -161,15 +135,14 @@ def score(
         _print_score(found, result)
 
 
-# -- output -------------------------------------------------------------------------------------------------------
-
-
 def _bounds_record(bounds: PomdpBounds | None) -> dict[str, Any] | None:
     if bounds is None:
         return None
-    values = {"remembering": bounds.remembering, "memoryless": bounds.memoryless}
-    ends = {name: list(value.ends) if value is not None else None for name, value in values.items()}
-    return {**ends, "why_not": bounds.why_not}
+    found: dict[str, Any] = {"why_not": bounds.why_not}
+    for name in ("remembering", "memoryless"):
+        value = getattr(bounds, name)
+        found[name] = value and list(value.ends)
+    return found
 
 
 def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> None:
@@ -179,7 +152,7 @@ def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> Non
     out = console()
     out.print(line((task.id, "name"), (f"  {settings(task)}", "value")))
     table = Columns("", "", "", "", right=(1,), fold=(2, 3), styles=("quiet", "title", "", "quiet"))
-    for name in ("optimal", "expert", "random", "worst"):
+    for name in RETURNS:
         value: Return | None = getattr(scores, name)
         remark = ""
         if name == "optimal" and bounds is not None:
@@ -212,13 +185,11 @@ def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> Non
 
 def _print_measures(scores: Scores, out: Console) -> None:
     """Print the expected sum of each measure under the policies whose returns are printed."""
-    if not scores.measures:
-        return
-    policies = ("optimal", "expert", "random", "worst")
-    table = Columns("  measure", *policies, right=(1, 2, 3, 4), fold=(0,), styles=("quiet",))
+    table = Columns("  measure", *RETURNS, right=(1, 2, 3, 4), fold=(0,), styles=("quiet",))
     for name, under in scores.measures.items():
-        table.add_row(f"  {name}", *(_measured(under[policy]) for policy in policies))
-    out.print(table)
+        table.add_row(f"  {name}", *(_measured(under[policy]) for policy in RETURNS))
+    if scores.measures:
+        out.print(table)
 
 
 def _measured(value: Return | None) -> str:
@@ -231,31 +202,22 @@ def _measured(value: Return | None) -> str:
     return f"{mean} ± {half}"
 
 
-def _print_within(found: Expectations, limits: Sequence[str]) -> None:
-    table = Columns("", "", "", right=(1,), fold=(2,), styles=("quiet", "title", "quiet"))
-    reached = ", ".join(f"{name} {number(value, 6)}" for name, value in found.measures.items())
-    table.add_row(f"  best with {' and '.join(limits)}", number(found.value, 8), f"linear program, {reached}")
-    console().print(table)
-
-
-def _print_front(corners: Sequence[Expectations], measure: str) -> None:
-    """Print the corners of a front, in columns."""
+def _front(corners: Sequence[Expectations], measure: str) -> Iterator[Any]:
+    """Yield a table of the corners of a front, and a remark."""
     table = Columns(f"  {measure}", "best return", right=(0, 1))
     every = -(-len(corners) // MOST_CORNERS)
     shown = [*corners[:-1:every], corners[-1]]
     for corner in shown:
         table.add_row(f"  {number(corner.measures[measure], 6)}", number(corner.value, 8))
-    console().print(table)
-    if every == 1:
-        remark = "between two rows the best return is on the line from one to the other"
-    else:
+    yield table
+    remark = "between two rows the best return is on the line from one to the other"
+    if every > 1:
         remark = f"{len(shown)} of {len(corners)} corners; `--json` has all of them"
-    console().print(f"  {remark}", style="quiet")
+    yield VisibleText(f"  {remark}", style="quiet")
 
 
 def _return(value: Return | None) -> tuple[str, str]:
     """Return a return, and how sure it is."""
-
     if value is None:
         return "unknown", ""
     if not value.episodes:
@@ -283,18 +245,13 @@ def _bound(value: Any, remark: str, why_not: str | None) -> tuple[str, str, str]
     return f"{number(low)} to {number(high)}", "proved bounds", remark
 
 
-def _print_discount(task: Task, out: Console) -> None:
-    if task.discount != 1:
-        out.print(f"  discounted by {task.discount:g} a step", style="quiet")
-
-
-def _print_difficulty(measures: Difficulty, known: str | None) -> None:
-    """Print the measures; the reason that has been given for having no model is not given again."""
+def _difficulty_table(measures: Difficulty, known: str | None) -> Columns:
+    """Return the measures; the reason that has been given for having no model is not given again."""
     table = Columns("  difficulty", "", "", right=(1,), fold=(2,), styles=("", "", "quiet"))
     for name, value, unit, _ in measures.rows():
         reason = measures.why_not.get(name, unit)
         table.add_row(f"  {name}", number(value) if value is not None else "unknown", reason if reason != known else "")
-    console().print(table)
+    return table
 
 
 def _print_score(task: Task, result: Score) -> None:
@@ -311,3 +268,8 @@ def _print_score(task: Task, result: Score) -> None:
     mean = f"mean return {decimal(value.value)} over {value.episodes:,} episodes"
     out.print(f"  {mean}; {', '.join(known)}", style="quiet")
     _print_discount(task, out)
+
+
+def _print_discount(task: Task, out: Console) -> None:
+    if task.discount != 1:
+        out.print(f"  discounted by {task.discount:g} a step", style="quiet")

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import fixed, interval
 from taskspec.base.files import near, safe_name, write_text
 from taskspec.base.limits import tell
 from taskspec.cli import options
-from taskspec.cli.console import VisibleText, console, line, misuse, say, write_json
+from taskspec.cli.console import VisibleText, console, line, misuse, say, write_json, write_output
 from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
@@ -25,36 +24,35 @@ if TYPE_CHECKING:
 FAMILY = "families/tables"
 Learner = Annotated[
     str | None,
-    typer.Argument(
-        metavar="[A]", show_default=False, autocompletion=options.complete_learners,
-        help="A learner, as [cyan]FILE.py:train[/] or by name.",
+    Argument(
+        metavar="[A]", autocompletion=options.complete_learners, help="A learner, as [cyan]FILE.py:train[/] or by name."
     ),
-]  # fmt: skip
+]
 Opponent = Annotated[
     str | None,
-    typer.Argument(
-        metavar="[B]", show_default=False, autocompletion=options.complete_learners,
+    Argument(
+        metavar="[B]", autocompletion=options.complete_learners,
         help="Another one; right Q-learning unless given, on tasks that right learners master.",
     ),
 ]  # fmt: skip
 Family = Annotated[
     str,
-    typer.Option(
+    Option(
         "--in", metavar="EXPERIMENT", autocompletion=options.complete_experiments,
         help="Tasks to search: an experiment, by its path or name, or a suite.",
     ),
 ]  # fmt: skip
 Zoo = Annotated[
     Path | None,
-    typer.Option(
-        "--cover", metavar="ZOO.yaml", show_default=False,
+    Option(
+        "--cover", metavar="ZOO.yaml",
         help="In place of A and B: a file of right learners and their mistakes, each of which a small set of tasks separates.",
     ),
 ]  # fmt: skip
 Output = Annotated[
     Path | None,
-    typer.Option(
-        "--output", "-o", metavar="FILE|FOLDER", show_default=False,
+    Option(
+        "--output", "-o", metavar="FILE|FOLDER",
         help="The spec, separates.yaml by default; with --cover a folder of specs, build/covers/ZOO by default.",
     ),
 ]  # fmt: skip
@@ -65,8 +63,8 @@ def separate(
     second: Opponent = None,
     zoo: Zoo = None,
     family: Family = FAMILY,
-    minutes: Annotated[float, typer.Option("--minutes", help="Time that the search may take.")] = 3.0,
-    steps: Annotated[int, typer.Option("--steps", min=1, help="Environment steps of each training run.")] = 3000,
+    minutes: Annotated[float, Option("--minutes", help="Time that the search may take.")] = 3.0,
+    steps: Annotated[int, Option("--steps", min=1, help="Environment steps of each training run.")] = 3000,
     seed: Annotated[int, options.seed_option("Seed of the search.")] = 0,
     output: Output = None,
     jobs: options.Jobs = None,
@@ -195,9 +193,7 @@ def freeze(
     variant: options.Variant = None,
     parameters: options.Parameters = None,
     modifiers: options.Modifiers = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", min=0, metavar="SEED", help="Seed of the instance.", show_default=False)
-    ] = None,
+    seed: Annotated[int | None, Option("--seed", min=0, metavar="SEED", help="Seed of the instance.")] = None,
     output: Annotated[
         Path | None, options.file_option("--output", "-o", help="The spec; standard output by default.")
     ] = None,
@@ -215,9 +211,4 @@ def freeze(
     found = tasks_of(task, variant, given, modifiers or [])
     if len(found) != 1:
         raise spec_error("E713", f"{task} names {len(found)} tasks; freeze one at a time")
-    text = frozen(found[0]).spec()
-    if output is None:
-        sys.stdout.write(text)
-        return
-    write_text(output, text)
-    say(f"wrote {near(output)}", err=True)
+    write_output(frozen(found[0]).spec(), output)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument
 
 from taskspec.base.display import decimal, estimate
 from taskspec.base.files import near, safe_name
@@ -24,9 +25,9 @@ MEASURES = ("solution_length", "best_at_random")
 """Measures in the table on the terminal, where the experiment names none; files have all."""
 ExperimentName = Annotated[
     str,
-    typer.Argument(
+    Argument(
         metavar="EXPERIMENT", help="The path of an experiment, or suite/name.", autocompletion=options.complete_experiments,
-        show_default=False,
+
     ),
 ]  # fmt: skip
 Format = Annotated[

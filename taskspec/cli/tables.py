@@ -11,11 +11,9 @@ from rich.text import Text
 if TYPE_CHECKING:
     from rich.table import Table
 
-ENDS = "/?&"
-"""Characters after which a prefix that all names share may end."""
+ENDS = "/?&"  # characters after which a prefix that all names share may end
 UNBOUNDED = 10_000
-MOST_PARTS = 3
-"""The most parts that a table is cut into; one that needs more is turned."""
+MOST_PARTS = 3  # the most parts that a table is cut into; one that needs more is turned
 
 
 class Columns:
@@ -69,7 +67,10 @@ class Columns:
             yield self._table(shown, {})
             return
         if self._needed(console, shown) > width:
-            shown = self._without_spare(console, shown, width)
+            self._drop_prefix()
+        for column in self.spare:
+            if self._needed(console, shown) > width:
+                shown.remove(column)
         widths = self._widths(console)
         parts = list(self._parts(console, shown, width))
         if len(parts) > MOST_PARTS or any(self._needed(console, part) > width for part in parts):
@@ -115,14 +116,6 @@ class Columns:
             table.add_row(*(row[i] for i in columns))
         return table
 
-    def _without_spare(self, console: Any, shown: list[int], width: int) -> list[int]:
-        """Return the columns that remain: the prefix of all names is dropped first, then spare columns one by one."""
-        self._drop_prefix()
-        for column in self.spare:
-            if self._needed(console, shown) > width:
-                shown = [i for i in shown if i != column]
-        return shown
-
     def _drop_prefix(self) -> None:
         """Remove what all names begin with, and put it above them; names that are indented are a group of their own."""
         assert self.names is not None
@@ -159,13 +152,13 @@ class Columns:
         """Yield each row as its name, and below it the other columns with their headers."""
         assert self.names is not None
         for row in self.rows:
-            yield Text(" ").join(_as_text(row[i]) for i in range(self.names + 1) if str(row[i]))
+            yield Text(" ").join(Text.assemble(row[i]) for i in range(self.names + 1) if str(row[i]))
             line = Text("   ")
             for i in shown:
                 if i <= self.names or not str(row[i]):
                     continue
                 header = self.headers[i].replace("\n", " ")
-                cell = Text.assemble(" ", (header, "quiet"), " " if header else "", _as_text(row[i]))
+                cell = Text.assemble(" ", (header, "quiet"), " " if header else "", row[i])
                 if len(line) + len(cell) > width and len(line) > 3:
                     yield line
                     line = Text("   ")
@@ -174,22 +167,9 @@ class Columns:
                 yield line
 
 
-def _as_text(cell: Any) -> Text:
-    if isinstance(cell, Text):
-        return cell.copy()
-    return Text(str(cell))
-
-
 def shared_prefix(names: Sequence[str]) -> str:
     """Return what all names begin with, up to the end of a part of an id or of a path."""
-    if not names:
-        return ""
-    first = min(names)
-    last = max(names)
-    length = 0
-    while length < min(len(first), len(last)) and first[length] == last[length]:
-        length += 1
-    shared = first[:length]
-    while shared and shared[-1] not in ENDS:
+    shared = min(names, default="")
+    while shared and not (shared[-1] in ENDS and all(name.startswith(shared) for name in names)):
         shared = shared[:-1]
     return shared

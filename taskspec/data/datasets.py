@@ -26,17 +26,14 @@ from taskspec.data.preferences import Preferences
 from taskspec.making import made_by
 from taskspec.model.model import misused
 
-# -- checks of data that was read from a file: a `ValueError` says what is wrong with the first array that is wrong ------
-
 REAL = (np.dtype(np.float64),)
 BOOL = (np.dtype(np.bool_),)
 WHOLE = (np.dtype(np.int64),)
-SPACE = (np.dtype(np.int64), np.dtype(np.float32))
-"""The types of observations and of actions."""
+SPACE = (np.dtype(np.int64), np.dtype(np.float32))  # the types of observations and of actions
 
 
-def check_transitions(data: Transitions) -> None:
-    """Check the arrays of transitions, and that each episode or segment is a run of steps that only the last may end."""
+def check_transitions(data: Transitions, is_whole: bool) -> None:
+    """Check the arrays of whole episodes, or of segments: runs of steps that only the last may end."""
     rows = len(data.rews) if np.ndim(data.rews) else 0
     if not rows:
         raise ValueError("it has no transitions")
@@ -50,26 +47,19 @@ def check_transitions(data: Transitions) -> None:
         _check(name, part, SPACE, (rows, *np.shape(part)[1:]))
     for (name, part), old in zip(after.items(), before.values(), strict=True):
         _check(name, part, (old.dtype,), old.shape)
-    inside = np.diff(data.episode) == 0
-    _refuse_rows(~np.isfinite(data.rews), "`rews` is {value} in row {row}", data.rews)
-    falls = np.diff(data.episode, prepend=0) < 0
-    _refuse_rows(
-        (data.episode < 0) | falls, "`episode` is negative somewhere, or falls from one row to the next", data.episode
-    )
-    inside = np.diff(data.episode) == 0
-    skips = inside & (np.diff(data.time) != 1)
-    _refuse_rows((data.time < 0) | np.append(skips, False), "`time` does not count the steps of an episode", data.time)
-    _refuse_rows(
-        data.dones[:-1] & inside, "episode {value} ends in row {row}, and has more steps after it", data.episode
-    )
-
-
-def check_whole(data: Transitions) -> None:
-    """Check that the transitions are those of whole episodes."""
-    numbers = data.episode[data.starts]
-    last = data.starts + data.lengths - 1
-    _refuse_rows(data.time[data.starts] != 0, "episode {value} does not begin at time 0", numbers)
-    _refuse_rows(~data.dones[last], "episode {value} is neither terminated nor truncated in its last row", numbers)
+    goes_on = np.append(np.diff(data.episode) == 0, False)
+    is_first = np.append(True, ~goes_on[:-1])
+    begins_late = data.time != 0 if is_whole else data.time < 0
+    wrong = {
+        "rews": ~np.isfinite(data.rews),
+        "episode": (data.episode < 0) | (np.diff(data.episode, prepend=0) < 0),
+        "time": np.where(is_first, begins_late, np.diff(data.time, prepend=0) != 1),
+        "dones": (data.dones & goes_on) | (is_whole & ~data.dones & ~goes_on),
+    }
+    for name, is_wrong in wrong.items():
+        if is_wrong.any():
+            row = int(np.argmax(is_wrong))
+            raise ValueError(f"`{name}` cannot be {getattr(data, name)[row]} in row {row}")
 
 
 def check_pairs(segments: Transitions, preferences: Array, returns: Array, queries: Array) -> None:
@@ -80,10 +70,8 @@ def check_pairs(segments: Transitions, preferences: Array, returns: Array, queri
     _check("preferences", preferences, REAL, (pairs,))
     _check("returns", returns, REAL, (pairs, 2))
     _check("queries", queries, WHOLE, (pairs,))
-    if not ((preferences >= 0) & (preferences <= 1)).all():
-        raise ValueError("`preferences` are not all between 0 and 1")
-    if not np.isfinite(returns).all():
-        raise ValueError("`returns` are not all finite")
+    if not (((preferences >= 0) & (preferences <= 1)).all() and np.isfinite(returns).all()):
+        raise ValueError("`preferences` are not all between 0 and 1, or `returns` not all finite")
 
 
 def _parts(name: str, seen: Any) -> dict[str, Array]:
@@ -95,22 +83,9 @@ def _parts(name: str, seen: Any) -> dict[str, Array]:
 
 def _check(name: str, value: Any, types: tuple[np.dtype[Any], ...], shape: tuple[int, ...]) -> None:
     """Check the type and the shape of an array."""
-    if not isinstance(value, np.ndarray):
-        raise ValueError(f"`{name}` is not one array")
-    if value.dtype not in types:
-        raise ValueError(f"`{name}` is {value.dtype}, not {' or '.join(map(str, types))}")
-    if value.shape != shape:
-        raise ValueError(f"`{name}` has the shape {value.shape}, not {shape}")
+    if not isinstance(value, np.ndarray) or value.dtype not in types or value.shape != shape:
+        raise ValueError(f"`{name}` is not an array of {' or '.join(map(str, types))} with the shape {shape}")
 
-
-def _refuse_rows(wrong: Array, message: str, values: Array) -> None:
-    """Raise the message about the first row that is wrong, and its value."""
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise ValueError(message.format(row=row, value=values[row]))
-
-
-# -- tables in Parquet: arrays as lists of fixed length, metadata under the key `taskspec`; pyarrow is imported here ----
 
 KEY = b"taskspec"
 
@@ -121,7 +96,12 @@ def write_table(
     """Write columns: arrays (N, *shape), or N values of one type, None where there is none."""
     arrow = need("pyarrow", "parquet", "Parquet")
     parquet = need("pyarrow.parquet", "parquet", "Parquet")
-    table = arrow.table({name: _column(arrow, values) for name, values in columns.items()})
+    held = {}
+    for name, values in columns.items():
+        held[name] = arrow.array(np.ravel(values) if np.ndim(values) > 1 else values)
+        if np.ndim(values) > 1:
+            held[name] = arrow.FixedSizeListArray.from_arrays(held[name], math.prod(np.shape(values)[1:]))
+    table = arrow.table(held)
     kept = None if metadata is None else {KEY: json.dumps(metadata)}
     parquet.write_table(table.replace_schema_metadata(kept), path)
 
@@ -139,14 +119,6 @@ def read_table(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         found[name] = values.to_numpy(zero_copy_only=False).reshape(len(table), *shapes[name])
     return found, metadata
 
-
-def _column(arrow: Any, values: Array | Sequence[Any]) -> Any:
-    if not isinstance(values, np.ndarray) or values.ndim == 1:
-        return arrow.array(values)
-    return arrow.FixedSizeListArray.from_arrays(arrow.array(values.reshape(-1)), math.prod(values.shape[1:]))
-
-
-# -- demonstrations as a dataset of Minari, in a folder of its own ---------------------------------------------------
 
 EXTRA = "minari"
 _NAME = re.compile(r"[-_\w]*\w-v\d+")
@@ -183,11 +155,8 @@ def _episode(buffer: Any, t: Trajectory, number: int, seed: int) -> Any:
     )  # fmt: skip
 
 
-# -- formats; data is written whole or not at all --------------------------------------------------------------------
-
 Data = Demonstrations | Preferences
-MARK = "taskspec.json"
-"""The file of a dataset's folder that holds the metadata."""
+MARK = "taskspec.json"  # the file of a dataset's folder that holds the metadata
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,8 +218,7 @@ _FORMATS = (
     Format("imitation", "", "a folder, for `imitation.data.serialize.load`", _write_imitation),
     Format("minari", "", "a folder, for `minari.MinariDataset`", _write_minari),
 )
-FORMATS = entries_by_name(_FORMATS)
-"""The formats by name."""
+FORMATS = entries_by_name(_FORMATS)  # the formats by name
 
 
 def write(data: Data, path: str | PathLike[str], format: str | None = None) -> None:
@@ -309,8 +277,6 @@ def _unreadable(place: Path, reason: str) -> NoReturn:
     raise SpecError([Diagnostic("E711", None, message)]) from None
 
 
-# -- as flat arrays -----------------------------------------------------------------------------------------------
-
 PAIRS = {"preferences": "preference", "returns": "return", "queries": "query"}
 """What preferences have for each pair, by the name that a table has for it."""
 
@@ -341,9 +307,9 @@ def _table(data: Data) -> dict[str, Array]:
 def _data(found: Mapping[str, Any], metadata: dict[str, Any]) -> Data:
     """Return what was kept as flat arrays, or as columns of a table."""
     transitions = Transitions(**{name: _nested(found, name) for name in COLUMNS})
-    check_transitions(transitions)
-    if metadata["kind"] == "demonstrations":
-        check_whole(transitions)
+    is_whole = metadata["kind"] == "demonstrations"
+    check_transitions(transitions, is_whole)
+    if is_whole:
         return Demonstrations(**columns(transitions), metadata=metadata)
     if "preference" in found:
         first = transitions.starts

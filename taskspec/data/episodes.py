@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import count, islice
-from typing import Any, Literal, NoReturn, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -154,14 +154,10 @@ def concatenated(parts: Iterable[Transitions]) -> Transitions:
 # Episode i is the first one of the scalar environment after `reset(seed=seed + i)`. What a policy draws in it comes from words
 # of the same seed, of a phase of their own (`draws.POLICY`).
 
-Part = tuple[int, int]
-"""The first episode and how many."""
-LANES = 256
-"""Episodes that are stepped together, at most."""
-NUMBERS = 2**23
-"""Numbers that are kept of these at once, about."""
-LONGEST = 20_000
-"""Steps after which an episode without a horizon is taken never to end."""
+Part = tuple[int, int]  # the first episode and how many
+LANES = 256  # episodes that are stepped together, at most
+NUMBERS = 2**23  # numbers that are kept of these at once, about
+LONGEST = 20_000  # steps after which an episode without a horizon is taken never to end
 
 
 def recorded(
@@ -230,7 +226,8 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
     running = np.ones(lanes, np.bool_)
     for t in count():
         if t >= LONGEST and task.horizon is None:
-            _refuse_endless(task, acting)
+            who = f"episodes of {acting.name} on {task.id}"
+            misused(f"{who} are still running after {LONGEST:,} steps", "give the task a horizon")
         tell(f"episodes {first + 1:,} to {first + lanes:,}, step {t + 1:,}")
         seen = b.seen.view(copy=True)
         state = by_name(task.state, b.state)
@@ -261,12 +258,9 @@ def _step(engine: NumpyEngine, actions: Any, task: Task, acting: TaskPolicy) -> 
     try:
         engine.step(actions)
     except BadActionError:
-        message = f"the policy {acting.name} gave a value that is not an action of {task.id}, among {_shown(actions)}"
+        shown = np.array2string(np.asarray(actions)[:3], separator=", ", threshold=12).replace("\n", "")
+        message = f"the policy {acting.name} gave a value that is not an action of {task.id}, among {shown}"
         raise SpecError([Diagnostic("E706", None, message, f"an action is one of {task.action_space}")]) from None
-
-
-def _shown(actions: Any) -> str:
-    return np.array2string(np.asarray(actions)[:3], separator=", ", threshold=12).replace("\n", "")
 
 
 def _after(seen: Any, final: Any, ended: Array) -> Any:
@@ -297,12 +291,6 @@ class _Tape:
 def _stacked(*steps: Any) -> Array:
     """Return arrays (lanes, *shape) of each step as one (lanes, steps, *shape)."""
     return np.stack(steps, axis=1)
-
-
-def _refuse_endless(task: Task, acting: TaskPolicy) -> NoReturn:
-    misused(
-        f"episodes of {acting.name} on {task.id} are still running after {LONGEST:,} steps", "give the task a horizon"
-    )
 
 
 # Demonstrations: episodes of a policy where the spec says that the expert acts.
@@ -371,9 +359,8 @@ def role(task: Task, who: Literal["expert", "learner"]) -> Task:
 def described(task: Task, kind: str, acting: TaskPolicy, seed: int) -> dict[str, Any]:
     """Return what data is of, as plain data."""
     value = acting.value
-    if value is None:
-        told = None
-    else:
+    told = None
+    if value is not None:
         told = {"value": value.value, "bound": value.bound, "status": value.status}
     return {
         "kind": kind, "id": task.id, "instance": task.instance_id,

@@ -28,12 +28,10 @@ from taskspec.task.task import Task, TaskLike
 # The irrationalities are those of B-Pref: Lee, Smith, Dragan and Abbeel, "B-Pref: Benchmarking preference-based reinforcement
 # learning", NeurIPS Datasets and Benchmarks 2021, section 3 and algorithm 1, in the order of its algorithm.
 
-FIRST = 1.0
+FIRST = 1.0  # labels: the probability with which the first segment is said to be the better one
 EQUAL = 0.5
 SECOND = 0.0
-"""Labels: the probability with which the first segment is said to be the better one."""
-WORDS = 2
-"""Random words that a label takes: one for the choice, one for the mistake."""
+WORDS = 2  # random words that a label takes: one for the choice, one for the mistake
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +121,6 @@ def _check(name: str, value: float, low: float, high: float) -> None:
             span = f"a number from {low:g} on"
         misused(f"`{name}` of a teacher is {span}, not {value!r}")
 
-
-# -- names --------------------------------------------------------------------------------------------------------
 
 NAMES = {
     "noiseless": "prefers the higher return; equal returns are equal",

@@ -26,8 +26,7 @@ from taskspec.registry import load
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task, TaskLike
 
-LARGEST = 2**27
-"""Numbers that a dense array of transitions may have: a gigabyte."""
+LARGEST = 2**27  # numbers that a dense array of transitions may have: a gigabyte
 
 
 class LookAlike(SpecError):
@@ -157,8 +156,6 @@ class Tabular:
             factor = factor * self.discount
             total += factor * now
         return total
-
-    # -- for others ---------------------------------------------------------------------------------------------------
 
     def seals(self) -> Any:
         """Return the same as a `seals.base_envs.TabularModelMDP`, whose observations are the numbers of states.

@@ -1,5 +1,7 @@
 """The language server: `taskspec.analysis` for editors that speak the Language Server Protocol; pygls is imported here."""
 
+import gc
+
 from taskspec.base.extras import need
 
 
@@ -12,4 +14,5 @@ def serve() -> None:
     need("pygls", "editor", "the language server")
     from taskspec.editor.server import server
 
+    gc.freeze()  # what is loaded by now stays: looking for garbage in it would make every so many keystrokes slow
     server.start_io()

@@ -55,7 +55,7 @@ class Server(LanguageServer):
         found = self.analyses.get(uri)
         if found is None or found.text != document.source:
             if _IS_SPEC.search(document.source):
-                found = analyse(document.source, document.path)
+                found = analyse(document.source, document.path, self.known.get(uri))
             else:
                 found = Analysis(document.source, document.path, None, (), ())
             self.analyses[uri] = found

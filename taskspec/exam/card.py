@@ -12,14 +12,14 @@ from taskspec.exam.learned import learned_notes
 from taskspec.exam.score_rows import PUBLISHED, TaskRow, counted, decimal, listed, named
 from taskspec.exam.verdicts import FEWEST
 
-CAUSES = ("values", "reward")
+CAUSES = ("values", "reward", "policy")
 """Kinds of flags that name a cause: a known mistake explains what was learned."""
 PASSING = ("masters", "passes")
 FIXED_PASSES = "Passes, but so does one fixed action"
 FLAG_WORDS = {
     "twin": "differs relabelled", "regression": "regression", "peeks": "uses withheld reward", "failed": "failed",
-    "impossible": "impossible score", "values": "wrong values", "reward": "wrong reward",
-    "changed": "has changed", "law": "breaks a law",
+    "impossible": "impossible score", "values": "wrong values", "reward": "wrong reward", "policy": "wrong policy",
+    "changed": "has changed", "diagnosis": "new diagnosis", "law": "breaks a law",
 }  # fmt: skip
 """Flags in few words, for the cell of a matrix."""
 

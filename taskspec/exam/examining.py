@@ -20,7 +20,7 @@ from taskspec.exam.asked_tasks import Modifiers, described_of, exam_id, tasks_of
 from taskspec.exam.budget import SEEDS, seeds_and_steps
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.examinee import Examinee, learner_of
-from taskspec.exam.findings import diagnose, undecided
+from taskspec.exam.findings import diagnose, diagnosis_flag, new_diagnoses, undecided
 from taskspec.exam.flags import check_comparable, flags
 from taskspec.exam.laws import LAWS, changed_tasks, law_flags, law_scores
 from taskspec.exam.learned import learned_flags
@@ -134,11 +134,19 @@ def examine(
     if laws_found:
         found["laws"] = laws_found
         found["flags"] += law_flags(laws_found, declared)
-    found["diagnoses"] = [each for name in suites for each in diagnose(found, name)]
-    found["undecided"] = [each for name in suites for each in undecided(found, name)]
+    _diagnose(found, suites, baseline)
     if folder is not None:
         write(found, folder)
     return found
+
+
+def _diagnose(found: Exam, suites: Iterable[str], baseline: Exam | None) -> None:
+    """Add diagnoses, those that are nearly made, and flags for those that the baseline does not get."""
+    found["diagnoses"] = [each for name in suites for each in diagnose(found, name)]
+    found["undecided"] = [each for name in suites for each in undecided(found, name)]
+    if baseline is not None:
+        for name in suites:
+            found["flags"] += [diagnosis_flag(found, each) for each in new_diagnoses(found, baseline, name)]
 
 
 def _numbers(seeds: int | Iterable[int] | None, until_sure: bool) -> tuple[int, ...]:
@@ -384,5 +392,6 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
         "reward_regret": None if lost is None else lost / unit,
         "curve": None if curve is None else [[steps, scaled(value)] for steps, value in curve],
         "operators": row.get("operators"), "rewards": row.get("rewards"),
+        "pairings": row.get("pairings"),
         "value": None if row.get("value") is None else row["value"] / unit, "longer": row.get("longer"),
     }  # fmt: skip

@@ -10,7 +10,8 @@ from typing import Any, Literal
 
 from taskspec.base.bibliography import Reference
 from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
-from taskspec.exam.results import Diagnosis, Exam
+from taskspec.exam.flags import differs
+from taskspec.exam.results import Diagnosis, Exam, Flag
 from taskspec.exam.score_rows import duration
 from taskspec.pages.render.html import page_of
 from taskspec.rules.evaluator import Truth
@@ -279,6 +280,27 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
                 "evidence": [str(each) for each in evidence],
             })  # fmt: skip
     return found
+
+
+def new_diagnoses(exam: Exam, against: Exam, suite: str | Path) -> list[Diagnosis]:
+    """Return the diagnoses of an exam that an earlier one does not have, and whose tasks show a significant difference.
+
+    A condition may hold of one exam alone by chance: scores lie at its border, or it looks at the best of the seeds.
+
+    Args:
+        exam, suite: as of `diagnose`.
+        against: the earlier exam.
+    """
+    known = {each["name"] for each in diagnose(against, suite)}
+    new = [each for each in diagnose(exam, suite) if each["name"] not in known]
+    return [each for each in new if differs(exam, against, each["tasks"] or exam["tasks"])]
+
+
+def diagnosis_flag(exam: Exam, diagnosis: Diagnosis) -> Flag:
+    """Return the flag of a diagnosis that an earlier exam does not have."""
+    task = next(iter(diagnosis["tasks"] or exam["tasks"]))
+    message = f"a diagnosis that the baseline does not get: {diagnosis['message']}"
+    return Flag(kind="diagnosis", task=task, message=message, effect=None, low=None, high=None)
 
 
 def undecided(exam: Mapping[str, Any], suite: str | Path) -> list[str]:

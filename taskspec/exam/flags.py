@@ -166,16 +166,21 @@ def _difference_flag(
 # Comparison with an earlier exam.
 
 
+def differs(exam: Exam, against: Exam, tasks: Iterable[str]) -> bool:
+    """Return whether any of the numbers that are compared differs from that of an earlier exam, on some tasks."""
+    columns, rows, is_now = _compared({task: exam["tasks"][task] for task in tasks}, exam["scores"], against)
+    return bool(_differences(columns, rows, is_now, [False] * len(columns)))
+
+
 def _changes(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam) -> list[Flag]:
     """Flag tasks on which scores are below those of an earlier exam, or other numbers differ, on the twins that both have.
 
     All numbers on all tasks are tested together, then each of them. A task gets one flag for its score, and one for the rest.
     """
-    columns, rows = _compared(tasks, scores, against)
-    is_first = np.array([is_now for is_now, _ in rows])
+    columns, rows, is_now = _compared(tasks, scores, against)
     only_below = [name == SCORE for _, _, name in columns]
     found: dict[tuple[str, bool], list[tuple[str, Difference]]] = defaultdict(list)
-    for (task, which, name), d in _differences(columns, list(rows.values()), is_first, only_below):
+    for (task, which, name), d in _differences(columns, rows, is_now, only_below):
         is_regression = name == SCORE
         where = " on twins" if which == "twin" else ""
         way = "below" if d.effect < 0 else "above"
@@ -192,8 +197,11 @@ def _changes(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Ex
 
 def _compared(
     tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam
-) -> tuple[list[tuple[str, str, str]], Mapping[tuple[bool, int], Mapping[tuple[str, str, str], float]]]:
-    """Return what is compared with an earlier exam, (task, side, name of the number), and its values by exam and seed."""
+) -> tuple[list[tuple[str, str, str]], list[dict[tuple[str, str, str], float]], Array]:
+    """Return what is compared with an earlier exam, (task, side, name of the number).
+
+    Also a row of its values for each exam and seed, and which of the rows are those of this exam.
+    """
     places = set(map(_place, scores)) & set(map(_place, against["scores"]))
     now = [each for each in scores if _place(each) in places]
     before = [each for each in against["scores"] if _place(each) in places]
@@ -212,7 +220,7 @@ def _compared(
             for is_now in (True, False):
                 for seed, value in values[is_now].items():
                     rows[is_now, seed][task, which, name] = value
-    return columns, rows
+    return columns, list(rows.values()), np.array([is_now for is_now, _ in rows])
 
 
 def _of(task: str, scores: Sequence[Score]) -> list[Score]:

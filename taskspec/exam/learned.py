@@ -1,8 +1,8 @@
-"""Learned rewards and values: how learners hand them over, how they are read, and what explains them."""
+"""Learned rewards, values and policies: how learners hand them over, how they are read, and what explains them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -10,10 +10,13 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
+from taskspec.data import Demonstrations
 from taskspec.exam.fingerprints import fingerprint, first_value, named, pooled
-from taskspec.exam.operators import GOOD, OPERATORS, BellmanOperator
+from taskspec.exam.mistakes import MISTAKES
+from taskspec.exam.operators import GOOD
+from taskspec.exam.pairings import pairing_distances
 from taskspec.exam.results import Flag, Score
-from taskspec.exam.starc import REWARDS, KnownReward, reward_fields
+from taskspec.exam.starc import reward_fields
 from taskspec.policies.adapters import Predictor, parameters
 from taskspec.policies.values import are_probabilities, is_table, observed_probabilities
 from taskspec.task.task import Task
@@ -42,14 +45,20 @@ class Learned:
 # -- reading ----------------------------------------------------------------------------------------------------------
 
 
-def learned_fields(task: Task, learned: Any, sees_reward: bool) -> dict[str, Any]:
-    """Return what is known of learned rewards and values, as fields of a result.
+def learned_fields(
+    task: Task, learned: Any, sees_reward: bool, demonstrations: Demonstrations | None = None
+) -> dict[str, Any]:
+    """Return what is known of learned rewards, values and policies, as fields of a result.
 
     Args:
         learned: what the learner returned.
         sees_reward: whether it was granted the reward; else its values are not those of the true one.
+        demonstrations: that it used; its policy is compared with them where it has nothing else to learn from.
     """
     found: dict[str, Any] = {}
+    if demonstrations is not None and not sees_reward:
+        policy = learned.policy if isinstance(learned, Learned) else learned
+        found["pairings"] = pairing_distances(task, policy, demonstrations)
     if isinstance(learned, Learned) and learned.reward is not None:
         found |= reward_fields(task, learned.reward)
     values = learned_values(task, learned) if sees_reward else {}
@@ -129,28 +138,27 @@ def _network(task: Task, model: Any, network: Callable[[Any], Any]) -> Callable[
 
 # -- what explains them -----------------------------------------------------------------------------------------------
 
-KINDS: dict[
-    Literal["values", "reward"], tuple[str, tuple[str, ...], Mapping[str, BellmanOperator | KnownReward], str]
-] = {
-    "values": ("operators", GOOD, OPERATORS, "the values are those of a learner"),
-    "reward": ("rewards", ("true",), REWARDS, "the learned reward is"),
+Kind = Literal["values", "reward", "policy"]
+KINDS: dict[Kind, tuple[str, tuple[str, ...], str]] = {
+    "values": ("operators", GOOD, "the values are those"),
+    "reward": ("rewards", GOOD[:1], "the learned reward is that"),
+    "policy": ("pairings", GOOD[:1], "the policy is that"),
 }
-"""What is explained: the field of a score with its distances, names that are no mistake, the table of names, and how a
-sentence begins."""
+"""What is explained: the field of a score with its distances, names that are no mistake, and how a sentence begins."""
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """An explanation of the values, or the reward, that a learner learned on several tasks and seeds.
+    """An explanation of what a learner learned on several tasks and seeds.
 
     Attributes:
-        names: of operators or rewards; none if nothing known is near.
+        names: in `MISTAKES`; none if nothing known is near.
         distance: the mean distance of the first of them.
-        right: the mean distance of the right values, or of the true reward.
-        task: the one whose mean distance of the right ones is largest.
+        right: the mean distance of what is right.
+        task: the one whose mean distance of what is right is largest.
     """
 
-    kind: Literal["values", "reward"]
+    kind: Kind
     names: tuple[str, ...]
     distance: float
     right: float
@@ -163,20 +171,19 @@ class Explanation:
     @property
     def message(self) -> str:
         """The explanation in a sentence."""
-        _, _, table, begin = KINDS[self.kind]
-        right = "right values" if self.kind == "values" else "true reward"
         if not self.names:
-            return f"no known mistake explains the learned {self.kind} (distance to the {right} {self.right:.2f})"
-        sentence = f"{begin} {', or '.join(table[name].mistake for name in self.names)}"
+            return f"no known mistake explains the learned {self.kind} (distance to the right {self.kind} {self.right:.2f})"
+        mistakes = ", or ".join(MISTAKES[name].what for name in self.names)
+        sentence = f"{KINDS[self.kind][2]} of a learner {mistakes}"
         if not self.is_mistake:
             return f"{sentence} (distance {self.distance:.2f})"
-        return f"{sentence} (distance {self.distance:.2f}, to the {right} {self.right:.2f})."
+        return f"{sentence} (distance {self.distance:.2f}, to the right {self.kind} {self.right:.2f})."
 
     @property
     def advice(self) -> str:
         """The usual code of the mistakes, and what to do."""
-        _, _, table, _ = KINDS[self.kind]
-        return " Or: ".join(f"{table[name].code}. {table[name].fix}" for name in self.names)
+        mistakes = [MISTAKES[name] for name in self.names]
+        return " Or: ".join(f"{each.code}. {each.fix}" for each in mistakes)
 
 
 UNLEARNED = 0.01
@@ -190,8 +197,8 @@ def _has_learned(score: Score) -> bool:
 
 
 def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
-    """Yield what explains the learned values and rewards of an exam, where there are some."""
-    for kind, (entry, good, _, _) in KINDS.items():
+    """Yield what explains the values, rewards and policies that were learned in an exam, where they are known."""
+    for kind, (entry, good, _) in KINDS.items():
         known = [score for score in scores if score.get(entry) and score["peek"] is None and _has_learned(score)]
         if not known:
             continue
@@ -209,7 +216,7 @@ def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
 
 
 def learned_flags(scores: Sequence[Score]) -> list[Flag]:
-    """Return a flag for values, and for a reward, that a known mistake explains."""
+    """Return a flag for values, a reward and a policy, each where a known mistake explains it."""
     found = []
     for each in explanations(scores):
         if each.is_mistake:
@@ -219,5 +226,5 @@ def learned_flags(scores: Sequence[Score]) -> list[Flag]:
 
 
 def learned_notes(scores: Sequence[Score]) -> list[str]:
-    """Return lines about values and rewards that no known mistake explains."""
+    """Return lines about what was learned without a known mistake."""
     return [each.message for each in explanations(scores) if not each.is_mistake]

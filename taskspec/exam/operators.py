@@ -25,23 +25,16 @@ Backup = Callable[[Dynamics, Array, Array, Behaviour], Array]
 
 @dataclass(frozen=True)
 class BellmanOperator:
-    """A Bellman operator, and the mistake that makes a learner apply it.
+    """A Bellman operator.
 
     Attributes:
         backup: from Q and V to the next Q.
-        mistake: a sentence that follows "your values are those of a learner".
-        code: what such code usually looks like.
-        fix: what to do.
         reduce: the reduction of Q to V, where it is part of the mistake.
         of: whether it is about Q-values, or the values of a critic; of both if None.
         recognise: the distance of learned values (A, S), or (S,), where the mistake has no fixed point; None if they say nothing.
     """
 
-    name: str
     backup: Backup
-    mistake: str
-    code: str
-    fix: str
     reduce: Callable[[Dynamics, Array, Behaviour], Array] | None = None
     of: Literal["q", "values"] | None = None
     recognise: Callable[[Dynamics, Array], float | None] | None = None
@@ -192,132 +185,37 @@ def _one_pair(s: Dynamics, learned: Array) -> float:
 
 
 OPERATORS = {
-    operator.name: operator
-    for operator in (
-        BellmanOperator("right", _right, "without a mistake in its targets", "r + gamma * (1 - terminated) * V(s')", ""),
-        BellmanOperator(
-            "on policy", _right, "that learns the values of what it does, exploration included (SARSA)",
-            "target = r + gamma * Q(s', a')", "Nothing, if that is meant; else take the maximum over actions.", _on_policy,
-            "q",
-        ),
-        BellmanOperator(
-            "ends ignored", _ends_ignored, "that bootstraps past the end of an episode",
-            "target = r + gamma * V(s')", "Multiply V(s') by (1 - terminated).",
-        ),
-        BellmanOperator(
-            "next episode", _next_episode, "for which an episode continues with the first state of the next one",
-            "next_obs taken after the environment was reset",
-            "Take the last observation of the episode (final_obs), and mask its value where it is terminal.",
-        ),
-        BellmanOperator(
-            "limit is an end", _limit_is_end, "for which the time limit ends the world",
-            "done = terminated or truncated", "Mask V(s') by terminated alone; truncated episodes keep their value.",
-        ),
-        BellmanOperator(
-            "reset at the end", _reset_at_end, "for which an episode that ended by itself continues with the next one",
-            "next_obs taken after the environment was reset, where it is terminated", "Multiply V(s') by (1 - terminated).",
-        ),
-        BellmanOperator(
-            "reset at the limit", _reset_at_limit, "for which an episode that was cut off continues with the next one",
-            "next_obs taken after the environment was reset, masked by terminated",
-            "Take the last observation of the episode (final_obs).",
-        ),
-        BellmanOperator(
-            "mask inverted", _mask_inverted, "that bootstraps at the ends of episodes alone",
-            "gamma * terminated * V(s')", "Multiply V(s') by (1 - terminated).",
-        ),
-        BellmanOperator(
-            "mask late", _mask_late, "whose mask is that of the step before",
-            "dones[t - 1] beside obs[t]", "Store the flag of a step with the observation that the step left.",
-        ),
-        BellmanOperator(
-            "last reward masked", _last_reward_masked, "that masks the reward of the last step, too",
-            "(r + gamma * V(s')) * (1 - terminated)", "Move the parenthesis: r + gamma * (1 - terminated) * V(s').",
-        ),
-        BellmanOperator(
-            "same state", _same_state, "that takes the state it left for the one it reached",
-            "next_obs = obs, or a buffer that shares memory", "Store the observation that step() returned, as a copy.",
-        ),
-        BellmanOperator(
-            "mean of actions", _right, "that averages over the next actions instead of choosing the best",
-            "q(s').mean(axis=-1)", "Take the maximum over actions.", _mean, "q",
-        ),
-        BellmanOperator(
-            "least action", _right, "that expects the worst of the next actions",
-            "q(s').min(axis=-1), or a minimum over the wrong axis", "Take the maximum over actions.", _least, "q",
-        ),
-        BellmanOperator(
-            "all states", _right, "that takes the best value of any state for the next one",
-            "q.max() without an axis", "Take the maximum over the axis of actions.", _all_states, "q",
-        ),
-        BellmanOperator(
-            "action before", _action_before, "that looks up the next state with the action that was just taken",
-            "q[s', a]", "Update the action before the look-up, or take the maximum.",
-            of="q",
-        ),
-        BellmanOperator(
-            "reward discounted", _reward_discounted, "that discounts the reward, too",
-            "gamma * (r + V(s'))", "Move the parenthesis: r + gamma * V(s').",
-        ),
-        BellmanOperator(
-            "discounted twice", _discounted_twice, "that discounts twice a step",
-            "gamma in the buffer and in the target", "Apply gamma once.",
-        ),
-        BellmanOperator(
-            "undiscounted", _undiscounted, "that does not discount", "target = r + V(s')",
-            "Multiply V(s') by gamma.",
-        ),
-        BellmanOperator(
-            "immediate reward", _immediate, "that sees no further than the next reward",
-            "target = r, gamma = 0, or a target network that stays as it was",
-            "Add gamma * V(s'); copy the target network now and then.",
-        ),
-        BellmanOperator(
-            "rewards clipped", _clipped, "whose rewards are clipped to [-1, 1]",
-            "a wrapper or option for Atari was left on", "Remove it.",
-        ),
-        BellmanOperator(
-            "signs of rewards", _signs, "that sees the signs of rewards alone",
-            "np.sign(r), as wrappers for Atari do", "Remove it.",
-        ),
-        BellmanOperator(
-            "reward negated", _negated, "that takes rewards for costs", "target = -r + ...", "Remove the minus sign.",
-        ),
-        BellmanOperator(
-            "rewards centred", _centred, "whose rewards have their mean subtracted", "r - r.mean()",
-            "Divide by a deviation, if anything: the mean makes ends better or worse.",
-        ),
-        BellmanOperator(
-            "reward before", _reward_before, "that gets the reward of the step before", "rewards[t - 1] beside obs[t]",
-            "Store each reward with the observation and the action that it was paid for.",
-        ),
-        BellmanOperator(
-            "reward after", _reward_after, "that gets the reward of the step after", "rewards[t + 1] beside obs[t]",
-            "Store each reward with the observation and the action that it was paid for.",
-        ),
-        BellmanOperator(
-            "stale action", _stale_action, "that learns about the action of the step before", "actions[t - 1] beside obs[t]",
-            "Store each action with the observation that it was chosen for.", of="q",
-        ),
-        BellmanOperator(
-            "any action", _any_action, "that learns about all actions what it sees of one", "q[s] += rate * error",
-            "Update q[s, a], of the action that was taken.", of="q",
-        ),
-        BellmanOperator(
-            "advantages", _advantages, "whose critic learns advantages in place of returns", "value_loss of advantages",
-            "Train the critic on returns = advantages + values.", of="values",
-        ),
-        BellmanOperator(
-            "grows", _right, "whose values grow past everything that can be earned",
-            "q -= rate * error, q[s'] += rate * error, or advantages that are not cut where an episode ends",
-            "Add the error to the value of the state that was left; cut advantages; then try a smaller step.", recognise=_grows,
-        ),
-        BellmanOperator(
-            "one pair", _right, "that learned about one state and one action alone", "buffer[0] in each batch",
-            "Sample all transitions that are stored.", of="q", recognise=_one_pair,
-        ),
-    )
-}  # fmt: skip
-"""Operators by name: the right one first, then those of mistakes."""
+    "right": BellmanOperator(_right),
+    "on policy": BellmanOperator(_right, reduce=_on_policy, of="q"),
+    "ends ignored": BellmanOperator(_ends_ignored),
+    "next episode": BellmanOperator(_next_episode),
+    "limit is an end": BellmanOperator(_limit_is_end),
+    "reset at the end": BellmanOperator(_reset_at_end),
+    "reset at the limit": BellmanOperator(_reset_at_limit),
+    "mask inverted": BellmanOperator(_mask_inverted),
+    "mask late": BellmanOperator(_mask_late),
+    "last reward masked": BellmanOperator(_last_reward_masked),
+    "same state": BellmanOperator(_same_state),
+    "mean of actions": BellmanOperator(_right, reduce=_mean, of="q"),
+    "least action": BellmanOperator(_right, reduce=_least, of="q"),
+    "all states": BellmanOperator(_right, reduce=_all_states, of="q"),
+    "action before": BellmanOperator(_action_before, of="q"),
+    "reward discounted": BellmanOperator(_reward_discounted),
+    "discounted twice": BellmanOperator(_discounted_twice),
+    "undiscounted": BellmanOperator(_undiscounted),
+    "immediate reward": BellmanOperator(_immediate),
+    "rewards clipped": BellmanOperator(_clipped),
+    "signs of rewards": BellmanOperator(_signs),
+    "reward negated": BellmanOperator(_negated),
+    "rewards centred": BellmanOperator(_centred),
+    "reward before": BellmanOperator(_reward_before),
+    "reward after": BellmanOperator(_reward_after),
+    "stale action": BellmanOperator(_stale_action, of="q"),
+    "any action": BellmanOperator(_any_action, of="q"),
+    "advantages": BellmanOperator(_advantages, of="values"),
+    "grows": BellmanOperator(_right, recognise=_grows),
+    "one pair": BellmanOperator(_right, of="q", recognise=_one_pair),
+}
+"""Operators by the name of the mistake that makes a learner apply them; the right one first."""
 GOOD = ("right", "on policy")
 """Operators that are no mistake."""

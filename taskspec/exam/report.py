@@ -16,7 +16,7 @@ from taskspec.exam.card import card, matrix
 from taskspec.exam.score_rows import TaskRow, counted, forms_of
 from taskspec.figures import save
 from taskspec.figures.chart import Scale
-from taskspec.figures.scene import Scene
+from taskspec.figures.shapes import Scene
 from taskspec.figures.vector_formats import svg
 from taskspec.pages.render.html import page_of
 

@@ -36,6 +36,7 @@ Score = TypedDict(
         "demonstrations": int, "comparisons": int, "seconds": float | None, "starc": float | None,
         "reward_regret": float | None, "curve": list[list[float | None]] | None,
         "operators": NotRequired[dict[str, float] | None], "rewards": NotRequired[dict[str, float] | None],
+        "pairings": NotRequired[dict[str, float] | None],
         "value": NotRequired[float | None], "longer": NotRequired[float | None],
     },
 )  # fmt: skip
@@ -43,9 +44,9 @@ Score = TypedDict(
 expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated, 0 where it is exact; `starc` the
 distance of a learned reward to the true one, `reward_regret` the score lost by optimising it. `operators` are the distances of
 learned values from the fixed points of Bellman operators (`taskspec.exam.fingerprints`), `rewards` those of a learned reward from
-known ones (`taskspec.exam.starc`). `value` is the learned value of the first states, in units of the expert's return less that of
-random actions, `longer` the score on a longer horizon. Points of the `curve` are policies that the learner showed, else means of
-its training episodes."""
+known ones (`taskspec.exam.starc`), `pairings` those of a policy from what was demonstrated (`taskspec.exam.pairings`). `value` is
+the learned value of the first states, in units of the expert's return less that of random actions, `longer` the score on a longer
+horizon. Points of the `curve` are policies that the learner showed, else means of its training episodes."""
 
 
 class Examined(TypedDict):
@@ -90,13 +91,18 @@ class CapabilityVerdict(MeanScore):
     twins: MeanScore | None
 
 
+FlagKind = Literal[
+    "twin", "regression", "changed", "diagnosis", "peeks", "failed", "impossible", "values", "reward", "policy", "law",
+]  # fmt: skip
+
+
 class Flag(TypedDict):
     """Something that is wrong; with its size as a difference of scores, and the interval of that, where it has one.
 
     `advice` is the usual code of a known mistake, and its fix.
     """
 
-    kind: Literal["twin", "regression", "changed", "peeks", "failed", "impossible", "values", "reward", "law"]
+    kind: FlagKind
     task: str
     message: str
     effect: float | None

@@ -14,7 +14,7 @@ from taskspec.exam.score_rows import FIXED, FLOOR, FORMS, PUBLISHED, RELABELLED,
 from taskspec.exam.verdicts import MASTERED
 from taskspec.figures import chart
 from taskspec.figures.chart import Axes, Scale
-from taskspec.figures.scene import Area, Box, Circle, Hex, Item, Label, Line, Paint, Scene
+from taskspec.figures.shapes import Area, Box, Circle, Hex, Item, Label, Line, Paint, Scene
 from taskspec.printers import tree as m
 
 GRADES: dict[str | None, Paint] = {

@@ -223,7 +223,7 @@ class RewardMdp:
     @cached_property
     def known(self) -> dict[str, Array]:
         """`REWARDS` in canonical form."""
-        return {name: self.canonical(known.of(self)) for name, known in REWARDS.items()}
+        return {name: self.canonical(known(self)) for name, known in REWARDS.items()}
 
     @cached_property
     def visits(self) -> Array:
@@ -257,24 +257,6 @@ def half_distance(one: Array, other: Array) -> float:
 
 
 # -- rewards that are learned by mistake ------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class KnownReward:
-    """A reward that is often learned in place of the true one, on every task.
-
-    Attributes:
-        of: the reward (S, A) of a task.
-        mistake: words that follow "the learned reward is".
-        code: what such code usually looks like.
-        fix: what to do.
-    """
-
-    name: str
-    of: Callable[[RewardMdp], Array]
-    mistake: str
-    code: str
-    fix: str
 
 
 def _constant(mdp: RewardMdp) -> Array:
@@ -320,41 +302,15 @@ def _true(mdp: RewardMdp) -> Array:
     return mdp.true
 
 
-REWARDS = {
-    known.name: known
-    for known in (
-        KnownReward("true", _true, "the true one", "", ""),
-        KnownReward(
-            "constant", _constant, "a constant, which makes no action better than another",
-            "a network that no gradient reaches", "Check that the loss falls, and that the reward is not detached or cut off.",
-        ),
-        KnownReward(
-            "negated", _negated, "the true one, negated", "-reward, or labels of pairs that are swapped",
-            "Remove the minus sign; label 1 means that the first of a pair is better.",
-        ),
-        KnownReward(
-            "step before", _step_before, "that of the step before", "rewards[t - 1] beside obs[t]",
-            "Store each reward with the observation and the action that it was paid for.",
-        ),
-        KnownReward(
-            "step after", _step_after, "that of the step after", "rewards[t + 1] beside obs[t]",
-            "Store each reward with the observation and the action that it was paid for.",
-        ),
-        KnownReward(
-            "mean of actions", _action_mean, "the true one, averaged over actions", "reward_net(obs)",
-            "Give the action to the network, too.",
-        ),
-        KnownReward(
-            "mean of states", _state_mean, "the true one, averaged over states", "reward_net(action)",
-            "Give the observation to the network, too.",
-        ),
-        KnownReward(
-            "clipped", _clipped, "the true one, clipped to [-1, 1]", "np.clip(reward, -1, 1), or a tanh at the end",
-            "Remove it.",
-        ),
-        KnownReward(
-            "signs", _signs, "the sign of the true one", "np.sign(reward), as wrappers for Atari do", "Remove it.",
-        ),
-    )
-}  # fmt: skip
-"""Rewards by name, the true one first; averages are of uniformly random episodes."""
+REWARDS: dict[str, Callable[[RewardMdp], Array]] = {
+    "right": _true,
+    "constant": _constant,
+    "reward negated": _negated,
+    "reward before": _step_before,
+    "reward after": _step_after,
+    "action unseen": _action_mean,
+    "state unseen": _state_mean,
+    "rewards clipped": _clipped,
+    "signs of rewards": _signs,
+}
+"""Rewards (S, A) of a task by the name of the mistake, the true one first; averages are of uniformly random episodes."""

@@ -186,7 +186,7 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
             learned = train(case)
             trained = time.perf_counter()
             policies = _policies(learned, len(case.seeds), train)
-            rows = [_scored(policy, case, results, seed) for policy, seed in zip(policies, case.seeds, strict=True)]
+            rows = [_scored(policy, case, results, i) for i, policy in enumerate(policies)]
             _add_curves(rows, case, results)
             if trial.longer is not None:
                 _add_longer(rows, policies, trial)
@@ -211,15 +211,16 @@ def _policies(learned: Any, seeds: int, train: Any) -> Sequence[Any]:
     return learned
 
 
-def _scored(policy: Any, case: Case, results: Results, seed: int) -> Row:
+def _scored(policy: Any, case: Case, results: Results, i: int) -> Row:
     if policy is None:
         raise TypeError("`train` returned no policy: does it end with `return`?")
+    seed = case.seeds[i]
     value = _value(policy, results, seed)
     row = {
         "seed": seed, "curve": None, "deterministic": value.deterministic.value,
         "deterministic_half": value.deterministic.half, "stochastic": value.stochastic.value,
     }  # fmt: skip
-    return row | learned_fields(results.task, policy, "reward" in case.terms.learns_from)
+    return row | learned_fields(results.task, policy, "reward" in case.terms.learns_from, case.shown_to(i))
 
 
 def _value(policy: Any, results: Results, seed: int) -> ObservedValue:
@@ -239,13 +240,18 @@ def _add_curves(rows: Sequence[Row], case: Case, results: Results) -> None:
 def _add_longer(rows: Sequence[Row], policies: Sequence[Any], trial: Trial) -> None:
     """Add the score on a longer horizon to each row; None where the task or the policy does not allow for one."""
     try:
-        results = results_of(modify(trial.about, f"horizon={trial.longer}"), trial.episodes)
+        results = results_of(_longer(trial.about, trial.longer), trial.episodes)
         expert = results.expert or results.optimal
         for row, policy in zip(rows, policies, strict=True):
             value = _value(policy, results, row["seed"]).deterministic.value
             row["longer"] = score(value, _number(results.random), _number(expert))
     except SpecError:
         return
+
+
+@lru_cache(maxsize=16)
+def _longer(task: Task, horizon: int | None) -> Task:
+    return modify(task, f"horizon={horizon}")
 
 
 def _number(value: Return | None) -> float | None:

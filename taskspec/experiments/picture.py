@@ -13,7 +13,7 @@ from taskspec.base.display import number
 from taskspec.experiments.sweeping import Measured
 from taskspec.figures import chart, save
 from taskspec.figures.chart import Axes, LegendEntry, Scale
-from taskspec.figures.scene import Box, Dash, Hex, Item, Scene, shifted
+from taskspec.figures.shapes import Box, Dash, Hex, Item, Scene, shifted
 from taskspec.task.schema.experiments import Experiment
 
 FORMATS = ("svg", "png", "pdf")

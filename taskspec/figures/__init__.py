@@ -17,8 +17,8 @@ from taskspec.figures.overlays import OVERLAYS as OVERLAYS
 from taskspec.figures.overlays import PARTS
 from taskspec.figures.overlays import Overlay as Overlay
 from taskspec.figures.overlays import overlay as overlay
-from taskspec.figures.scene import Label, keyed
-from taskspec.figures.scene import Scene as Scene
+from taskspec.figures.shapes import Label, keyed
+from taskspec.figures.shapes import Scene as Scene
 from taskspec.figures.states import not_drawn, state_table
 from taskspec.figures.vector_formats import svg as svg
 from taskspec.figures.vector_formats import tikz as tikz

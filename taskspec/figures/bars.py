@@ -12,26 +12,11 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.display import fixed, plural
+from taskspec.figures import shapes as sc
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import (
-    HIGHLIGHTS,
-    SIGNS,
-    Box,
-    Color,
-    Item,
-    Label,
-    Line,
-    Scene,
-    fitted,
-    marked,
-    shifted,
-    sign,
-    signed,
-    text_width,
-)
 from taskspec.figures.series import MOST as FOLLOWED
 from taskspec.figures.series import series
-from taskspec.figures.states import State, at_state, at_states, episode_path, expert_path, reads_of
+from taskspec.figures.states import State, at_state, at_states, episode_path, expert_path, figure_of, reads_of
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Node, Read
 from taskspec.lang.types import Kind
@@ -50,7 +35,7 @@ MOST_SQUARES = 24  # rows or columns of a board
 FEW_STEPS = 3
 
 
-def bars(task: Task, overlay: Overlay) -> Scene | None:
+def bars(task: Task, overlay: Overlay) -> sc.Scene | None:
     """Draw the vector that the figure section names (or the only vector of the state).
 
     Of a short one the changes of an episode, row by row; of a long one the first state and the last one. Of a few episodes
@@ -71,7 +56,7 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
         return _board(task, node, rows[0], here is not None)
     colors = [_colors(task, node, state) for state in states]
     count = node.type.size
-    items: list[Item] = []
+    items: list[sc.Item] = []
     notes: tuple[str, ...] = ()
     if count <= CELLS_UP_TO:
         shown = list(zip(times, rows, colors, strict=True))
@@ -90,13 +75,13 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
             notes = (f"The state after {plural(times[-1], 'step')} of {whose}.",)
         items += _bars(rows[0], colors[0], None if here is None else _bound(node))
         if len(rows) > 1:
-            items += [shifted(item, 0.0, BELOW) for item in _bars(rows[-1], colors[-1])]
+            items += [sc.shifted(item, 0.0, BELOW) for item in _bars(rows[-1], colors[-1])]
             notes = (f"Above a first state, below the one after {plural(times[-1], 'step')} of {whose}.",)
         step = _step(count)
         sums_at = 0.35
     if len(rows) == 1:
         items += _sums(rows[0], colors[0], step, sums_at)
-    return fitted(items, f"A state of {task.name} as {alt}", notes)
+    return sc.fitted(items, f"A state of {task.name} as {alt}", notes)
 
 
 def _episode(task: Task, node: Node, overlay: Overlay) -> tuple[list[tuple[int, dict[str, Any]]], str]:
@@ -117,7 +102,7 @@ def _changes(task: Task, node: Node, path: list[dict[str, Any]]) -> list[tuple[i
     return [(i, state) for i, state in enumerate(path) if i == 0 or not np.array_equal(rows[i], rows[i - 1])]
 
 
-def _sums(row: Array, colors: list[Color], step: float, y: float) -> Iterator[Label]:
+def _sums(row: Array, colors: list[sc.Color], step: float, y: float) -> Iterator[sc.Label]:
     """Yield the sums of two parts with colours of their own, and how they compare."""
     first, second = ([i for i, color in enumerate(colors) if color == role] for role in ("accent", "second"))
     with np.errstate(over="ignore"):
@@ -127,34 +112,33 @@ def _sums(row: Array, colors: list[Color], step: float, y: float) -> Iterator[La
     relation = ("=", ">", "<")[int(np.sign(totals[0] - totals[1]))]
     middles = [(min(part) + max(part) + 1) / 2 * step for part in (first, second)]
     between = sum(middles) / 2
-    texts = [m.Row((m.Words("sum "), signed(total))) for total in totals]
-    halves = [text_width(text, LETTERS) / 2 for text in texts]
+    texts = [m.Row((m.Words("sum "), sc.signed(total))) for total in totals]
+    halves = [sc.text_width(text, LETTERS) / 2 for text in texts]
     if middles[1] - middles[0] < sum(halves) + 0.6:
         middles = [between - 0.4 - halves[0], between + 0.4 + halves[1]]
     for at, text in zip(middles, texts, strict=True):
-        yield Label((at, y), text, LETTERS)
-    yield Label((between, y), m.Sym(relation), LETTERS)
+        yield sc.Label((at, y), text, LETTERS)
+    yield sc.Label((between, y), m.Sym(relation), LETTERS)
 
 
 def _vector(task: Task) -> Node | None:
     """Return the vector or the matrix that is drawn."""
+    values = figure_of(task).values
     b = Builder()
-    nodes: list[Node] = [b.read(*c.read, c.type, c.least, c.most) for c in task.state]
-    if task.annotations.figure is not None and task.annotations.figure.values is not None:
-        nodes = [task.annotations.figure.values]
+    nodes = [b.read(*c.read, c.type, c.least, c.most) for c in task.state] if values is None else [values]
     return next((node for node in nodes if node.type.shape and node.type.size), None)
 
 
-def _colors(task: Task, node: Node, state: State) -> list[Color]:
+def _colors(task: Task, node: Node, state: State) -> list[sc.Color]:
     """Return the colours of elements: for a condition those for which it holds, for a slice those in it.
 
     The slice is taken of the vector's indices, and so says which elements are meant.
     """
     count = node.type.size
-    colors: list[Color] = ["accent"] * count
+    colors: list[sc.Color] = ["accent"] * count
     reads = reads_of(task, state)
-    for name, part in ({} if task.annotations.figure is None else task.annotations.figure.highlight).items():
-        if name not in HIGHLIGHTS:
+    for name, part in figure_of(task).highlight.items():
+        if name not in sc.HIGHLIGHTS:
             continue
         if part.type.kind is Kind.BOOL and part.type.shape in ((), (count,)):
             chosen = np.flatnonzero(np.broadcast_to(at_states(task, part, reads)[0], count))
@@ -164,7 +148,7 @@ def _colors(task: Task, node: Node, state: State) -> list[Color]:
         else:
             continue
         for i in chosen[(chosen >= 0) & (chosen < count)].tolist():
-            colors[i] = HIGHLIGHTS[name]
+            colors[i] = sc.HIGHLIGHTS[name]
     return colors
 
 
@@ -178,7 +162,7 @@ def _bound(node: Node) -> float | None:
     return None
 
 
-def _bars(values: Array, colors: list[Color], most: float | None = None) -> Iterator[Item]:
+def _bars(values: Array, colors: list[sc.Color], most: float | None = None) -> Iterator[sc.Item]:
     """Yield bars of equal width above a line, in a frame that `most` fills; of very many values every second, third and so on."""
     every = -(-len(values) // MOST_BARS)
     values = values[::every]
@@ -186,18 +170,18 @@ def _bars(values: Array, colors: list[Color], most: float | None = None) -> Iter
     step = _step(len(values))
     scale = 2.0 / (most or float(np.abs(values).max()) or 1.0)
     if most is not None:
-        yield Box((0.0, -2.0), len(values) * step, 2.0, None, "faint")
+        yield sc.Box((0.0, -2.0), len(values) * step, 2.0, None, "faint")
     for i, (value, color) in enumerate(zip(values.tolist(), colors, strict=True)):
         top = -scale * max(value, 0.0)
-        yield Box((i * step, top), step * 0.8, max(0.01, scale * abs(value)), color, None)
+        yield sc.Box((i * step, top), step * 0.8, max(0.01, scale * abs(value)), color, None)
     for role, run in groupby(range(len(colors)), key=colors.__getitem__):
         places = list(run)
-        if role in SIGNS:
-            yield from sign(role, ((sum(places) / len(places) + 0.4) * step, 0.2), 0.2)
-    yield Line(((-0.1, 0.0), (len(values) * step + 0.02, 0.0)), color="muted")
+        if role in sc.SIGNS:
+            yield from sc.sign(role, ((sum(places) / len(places) + 0.4) * step, 0.2), 0.2)
+    yield sc.Line(((-0.1, 0.0), (len(values) * step + 0.02, 0.0)), color="muted")
 
 
-def _board(task: Task, node: Node, values: Array, is_frame: bool) -> Scene:
+def _board(task: Task, node: Node, values: Array, is_frame: bool) -> sc.Scene:
     """Return a matrix as a board; in place of an empty first state, one after a few steps."""
     notes: tuple[str, ...] = ()
     if not values.any() and not is_frame:
@@ -206,31 +190,31 @@ def _board(task: Task, node: Node, values: Array, is_frame: bool) -> Scene:
         notes = (f"A state after {len(path) - 1} steps of {whose}.",)
     height, width = node.type.shape
     items = _squares(values, node.type.kind is Kind.BOOL)
-    return fitted(items, f"A state of {task.name} as a board of {height} rows and {width} columns", notes)
+    return sc.fitted(items, f"A state of {task.name} as a board of {height} rows and {width} columns", notes)
 
 
-def _squares(values: Array, is_condition: bool) -> Iterator[Item]:
+def _squares(values: Array, is_condition: bool) -> Iterator[sc.Item]:
     """Yield the cells of a matrix: positive numbers in one colour, negative ones in another, and nothing for 0."""
     most = float(np.abs(values).max()) or 1.0
     digits = 0 if np.array_equal(values, np.rint(values)) else 2
     for (row, column), value in np.ndenumerate(values):
-        cell = Box((column * SQUARE, row * SQUARE), SQUARE, SQUARE, "paper", "faint")
+        cell = sc.Box((column * SQUARE, row * SQUARE), SQUARE, SQUARE, "paper", "faint")
         yield cell
         if not value:
             continue
-        fill: Color = "accent" if value > 0 else "second"
+        fill: sc.Color = "accent" if value > 0 else "second"
         yield replace(cell, fill=fill, shade=0.3 + 0.6 * abs(value) / most)
         if not is_condition:
             middle = ((column + 0.5) * SQUARE, (row + 0.5) * SQUARE)
-            yield Label(middle, m.Num(fixed(value, digits)), LETTERS)
-    yield Box((0, 0), values.shape[1] * SQUARE, values.shape[0] * SQUARE, None, "ink")
+            yield sc.Label(middle, m.Num(fixed(value, digits)), LETTERS)
+    yield sc.Box((0, 0), values.shape[1] * SQUARE, values.shape[0] * SQUARE, None, "ink")
 
 
 def _step(count: int) -> float:
     return min(0.3, 7.0 / count)
 
 
-def _cells(shown: list[tuple[int, Array, list[Color]]], left_out: int) -> Iterator[Item]:
+def _cells(shown: list[tuple[int, Array, list[sc.Color]]], left_out: int) -> Iterator[sc.Item]:
     """Yield rows of cells, shaded by value, with dots for rows that are left out.
 
     Where a row has the elements of the one before in another order, arrows say where they went; else times are beside them.
@@ -245,19 +229,19 @@ def _cells(shown: list[tuple[int, Array, list[Color]]], left_out: int) -> Iterat
     digits = 0 if all(np.array_equal(row, np.rint(row)) for row in rows) else 2
     for r, (t, row, colors) in enumerate(shown):
         if len(rows) > 1 and not moved:
-            yield Label(
+            yield sc.Label(
                 (-0.2, tops[r] + 0.4), m.Row((m.Ident("t"), m.Sym("="), m.Num(str(t)))), LETTERS, "end", "muted"
             )
         for i, value in enumerate(row.tolist()):
             shade = 0.2 + 0.7 * (value - low) / ((high - low) or 1.0)
-            box = Box((i * 1.0, tops[r]), 1.0, 0.8, colors[i], "paper", shade=shade)
+            box = sc.Box((i * 1.0, tops[r]), 1.0, 0.8, colors[i], "paper", shade=shade)
             yield box
-            yield from marked(box, True)
-            yield Label((i + 0.5, tops[r] + 0.4), m.Num(fixed(value, digits)), LETTERS)
+            yield from sc.marked(box, True)
+            yield sc.Label((i + 0.5, tops[r] + 0.4), m.Num(fixed(value, digits)), LETTERS)
         if left_out and r + 2 == len(rows):
-            yield Label((len(row) / 2, (tops[r] + tops[r + 1]) / 2 + 0.4), m.Words("⋮"), 0.42)
+            yield sc.Label((len(row) / 2, (tops[r] + tops[r + 1]) / 2 + 0.4), m.Words("⋮"), 0.42)
         elif r + 1 < len(rows) and moved:
             for i, value in enumerate(row.tolist()):
                 for j in np.flatnonzero(rows[r + 1] == value)[:1].tolist():
                     if j != i:
-                        yield Line(((i + 0.5, tops[r] + 0.84), (j + 0.5, tops[r] + 1.46)), arrow=True)
+                        yield sc.Line(((i + 0.5, tops[r] + 0.84), (j + 0.5, tops[r] + 1.46)), arrow=True)

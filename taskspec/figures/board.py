@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from taskspec.figures.scene import BROAD, ROLES, Box, Circle, Color, Item, Label, Line, Point, marked, sign, text_width
+from taskspec.figures.shapes import BROAD, ROLES, Box, Circle, Color, Item, Label, Line, Point, marked, sign, text_width
 from taskspec.lang.ir import Role
 from taskspec.model.space import Space
 from taskspec.model.transitions import Steps
@@ -146,9 +146,6 @@ class Board:
             yield Box((0, 0), len(self.columns) * self.cell, len(self.rows) * self.cell, None, "ink")
         yield from self._contents(at)
 
-    def _middle(self, at: Cell) -> Point:
-        return (at[0] + 0.5) * self.cell, (at[1] + 0.5) * self.cell
-
     def _cell(self, x: int, y: int, cell: Cell) -> Iterator[Item]:
         plain: Color = "muted" if self.letters.get(cell) == WALL else "paper"
         box = Box((x * self.cell, y * self.cell), self.cell, self.cell, self.colors.get(cell, plain), "faint")
@@ -161,7 +158,7 @@ class Board:
         yield from marked(box, written, free)
 
     def _contents(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:
-        middle = {cell: self._middle(place) for cell, place in at.items()}
+        middle = {cell: ((x + 0.5) * self.cell, (y + 0.5) * self.cell) for cell, (x, y) in at.items()}
         yield from self._letters(middle)
         for cell, way in self.moves:
             if cell in middle:
@@ -189,13 +186,11 @@ class Board:
             if cell not in middle or cell in self.values or text == WALL:
                 continue
             if text in FENCES:
-                yield self._fence(middle[cell], text)
+                width, height = (share * self.cell for share in FENCES[text])
+                x, y = middle[cell]
+                yield Box((x - width / 2, y - height / 2), width, height, "muted", None)
             else:
                 yield Label(middle[cell], m.Words(text), LETTER, color="muted")
-
-    def _fence(self, at: Point, char: str) -> Box:
-        width, height = (share * self.cell for share in FENCES[char])
-        return Box((at[0] - width / 2, at[1] - height / 2), width, height, "muted", None)
 
     def _ray(self, at: Point, way: Way, near: float, far: float) -> tuple[Point, Point]:
         """Return a line from one distance of the middle of a cell to another, in sides of the cell."""

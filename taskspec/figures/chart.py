@@ -8,46 +8,29 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from taskspec.base.display import number
-from taskspec.figures.scene import (
-    BROAD,
-    Anchor,
-    Area,
-    Box,
-    Circle,
-    Dash,
-    Hex,
-    Item,
-    Label,
-    Line,
-    Paint,
-    Point,
-    Scene,
-    fitted,
-    signed,
-    text_width,
-)
+from taskspec.figures import shapes as sc
 from taskspec.printers import tree as m
 
 SMALL = 0.25
 FONT = 0.28  # sizes of letters
-EDGE = Hex("#9aa3ad")
-GRID = Hex("#e7eaed")
-RULE = Hex("#4a545e")
+EDGE = sc.Hex("#9aa3ad")
+GRID = sc.Hex("#e7eaed")
+RULE = sc.Hex("#4a545e")
 # Colours of Okabe and Ito, which people with any colour vision can tell apart.
-BLUE = Hex("#0072B2")
-VERMILION = Hex("#D55E00")
-GREEN = Hex("#009E73")
-PURPLE = Hex("#CC79A7")
-ORANGE = Hex("#E69F00")
-SKY = Hex("#56B4E9")
-YELLOW = Hex("#F0E442")
+BLUE = sc.Hex("#0072B2")
+VERMILION = sc.Hex("#D55E00")
+GREEN = sc.Hex("#009E73")
+PURPLE = sc.Hex("#CC79A7")
+ORANGE = sc.Hex("#E69F00")
+SKY = sc.Hex("#56B4E9")
+YELLOW = sc.Hex("#F0E442")
 CIVIDIS = (
     "#00204D", "#00336F", "#39486B", "#575C6D", "#707173", "#8A8779", "#A69D75", "#C4B56C", "#E4CF5B", "#FFEA46",
 )  # fmt: skip
 """The colour map of Nuñez, Anderton and Renslow (2018), at equal distances."""
 Shape = Literal["circle", "square", "diamond", "up", "down"]
 SHAPES: tuple[Shape, ...] = ("circle", "square", "diamond", "up", "down")
-CORNERS: dict[Shape, tuple[Point, ...]] = {
+CORNERS: dict[Shape, tuple[sc.Point, ...]] = {
     "square": ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)),
     "diamond": ((0.0, -1.35), (1.35, 0.0), (0.0, 1.35), (-1.35, 0.0)),
     "up": ((0.0, -1.2), (1.2, 0.9), (-1.2, 0.9), (0.0, -1.2)),
@@ -93,16 +76,16 @@ def blend(colors: Sequence[str | Rgb], share: float) -> Rgb:
     return red, green, blue
 
 
-def hexadecimal(color: Rgb) -> Hex:
-    return Hex("#{:02x}{:02x}{:02x}".format(*color))
+def hexadecimal(color: Rgb) -> sc.Hex:
+    return sc.Hex("#{:02x}{:02x}{:02x}".format(*color))
 
 
-def ink(background: Rgb) -> Hex:
+def ink(background: Rgb) -> sc.Hex:
     """Return black or white, whichever has more contrast to a background, as defined by WCAG 2."""
     shares = [c / 255 for c in background]
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares]
     luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-    return Hex("#ffffff" if luminance < 0.1791 else "#000000")
+    return sc.Hex("#ffffff" if luminance < 0.1791 else "#000000")
 
 
 @dataclass(frozen=True)
@@ -163,7 +146,7 @@ class Axes:
     def bottom(self) -> float:
         return self.top + self.height
 
-    def at(self, x: float, y: float) -> Point:
+    def at(self, x: float, y: float) -> sc.Point:
         """Return the place of a point in the scene."""
         return self.left + self.width * self.x.share(x), self.bottom - self.height * self.y.share(y)
 
@@ -172,8 +155,8 @@ class Axes:
         return all(math.isfinite(v) and (v > 0 or not a.log) for v, a in ((x, self.x), (y, self.y)))
 
 
-def words(text: str, at: Point, size: float = FONT, anchor: Anchor = "middle", color: Paint = "ink", angle: float = 0.0,
-          bold: bool = False) -> Iterator[Label]:  # fmt: skip
+def words(text: str, at: sc.Point, size: float = FONT, anchor: sc.Anchor = "middle", color: sc.Paint = "ink", angle: float = 0.0,
+          bold: bool = False) -> Iterator[sc.Label]:  # fmt: skip
     """Yield a label for each line of a text, around a point."""
     lines = text.split("\n")
     sin = math.sin(math.radians(angle))
@@ -181,30 +164,30 @@ def words(text: str, at: Point, size: float = FONT, anchor: Anchor = "middle", c
     for i, line in enumerate(lines):
         down = 1.25 * size * (i - (len(lines) - 1) / 2)
         place = (at[0] + down * sin, at[1] + down * cos)
-        yield Label(place, m.Words(line), size, anchor, color, angle=angle, bold=bold)
+        yield sc.Label(place, m.Words(line), size, anchor, color, angle=angle, bold=bold)
 
 
 def breadth(text: str, size: float = FONT) -> float:
-    return max(BROAD * text_width(m.Words(line), size) for line in text.split("\n"))
+    return max(sc.BROAD * sc.text_width(m.Words(line), size) for line in text.split("\n"))
 
 
-def frame(plot: Axes, grid: bool = False, size: float = SMALL) -> Iterator[Item]:
+def frame(plot: Axes, grid: bool = False, size: float = SMALL) -> Iterator[sc.Item]:
     """Yield the axes below and on the left, with their ticks and labels, and lines at the ticks if there is a grid."""
     for x, text in plot.x.ticks:
         place = plot.left + plot.width * plot.x.share(x)
         if grid:
-            yield Line(((place, plot.top), (place, plot.bottom)), color=GRID, width=0.015)
-        yield Line(((place, plot.bottom), (place, plot.bottom + TICK)), color=EDGE, width=0.02)
+            yield sc.Line(((place, plot.top), (place, plot.bottom)), color=GRID, width=0.015)
+        yield sc.Line(((place, plot.bottom), (place, plot.bottom + TICK)), color=EDGE, width=0.02)
         below = plot.bottom + TICK + 0.2 + 0.6 * size * text.count("\n")
-        anchor: Anchor = "end" if plot.x.angle else "middle"
+        anchor: sc.Anchor = "end" if plot.x.angle else "middle"
         yield from words(text, (place, below), size, anchor, angle=plot.x.angle)
     for y, text in plot.y.ticks:
         height = plot.bottom - plot.height * plot.y.share(y)
         if grid:
-            yield Line(((plot.left, height), (plot.right, height)), color=GRID, width=0.015)
-        yield Line(((plot.left - TICK, height), (plot.left, height)), color=EDGE, width=0.02)
+            yield sc.Line(((plot.left, height), (plot.right, height)), color=GRID, width=0.015)
+        yield sc.Line(((plot.left - TICK, height), (plot.left, height)), color=EDGE, width=0.02)
         yield from words(text, (plot.left - TICK - 0.08, height), size, "end")
-    yield Line(((plot.left, plot.top), (plot.left, plot.bottom), (plot.right, plot.bottom)), color=EDGE, width=0.02)
+    yield sc.Line(((plot.left, plot.top), (plot.left, plot.bottom), (plot.right, plot.bottom)), color=EDGE, width=0.02)
     if plot.x.label:
         yield from words(plot.x.label, (plot.left + plot.width / 2, plot.bottom + below_axis(plot.x, size) + 0.1), size)
     if plot.y.label:
@@ -213,7 +196,7 @@ def frame(plot: Axes, grid: bool = False, size: float = SMALL) -> Iterator[Item]
         yield from words(plot.y.label, middle, size, angle=90)
 
 
-def arrow_axes(plot: Axes, symbols: Sequence[m.Math]) -> Iterator[Item]:
+def arrow_axes(plot: Axes, symbols: Sequence[m.Math]) -> Iterator[sc.Item]:
     """Yield axes as arrows with the numbers at their ends, and fine lines through zero, as figures of tasks have them."""
     if plot.x.low < 0 < plot.x.high:
         yield upright(plot, 0.0, "faint", "solid", 0.02)
@@ -221,15 +204,15 @@ def arrow_axes(plot: Axes, symbols: Sequence[m.Math]) -> Iterator[Item]:
         yield level(plot, 0.0, "faint", "solid", 0.02)
     left = plot.left - GAP
     below = plot.bottom + GAP
-    yield Line(((left, below), (plot.right + GAP, below)), arrow=True, color="muted", width=0.02)
-    yield Line(((left, below), (left, plot.top - GAP)), arrow=True, color="muted", width=0.02)
+    yield sc.Line(((left, below), (plot.right + GAP, below)), arrow=True, color="muted", width=0.02)
+    yield sc.Line(((left, below), (left, plot.top - GAP)), arrow=True, color="muted", width=0.02)
     ends = ((plot.right + GAP + 0.22, below), (left, plot.top - GAP - 0.25))
     for symbol, place in zip(symbols, ends, strict=False):
-        yield Label(place, symbol, SYMBOL)
+        yield sc.Label(place, symbol, SYMBOL)
     for x in _round_ends(plot.x):
-        yield Label((plot.at(x, plot.y.low)[0], below + 0.25), signed(x), TICKS, color="muted")
+        yield sc.Label((plot.at(x, plot.y.low)[0], below + 0.25), sc.signed(x), TICKS, color="muted")
     for y in _round_ends(plot.y):
-        yield Label((left - 0.1, plot.at(plot.x.low, y)[1]), signed(y), TICKS, "end", color="muted")
+        yield sc.Label((left - 0.1, plot.at(plot.x.low, y)[1]), sc.signed(y), TICKS, "end", color="muted")
 
 
 def _round_ends(axis: Scale) -> list[float]:
@@ -249,30 +232,30 @@ def below_axis(axis: Scale, size: float = SMALL) -> float:
     return TICK + 0.2 + 1.25 * size * lines + longest * sin
 
 
-def polyline(plot: Axes, xs: Sequence[float], ys: Sequence[float], color: Paint, width: float = 0.05,
-             dash: Dash = "solid", shade: float = 1.0) -> Iterator[Line]:  # fmt: skip
+def polyline(plot: Axes, xs: Sequence[float], ys: Sequence[float], color: sc.Paint, width: float = 0.05,
+             dash: sc.Dash = "solid", shade: float = 1.0) -> Iterator[sc.Line]:  # fmt: skip
     """Yield a line through points, broken where one cannot be drawn."""
-    run: list[Point] = []
+    run: list[sc.Point] = []
     for x, y in (*zip(xs, ys, strict=True), (math.nan, math.nan)):
         if plot.has(x, y):
             run.append(plot.at(x, y))
             continue
         if len(run) > 1:
-            yield Line(tuple(run), color=color, width=width, dash=dash, shade=shade)
+            yield sc.Line(tuple(run), color=color, width=width, dash=dash, shade=shade)
         run = []
 
 
-def level(plot: Axes, y: float, color: Paint = RULE, dash: Dash = "dashed", width: float = 0.03) -> Line:
-    return Line((plot.at(plot.x.low, y), plot.at(plot.x.high, y)), color=color, width=width, dash=dash)
+def level(plot: Axes, y: float, color: sc.Paint = RULE, dash: sc.Dash = "dashed", width: float = 0.03) -> sc.Line:
+    return sc.Line((plot.at(plot.x.low, y), plot.at(plot.x.high, y)), color=color, width=width, dash=dash)
 
 
-def upright(plot: Axes, x: float, color: Paint = RULE, dash: Dash = "dashed", width: float = 0.03) -> Line:
-    return Line((plot.at(x, plot.y.low), plot.at(x, plot.y.high)), color=color, width=width, dash=dash)
+def upright(plot: Axes, x: float, color: sc.Paint = RULE, dash: sc.Dash = "dashed", width: float = 0.03) -> sc.Line:
+    return sc.Line((plot.at(x, plot.y.low), plot.at(x, plot.y.high)), color=color, width=width, dash=dash)
 
 
 def band(
-    plot: Axes, xs: Sequence[float], lows: Sequence[float], highs: Sequence[float], color: Paint
-) -> Iterator[Area]:
+    plot: Axes, xs: Sequence[float], lows: Sequence[float], highs: Sequence[float], color: sc.Paint
+) -> Iterator[sc.Area]:
     """Yield the area between two curves, where both can be drawn."""
     there = []
     back = []
@@ -281,38 +264,38 @@ def band(
             there.append(plot.at(x, high))
             back.append(plot.at(x, low))
     if len(there) > 1:
-        yield Area((*there, *reversed(back)), color, shade=0.2)
+        yield sc.Area((*there, *reversed(back)), color, shade=0.2)
 
 
-def error_bar(plot: Axes, x: float, low: float, high: float, color: Paint) -> Iterator[Line]:
+def error_bar(plot: Axes, x: float, low: float, high: float, color: sc.Paint) -> Iterator[sc.Line]:
     """Yield an interval as an upright line with caps; a part of it that a logarithmic axis lacks is cut off."""
     low = max(low, plot.y.low)
     if not (plot.has(x, low) and plot.has(x, high) and high > low):
         return
     place, bottom = plot.at(x, low)
     _, top = plot.at(x, high)
-    yield Line(((place, bottom), (place, top)), color=color)
+    yield sc.Line(((place, bottom), (place, top)), color=color)
     for y in (bottom, top):
-        yield Line(((place - 0.07, y), (place + 0.07, y)), color=color)
+        yield sc.Line(((place - 0.07, y), (place + 0.07, y)), color=color)
 
 
-def mark(at: Point, shape: Shape, color: Paint, size: float = 0.075, filled: bool = False) -> Circle | Area:
-    fill: Paint = color if filled else "paper"
+def mark(at: sc.Point, shape: Shape, color: sc.Paint, size: float = 0.075, filled: bool = False) -> sc.Circle | sc.Area:
+    fill: sc.Paint = color if filled else "paper"
     if shape == "circle":
-        return Circle(at, size, fill, color)
-    return Area(tuple((at[0] + size * dx, at[1] + size * dy) for dx, dy in CORNERS[shape]), fill, color)
+        return sc.Circle(at, size, fill, color)
+    return sc.Area(tuple((at[0] + size * dx, at[1] + size * dy) for dx, dy in CORNERS[shape]), fill, color)
 
 
-def color_bar(plot: Axes, colors: Sequence[str]) -> Iterator[Item]:
+def color_bar(plot: Axes, colors: Sequence[str]) -> Iterator[sc.Item]:
     """Yield a bar of colours beside a heat map, with the ticks of the plot's y axis on its right."""
     steps = 60
     height = plot.height / steps
     for i in range(steps):
         color = hexadecimal(blend(colors, (i + 0.5) / steps))
-        yield Box((plot.left, plot.bottom - (i + 1) * height), plot.width, height + 0.01, color, None)
+        yield sc.Box((plot.left, plot.bottom - (i + 1) * height), plot.width, height + 0.01, color, None)
     for value, text in plot.y.ticks:
         y = plot.bottom - plot.height * plot.y.share(value)
-        yield Line(((plot.right, y), (plot.right + TICK, y)), color=EDGE, width=0.02)
+        yield sc.Line(((plot.right, y), (plot.right + TICK, y)), color=EDGE, width=0.02)
         yield from words(text, (plot.right + TICK + 0.08, y), SMALL, "start")
 
 
@@ -321,14 +304,16 @@ class LegendEntry:
     """A line of a legend: a stroke, a mark, or both."""
 
     text: str
-    color: Paint
-    dash: Dash | None = "solid"
+    color: sc.Paint
+    dash: sc.Dash | None = "solid"
     shape: Shape | None = None
     filled: bool = False
     width: float = 0.05
 
 
-def legend(entries: Sequence[LegendEntry], left: float, top: float, room: float, size: float = SMALL) -> Iterator[Item]:
+def legend(
+    entries: Sequence[LegendEntry], left: float, top: float, room: float, size: float = SMALL
+) -> Iterator[sc.Item]:
     """Yield entries in rows, each as long as there is room."""
     x = left
     y = top + size / 2
@@ -338,12 +323,12 @@ def legend(entries: Sequence[LegendEntry], left: float, top: float, room: float,
             x = left
             y = y + 1.5 * size
         if entry.dash is not None:
-            yield Line(((x, y), (x + 0.65, y)), color=entry.color, width=entry.width, dash=entry.dash)
+            yield sc.Line(((x, y), (x + 0.65, y)), color=entry.color, width=entry.width, dash=entry.dash)
         if entry.shape is not None:
             yield mark((x + 0.325, y), entry.shape, entry.color, filled=entry.filled)
         yield from words(entry.text, (x + 0.8, y), size, "start")
         x += needed
 
 
-def chart(items: Iterable[Item], alt: str, margin: float = 0.2) -> Scene:
-    return replace(fitted(items, alt, margin=margin), font="sans")
+def chart(items: Iterable[sc.Item], alt: str, margin: float = 0.2) -> sc.Scene:
+    return replace(sc.fitted(items, alt, margin=margin), font="sans")

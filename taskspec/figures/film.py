@@ -15,7 +15,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import number
 from taskspec.figures import scene
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import WORD, Item, Label, Scene, text_width
+from taskspec.figures.shapes import WORD, Item, Label, Scene, text_width
 from taskspec.figures.states import STEPS
 from taskspec.figures.vector_formats import svg_document, svg_item
 from taskspec.lang.types import Kind
@@ -25,22 +25,17 @@ from taskspec.rollout.rollout import Rollout
 from taskspec.task.parts import Component
 from taskspec.task.task import Task
 
-FRAMES = 12
-"""The largest number of frames, of the start of an episode or evenly spread over it."""
-ITEMS = 600
-"""The largest number of items in a frame."""
-SAME = 0.1
-"""Centimetres by which frames of one size may differ."""
+FRAMES = 12  # the largest number of frames, of the start of an episode or evenly spread over it
+ITEMS = 600  # the largest number of items in a frame
+SAME = 0.1  # centimetres by which frames of one size may differ
 SECONDS = 0.7
-LAST = 3
-"""The last frame is shown as long as so many others."""
+LAST = 3  # the last frame is shown as long as so many others
 _STYLE = (
     ".film g{{animation-duration:{seconds:.1f}s;animation-timing-function:step-end;animation-iteration-count:infinite}}"
     ".film:hover g{{animation-play-state:paused}}@media(prefers-reduced-motion:reduce){{.film g{{animation:none}}}}"
 )
 
-Step = tuple[dict[str, Any], str]
-"""A state, and words for the step that led to it."""
+Step = tuple[dict[str, Any], str]  # a state, and words for the step that led to it
 
 
 def film(task: Task) -> str | None:
@@ -54,7 +49,7 @@ def film(task: Task) -> str | None:
         steps = list(_episode(task, who))
     except SpecError:
         return None
-    while len(steps) > 2 and _are_equal(steps[-1][0], steps[-2][0]):
+    while len(steps) > 2 and all(np.array_equal(steps[-1][0][name], steps[-2][0][name]) for name in steps[-1][0]):
         steps.pop()
     every = 1
     if not task.is_finite:
@@ -67,20 +62,15 @@ def film(task: Task) -> str | None:
             drawn = scene(task, Overlay(here=state, seen=seen))
             if drawn is None or len(drawn.items) > ITEMS:
                 return None
-            frames.append(_with_words(drawn, words))
+            label = Label((0.15, drawn.height + WORD), m.Words(words), WORD, "start", "muted")
+            width = max(drawn.width, text_width(label.text, WORD) + 0.3)
+            frames.append(replace(drawn, width=width, height=drawn.height + 2 * WORD, items=(*drawn.items, label)))
     if len(frames) < 2 or np.ptp([frame.height for frame in frames]) > SAME:
         return None
     whose = "an optimal policy" if who == "optimal" else "the expert"
     width = max(frame.width for frame in frames)
     alt = f"An episode of {whose} in {task.name}, {len(frames)} frames"
     return animated(replace(frames[0], width=width, alt=alt), [frame.items for frame in frames])
-
-
-def _with_words(drawn: Scene, words: str) -> Scene:
-    """Return a frame with a line of words below it; nothing moves for them."""
-    label = Label((0.15, drawn.height + WORD), m.Words(words), WORD, "start", "muted")
-    width = max(drawn.width, text_width(label.text, WORD) + 0.3)
-    return replace(drawn, width=width, height=drawn.height + 2 * WORD, items=(*drawn.items, label))
 
 
 def _episode(task: Task, who: str) -> Iterator[Step]:
@@ -101,10 +91,6 @@ def _episode(task: Task, who: str) -> Iterator[Step]:
         yield _first_lane(state), f"step {t + 1}: {taken}; reward {number(reward, 4)}, return {number(total, 4)}"
         if bool(moved.terminal[0]):
             return
-
-
-def _are_equal(state: dict[str, Any], other: dict[str, Any]) -> bool:
-    return all(np.array_equal(state[name], other[name]) for name in state)
 
 
 def _first_lane(state: dict[str, Any]) -> dict[str, Any]:

@@ -7,26 +7,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from taskspec.base.display import plural
+from taskspec.figures import shapes as sc
 from taskspec.figures.layout import DOTS, DX, DY, Arc, Drawing, Vertex, drawings, ordered, whole
-from taskspec.figures.machine import Captions, Machine, explore
+from taskspec.figures.machine import Machine, explore
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.route import ARROW, STATE, Spot, along, at_loop, beside, loops, placed, routed, stubs, ways
-from taskspec.figures.scene import (
-    RADIUS,
-    Box,
-    Circle,
-    Item,
-    Label,
-    Line,
-    Point,
-    Scene,
-    chance,
-    equal,
-    fitted,
-    marked,
-    shape,
-    text_width,
-)
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
@@ -41,7 +26,7 @@ BELOW_SIGN = 0.06  # how far the name of a state is moved down for the sign abov
 DRAWN = {"values": "V", "policy": "thick arrows", "occupancy": "shade, {0}"}  # how results are drawn
 
 
-def graph(task: Task, overlay: Overlay) -> Scene | None:
+def graph(task: Task, overlay: Overlay) -> sc.Scene | None:
     """Draw the graph of a task's transitions; None if it has none that can be drawn and read."""
     machine = explore(task)
     if machine is None:
@@ -61,10 +46,10 @@ class Plan:
     drawing: Drawing
     spots: Mapping[Vertex, Spot]
     arcs: Sequence[Arc]
-    lines: Sequence[Line]  # by arc
-    starts: Sequence[Line]
-    told: Sequence[Label | None]  # by arc
-    words: Mapping[Vertex, tuple[Label, ...]]
+    lines: Sequence[sc.Line]  # by arc
+    starts: Sequence[sc.Line]
+    told: Sequence[sc.Label | None]  # by arc
+    words: Mapping[Vertex, tuple[sc.Label, ...]]
     cost: int  # how often arrows cross, and labels lie over arrows that are not their own
     shows_loops: bool
 
@@ -76,7 +61,6 @@ class Plan:
 
 def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
     """Return the best plan without a fault; None when all have faults, cross too often or are too large."""
-    says = Captions(machine)
     best: Plan | None = None
     is_frame = overlay.here is not None
     for found in whole(machine) if is_frame else drawings(machine):
@@ -89,11 +73,11 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
             found,
             machine.ending.intersection(vertices),
             tuple(v for v in machine.start if v in vertices),
-            frozenset(v for v in vertices if says.fills.get(v) == "good"),
+            frozenset(v for v in vertices if machine.fills.get(v) == "good"),
             not found.elided and len(machine.states) <= LOOPS_UP_TO,
-            tuple((v, text_width(says.labels[v], STATE)) for v in vertices),
-            tuple(_on_arrow(says, arc) for arc in found.arcs),
-            tuple((v, word) for v in vertices for word in _at_state(says, v, overlay)),
+            tuple((v, sc.text_width(machine.labels[v], STATE)) for v in vertices),
+            tuple(_on_arrow(machine, arc) for arc in found.arcs),
+            tuple((v, word) for v in vertices for word in _at_state(machine, v, overlay)),
         )
         plan = _planned(request)
         if plan is None or plan.cost:
@@ -109,30 +93,30 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
     return best
 
 
-def _at_state(says: Captions, v: int, overlay: Overlay) -> Iterator[m.Math]:
+def _at_state(machine: Machine, v: int, overlay: Overlay) -> Iterator[m.Math]:
     """Yield who starts in a state, its reward and its value, which are written beside it."""
-    if v in says.machine.starters:
-        yield m.Words(says.machine.starters[v])
-    reward = says.rewards[1].get(v)
+    if v in machine.starters:
+        yield m.Words(machine.starters[v])
+    reward = machine.rewards[1].get(v)
     if reward:
-        yield equal("r", reward)
+        yield sc.equal("r", reward)
     if v in overlay.values:
-        yield equal("V", overlay.values[v])
+        yield sc.equal("V", overlay.values[v])
 
 
-def _on_arrow(says: Captions, arc: Arc) -> m.Math | None:
+def _on_arrow(machine: Machine, arc: Arc) -> m.Math | None:
     """Return action and probability of an arrow, and its reward where states do not decide it."""
     parts: list[m.Math] = []
-    if arc.rewards and says.rewards[0] == "arrow" and len(arc.actions) <= NAMED:
+    if arc.rewards and machine.rewards[0] == "arrow" and len(arc.actions) <= NAMED:
         each = zip(arc.actions, arc.rewards, strict=True)
-        return m.joined((m.joined((says.actions[a], equal("r", reward))) for a, reward in each), ";")
+        return m.joined((m.joined((machine.actions[a], sc.equal("r", reward))) for a, reward in each), ";")
     if arc.probability is not None:
-        parts.append(chance(arc.probability))
-    elif len(arc.actions) < says.machine.n_actions:
-        names = [says.actions[a] for a in arc.actions]
+        parts.append(sc.chance(arc.probability))
+    elif len(arc.actions) < machine.n_actions:
+        names = [machine.actions[a] for a in arc.actions]
         parts += names if len(names) <= NAMED else [names[0], m.Sym("…"), names[-1]]
-    if says.rewards[0] == "arrow" and arc.reward:
-        parts.append(equal("r", arc.reward))
+    if machine.rewards[0] == "arrow" and arc.reward:
+        parts.append(sc.equal("r", arc.reward))
     if parts:
         return m.joined(parts)
     return None
@@ -180,7 +164,7 @@ def _planned(request: _Request) -> Plan | None:
     lines, crossings, faults = routed(options, ends, list(spots.values()))
     if crossings > MOST_CROSSINGS or faults:
         return None
-    labels: list[list[Label]] = []
+    labels: list[list[sc.Label]] = []
     own = [i for i, text in enumerate(texts) if text is not None]
     for i in own:
         arc = arcs[i]
@@ -196,7 +180,7 @@ def _planned(request: _Request) -> Plan | None:
     if overlaps:
         return None
     told = dict(zip(own, chosen, strict=False))
-    words: dict[Vertex, tuple[Label, ...]] = {}
+    words: dict[Vertex, tuple[sc.Label, ...]] = {}
     for (v, _), label in zip(request.words, chosen[len(own) :], strict=True):
         words[v] = (*words.get(v, ()), label)
     count = len(arcs)
@@ -213,9 +197,13 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
     """
     drawing = request.drawing
     widths = dict(request.widths)
-    sizes = {v: _size(v, widths) for v in drawing.vertices}
+    sizes = {}
+    for v in drawing.vertices:
+        sizes[v] = (0.12, 0.12) if _is_chance(v) else (0.26, 0.26)
+        if isinstance(v, int):
+            sizes[v] = (max(sc.RADIUS, widths[v] / 2 + 0.1), sc.RADIUS)
     arcs = zip(drawing.arcs, request.texts, strict=True)
-    longest = max((text_width(t, ARROW) for a, t in arcs if a.source != a.target and t), default=0.0)
+    longest = max((sc.text_width(t, ARROW) for a, t in arcs if a.source != a.target and t), default=0.0)
     step = max(DX, longest + 2 * max(half for half, _ in sizes.values()) + 0.35) * request.stretch
     on = {a.source for a in drawing.arcs if a.source != a.target}
     mains = [[v for v in layer if v in on or (v in request.good and v == layer[-1])] for layer in drawing.layers]
@@ -227,7 +215,7 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
         for v in layer:
             half, radius = sizes[v]
             rim = RIM if v in request.ending else 0.0
-            at: Point = (step * i, heights[v] - shift)
+            at: sc.Point = (step * i, heights[v] - shift)
             found[v] = Spot(at, half, radius, rim, i == len(drawing.layers) - 1)
     return found
 
@@ -236,53 +224,44 @@ def _is_chance(v: Vertex) -> bool:
     return isinstance(v, tuple) and v[0] == "chance"
 
 
-def _size(v: Vertex, widths: Mapping[Vertex, float]) -> tuple[float, float]:
-    if isinstance(v, int):
-        return max(RADIUS, widths[v] / 2 + 0.1), RADIUS
-    if _is_chance(v):
-        return (0.12, 0.12)
-    return (0.26, 0.26)
-
-
-def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> Scene:
-    says = Captions(machine)
-    items: list[Item] = []
+def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:
+    items: list[sc.Item] = []
     for arc, line, label in zip(plan.arcs, plan.lines, plan.told, strict=True):
         chosen = isinstance(arc.source, int) and any(overlay.chosen(arc.source, a) for a in arc.actions)
         items.append(replace(line, width=0.065) if chosen else line)
         if label is not None:
             items.append(label)
     items += plan.starts
-    present = says.code_of(overlay)
+    present = machine.code_of(overlay)
     for v, spot in plan.spots.items():
         if present is not None:  # room for it around each of them, so that all frames have one size
-            items.append(Circle(spot.at, spot.half + 0.16, "accent" if v == present else None, None))
-        items += _vertex(v, spot, plan, says, overlay)
+            items.append(sc.Circle(spot.at, spot.half + 0.16, "accent" if v == present else None, None))
+        items += _vertex(v, spot, plan, machine, overlay)
     shown = [v for v in plan.spots if isinstance(v, int)]
-    notes = (*says.notes(plan.shows_loops), *says.unmarked(shown))
+    notes = (*machine.notes(plan.shows_loops), *machine.unmarked(shown))
     if plan.drawing.elided and (overlay.values or overlay.policy or overlay.occupancy):
         notes += ("Results of the states left out are not shown.",)
     elided = ", elided" if plan.drawing.elided else ""
     size = f"{plural(len(machine.states), 'state')}{elided}, {plural(machine.n_actions, 'action')}"
     focus = None if present is None else plan.spots[present].at
-    return fitted(items, f"Transition graph of {machine.task.name}: {size}", notes, focus=focus, drawn=DRAWN)
+    return sc.fitted(items, f"Transition graph of {machine.task.name}: {size}", notes, focus=focus, drawn=DRAWN)
 
 
-def _vertex(v: Vertex, spot: Spot, plan: Plan, says: Captions, overlay: Overlay) -> Iterator[Item]:
+def _vertex(v: Vertex, spot: Spot, plan: Plan, machine: Machine, overlay: Overlay) -> Iterator[sc.Item]:
     x, y = spot.at
     if isinstance(v, tuple) and v[0] == DOTS:
-        yield Label((x, y), m.Sym("…") if v[1] == 2 else m.Words("⋮"), 0.42)
+        yield sc.Label((x, y), m.Sym("…") if v[1] == 2 else m.Words("⋮"), 0.42)
     elif isinstance(v, int):
         if spot.rim:
-            yield shape(x, y, spot.half + RIM, RADIUS + RIM, "paper")
-        body = replace(shape(x, y, spot.half, RADIUS, says.fills.get(v, "paper")), state=v)
+            yield sc.shape(x, y, spot.half + RIM, sc.RADIUS + RIM, "paper")
+        body = replace(sc.shape(x, y, spot.half, sc.RADIUS, machine.fills.get(v, "paper")), state=v)
         yield body
         if v in overlay.occupancy:
-            yield shape(x, y, spot.half, RADIUS, "accent", min(1.0, overlay.occupancy[v]))
-        signs = [*marked(body)]
+            yield sc.shape(x, y, spot.half, sc.RADIUS, "accent", min(1.0, overlay.occupancy[v]))
+        signs = [*sc.marked(body)]
         yield from signs
         below = BELOW_SIGN if signs else 0.0
-        yield Label((x, y + below), says.labels[v], STATE)
+        yield sc.Label((x, y + below), machine.labels[v], STATE)
         yield from plan.words.get(v, ())
     else:
-        yield Box((x - 0.1, y - 0.1), 0.2, 0.2, "paper")
+        yield sc.Box((x - 0.1, y - 0.1), 0.2, 0.2, "paper")

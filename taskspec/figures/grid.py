@@ -12,8 +12,8 @@ from taskspec.base.arrays import Array
 from taskspec.base.display import plural
 from taskspec.figures.board import CELL, LARGEST, ROOMY, WIDEST, Board, Cell, Thing, chosen_ways
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import ROLES, Color, Scene, fitted, shifted
-from taskspec.figures.states import Reads, all_states, at_states, first_state, is_noisy, observed, reads_of
+from taskspec.figures.shapes import ROLES, Color, Scene, fitted, shifted
+from taskspec.figures.states import Reads, all_states, at_states, figure_of, first_state, is_noisy, observed, reads_of
 from taskspec.lang.ir import Node, Read, reads
 from taskspec.lang.ir import Role as Reading
 from taskspec.model.space import Space
@@ -35,7 +35,7 @@ DRAWN_TOGETHER = {
 
 def grid(task: Task, overlay: Overlay) -> Scene | None:
     """Draw the grid on which a task's figure section places its states."""
-    if task.annotations.figure is None or not task.annotations.figure.at:
+    if not figure_of(task).at:
         return None
     grid = _Grid(task, overlay)
     world = all_states(task)
@@ -54,9 +54,8 @@ class _Grid:
     """Places of the agent, objects and marks, in the state that is shown and in others."""
 
     def __init__(self, task: Task, overlay: Overlay) -> None:
-        assert task.annotations.figure is not None
         self.task = task
-        self.figure = task.annotations.figure
+        self.figure = figure_of(task)
         self.overlay = overlay
         self.state = overlay.here or first_state(task)
         self.reads = reads_of(task, self.state)
@@ -81,10 +80,9 @@ class _Grid:
         for word, place in places.items():
             (numbers,) = self.numbers(place, self.reads).astype(float)
             length = float(np.abs(numbers[2:]).max(initial=0.0))
+            way = None
             if 0 < length < math.inf:
                 way = tuple((numbers[2:] / length).tolist())
-            else:
-                way = None
             if word or way is not None:
                 yield Thing(self.short(word), _cell(numbers), way)
 
@@ -141,10 +139,9 @@ class _Grid:
         most = max((1.0, *shades.values()))
         shades = {cell: share / most for cell, share in shades.items()}
         moves = list(chosen_ways(self.task, overlay.policy, by_code))
+        cell = CELL
         if values and moves and len(columns) * ROOMY <= WIDEST:
             cell = ROOMY
-        else:
-            cell = CELL
         board = Board(columns, rows, colors, self.letters, agents, shades, values, moves, self.things, cell=cell)
         alt = f"Grid of {self.task.name}: {plural(len(columns), 'column')} and {plural(len(rows), 'row')}"
         notes = (*self.key(), *unplaced, *board.notes())

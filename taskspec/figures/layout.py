@@ -238,11 +238,6 @@ class _Cost:
         return float((opposite & opposite.T & self.apart).sum() + 2 * over.sum() + length.sum() / 1000)
 
 
-def _free(layer: tuple[Vertex, ...]) -> bool:
-    """Return whether the order of a column is free: dots replace the vertices between their neighbours."""
-    return not any(isinstance(v, tuple) and v[0] == DOTS for v in layer)
-
-
 def _exchanged(layers: Layers, least: float, cost: _Cost) -> Layers:
     """Exchange two vertices of a column as long as that is better, for a number of trials."""
     trials = 0
@@ -250,7 +245,11 @@ def _exchanged(layers: Layers, least: float, cost: _Cost) -> Layers:
     while better:
         better = False
         for i, layer in enumerate(layers):
-            for j in range(len(layer) if _free(layer) else 0):
+            if any(
+                isinstance(v, tuple) and v[0] == DOTS for v in layer
+            ):  # they replace vertices between their neighbours
+                continue
+            for j in range(len(layer)):
                 for k in range(j + 1, len(layer)):
                     trials += 1
                     if trials > TRIALS:

@@ -11,23 +11,10 @@ import numpy as np
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.display import number, plural
 from taskspec.base.limits import limits
+from taskspec.figures import shapes as sc
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import (
-    HIGHLIGHTS,
-    Box,
-    Circle,
-    Color,
-    Item,
-    Label,
-    Line,
-    Scene,
-    equal,
-    fitted,
-    marked,
-    text_width,
-)
-from taskspec.figures.states import at_states, reads_of
-from taskspec.lang.ir import Read, Role, walk
+from taskspec.figures.states import at_states, figure_of, reads_of
+from taskspec.lang.ir import Role, reads
 from taskspec.model.space import Space
 from taskspec.model.transitions import Steps
 from taskspec.printers import tree as m
@@ -57,7 +44,7 @@ class Transition:
 
 @dataclass(frozen=True)
 class Machine:
-    """States by code in the order of their discovery, and what can happen in each."""
+    """States by code in the order of their discovery, what can happen in each, and their names, colours and notes."""
 
     task: Task
     start: dict[int, float]
@@ -67,6 +54,100 @@ class Machine:
     n_actions: int
     starters: Mapping[int, str] = field(default_factory=dict)  # who starts where, in tasks with roles
     timed: bool = False  # episodes end by the time as well
+
+    @cached_property
+    def space(self) -> Space:
+        return Space(self.task.state, Role.STATE)
+
+    @cached_property
+    def labels(self) -> Mapping[int, m.Math]:
+        return {code: self._combination(self.space, self.task.state, code) for code in self.states}
+
+    @cached_property
+    def actions(self) -> tuple[m.Math, ...]:
+        space = Space(self.task.action, Role.ACTION)
+        return tuple(self._combination(space, self.task.action, code) for code in range(space.size))
+
+    @cached_property
+    def notation(self) -> Notation:
+        return of_task(self.task)
+
+    def _combination(self, space: Space, components: tuple[Component, ...], code: int) -> m.Math:
+        """Return the values of some components: labels by their symbols, numbers as digits."""
+        values = space.values_of(code)
+        parts: list[m.Math] = []
+        for c in components:
+            written = str(values[c.name])
+            if c.domain is not None and not c.type.shape:
+                parts.append(self.notation.labels[c.name][written])
+            else:
+                parts.append(m.Num(written.replace("-", "−")))
+        return m.joined(parts)
+
+    @cached_property
+    def marks(self) -> Mapping[str, tuple[int, ...]]:
+        """States in which the conditions under `figure: highlight:` hold, by colour."""
+        found = {}
+        codes = np.array(self.states)
+        for name, node in figure_of(self.task).highlight.items():
+            if not node.type.shape and name in sc.HIGHLIGHTS:
+                holds = at_states(self.task, node, dict(self.space.decode(codes)), len(codes))
+                found[name] = tuple(codes[holds.astype(bool)].tolist())
+        return found
+
+    @cached_property
+    def fills(self) -> Mapping[int, sc.Color]:
+        """Colours of states; the last of several."""
+        return {code: sc.HIGHLIGHTS[name] for name, codes in self.marks.items() for code in codes}
+
+    def unmarked(self, shown: Collection[int]) -> Iterator[str]:
+        """Yield notes on what a figure of some states does not show of `figure: highlight:`."""
+        for name, codes in self.marks.items():
+            left = [c for c in codes if c not in shown]
+            if not codes:
+                yield f"Not shown: {name}, which holds in no state that episodes reach."
+            elif left:
+                yield f"Not shown: {name} ({self.named(left)})."
+
+    def named(self, codes: Sequence[int]) -> str:
+        """Return a few states by name, or how many there are."""
+        if len(codes) > FEW:
+            return f"{len(codes):,} states"
+        form = "({})"
+        if len(self.task.state) == 1:
+            (c,) = self.task.state
+            form = "{}" if c.domain else f"{plain(self.notation.symbol(c.name))} = {{}}"
+        return ", ".join(form.format(plain(self.labels[c])) for c in codes)
+
+    @cached_property
+    def rewards(self) -> tuple[str, Mapping[int, float]]:
+        """Rewards by state "reached" or "left", or "all" if they are equal; by "arrow" where states do not decide them."""
+        if len({t.reward for t in self.transitions}) == 1:
+            return "all", {}
+        for how, end in (("reached", "target"), ("left", "source")):
+            found: dict[int, set[float]] = {}
+            for t in self.transitions:
+                found.setdefault(getattr(t, end), set()).add(t.reward)
+            if all(len(rewards) == 1 for rewards in found.values()):
+                return how, {code: rewards.pop() for code, rewards in found.items()}
+        return "arrow", {}
+
+    def notes(self, shows_loops: bool) -> Iterator[str]:
+        how, _ = self.rewards
+        if how == "all":
+            yield f"Every step pays {number(self.transitions[0].reward, 4)}."
+        if how == "left":
+            yield "Rewards are paid for the state left."
+        if not shows_loops and any(t.source == t.target and not t.ends for t in self.transitions):
+            yield "Where no arrow leads on, the state stays."
+        if self.timed:
+            yield "The time ends episodes, too."
+
+    def code_of(self, overlay: Overlay) -> int | None:
+        if overlay.here is None:
+            return None
+        state = reads_of(self.task, overlay.here)
+        return int(self.space.encode([state[c.read] for c in self.task.state], 1)[0][0])
 
 
 def explore(task: Task) -> Machine | None:
@@ -80,9 +161,7 @@ def explore(task: Task) -> Machine | None:
 @lru_cache(maxsize=8)
 def _explored(task: Task) -> Machine | None:
     """Explore a task once, for all its overlays; equal tasks may have other figure sections."""
-    if not task.is_finite or any(
-        isinstance(x, Read) and x.role is Role.TIME for x in walk((*task.process.next, task.process.reward))
-    ):
+    if not task.is_finite or (Role.TIME, "t") in reads((*task.process.next, task.process.reward)):
         return None
     try:
         steps = Steps(task)
@@ -168,119 +247,12 @@ def _from(steps: Steps, level: list[int]) -> list[Transition]:
     return found
 
 
-@dataclass(frozen=True)
-class Captions:
-    """Names of states and actions, rewards, colours and notes of a machine."""
-
-    machine: Machine
-
-    @cached_property
-    def space(self) -> Space:
-        return Space(self.machine.task.state, Role.STATE)
-
-    @cached_property
-    def labels(self) -> Mapping[int, m.Math]:
-        return {code: self._combination(self.space, self.machine.task.state, code) for code in self.machine.states}
-
-    @cached_property
-    def actions(self) -> tuple[m.Math, ...]:
-        space = Space(self.machine.task.action, Role.ACTION)
-        return tuple(self._combination(space, self.machine.task.action, code) for code in range(space.size))
-
-    @cached_property
-    def notation(self) -> Notation:
-        return of_task(self.machine.task)
-
-    def _combination(self, space: Space, components: tuple[Component, ...], code: int) -> m.Math:
-        """Return the values of some components: labels by their symbols, numbers as digits."""
-        values = space.values_of(code)
-        parts: list[m.Math] = []
-        for c in components:
-            written = str(values[c.name])
-            if c.domain is not None and not c.type.shape:
-                parts.append(self.notation.labels[c.name][written])
-            else:
-                parts.append(m.Num(written.replace("-", "−")))
-        return m.joined(parts)
-
-    @cached_property
-    def marks(self) -> Mapping[str, tuple[int, ...]]:
-        """States in which the conditions under `figure: highlight:` hold, by colour."""
-        task = self.machine.task
-        found = {}
-        codes = np.array(self.machine.states)
-        for name, node in ({} if task.annotations.figure is None else task.annotations.figure.highlight).items():
-            if not node.type.shape and name in HIGHLIGHTS:
-                holds = at_states(task, node, dict(self.space.decode(codes)), len(codes))
-                found[name] = tuple(codes[holds.astype(bool)].tolist())
-        return found
-
-    @cached_property
-    def fills(self) -> Mapping[int, Color]:
-        """Colours of states; the last of several."""
-        return {code: HIGHLIGHTS[name] for name, codes in self.marks.items() for code in codes}
-
-    def unmarked(self, shown: Collection[int]) -> Iterator[str]:
-        """Yield notes on what a figure of some states does not show of `figure: highlight:`."""
-        for name, codes in self.marks.items():
-            left = [c for c in codes if c not in shown]
-            if not codes:
-                yield f"Not shown: {name}, which holds in no state that episodes reach."
-            elif left:
-                yield f"Not shown: {name} ({self.named(left)})."
-
-    def named(self, codes: Sequence[int]) -> str:
-        """Return a few states by name, or how many there are."""
-        if len(codes) > FEW:
-            return f"{len(codes):,} states"
-        form = "({})"
-        if len(self.machine.task.state) == 1:
-            (c,) = self.machine.task.state
-            if c.domain:
-                form = "{}"
-            else:
-                form = f"{plain(self.notation.symbol(c.name))} = {{}}"
-        return ", ".join(form.format(plain(self.labels[c])) for c in codes)
-
-    @cached_property
-    def rewards(self) -> tuple[str, Mapping[int, float]]:
-        """Rewards by state "reached" or "left", or "all" if they are equal; by "arrow" where states do not decide them."""
-        if len({t.reward for t in self.machine.transitions}) == 1:
-            return "all", {}
-        for how, end in (("reached", "target"), ("left", "source")):
-            found: dict[int, set[float]] = {}
-            for t in self.machine.transitions:
-                found.setdefault(getattr(t, end), set()).add(t.reward)
-            if all(len(rewards) == 1 for rewards in found.values()):
-                return how, {code: rewards.pop() for code, rewards in found.items()}
-        return "arrow", {}
-
-    def notes(self, shows_loops: bool) -> Iterator[str]:
-        how, _ = self.rewards
-        if how == "all":
-            yield f"Every step pays {number(self.machine.transitions[0].reward, 4)}."
-        if how == "left":
-            yield "Rewards are paid for the state left."
-        if not shows_loops and any(t.source == t.target and not t.ends for t in self.machine.transitions):
-            yield "Where no arrow leads on, the state stays."
-        if self.machine.timed:
-            yield "The time ends episodes, too."
-
-    def code_of(self, overlay: Overlay) -> int | None:
-        if overlay.here is None:
-            return None
-        task = self.machine.task
-        state = reads_of(task, overlay.here)
-        return int(self.space.encode([state[c.read] for c in task.state], 1)[0][0])
-
-
 def state_labels(task: Task) -> Mapping[int, m.Math]:
     """Return the symbols of the states of a task that has a graph, by code; none for other tasks."""
-    kind = DEFAULT if task.annotations.figure is None else task.annotations.figure.kind
-    machine = explore(task) if kind == DEFAULT and len(task.state) == 1 else None
+    machine = explore(task) if figure_of(task).kind == DEFAULT and len(task.state) == 1 else None
     if machine is None or task.modifiers:
         return {}
-    return Captions(machine).labels
+    return machine.labels
 
 
 SIDE = 7.0  # of the table, in centimetres
@@ -300,65 +272,64 @@ DRAWN = {
 """How results are drawn."""
 
 
-def matrix(task: Task, overlay: Overlay) -> Scene | None:
+def matrix(task: Task, overlay: Overlay) -> sc.Scene | None:
     """Draw how likely a step of random actions leads from each state (rows) to each other (columns); None for too many states."""
     machine = explore(task)
     if machine is None or len(machine.states) > MOST:
         return None
-    drawn = _Matrix(Captions(machine), overlay)
+    drawn = _Matrix(machine, overlay)
     notes = ["Shade: how likely a uniformly random action leads from the state of a row to that of a column."]
     if machine.timed:
         notes.append("The time ends episodes, too.")
-    notes += drawn.says.unmarked(machine.states)
+    notes += machine.unmarked(machine.states)
     alt = f"Transitions of {task.name} as a table: {plural(len(machine.states), 'state')}, {plural(machine.n_actions, 'action')}"
     items = [*drawn.cells(), *drawn.results(), *drawn.labels(), *drawn.starts()]
-    return fitted(items, alt, tuple(notes), drawn=DRAWN)
+    return sc.fitted(items, alt, tuple(notes), drawn=DRAWN)
 
 
 class _Matrix:
-    def __init__(self, says: Captions, overlay: Overlay) -> None:
-        self.says = says
+    def __init__(self, machine: Machine, overlay: Overlay) -> None:
+        self.machine = machine
         self.overlay = overlay
-        self.place = {code: i for i, code in enumerate(sorted(says.machine.states))}
+        self.place = {code: i for i, code in enumerate(sorted(machine.states))}
         self.named = len(self.place) <= NAMED
         self.cell = min(LARGEST_CELL, max(SIDE / len(self.place), ROOM if self.named else 0.0))
         self.side = self.cell * len(self.place)
-        self.strip = STRIP if says.fills else 0.0
+        self.strip = STRIP if machine.fills else 0.0
         self.right = self.side + (GAP + STRIP if overlay.occupancy else 0.0)  # of all columns
 
-    def cells(self) -> Iterator[Item]:
-        machine = self.says.machine
+    def cells(self) -> Iterator[sc.Item]:
         total: dict[tuple[int, int], float] = {}
-        for t in machine.transitions:
+        for t in self.machine.transitions:
             key = (self.place[t.source], self.place[t.target])
-            total[key] = total.get(key, 0.0) + t.probability / machine.n_actions
+            total[key] = total.get(key, 0.0) + t.probability / self.machine.n_actions
         for (row, column), p in total.items():
             shade = min(1.0, LEAST_SHADE + (1 - LEAST_SHADE) * p)
-            yield Box((column * self.cell, row * self.cell), self.cell, self.cell, "ink", None, shade=shade)
-        yield Box((0, 0), self.side, self.side, None, "faint")
-        for code, role in self.says.fills.items():
-            box = Box((-self.strip, self.place[code] * self.cell), self.strip, self.cell, role, "faint")
+            yield sc.Box((column * self.cell, row * self.cell), self.cell, self.cell, "ink", None, shade=shade)
+        yield sc.Box((0, 0), self.side, self.side, None, "faint")
+        for code, role in self.machine.fills.items():
+            box = sc.Box((-self.strip, self.place[code] * self.cell), self.strip, self.cell, role, "faint")
             yield box
-            yield from marked(box)
-        here = self.says.code_of(self.overlay)
+            yield from sc.marked(box)
+        here = self.machine.code_of(self.overlay)
         if here is not None and here in self.place:
-            yield Box((0, self.place[here] * self.cell), self.side, self.cell, "accent", None, shade=0.4)
+            yield sc.Box((0, self.place[here] * self.cell), self.side, self.cell, "accent", None, shade=0.4)
 
-    def results(self) -> Iterator[Item]:
+    def results(self) -> Iterator[sc.Item]:
         """Yield frames around where the chosen actions lead, and on the right how often states are visited."""
-        chosen = (t for t in self.says.machine.transitions if self.overlay.chosen(t.source, t.action))
+        chosen = (t for t in self.machine.transitions if self.overlay.chosen(t.source, t.action))
         for row, column in dict.fromkeys((self.place[t.source], self.place[t.target]) for t in chosen):
-            yield Box((column * self.cell, row * self.cell), self.cell, self.cell, None, "accent")
+            yield sc.Box((column * self.cell, row * self.cell), self.cell, self.cell, None, "accent")
         for code, share in self.overlay.occupancy.items():
             if code in self.place:
                 corner = (self.side + GAP, self.place[code] * self.cell)
-                yield Box(corner, STRIP, self.cell, "accent", None, shade=min(1.0, share))
+                yield sc.Box(corner, STRIP, self.cell, "accent", None, shade=min(1.0, share))
         if self.overlay.occupancy:
-            yield Box((self.side + GAP, 0), STRIP, self.side, None, "faint")
+            yield sc.Box((self.side + GAP, 0), STRIP, self.side, None, "faint")
 
-    def labels(self) -> Iterator[Label]:
-        texts = [self.says.labels[code] for code in self.place]
-        widest = max(text_width(text, LETTERS) for text in texts)
+    def labels(self) -> Iterator[sc.Label]:
+        texts = [self.machine.labels[code] for code in self.place]
+        widest = max(sc.text_width(text, LETTERS) for text in texts)
         all_numbers = all(isinstance(text, m.Num) for text in texts)
         room = widest + (GAP if all_numbers else CLEAR)
         left = -0.12 - self.strip
@@ -366,32 +337,32 @@ class _Matrix:
         heads = texts
         if self.named and room > self.cell and not all_numbers:
             heads = [m.Num(str(i)) for i in range(len(texts))]
-            beside = left - text_width(heads[-1], LETTERS) - 2 * GAP
+            beside = left - sc.text_width(heads[-1], LETTERS) - 2 * GAP
             room = self.cell
         for i in self._spaced(ROOM):
             y = (i + 0.5) * self.cell
-            yield Label((beside, y), texts[i], LETTERS, "end", "muted")
+            yield sc.Label((beside, y), texts[i], LETTERS, "end", "muted")
             if heads is not texts:
-                yield Label((left, y), heads[i], LETTERS, "end", "muted")
+                yield sc.Label((left, y), heads[i], LETTERS, "end", "muted")
         for i in self._spaced(room):
-            yield Label(((i + 0.5) * self.cell, -0.22), heads[i], LETTERS, "middle", "muted")
+            yield sc.Label(((i + 0.5) * self.cell, -0.22), heads[i], LETTERS, "middle", "muted")
         for code, value in self.overlay.values.items() if self.named else ():
             if code in self.place:
                 y = (self.place[code] + 0.5) * self.cell
-                yield Label((self.right + 0.6, y), equal("V", value), LETTERS, "start", "muted")
-        yield Label((self.side / 2, -0.65), m.Words("to"), LETTERS)
-        yield Label((beside - widest - 0.23, self.side / 2), m.Words("from"), LETTERS, "end")
+                yield sc.Label((self.right + 0.6, y), sc.equal("V", value), LETTERS, "start", "muted")
+        yield sc.Label((self.side / 2, -0.65), m.Words("to"), LETTERS)
+        yield sc.Label((beside - widest - 0.23, self.side / 2), m.Words("from"), LETTERS, "end")
 
     def _spaced(self, room: float) -> range:
         """Return every state, or every second, fifth, tenth, …, so that each has some room, in centimetres."""
         steps = (k * 10**e for e in range(4) for k in (1, 2, 5))
         return range(0, len(self.place), next(k for k in steps if k * self.cell >= room - 1e-9))
 
-    def starts(self) -> Iterator[Item]:
+    def starts(self) -> Iterator[sc.Item]:
         """Yield arrows to the rows in which episodes start, or dots where there is no room."""
-        for code in self.says.machine.start:
+        for code in self.machine.start:
             y = (self.place[code] + 0.5) * self.cell
             if self.cell > HEAD_ROOM:
-                yield Line(((self.right + 0.5, y), (self.right + 0.06, y)), arrow=True, color="muted")
+                yield sc.Line(((self.right + 0.5, y), (self.right + 0.06, y)), arrow=True, color="muted")
             else:
-                yield Circle((self.right + 0.1, y), 0.05, "muted", None)
+                yield sc.Circle((self.right + 0.1, y), 0.05, "muted", None)

@@ -20,8 +20,7 @@ from taskspec.solve.backward import Plan
 from taskspec.task.task import Task, TaskLike
 
 PARTS = ("values", "policy", "occupancy")
-OVERLAYS = ("values", "policy", "expert", "occupancy")
-"""The names of overlays."""
+OVERLAYS = ("values", "policy", "expert", "occupancy")  # the names of overlays
 
 
 @dataclass(frozen=True)
@@ -79,9 +78,8 @@ def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) ->
 def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
     """Yield for each overlay its name, its scale if it has one, and its description."""
     wanted = known.wanted
-    if task.horizon is None:
-        left = ""
-    else:
+    left = ""
+    if task.horizon is not None:
         left = f" with all {task.horizon:,} steps to go"
     whose = "an optimal policy's" if task.annotations.expert is None else "the expert's"
     lacks = ""
@@ -93,10 +91,9 @@ def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
         yield "policy", ("", f"best actions{left}")
     if "expert" in wanted and ("policy" not in wanted or task.annotations.expert is not None):
         memory = "" if task.annotations.memory is None else ", whatever it remembers"
+        beside = ""
         if "policy" in wanted and not lacks:
             beside = ", as the best ones are"
-        else:
-            beside = ""
         yield "expert" if "policy" in wanted else "policy", ("", f"{whose} actions at first{lacks or memory}{beside}")
     if "occupancy" in wanted:
         scale = f"up to {number(max(known.visits.values(), default=0.0), 4)} per episode"
@@ -158,9 +155,8 @@ class _Known:
         if self.task.annotations.expert is None:
             return self.model, plans.optimal_plan(self.model)
         try:
-            if self.task.annotations.memory is None:
-                whole = self.model
-            else:
+            whole = self.model
+            if self.task.annotations.memory is not None:
                 whole = extract(self.task.remembering())
         except SpecError:  # too many states with the memory
             return None

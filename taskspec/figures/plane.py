@@ -15,15 +15,15 @@ from taskspec.base.display import plural
 from taskspec.figures.board import central
 from taskspec.figures.chart import Axes, Scale, arrow_axes
 from taskspec.figures.overlays import Overlay
-from taskspec.figures.scene import ROLES, Box, Circle, Item, Line, Point, Scene, fitted, sign
-from taskspec.figures.states import Reads, at_state, at_states, expert_path, first_state, reads_of
+from taskspec.figures.shapes import ROLES, Box, Circle, Item, Line, Point, Scene, fitted, sign
+from taskspec.figures.states import Reads, at_state, at_states, expert_path, figure_of, first_state, reads_of
 from taskspec.lang import batch, interval
 from taskspec.lang.ir import Apply, Node, Read, draws, walk
 from taskspec.lang.ir import Role as Reading
 from taskspec.model.space import Space
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
-from taskspec.task.parts import are_finite
+from taskspec.task.parts import are_finite, by_name
 from taskspec.task.task import Task
 
 WIDTH = 5.0
@@ -46,14 +46,11 @@ MOST_LINKS = 30
 def turn(task: Task, node: Node) -> float:
     """Return the largest step of a number that is drawn as a line: half the range of a component that a remainder keeps in it."""
     if isinstance(node, Read) and node.role is Reading.STATE:
-        later = next(
-            (after for c, after in zip(task.state, task.process.next, strict=True) if c.name == node.name), None
-        )
-        if later is not None and any(isinstance(x, Apply) and x.op == "mod" for x in walk([later])):
+        later = by_name(task.state, task.process.next)[node.name]
+        if any(isinstance(x, Apply) and x.op == "mod" for x in walk([later])):
             low, high = interval.bounds(later, {})
             if math.isfinite(high - low):
                 return (high - low) / 2
-            return math.inf
     return math.inf
 
 
@@ -70,8 +67,8 @@ def runs(points: Sequence[Sequence[float]], turns: Sequence[float]) -> Iterator[
 
 def curve(task: Task, overlay: Overlay) -> Scene | None:
     """Draw the curve of the figure section over its first coordinate, and an episode of the expert."""
-    figure = task.annotations.figure
-    if figure is None or figure.curve is None or len(figure.at) != 2:
+    figure = figure_of(task)
+    if figure.curve is None or len(figure.at) != 2:
         return None
     place, level = figure.at
     if not isinstance(place, Read):
@@ -119,15 +116,11 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
 
     What is highlighted is shaded, everything but the two components being as in the first state.
     """
-    at = () if task.annotations.figure is None else task.annotations.figure.at
+    at = figure_of(task).at
     known = {c.name: c for c in task.state}
-    if (
-        len(at) != 2
-        or draws(task.process.next)
-        or not all(isinstance(node, Read) and not node.type.shape for node in at)
-    ):
+    pair = [known[node.name] for node in at if isinstance(node, Read) and not node.type.shape]
+    if len(pair) != 2 or len(at) != 2 or draws(task.process.next):
         return None
-    pair = [known[node.name] for node in at if isinstance(node, Read)]
     ends = [(float(min(c.low)), float(max(c.high))) for c in pair]
     path = expert_path(task) if overlay.here is None else [dict(overlay.here)]
     places = np.array([[float(state[c.name]) for c in pair] for state in path])
@@ -182,9 +175,7 @@ class _Plane:
         points, reads = self.grid(WIDE, HIGH, 0.5)
         width = WIDTH / WIDE
         height = HEIGHT / HIGH
-        for name, node in (
-            {} if self.task.annotations.figure is None else self.task.annotations.figure.highlight
-        ).items():
+        for name, node in figure_of(self.task).highlight.items():
             if name not in ROLES or node.type.shape:
                 continue
             holds = at_states(self.task, node, reads, len(points)).astype(bool)
@@ -230,7 +221,7 @@ def _neutral(task: Task) -> Reads:
 
 def arm(task: Task, overlay: Overlay) -> Scene | None:
     """Draw links in a chain, each at the angle (from hanging down) that `values` has for it, in a first state."""
-    node: Node | None = None if task.annotations.figure is None else task.annotations.figure.values
+    node = figure_of(task).values
     if node is None or len(node.type.shape) != 1 or not 1 <= node.type.size <= MOST_LINKS:
         return None
     state = overlay.here or first_state(task)

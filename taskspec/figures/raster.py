@@ -13,7 +13,7 @@ import numpy as np
 
 from taskspec.base.extras import need
 from taskspec.base.files import write_bytes
-from taskspec.figures.scene import Area, Box, Circle, Dash, Item, Label, Line, Scene, head, hex_color, shaft
+from taskspec.figures.shapes import Area, Box, Circle, Dash, Item, Label, Line, Scene, head, hex_color, shaft
 from taskspec.printers import tree as m
 from taskspec.printers.text import plain
 
@@ -34,17 +34,13 @@ def save(scene: Scene, path: Path, kind: str) -> None:
     """Write a PNG or PDF file; the same scene gives the same bytes."""
     metadata: dict[str, Any] = {"CreationDate": None} if kind == "pdf" else {"Software": None}
     picture = BytesIO()
-    with _quiet():
-        _figure(scene).savefig(picture, format=kind, dpi=DPI, metadata=metadata)
-    write_bytes(path, picture.getvalue())
-
-
-def _figure(scene: Scene) -> Any:
     figure, axes = _canvas(scene.width, scene.height)
     axes.set_xlim(0, scene.width)
     axes.set_ylim(scene.height, 0)
     _draw_all(axes, scene, 1.0)
-    return figure
+    with _quiet():
+        figure.savefig(picture, format=kind, dpi=DPI, metadata=metadata)
+    write_bytes(path, picture.getvalue())
 
 
 def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[Any, np.dtype[np.uint8]]:
@@ -55,10 +51,8 @@ def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[A
     width, height = (n * INCH / DPI for n in size)
     room = height - (TITLE + LINE * len(title.split("\n")) if title else 0.0)
     scale = min(width / scene.width, room / scene.height, LARGEST_SCALE)
-    x = 0.0
-    y = 0.0
+    x, y = scene.focus or (0.0, 0.0)
     if scene.focus is not None:
-        x, y = scene.focus
         scale = max(scale, LEAST_SCALE)
     figure, axes = _canvas(width, height)
     left = _first(width / scale, scene.width, x)

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from taskspec.figures.scene import BROAD, RADIUS, ROUND, Anchor, Label, Line, Point, head, text_width
+from taskspec.figures.shapes import BROAD, RADIUS, ROUND, Anchor, Label, Line, Point, head, text_width
 from taskspec.printers import tree as m
 
 T = TypeVar("T")

@@ -12,8 +12,8 @@ from taskspec.base.display import plural
 from taskspec.figures.chart import GAP, SYMBOL, TICKS
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.plane import WIDTH, runs, turn
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted, signed
-from taskspec.figures.states import STEPS, State, at_state, episode_path
+from taskspec.figures.shapes import Box, Circle, Item, Label, Line, Scene, fitted, signed
+from taskspec.figures.states import STEPS, State, at_state, episode_path, figure_of
 from taskspec.lang import interval
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
@@ -149,7 +149,7 @@ def _is_followed(c: Component) -> bool:
 
 
 def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
-    node = None if task.annotations.figure is None else task.annotations.figure.values
+    node = figure_of(task).values
     found = []
     if node is None:
         names = of_task(task)

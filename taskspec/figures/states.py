@@ -11,7 +11,7 @@ import numpy as np
 from taskspec import draws
 from taskspec.base.arrays import Array
 from taskspec.base.display import number
-from taskspec.figures.scene import Box, Item, Label, Line, Scene, fitted, text_width
+from taskspec.figures.shapes import Box, Item, Label, Line, Scene, fitted, text_width
 from taskspec.lang import batch
 from taskspec.lang.evaluate import Flat, evaluate
 from taskspec.lang.ir import Node, Role
@@ -22,7 +22,7 @@ from taskspec.model.space import Space
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
 from taskspec.rollout.rollout import Rollout, at_random
-from taskspec.task.parts import Component
+from taskspec.task.parts import DEFAULT, Component, Figure
 from taskspec.task.task import Task
 
 State = Mapping[str, Any]
@@ -36,6 +36,11 @@ def at_states(task: Task, node: Node, reads: Reads, count: int = 1) -> Array:
     given = {(Role.TIME, "t"): np.zeros(1, dtype=np.int64)} | reads
     (found,) = batch.evaluate([node], given)
     return np.moveaxis(np.broadcast_to(found, (*found.shape[:-1], count)), -1, 0)
+
+
+def figure_of(task: Task) -> Figure:
+    """Return what the spec says of its figure, which may be nothing."""
+    return task.annotations.figure or Figure(DEFAULT)
 
 
 def at_state(task: Task, node: Node, state: State) -> Array:
@@ -200,8 +205,7 @@ def state_table(task: Task, state: State) -> Scene:
 def not_drawn(task: Task, needs: str) -> Scene:
     """Return the frame in place of a figure that does not fit: the size of the task and what a figure of its kind needs."""
     size = f"{_count(task.state, 'state', task.is_finite)} and {_count(task.action, 'action')}"
-    kind = "" if task.annotations.figure is None else task.annotations.figure.kind
-    reason = f"No {kind} is drawn: {needs.replace('`', '')}"
+    reason = f"No {figure_of(task).kind} is drawn: {needs.replace('`', '')}"
     words = [Label((0.0, 0.0), m.Words(size), 0.3, "start")]
     for i, line in enumerate(textwrap.wrap(reason, FRAME_LETTERS), start=1):
         words.append(Label((0.0, 0.5 * i), m.Words(line), 0.3, "start", "muted"))

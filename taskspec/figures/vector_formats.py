@@ -6,8 +6,7 @@ from html import escape
 from typing import assert_never
 
 from taskspec.base.display import ON_PAGES, visible
-from taskspec.figures import scene as sc
-from taskspec.figures.scene import Area, Box, Circle, Item, Label, Line, hex_color
+from taskspec.figures import shapes as sc
 from taskspec.printers import tree as m
 from taskspec.printers.markup import latex
 from taskspec.printers.text import plain
@@ -27,7 +26,7 @@ def svg(scene: sc.Scene, css: bool = False, kind: str = "figure") -> str:
     """Return an SVG picture."""
     body = "".join(svg_item(item) for item in scene.items)
     if not css:
-        body = f'<rect width="{_px(scene.width)}" height="{_px(scene.height)}" fill="{hex_color("paper")}"/>{body}'
+        body = f'<rect width="{_px(scene.width)}" height="{_px(scene.height)}" fill="{sc.hex_color("paper")}"/>{body}'
     return svg_document(scene, body, kind)
 
 
@@ -51,19 +50,19 @@ def _svg_point(p: sc.Point) -> str:
     return f"{_px(p[0])},{_px(p[1])}"
 
 
-def svg_item(item: Item) -> str:
+def svg_item(item: sc.Item) -> str:
     match item:
-        case Circle(centre=(x, y), radius=r):
+        case sc.Circle(centre=(x, y), radius=r):
             return f'<circle cx="{_px(x)}" cy="{_px(y)}" r="{_px(r)}"{_svg_paint(item)}/>'
-        case Box(corner=(x, y), width=w, height=h, round=corner):
+        case sc.Box(corner=(x, y), width=w, height=h, round=corner):
             rounded = f' rx="{_px(corner)}"' if corner else ""
             place = f'x="{_px(x)}" y="{_px(y)}" width="{_px(w)}" height="{_px(h)}"'
             return f"<rect {place}{rounded}{_svg_paint(item)}/>"
-        case Area(points=points):
+        case sc.Area(points=points):
             return f'<polygon points="{" ".join(map(_svg_point, points))}"{_svg_paint(item)}/>'
-        case Line():
+        case sc.Line():
             return _svg_line(item)
-        case Label():
+        case sc.Label():
             return _label(item)
         case _:
             assert_never(item)
@@ -75,25 +74,23 @@ def _class(part: str, paint: sc.Paint) -> str:
     return f"{part}-{paint}"
 
 
-def _svg_paint(item: Circle | Box | Area) -> str:
+def _svg_paint(item: sc.Circle | sc.Box | sc.Area) -> str:
     classes = [_class(part, paint) for part, paint in (("fill", item.fill), ("line", item.line)) if paint is not None]
-    inside = "none" if item.fill is None else hex_color(item.fill)
+    inside = "none" if item.fill is None else sc.hex_color(item.fill)
+    faded = ""
     if item.fill and item.shade < 1:
         faded = f' fill-opacity="{item.shade:.2f}"'
-    else:
-        faded = ""
+    edge = ""
     if item.line:
-        edge = f' stroke="{hex_color(item.line)}" stroke-width="{_px(0.032)}"'
-    else:
-        edge = ""
-    if isinstance(item, Area) or item.state is None:
+        edge = f' stroke="{sc.hex_color(item.line)}" stroke-width="{_px(0.032)}"'
+    if isinstance(item, sc.Area) or item.state is None:
         state = ""
     else:
         state = f' data-state="{item.state}"'
     return f'{state} class="{" ".join(filter(None, classes))}" fill="{inside}"{faded}{edge}'
 
 
-def _svg_line(line: Line) -> str:
+def _svg_line(line: sc.Line) -> str:
     first, *others = map(_svg_point, sc.shaft(line))
     if line.curved:
         path = f"M{first} C{' '.join(others)}"
@@ -102,28 +99,27 @@ def _svg_line(line: Line) -> str:
     dashes = " ".join(_px(length) for length in _DASHES[line.dash])
     dash = f' stroke-dasharray="{dashes}"' if dashes else ""
     faded = f' stroke-opacity="{line.shade:.2f}"' if line.shade < 1 else ""
-    color = f'class="{_class("line", line.color)}" stroke="{hex_color(line.color)}"'
+    color = f'class="{_class("line", line.color)}" stroke="{sc.hex_color(line.color)}"'
     out = (
         f'<path d="{path}" fill="none" {color} stroke-width="{_px(line.width)}" stroke-linejoin="round"{dash}{faded}/>'
     )
     if line.arrow:
         tip = " ".join(map(_svg_point, sc.head(line)))
-        out += f'<polygon points="{tip}" class="{_class("fill", line.color)}" fill="{hex_color(line.color)}"/>'
+        out += f'<polygon points="{tip}" class="{_class("fill", line.color)}" fill="{sc.hex_color(line.color)}"/>'
     return out
 
 
-def _label(label: Label) -> str:
+def _label(label: sc.Label) -> str:
     x, y = label.at
     fill = _class("fill", label.color)
-    halo = f' stroke="{hex_color("paper")}" stroke-width="{_px(0.12)}" paint-order="stroke" class="halo {fill}"'
+    halo = f' stroke="{sc.hex_color("paper")}" stroke-width="{_px(0.12)}" paint-order="stroke" class="halo {fill}"'
     style = halo if label.halo else f' class="{fill}"'
+    turned = ""
     if label.angle:
         turned = f' transform="rotate({-label.angle:g} {_px(x)} {_px(y)})"'
-    else:
-        turned = ""
     weight = ' font-weight="bold"' if label.bold else ""
     place = f'x="{_px(x)}" y="{_px(y + label.size * 0.34)}" font-size="{_px(label.size)}" text-anchor="{label.anchor}"'
-    return f'<text {place} fill="{hex_color(label.color)}"{style}{weight}{turned}>{runs(label.text)}</text>'
+    return f'<text {place} fill="{sc.hex_color(label.color)}"{style}{weight}{turned}>{runs(label.text)}</text>'
 
 
 def runs(tree: m.Math) -> str:
@@ -165,22 +161,21 @@ def _tikz_point(p: sc.Point) -> str:
     return f"({_cm(p[0])}, {_cm(p[1])})"
 
 
-def _tikz_item(item: Item) -> str:
+def _tikz_item(item: sc.Item) -> str:
     match item:
-        case Circle(centre=centre, radius=r):
+        case sc.Circle(centre=centre, radius=r):
             return rf"\path[{_tikz_paint(item)}] {_tikz_point(centre)} circle [radius={_cm(r)}];"
-        case Box(corner=(x, y), width=w, height=h, round=corner):
+        case sc.Box(corner=(x, y), width=w, height=h, round=corner):
+            rounded = ""
             if corner:
                 rounded = f", rounded corners={_cm(corner * 28)}pt"
-            else:
-                rounded = ""
             corners = f"{_tikz_point((x, y))} rectangle {_tikz_point((x + w, y + h))}"
             return rf"\path[{_tikz_paint(item)}{rounded}] {corners};"
-        case Area(points=points):
+        case sc.Area(points=points):
             return rf"\path[{_tikz_paint(item)}] {' -- '.join(map(_tikz_point, points))} -- cycle;"
-        case Line():
+        case sc.Line():
             return _tikz_line(item)
-        case Label(at=at, text=text, color=color):
+        case sc.Label(at=at, text=text, color=color):
             anchor = {"start": "west", "end": "east", "middle": "center"}[item.anchor]
             halo = ", fill=taskpaper" if item.halo else ""
             turned = f", rotate={item.angle:g}" if item.angle else ""
@@ -199,24 +194,22 @@ def _tikz_color(paint: sc.Paint) -> str:
     return f"{{rgb,255:red,{red};green,{green};blue,{blue}}}"
 
 
-def _tikz_paint(item: Circle | Box | Area) -> str:
+def _tikz_paint(item: sc.Circle | sc.Box | sc.Area) -> str:
     parts = []
     if item.fill:
+        strength = ""
         if item.shade < 1:
             strength = f"!{round(100 * item.shade)}!taskpaper"
-        else:
-            strength = ""
         parts.append(f"fill={_tikz_color(item.fill)}{strength}")
     if item.line:
         parts.append(f"draw={_tikz_color(item.line)}")
     return ", ".join(parts)
 
 
-def _tikz_line(line: Line) -> str:
+def _tikz_line(line: sc.Line) -> str:
     points = sc.shaft(line)
-    if line.dash == "solid":
-        dash = ""
-    else:
+    dash = ""
+    if line.dash != "solid":
         dash = f", {line.dash.replace('dashdot', 'dash dot')}"
     thick = f", line width={_cm(line.width * 23)}pt"
     if line.curved:

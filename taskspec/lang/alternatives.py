@@ -10,7 +10,6 @@ import itertools
 import struct
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from functools import partial
 from typing import Any
 
 from taskspec.base.limits import limits
@@ -19,7 +18,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.dists import is_distribution
 from taskspec.lang.ir import Const, Node, are_constant
 from taskspec.lang.scope import BaseChecker, FunctionDef, Lazy, Scope, Value, check_comparable, numbered, varies
-from taskspec.lang.types import BOOLEAN_LABELS, Domain, Kind, Shape, Type
+from taskspec.lang.types import BOOLEAN_LABELS, Domain, Kind, Type
 
 TOLERANCE = 1e-9
 """How far a row of floating-point probabilities may be from 1; rows of fractions must sum to 1 exactly."""
@@ -36,10 +35,7 @@ def select(
     want: Domain | None,
 ) -> Value:
     """Return the first branch whose condition holds; one that parameters exclude may be without a value."""
-    where = None
-    if want is None and len(branches) == 1:
-        where = partial(_where, checker, *branches[0], otherwise, scope)
-    conditions = checker.each(checker.condition, [(condition, scope, where) for condition, _ in branches])
+    conditions = checker.each(checker.condition, [(condition, scope) for condition, _ in branches])
     exprs = [*(e for _, e in branches), otherwise]
     decided = False  # by conditions that are known once parameters are
     jobs = []
@@ -91,17 +87,6 @@ def _draws(checker: BaseChecker, expr: s.Expr, scope: Scope, known: set[str]) ->
                     if _draws(checker, body, own, {*known, name}):
                         return True
     return bool(made)
-
-
-def _where(
-    checker: BaseChecker, condition: s.Expr, then: s.Expr, otherwise: s.Expr, scope: Scope, shape: Shape
-) -> str | None:
-    """Return how one of two numbers is chosen for each element of a condition; None where that is impossible."""
-    for value in (checker.check(then, scope), checker.check(otherwise, scope)):
-        if value is None or value.domain or value.node.type.shape not in ((), shape):
-            return None
-    each = f"`where({', '.join(e.place.written for e in (condition, then, otherwise))})`"
-    return f"{each} chooses element by element; `all(...)` or `any(...)` makes one condition of several"
 
 
 # -- one of several values: all are of one choice, or all numbers -------------------------------------------------
@@ -182,19 +167,15 @@ def check_row(checker: BaseChecker, p: Node, expr: s.Expr) -> None:
     if all(isinstance(v, Fraction) or v in (0, 1) for v in row):
         tolerance = 0
     elif all(struct.unpack("f", struct.pack("f", v))[0] == v for v in row):
-        tolerance = max(
-            TOLERANCE, len(row) * 2**-24
-        )  # shares drawn in float32, as by Dirichlet, add up to 1 that nearly
+        tolerance = max(TOLERANCE, len(row) * 2**-24)  # shares drawn in float32, as by Dirichlet
     if not abs(total - 1) <= tolerance:
         checker.fail("E401", expr, f"these probabilities sum to {_shown(total)}, not 1")
 
 
 def _shown(value: Fraction | float) -> str:
     if isinstance(value, Fraction) and value.denominator != 1:
-        fraction = f" ({value})"
-    else:
-        fraction = ""
-    return f"{float(value):.10g}{fraction}"
+        return f"{float(value):.10g} ({value})"
+    return f"{float(value):.10g}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,7 +59,7 @@ def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) 
 
 def no_function(collector: Collector, expr: s.Call, scope: Scope) -> None:
     """Report a function that does not exist."""
-    known = advice(expr.function, dict(expr.keywords))
+    known = advice(expr.function)
     hint = known or suggest(expr.function, (*FUNCTIONS, *dists.DISTS, dists.CATEGORICAL.name, *_definitions(scope)))
     collector.add("E303", expr.name_place, f"there is no function '{expr.function}'", hint)
 
@@ -218,7 +218,7 @@ def _arguments(checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scop
         place = given.get(name, expr)
         is_int = isinstance(node, Const) and node.type.is_scalar and node.type.kind is not Kind.REAL
         if argument.static and not is_int:
-            checker.fail("E312", place, f"'{name}' of {dist.name} must be a constant int", argument.otherwise)
+            checker.fail("E312", place, f"'{name}' of {dist.name} must be a constant int")
         if argument.vector and len(node.type.shape) != 1:
             checker.fail("E306", place, f"'{name}' of {dist.name} must be a vector")
     if dist is dists.CATEGORICAL or not dist.shaped:
@@ -352,16 +352,10 @@ def _places(checker: BaseChecker, index: s.Expr | s.Slice, length: int, scope: S
 
 
 def _slice_range(checker: BaseChecker, index: s.Slice, length: int, scope: Scope) -> range:
-    parts: list[int | None] = []
-    for expr, test in ((index.start, "i >="), (index.stop, "i <"), (index.step, None)):
-        if expr is None:
-            parts.append(None)
-            continue
-        instead = None
-        if test is not None:
-            inside = f"`[x[i] if {test} {expr.place.written} else 0 for i in range(len(x))]`"
-            instead = f"take all and test inside: {inside}"
-        parts.append(checker.integer(expr, scope, "the bounds of a slice", instead))
+    parts: list[int | None] = [None, None, None]
+    for i, expr in enumerate((index.start, index.stop, index.step)):
+        if expr is not None:
+            parts[i] = checker.integer(expr, scope, "the bounds of a slice")
     if parts[2] == 0:
         checker.fail("E315", index, "the step of a slice cannot be 0")
     return range(length)[slice(*parts)]

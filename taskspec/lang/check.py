@@ -25,7 +25,6 @@ _PRIMES = (
     "only state components have one, which `dynamics`, `reward` and `terminal` may use; "
     "`memory` may use that of an observation"
 )
-_TRUTHS = {**dict.fromkeys(("yes", "on"), "write `true`"), **dict.fromkeys(("no", "off"), "write `false`")}
 
 
 class TooManyExpressions(SpecError):
@@ -146,7 +145,7 @@ class Checker(BaseChecker):
             return self._label(expr.id, expr, scope, want)
         if calls.is_function(expr.id):
             self.fail("E304", expr, f"'{expr.id}' is a function; call it with arguments")
-        hint = _TRUTHS.get(expr.id.lower()) or suggest(expr.id, scope.names())
+        hint = suggest(expr.id, scope.names())
         if hint is None and want is not None:
             return self._label(expr.id, expr, scope, want)
         self.fail("E302", expr, undefined, hint)

@@ -96,7 +96,6 @@ class Argument:
     high: float = math.inf
     open: bool = False
     static: bool = False  # a constant int once parameters are bound
-    otherwise: str | None = None  # what to write where it cannot be static
     vector: bool = False
 
     @property
@@ -299,7 +298,6 @@ def _elements(b: Builder, node: Node, shape: Shape) -> list[Node]:
 
 
 _P = Argument("p", low=0, high=1)
-_TRIALS = "for `s` trials, where `s` is at most 10, write `count([Bernoulli(p) and i < s for i in range(10)])`"
 DISTS: dict[str, Dist] = entries_by_name((
     Dist("Uniform", (Argument("low"), Argument("high")), _uniform,
          "Uniform real between `low` and `high`; `Uniform({a, b, ...})` is uniform over a finite set.",
@@ -318,7 +316,7 @@ DISTS: dict[str, Dist] = entries_by_name((
          brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM, Level.SCOPE, Level.SCOPE))),
     Dist("Bernoulli", (_P,), _bernoulli, "A condition that holds with probability `p`.",
          r"\operatorname{Bernoulli}({p})", samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
-    Dist("Binomial", (Argument("n", static=True, low=0, otherwise=_TRIALS), _P), _binomial,
+    Dist("Binomial", (Argument("n", static=True, low=0), _P), _binomial,
          "Number of successes in `n` trials that each succeed with probability `p`.",
          r"\operatorname{Binomial}({n}, {p})",
          samples=({"n": 6, "p": 0.3}, {"n": 1, "p": 0.5}, {"n": 4, "p": 0}, {"n": 40, "p": 0.9})),

@@ -10,15 +10,14 @@ from __future__ import annotations
 import ast
 import re
 import warnings
-from collections.abc import Iterable, Mapping
-from fractions import Fraction
+from collections.abc import Mapping
+from functools import lru_cache
 from itertools import chain
 from keyword import iskeyword
 from typing import NoReturn
 
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.base.limits import Limits, how_to_raise, limits
-from taskspec.base.records import all_names
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import DISTS
 from taskspec.lang.operators import FUNCTIONS
@@ -39,11 +38,7 @@ _CHARACTERS = {
     **dict.fromkeys("\u00a0\u2002\u2003\u2009\u200a\u202f\u3000", "an ordinary space"),
 }  # fmt: skip
 """What to write for characters of mathematics and of typography, the likeliest ones."""
-_INVISIBLE = "\u00ad\u200b\u200c\u200d\u2060\ufeff"
 _PRODUCT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)([^\W\d]\w*)")
-_PERCENT = re.compile(r"(?<![\w.])(\d{1,15}(?:\.\d{1,15})?)\s*%(?=\s*(?:$|[)\]},*/%<>=]|(?:and|or|if|else|for)\b))")
-"""A number of per cent, with nothing behind the sign that it could be divided by."""
-_WORDS = re.compile(r"\s*\w+(\s+\w+)+\s*")
 
 
 class SyntaxFailure(Exception):
@@ -63,11 +58,6 @@ def explain(value: str, error: Exception) -> NoReturn:
         found = re.search(pattern, value)
         if found:
             raise SyntaxFailure(found.start(), found.end(), f"'{found[0]}' is not an operator here", hint)
-    percent = _PERCENT.search(value)
-    if percent:
-        share = Fraction(percent[1]) / 100
-        hint = f"write `{share}`: `%` is the remainder of a division"
-        raise SyntaxFailure(percent.start(), percent.end(), f"'{percent[0]}' is not a number here", hint)
     if not isinstance(error, SyntaxError):
         raise SyntaxFailure(0, len(value), "this expression is nested too deeply", code="E314")
     if "integer string conversion" in (error.msg or ""):
@@ -84,26 +74,14 @@ def explain(value: str, error: Exception) -> NoReturn:
     if product:
         hint = f"a product is written `{product[1]} * {product[2]}`"
         raise SyntaxFailure(product.start(), product.end(), f"'{product[0]}' is neither a number nor a name", hint)
-    advice = _advice(value, message, value[start])
+    hint = None
+    if message.startswith("invalid ") and value[start] in _CHARACTERS:
+        hint = f"write {_CHARACTERS[value[start]]}"
+    elif message.startswith("expected 'else'") or value.startswith(("if ", "if(")):
+        hint = "write `x if condition else y`"
     if message.startswith("invalid syntax"):
         message = "this cannot be read as an expression"
-    raise SyntaxFailure(start, max(end, start + 1), message, advice)
-
-
-def _advice(value: str, message: str, char: str) -> str | None:
-    """Return the advice for an expression that Python's parser refused at a character."""
-    if message.startswith("invalid ") and not message.startswith("invalid syntax"):
-        if char in _INVISIBLE:
-            return "delete this character, which cannot be seen"
-        if char in _CHARACTERS:
-            return f"write {_CHARACTERS[char]}"
-    if value.startswith("|"):
-        return "write `abs(x)`"
-    if message.startswith("expected 'else'") or value.startswith(("if ", "if(")):
-        return "write `x if condition else y`"
-    if _WORDS.fullmatch(value):
-        return "a label of several words needs its own quotes"
-    return None
+    raise SyntaxFailure(start, max(end, start + 1), message, hint)
 
 
 def _offset(value: str, line: int, column: int) -> int:
@@ -115,62 +93,36 @@ def _offset(value: str, line: int, column: int) -> int:
 
 # Functions of other languages and libraries, and how the same is written here.
 
-MODULES = frozenset(
-    {"np", "numpy", "random", "math", "rng", "scipy", "stats", "jnp", "jax", "torch", "tf", "itertools"}
-)
-"""What others write before the dot of a function."""
-
-_OURS: Mapping[str, str] = {
-    name.lower(): f"{name}({', '.join(all_names(dist.arguments))})" for name, dist in DISTS.items()
-}
-_DRAWN: Mapping[str, str] = {
-    **_OURS, "erlang": "Gamma(k, rate)", "chisquare": "Gamma(k / 2, 1 / 2)", "inversegamma": "1 / Gamma(a, rate)",
-    "geom": "Geometric(p)", "lognormal": "exp(Normal(mean, std))",
+FOREIGN: Mapping[str, str] = {
+    **{name.lower(): dist.signature for name, dist in DISTS.items()},
+    "erlang": "Gamma(k, rate)", "lognormal": "exp(Normal(mean, std))",
     "laplace": "mean + Exponential(1 / scale) - Exponential(1 / scale)", "choice": "Uniform({a, b})",
     "choose": "Uniform({a, b})", "choices": "Categorical({a: p, b: 1 - p})", "sample": "Uniform({a, b})",
-    "discrete": "Categorical({a: p, b: 1 - p})", "randint": "UniformInt(low, high)",
-    "randrange": "UniformInt(low, high)", "integers": "UniformInt(low, high)",
-    "discreteuniform": "UniformInt(low, high)", "rand": "Uniform(0, 1)", "random": "Uniform(0, 1)",
-    "randn": "Normal(0, 1)", "standard_normal": "Normal(0, 1)", "gauss": "Normal(mean, std)",
-    "gaussian": "Normal(mean, std)", "truncnorm": "TruncatedNormal(mean, std, low, high)",
-    "truncnormal": "TruncatedNormal(mean, std, low, high)", "expovariate": "Exponential(rate)",
-    "shuffle": "x[Permutation(len(x))]",
-}  # fmt: skip
-_WORKED_OUT: Mapping[str, str] = {
-    "int": "floor(x)", "float": "1.0 * x", "bool": "x != 0", "ceiling": "ceil(x)", "mod": "x % y",
-    "remainder": "x % y", "floor_divide": "x // y", "pow": "x**y", "power": "x**y", "square": "x**2",
-    "log2": "log(x) / log(2)", "log10": "log(x) / log(10)", "log1p": "log(1 + x)", "expm1": "exp(x) - 1",
+    "randint": "UniformInt(low, high)", "randrange": "UniformInt(low, high)", "integers": "UniformInt(low, high)",
+    "rand": "Uniform(0, 1)", "random": "Uniform(0, 1)", "randn": "Normal(0, 1)", "standard_normal": "Normal(0, 1)",
+    "gauss": "Normal(mean, std)", "gaussian": "Normal(mean, std)", "truncnorm": "TruncatedNormal(mean, std, low, high)",
+    "expovariate": "Exponential(rate)", "shuffle": "x[Permutation(len(x))]", "int": "floor(x)", "float": "1.0 * x",
+    "bool": "x != 0", "ceiling": "ceil(x)", "mod": "x % y", "remainder": "x % y", "pow": "x**y", "power": "x**y",
+    "square": "x**2", "log2": "log(x) / log(2)", "log10": "log(x) / log(10)", "expm1": "exp(x) - 1",
     "factorial": "prod([i + 1 for i in range(n)])", "comb": "prod([(n - i) / (i + 1) for i in range(k)])",
-    "relu": "max(x, 0)", "softmax": "exp(x) / sum(exp(x))", "isclose": "abs(x - y) < 1e-9",
-    "sigmoid": "1 / (1 + exp(-x))", "arctan2": "atan2(y, x)", "arcsinh": "asinh(x)", "hypot": "sqrt(x**2 + y**2)",
-    "mean": "sum(x) / len(x)", "average": "sum(x) / len(x)", "var": "norm2(x - sum(x) / len(x))**2 / len(x)",
-    "std": "norm2(x - sum(x) / len(x)) / sqrt(len(x))", "norm": "norm2(x)", "sorted": "sort(x)",
-    "reversed": "reverse(x)", "flip": "reverse(x)", "zip": "[x[i] + y[i] for i in range(len(x))]",
-    "enumerate": "[i * x[i] for i in range(len(x))]", "length": "len(x)", "size": "len(x)", "maximum": "max(x, y)",
-    "minimum": "min(x, y)", "concatenate": "concat(x, y)", "append": "concat(x, y)", "array": "[a, b]",
-    "zeros": "[0 for i in range(n)]", "ones": "[1 for i in range(n)]", "arange": "[i for i in range(n)]",
-    "linspace": "[low + (high - low) * i / (n - 1) for i in range(n)]", "logical_and": "c and d",
-    "logical_or": "c or d", "logical_not": "not c", "logical_xor": "c != d", "xor": "c != d", "ite": "x if c else y",
+    "relu": "max(x, 0)", "softmax": "exp(x) / sum(exp(x))", "sigmoid": "1 / (1 + exp(-x))", "arctan2": "atan2(y, x)",
+    "arcsinh": "asinh(x)", "hypot": "sqrt(x**2 + y**2)", "mean": "sum(x) / len(x)", "average": "sum(x) / len(x)",
+    "var": "norm2(x - sum(x) / len(x))**2 / len(x)", "std": "norm2(x - sum(x) / len(x)) / sqrt(len(x))",
+    "norm": "norm2(x)", "sorted": "sort(x)", "reversed": "reverse(x)", "flip": "reverse(x)",
+    "zip": "[x[i] + y[i] for i in range(len(x))]", "enumerate": "[i * x[i] for i in range(len(x))]", "length": "len(x)",
+    "size": "len(x)", "maximum": "max(x, y)", "minimum": "min(x, y)", "concatenate": "concat(x, y)",
+    "append": "concat(x, y)", "array": "[a, b]", "zeros": "[0 for i in range(n)]", "ones": "[1 for i in range(n)]",
+    "arange": "[i for i in range(n)]", "linspace": "[low + (high - low) * i / (n - 1) for i in range(n)]",
+    "logical_and": "c and d", "logical_or": "c or d", "logical_not": "not c", "xor": "c != d", "ite": "x if c else y",
     "ifelse": "x if c else y",
 }  # fmt: skip
-_WEIGHTS = frozenset({"p", "probs", "probabilities", "weights"})
-"""Keyword arguments by which a choice of others is not uniform."""
-FOREIGN: Mapping[str, str] = {**_DRAWN, **_WORKED_OUT}
 """How a function is written here, by its name elsewhere in small letters."""
-ATTRIBUTES: Mapping[str, str] = {
-    "pi": "pi", "inf": "inf", "e": "exp(1)", "shape": "len(x)", "size": "len(x)", "T": "m[j, i]",
-}  # fmt: skip
-"""What others write behind a dot without calling it, and how the same is written here."""
 
 
-def advice(name: str, keywords: Iterable[str] = ()) -> str | None:
-    """Return what to write for a function of another language, given its keyword arguments; None where nothing is known of it."""
+def advice(name: str) -> str | None:
+    """Return what to write for a function of another language; None where nothing is known of it."""
     found = FOREIGN.get(name.lower())
-    if found == _DRAWN["choice"] and not _WEIGHTS.isdisjoint(keywords):
-        found = _DRAWN["choices"]
-    if found is None:
-        return None
-    return f"write `{found}`" + (", which includes both ends" if found.startswith("UniformInt") else "")
+    return found and f"write `{found}`"
 
 
 # -- text -> Python's tree ----------------------------------------------------------------------------------------
@@ -226,15 +178,22 @@ def _parse(text: s.SourceText) -> s.Expr:
         return s.Name(text.value, False, place)
     if _DIGITS.fullmatch(text.value):
         return s.Number(int(text.value), text.value, place)
-    source = _prepare(text.value)
+    source, tree = _python(text.value, limits().characters)
+    return _Reader(text, source).expr(tree)
+
+
+@lru_cache(maxsize=4096)
+def _python(value: str, most: int) -> tuple[str, ast.expr]:
+    """Return a text as Python reads it, and its tree; between two keystrokes nearly all texts of a spec stay the same."""
+    source = _prepare(value, most)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SyntaxWarning)
             tree = ast.parse("(" + source + "\n)", mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
-        explain(text.value, error)
-    _bound_tree(text.value, tree.body)
-    return _Reader(text, source).expr(tree.body)
+        explain(value, error)
+    _bound_tree(value, tree.body)
+    return source, tree.body
 
 
 def _bound_tree(value: str, root: ast.AST) -> None:
@@ -247,10 +206,10 @@ def _bound_tree(value: str, root: ast.AST) -> None:
     raise SyntaxFailure(0, len(value), f"operators are nested more than {Limits.operators} deep", code="E314")
 
 
-def _prepare(value: str) -> str:
+def _prepare(value: str, most: int) -> str:
     """Return the text with primes replaced, after checking its length, brackets and quotes."""
-    if len(value) > limits().characters:
-        message = f"this expression has {len(value):,} characters; the limit is {limits().characters:,}"
+    if len(value) > most:
+        message = f"this expression has {len(value):,} characters; the limit is {most:,}"
         raise SyntaxFailure(0, 1, message, how_to_raise("characters", len(value)), "E314")
     if not value.strip():
         raise SyntaxFailure(0, max(1, len(value)), "an expression is missing here")
@@ -417,14 +376,11 @@ class _Reader:
         place = self.place(node.func)
         shown = self.text.value[place.start : place.end]
         if isinstance(node.func, ast.Attribute):
-            what = "methods (`x.f()`)"
             name = node.func.attr
-            if shown.partition(".")[0] in MODULES:
-                what = "functions of Python modules (`np.f()`)"
-            hint = advice(name, [k.arg or "" for k in node.keywords]) or "functions are written `f(x)`"
+            hint = advice(name) or "functions are written `f(x)`"
             if name in FUNCTIONS:
                 hint = f"write `{FUNCTIONS[name].signature}`"
-            self.fail(node.func, f"{what} are not part of the language", hint)
+            self.fail(node.func, "methods and functions of modules (`x.f()`) are not part of the language", hint)
         what = f"`{shown}`" if len(shown) < 20 else "this"
         message = f"{what} is not a function, but a bracket follows it"
         raise SyntaxFailure(place.start, place.end, message, "`*` multiplies")
@@ -461,8 +417,7 @@ class _Reader:
     def refuse(self, node: ast.expr) -> NoReturn:
         match node:
             case ast.Attribute():
-                found = ATTRIBUTES.get(node.attr)
-                self.fail(node, "attributes (`a.b`) are not part of the language", found and f"write `{found}`")
+                self.fail(node, "attributes (`a.b`) are not part of the language")
             case ast.BinOp(op=part) | ast.UnaryOp(op=part):
                 form = type(part).__name__
             case _:

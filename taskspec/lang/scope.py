@@ -17,7 +17,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import is_distribution
 from taskspec.lang.ir import Const, Node, have_one_shape
-from taskspec.lang.types import INT, Domain, Kind, Refused, Shape, Type
+from taskspec.lang.types import INT, Domain, Kind, Refused, Type
 
 T = TypeVar("T")
 
@@ -25,7 +25,7 @@ _OF_VALUES = ("E307", "E314", "E315", "E407", "E408")
 """Mistakes that may hang on the values of parameters: shapes, sizes, ranges."""
 _WITHOUT_VALUE = ("E307", "E315", "E401", "E402", "E407", "E408")
 """Those of expressions that have no value for some parameters."""
-_ALL_OR_ANY = "comparing vectors compares element by element; write `all(...)` or `any(...)`"
+_ALL_OR_ANY = "write `all(...)` or `any(...)`; `where(condition, x, y)` chooses element by element"
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,30 +288,26 @@ class BaseChecker(ABC):
             self.fail("E307", expr, "the elements of this vector have different shapes", hint)
         return self.builder.structure("vector", nodes)
 
-    def condition(self, expr: s.Expr, scope: Scope, of_many: Callable[[Shape], str | None] | None = None) -> Node:
-        """Return an expression that must be a single condition; `of_many` may give a hint for several of some shape."""
+    def condition(self, expr: s.Expr, scope: Scope) -> Node:
+        """Return an expression that must be a single condition."""
         node = self.numeric(expr, scope)
         if node.type.kind is not Kind.BOOL:
-            if node.type.is_scalar:
-                hint = "compare it with something, e.g. `x != 0`"
-            else:
-                hint = None
+            hint = "compare it with something, e.g. `x != 0`"
             self.fail("E306", expr, f"a condition is needed here, not {node.type.with_article}", hint)
         if not node.type.is_scalar:
-            hint = (of_many and of_many(node.type.shape)) or _ALL_OR_ANY
-            self.fail("E307", expr, f"one condition is needed here, not {node.type.size} at once", hint)
+            self.fail("E307", expr, f"one condition is needed here, not {node.type.size} at once", _ALL_OR_ANY)
         return node
 
-    def constant(self, expr: s.Expr, scope: Scope, what: str, instead: str | None = None) -> Const:
-        """Return an expression that must be known once parameters are; `instead` is what to write where it is not."""
+    def constant(self, expr: s.Expr, scope: Scope, what: str) -> Const:
+        """Return an expression that must be known once parameters are."""
         node = self.numeric(expr, scope)
         if not isinstance(node, Const):
             message = f"{what} must be a constant: it may use parameters and constants, not the state"
-            self.fail("E312", expr, message, instead)
+            self.fail("E312", expr, message)
         return node
 
-    def integer(self, expr: s.Expr, scope: Scope, what: str, instead: str | None = None) -> int:
-        node = self.constant(expr, scope, what, instead)
+    def integer(self, expr: s.Expr, scope: Scope, what: str) -> int:
+        node = self.constant(expr, scope, what)
         if not node.type.is_scalar or node.type.kind is Kind.REAL:
             self.fail("E306", expr, f"{what} must be an int, not {node.type.with_article}")
         return int(node.value)
@@ -383,8 +379,7 @@ def numbered(checker: BaseChecker, value: Value, expr: s.Expr, domain: Domain) -
         return value.node
     if value.domain is not None and value.domain.values is None:
         message = f"one of the labels {domain.listed} is needed here, not a choice between other labels"
-        pairs = ", ".join(f"{a}: {b}" for a, b in zip(value.domain.labels, domain.labels, strict=False))
-        raise Refused(message, hint=f"a table says which goes with which: `{{by: ..., rows: {{{pairs}}}}}`")
+        raise Refused(message, hint="a table says which goes with which: `{by: ..., rows: {...}}`")
     node = checker.number_of(value)
     if node.type.kind is Kind.REAL:
         message = f"one of the labels {domain.listed} is needed here, not a real"
@@ -409,9 +404,5 @@ def check_comparable(one: Domain | None, other: Domain | None) -> None:
     """Refuse (E306) to compare labels of two choices by where they stand in them."""
     if one is None or other is None or (one.values is not None and other.values is not None):
         return
-    shared = [label for label in one.labels if label in other.labels]
-    hint = "where their positions are meant, say so with arithmetic: `x + 0 == y + 0`"
-    if shared:  # positions would be something else
-        hint = f"where labels of one name are meant, say which: `x == {shared[0]} and y == {shared[0]} or ...`"
     message = f"labels of one choice ({one.listed}) are not labels of another ({other.listed})"
-    raise Refused(message, hint=hint)
+    raise Refused(message, hint="where their positions are meant, say so with arithmetic: `x + 0 == y + 0`")

@@ -23,10 +23,6 @@ from taskspec.lang.ir import Const, Node, Role, draws, have_one_shape, reads, wa
 from taskspec.lang.scope import BaseChecker, Poisoned, Scope, Value, check_comparable
 from taskspec.lang.types import INT_WIDEST, Domain, Kind, Type
 
-_FIXED = (
-    "go over a fixed range and test inside: `[x if j < k else 0 for j in range(n)]`, or `j < k and c` for conditions"
-)
-_VARYING = "`UniformInt(low, high)` draws between ends that vary, and `low <= x <= high` compares with them"
 _ENUMERATED = "a set is enumerated before the task runs; it may use parameters and constants only"
 MOST_AXES = 32  # as many as arrays may have
 Wants = Mapping[str, Domain | None]
@@ -131,23 +127,21 @@ def _unrolled(
     clause = clauses[0]
     nodes = []
     want = wants.get(clause.targets[0]) if len(clause.targets) == 1 else None
-    points = _candidates(checker, clause, scope, want, _FIXED)
+    points = _candidates(checker, clause, scope, want)
     _check_few(checker, "unrolled", len(points.rows), expr, "elements to write out")
     checker.expand(expr, len(points.rows))
     with checker.repeated(max(1, len(points.rows))):
         for row in points.rows:
             inner = scope.child(_bind(checker, clause, row, points.domain, expr))
-            if all(_holds(checker, c, inner, expr) for c in clause.conditions):
+            if all(_holds(checker, c, inner) for c in clause.conditions):
                 nodes += _unrolled(checker, expr, clauses[1:], inner, make, wants)
     return nodes
 
 
-def _holds(checker: BaseChecker, condition: s.Expr, scope: Scope, expr: s.Comprehension) -> bool:
+def _holds(checker: BaseChecker, condition: s.Expr, scope: Scope) -> bool:
     node = checker.condition(condition, scope)
     if not isinstance(node, Const):
-        test = condition.place.written
-        inside = f"`[{expr.element.place.written} if {test} else 0 for ...]`"
-        hint = f"test inside: {inside}, or `({test}) and c` for conditions"
+        hint = "test inside: `[x if condition else 0 for ...]`"
         checker.fail("E312", condition, "the condition of a vector's comprehension must be a constant", hint)
     return bool(node.value)
 
@@ -184,13 +178,12 @@ def _enumerate(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> _Po
                 checker.fail("E307", expr, f"cannot unpack this into {len(clause.targets)} names")
             parts = [(name, repeated[:, i]) for i, name in enumerate(clause.targets)]
         for name, column in parts:
+            ends = (0.0, 0.0)
             if column.size:
-                low, high = (float(column.min()), float(column.max()))
-            else:
-                low, high = (0.0, 0.0)
+                ends = (float(column.min()), float(column.max()))
             type_ = Type(_kind(column), column.shape[1:])
             columns[name] = column
-            bindings[name] = Value(checker.builder.read(Role.VARIABLE, name, type_, low, high), points.domain)
+            bindings[name] = Value(checker.builder.read(Role.VARIABLE, name, type_, *ends), points.domain)
         inner = scope.child(dict(bindings))
         keep = np.ones(count, dtype=bool)
         for condition in clause.conditions:
@@ -207,13 +200,8 @@ def _enumerate(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> _Po
 
 def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.Expr) -> Array:
     """Return a node evaluated for every candidate: (count, *shape)."""
-    outside = any(role is not Role.VARIABLE or name not in columns for role, name in reads([node]))
-    if outside or draws([node]):
-        if outside:
-            hint = "draw an offset from a constant set and add it to the state"
-        else:
-            hint = None
-        checker.fail("E312", expr, _ENUMERATED, hint)
+    if draws([node]) or any(role is not Role.VARIABLE or name not in columns for role, name in reads([node])):
+        checker.fail("E312", expr, _ENUMERATED)
     for part in walk([node]):
         if isinstance(part, Const) and part.type.kind is Kind.INT:
             _check_width(checker, expr, *part.flat)
@@ -223,17 +211,15 @@ def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.E
     return np.moveaxis(np.broadcast_to(result, (*result.shape[:-1], count)), -1, 0)
 
 
-def _candidates(
-    checker: BaseChecker, clause: s.Clause, scope: Scope, want: Domain | None = None, instead: str = _VARYING
-) -> _Points:
-    """Return what a clause goes over; `instead` is what to write for a range whose ends vary."""
+def _candidates(checker: BaseChecker, clause: s.Clause, scope: Scope, want: Domain | None = None) -> _Points:
+    """Return what a clause goes over."""
     expr = clause.domain
     domain = None
     match expr:
         case s.Call(function="box"):
             return _Points(_box(checker, expr, scope))
         case s.Call(function="range"):
-            return _Points(_range(checker, expr, scope, instead))
+            return _Points(_range(checker, expr, scope))
         case s.SetOf() | s.Comprehension(is_set=True):
             table, domain = _table(checker, expr, scope, want)
         case _:
@@ -259,10 +245,10 @@ def _box(checker: BaseChecker, expr: s.Call, scope: Scope) -> Array:
     return np.stack([g.ravel() for g in grid], axis=1)
 
 
-def _range(checker: BaseChecker, expr: s.Call, scope: Scope, instead: str) -> Array:
+def _range(checker: BaseChecker, expr: s.Call, scope: Scope) -> Array:
     if not 1 <= len(expr.args) <= 3:
         checker.fail("E304", expr, "range takes one to three arguments")
-    ends = [checker.integer(e, scope, "an argument of `range`", instead) for e in expr.args]
+    ends = [checker.integer(e, scope, "an argument of `range`") for e in expr.args]
     if len(ends) == 3 and ends[2] == 0:
         checker.fail("E315", expr, "the step of `range` cannot be 0")
     chosen = range(*ends)

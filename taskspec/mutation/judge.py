@@ -44,8 +44,7 @@ CLASSES: Mapping[Class, str] = {
     "order": "the same task; its labels are numbered otherwise",
     "silent": "nothing notices",
 }
-PART = 8
-"""Mutants that a process is handed at once."""
+PART = 8  # mutants that a process is handed at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +60,7 @@ class Judgement:
         return cls(kind, found.code, found.message)
 
 
-Tasks = Mapping[str | None, Task]
-"""The complete tasks of a spec, by variant."""
+Tasks = Mapping[str | None, Task]  # the complete tasks of a spec, by variant
 
 
 def tasks_of(document: Document) -> Tasks:
@@ -121,15 +119,12 @@ def _are_same_everywhere(one: Task, other: Task) -> bool:
         return False
     for values in cases(one):
         try:
-            if not same_task(_with(one, values), _with(other, values)):
+            pair = [build(x.source.document, x.source.variant, values, x.source.suite) for x in (one, other)]
+            if not same_task(*pair):
                 return False
         except SpecError:
             return False
     return True
-
-
-def _with(task: Task, values: Mapping[str, Any]) -> Task:
-    return build(task.source.document, task.source.variant, values, task.source.suite)
 
 
 def judgements(

@@ -24,8 +24,7 @@ CHANGED = (
     "absorbing_reward", "discount", "horizon", "map", "abstraction",
 )  # fmt: skip
 """Sections that are changed, those of an abstraction included."""
-PRIMES = ("definitions", "dynamics", "reward", "terminal")
-"""Sections in which a prime has a meaning."""
+PRIMES = ("definitions", "dynamics", "reward", "terminal")  # sections in which a prime has a meaning
 OPTIONAL = ("observation", "terminal", "absorbing_reward", "discount", "expert", "abstraction")
 KEPT = frozenset({"doc", "symbol", "symbols", "message", "alias", "space", "grid"})
 """Keys whose values are for readers, or are of a form without small changes."""

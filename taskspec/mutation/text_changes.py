@@ -39,8 +39,7 @@ _WORDS: Mapping[str, Sequence[str]] = {
 }  # fmt: skip
 _TRUTHS = frozenset({"True", "False", "true", "false"})
 _RESERVED = _TRUTHS | {"if", "else", "for", "and", "or", "not", "in"}
-NOWHERE = Span(Origin("", ""), 1, 1, 1, 1)
-"""The place of everything in a text that stands in no file."""
+NOWHERE = Span(Origin("", ""), 1, 1, 1, 1)  # the place of everything in a text that stands in no file
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,10 +13,8 @@ from taskspec.registry import shipped
 from taskspec.task.record import count, domain_words, space_words
 from taskspec.task.task import Task
 
-LICENSE = "MIT"
-"""The licence of the tasks that come with the package; the authors of other specs give their own."""
-LARGEST = 10_000
-"""The largest denominator of a return that is given as a fraction."""
+LICENSE = "MIT"  # the licence of the tasks that come with the package; the authors of other specs give their own
+LARGEST = 10_000  # the largest denominator of a return that is given as a fraction
 
 
 def linked_data(task: Task, facts: Facts) -> dict[str, Any]:

@@ -9,21 +9,12 @@ from itertools import groupby
 from typing import Any
 
 from taskspec.lang import syntax as s
+from taskspec.printers import rewrites
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import ExpressionWriter, condition, mathematics
 from taskspec.printers.idioms import interval
 from taskspec.printers.names import Notation, expression, of_task, symbol
 from taskspec.printers.pieces import indexed, prime
-from taskspec.printers.rewrites import (
-    broadcast,
-    has_conditions,
-    is_draw,
-    pointwise,
-    rank,
-    shows_probabilities,
-    substitute,
-    take_apart,
-)
 from taskspec.task.names import signature
 from taskspec.task.schema.models import Spec
 from taskspec.task.schema.typed import ComponentEntry, ParameterEntry
@@ -56,7 +47,7 @@ class Writing:
         return self.task.source.surface.sections.get(name)
 
     def put(self, expr: s.Expr) -> s.Expr:
-        found: s.Expr = substitute(expr, self.values) if self.values else expr
+        found: s.Expr = rewrites.substitute(expr, self.values) if self.values else expr
         return found
 
     def math(self, expr: s.Expr, of: str | None = None, notation: Notation | None = None) -> m.Math:
@@ -79,23 +70,23 @@ class Writing:
         Where conditions decide about elements, or one value is that of all, the left side has an index. `arguments` are
         those of a function, with their axes.
         """
-        if is_draw(expr):
-            sign = "=" if shows_probabilities(expr) else "∼"
+        if rewrites.is_draw(expr):
+            sign = "=" if rewrites.shows_probabilities(expr) else "∼"
             return m.Row((left, m.Sym(sign), self.math(expr, of)))
-        apart = take_apart(expr, self.drawn)
+        apart = rewrites.take_apart(expr, self.drawn)
         writer = ExpressionWriter(self.notation)
         axes = {**self.notation.axes, **(arguments or {})}
         for name, draw in apart.draws:
             if isinstance(name, s.Subscript) and isinstance(name.value, s.Name):
-                axes[name.value.id] = rank(writer, draw) + len(name.indices)
+                axes[name.value.id] = rewrites.rank(writer, draw) + len(name.indices)
             elif isinstance(name, s.Name):
-                axes[name.id] = rank(writer, draw)
+                axes[name.id] = rewrites.rank(writer, draw)
         notation = replace(self.notation, axes=axes)
         whole = ExpressionWriter(notation, of)
         value = self.put(apart.expr)
-        elements = pointwise(whole, value) if has_conditions(whole, value) else None
+        elements = rewrites.pointwise(whole, value) if rewrites.has_conditions(whole, value) else None
         if elements is None:
-            index = broadcast(whole, value)
+            index = rewrites.broadcast(whole, value)
             right = whole.number(value).tree
         else:
             inner, index, element = elements

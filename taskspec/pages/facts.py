@@ -145,10 +145,9 @@ def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:
     for name in facts.unknown:
         yield name, (Text("unknown"),)
     if facts.states is not None:
+        states = "reachable abstract states"
         if task.spec.abstraction is None:
             states = "reachable states"
-        else:
-            states = "reachable abstract states"
         yield states, (Formula(number(facts.states)),)
 
 

@@ -51,10 +51,9 @@ class HtmlWriter:
     def section(self, section: Section, settings: Sequence[str] = ()) -> dict[str, Any]:
         lines = [self.line(line, settings) for line in section.lines]
         lead, rest = section.laid_out(lines)
+        rows = []
         if section.table:
             rows = [[self.prose(cell) for cell in row] for row in section.table.rows]
-        else:
-            rows = []
         header = section.table.header if section.table else ()
         return {"key": section.key, "title": section.title, "lead": lead, "lines": rest, "header": header, "rows": rows}
 
@@ -153,7 +152,11 @@ def formula(math: m.Math, display: bool = False) -> Markup:
         kind = "rigid" if m.width(math) > BREAK_AFTER else "formula"
         return Markup(f'<span class="{kind}">{mathml(math)}</span>')
     alt = escape(plain(math), quote=True)
-    inner = " ".join(_infix(mathml(piece)) for piece in pieces)
+    infix = (
+        r"^(<math[^>]*><mrow><mo)>",
+        r'\1 form="infix">',
+    )  # a piece that starts with a sign keeps the space around it
+    inner = " ".join(re.sub(*infix, mathml(piece)) for piece in pieces)
     return Markup(f'<span class="formula long" role="math" aria-label="{alt}">{inner}</span>')
 
 
@@ -195,8 +198,3 @@ def _flat(math: m.Math, inside: bool = False) -> list[m.Math]:
             return [m.Sym(left), *_flat(body, inside), m.Sym(right)]
         case _:
             return [math]
-
-
-def _infix(element: str) -> str:
-    """Return a piece that starts with a sign keeps the space around it."""
-    return re.sub(r"^(<math[^>]*><mrow><mo)>", r'\1 form="infix">', element)

@@ -14,22 +14,10 @@ from taskspec.lang.ir import Role
 from taskspec.modifiers import sentences
 from taskspec.pages import facts as scores
 from taskspec.pages import lines
+from taskspec.pages import prose as p
 from taskspec.pages.equations import Writing
 from taskspec.pages.facts import Facts
 from taskspec.pages.lines import Maker, formula
-from taskspec.pages.prose import (
-    CellTable,
-    Cite,
-    CodeSpan,
-    Formula,
-    Inline,
-    Inlines,
-    Mark,
-    Text,
-    inlines,
-    listing,
-    separated,
-)
 from taskspec.printers import tree as m
 from taskspec.printers.names import expression
 from taskspec.printers.text import text
@@ -40,48 +28,47 @@ from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
 T = TypeVar("T")
-NOT_HERE = Mark(False, "not for these values")
-"""The mark of a claim that is about other values of the parameters."""
+NOT_HERE = p.Mark(False, "not for these values")  # the mark of a claim that is about other values of the parameters
 _ENDS = {"terminal": "terminates", "truncated": "is truncated"}
 
 
-def claim_text(w: Writing, found: Claim) -> Inlines:
+def claim_text(w: Writing, found: Claim) -> p.Inlines:
     """Return a claim with what it was written beside: the decision model, the tolerance, where the source states it."""
     options = found.options
     under = options.get("under")
     content = sentence(w, found.expr, None if under is None else expression(str(under)))
     if options.get("tolerance") is not None:
-        content += (Text(", to within "), Formula(w.declared(options["tolerance"])))
+        content += (p.Text(", to within "), p.Formula(w.declared(options["tolerance"])))
     if options.get("where"):
-        content += (Text(f" ({options['where']})"),)
+        content += (p.Text(f" ({options['where']})"),)
     return content
 
 
-def sentence(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> Inlines:
+def sentence(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> p.Inlines:
     """Return a claim in words where it is about behaviour or reachability, as mathematics otherwise."""
     denied = isinstance(expr, s.Unary) and expr.op == "not"
     match expr.operand if isinstance(expr, s.Unary) and denied else expr:
         case s.Call(function="reachable", args=(what, *_)):
-            return (_truth(w, what), Text(" cannot be reached" if denied else " can be reached"))
+            return (_truth(w, what), p.Text(" cannot be reached" if denied else " can be reached"))
         case s.Call(function="influences", args=(cause, effect)):
             verb = " has no effect on " if denied else " has an effect on "
-            return (_truth(w, cause), Text(verb), _truth(w, effect))
+            return (_truth(w, cause), p.Text(verb), _truth(w, effect))
         case operand if denied:
-            return (Text("it is not so that "), *sentence(w, operand, under))
+            return (p.Text("it is not so that "), *sentence(w, operand, under))
         case s.Call(function="prefers") as call:
             names = ("model", "condition", "at") if under is None else ("condition", "at")
             given = dict(zip(names, call.args, strict=False)) | dict(call.keywords)
-            content = (*_model(w, under or given["model"]), Text(" prefers "), _truth(w, given["condition"]))
+            content = (*_model(w, under or given["model"]), p.Text(" prefers "), _truth(w, given["condition"]))
             if "at" in given:
-                return (*content, Text(" where "), _truth(w, given["at"]))
+                return (*content, p.Text(" where "), _truth(w, given["at"]))
             return content
         case s.Logical(op=op, operands=operands):
-            return separated([sentence(w, o, under) for o in operands], f" {op} ")
+            return p.separated([sentence(w, o, under) for o in operands], f" {op} ")
         case _:
             return (_truth(w, expr, under),)
 
 
-def _truth(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> Formula:
+def _truth(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> p.Formula:
     symbols: dict[str, m.Math] = {name: m.Words(word.phrase) for name, word in RESULTS.items()}
     if w.spec.abstraction is not None:
         symbols["states"] = m.Words("number of abstract states")
@@ -89,37 +76,37 @@ def _truth(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> Formula:
     symbols["measure"] = m.Ident("E", "blackboard")
     policy = "random" if under is None else text(under)
     events = {"probability": policy, "measure": policy}
-    return Formula(w.truth(expr, replace(w.notation.with_symbols(symbols), events=events)))
+    return p.Formula(w.truth(expr, replace(w.notation.with_symbols(symbols), events=events)))
 
 
-def _model(w: Writing, model: s.Expr) -> Inlines:
+def _model(w: Writing, model: s.Expr) -> p.Inlines:
     match model:
         case s.Name(id=name) if name in MODELS:
-            return (Text(MODELS[name].phrase),)
+            return (p.Text(MODELS[name].phrase),)
         case s.Call(function=name, args=(number,)) if name in MODELS:
-            return (Text(f"{MODELS[name].phrase} {MODELS[name].given} "), Formula(w.math(number)))
+            return (p.Text(f"{MODELS[name].phrase} {MODELS[name].given} "), p.Formula(w.math(number)))
         case _:
-            return (Formula(w.math(model)),)
+            return (p.Formula(w.math(model)),)
 
 
-def examples(w: Writing, wrong: frozenset[int] = frozenset()) -> CellTable | None:
+def examples(w: Writing, wrong: frozenset[int] = frozenset()) -> p.CellTable | None:
     """Return the examples of a task without columns that stay empty; None if there are none."""
-    columns: dict[str, list[Inlines]] = {}
+    columns: dict[str, list[p.Inlines]] = {}
     for title, make in _COLUMNS:
         columns[title] = [make(w, example) for example in w.task.annotations.examples]
     entries = w.spec.examples
-    columns[""] = [inlines(entry.doc) for entry in entries]
+    columns[""] = [p.inlines(entry.doc) for entry in entries]
     kept = [(title, cells) for title, cells in columns.items() if any(cells)]
     if wrong:
-        mark: Inlines = (Mark(False, "does not hold"),)
+        mark: p.Inlines = (p.Mark(False, "does not hold"),)
         kept.append(("", [mark if i in wrong else () for i in range(len(entries))]))
     if not kept:
         return None
-    return CellTable(tuple(title for title, _ in kept), tuple(zip(*(cells for _, cells in kept), strict=True)))
+    return p.CellTable(tuple(title for title, _ in kept), tuple(zip(*(cells for _, cells in kept), strict=True)))
 
 
-def _given(role: Role) -> Callable[[Writing, Example], Inlines]:
-    def cell(w: Writing, example: Example) -> Inlines:
+def _given(role: Role) -> Callable[[Writing, Example], p.Inlines]:
+    def cell(w: Writing, example: Example) -> p.Inlines:
         found = [w.equation(w.symbol(name), expr, name) for (of, name), expr in example.given.items() if of is role]
         if example.t and role is Role.STATE:
             found.append(m.Row((m.Ident("t"), m.Sym("="), m.Num(str(example.t)))))
@@ -128,21 +115,21 @@ def _given(role: Role) -> Callable[[Writing, Example], Inlines]:
     return cell
 
 
-def _what_follows(w: Writing, example: Example) -> Inlines:
+def _what_follows(w: Writing, example: Example) -> p.Inlines:
     ends = {f.section: f.expr for f in example.follows if f.section in _ENDS}
     said = [f for f in example.follows if f.section not in _ENDS]
     parts = [_of_section(w, section, list(found)) for section, found in groupby(said, lambda f: f.section)]
     if any(not isinstance(expr, s.Boolean) for expr in ends.values()):
-        parts.append((Text("ends: "), *_formulas([w.truth(expr) for expr in ends.values()])))
+        parts.append((p.Text("ends: "), *_formulas([w.truth(expr) for expr in ends.values()])))
     elif ends:
         words = [_ENDS[key] for key, expr in ends.items() if isinstance(expr, s.Boolean) and expr.value]
-        parts.append((Text("the episode " + (" and ".join(words) or "goes on")),))
+        parts.append((p.Text("the episode " + (" and ".join(words) or "goes on")),))
     if example.probability is not None:
-        parts.append((Text("with probability "), Formula(w.math(example.probability))))
-    return separated(parts)
+        parts.append((p.Text("with probability "), p.Formula(w.math(example.probability))))
+    return p.separated(parts)
 
 
-def _of_section(w: Writing, section: str, found: list[Followed]) -> Inlines:
+def _of_section(w: Writing, section: str, found: list[Followed]) -> p.Inlines:
     items = []
     for f in found:
         if f.name is None:
@@ -150,15 +137,15 @@ def _of_section(w: Writing, section: str, found: list[Followed]) -> Inlines:
         else:
             items.append(w.equation(w.symbol(f.name, section == "next"), f.expr, f.name))
     words = {"initial": "first", "reward": "reward", "observation": "observed", "expert": "expert"}
-    before: list[Inline] = [Text(f"{words[section]} ")] if section in words else []
+    before: list[p.Inline] = [p.Text(f"{words[section]} ")] if section in words else []
     return (*before, *_formulas(items))
 
 
-def _formulas(items: list[m.Math]) -> Inlines:
-    return separated([(Formula(item),) for item in items])
+def _formulas(items: list[m.Math]) -> p.Inlines:
+    return p.separated([(p.Formula(item),) for item in items])
 
 
-_COLUMNS: tuple[tuple[str, Callable[[Writing, Example], Inlines]], ...] = (
+_COLUMNS: tuple[tuple[str, Callable[[Writing, Example], p.Inlines]], ...] = (
     ("for", lambda w, example: lines.cases(w, example.cases)),
     ("state", _given(Role.STATE)),
     ("action", _given(Role.ACTION)),
@@ -175,7 +162,7 @@ _OWN: tuple[tuple[str, str, Maker], ...] = (
 )
 
 
-def abstraction(w: Writing) -> Iterator[Inlines]:
+def abstraction(w: Writing) -> Iterator[p.Inlines]:
     """Yield its components as functions of the state, and what it does not take from the task."""
     stand_in = build_abstract(w.task)
     written = w.spec.abstraction
@@ -185,36 +172,36 @@ def abstraction(w: Writing) -> Iterator[Inlines]:
     exprs = w.parsed("abstraction")
     for c in stand_in.state:
         equation = w.equation(own.symbol(c.name), exprs[c.name])
-        content: Inlines = (formula(equation, m.Sym("∈"), own.domain(c.name, written.state[c.name])),)
-        yield (*content, Text(": "), *inlines(c.doc)) if c.doc else content
+        content: p.Inlines = (formula(equation, m.Sym("∈"), own.domain(c.name, written.state[c.name])),)
+        yield (*content, p.Text(": "), *p.inlines(c.doc)) if c.doc else content
     for section, title, make in _OWN:
         if getattr(written, section) is not None:
-            yield from ((Text(f"{title}: "), *line) for line in make(own))
+            yield from ((p.Text(f"{title}: "), *line) for line in make(own))
     if own.hatted and any(getattr(written, section) is None for section, _, _ in _OWN):
         pairs = (m.Row((own.symbol(n), m.Words(" in place of "), own.plain.symbol(n))) for n in sorted(own.hatted))
-        yield (Text("all else as above, with "), formula(m.joined(pairs)))
+        yield (p.Text("all else as above, with "), formula(m.joined(pairs)))
 
 
 _MAPS = {"observation": "what is seen: ", "action": "actions: "}
 
 
-def symmetries(w: Writing) -> Iterator[Inlines]:
+def symmetries(w: Writing) -> Iterator[p.Inlines]:
     """Yield a line for each: its name, what it is, its maps, and how it is known to keep returns."""
     exprs: Mapping[str, Mapping[str, Mapping[str, s.Expr]]] = w.parsed("symmetries") or {}
     for symmetry in w.task.annotations.symmetries:
-        content: list[Inline] = [CodeSpan(symmetry.name), Text(": ")]
-        content += [*inlines(symmetry.doc), Text("; ")] if symmetry.doc else []
+        content: list[p.Inline] = [p.CodeSpan(symmetry.name), p.Text(": ")]
+        content += [*p.inlines(symmetry.doc), p.Text("; ")] if symmetry.doc else []
         for key, maps in exprs[symmetry.name].items():
             shown = [(each,) for each in _maps(w, key, maps)]
-            content += [Text(_MAPS[key]), *listing(shown), Text("; ")]
+            content += [p.Text(_MAPS[key]), *p.listing(shown), p.Text("; ")]
         found = verify_symmetry(w.task, symmetry)
-        mark = Mark(False, "false")
+        mark = p.Mark(False, "false")
         if found.problem is None:
-            mark = Mark(True, "proved" if found.is_proved else f"tested at {found.points:,} points")
-        yield (*content, Text("returns are kept "), mark)
+            mark = p.Mark(True, "proved" if found.is_proved else f"tested at {found.points:,} points")
+        yield (*content, p.Text("returns are kept "), mark)
 
 
-def _maps(w: Writing, key: str, maps: Mapping[str, s.Expr]) -> Iterator[Formula]:
+def _maps(w: Writing, key: str, maps: Mapping[str, s.Expr]) -> Iterator[p.Formula]:
     """Yield what each component is mapped to; all of them together, where one is made of others."""
     task = w.task
     components = task.observation.components if key == "observation" else task.action
@@ -236,21 +223,21 @@ def _reads_itself(name: str, expr: s.Expr, names: Iterable[str]) -> bool:
     return {x.id for x in s.names(expr) if isinstance(x, s.Name)} & set(names) <= {name}
 
 
-def modifiers(task: Task) -> Iterator[Inlines]:
+def modifiers(task: Task) -> Iterator[p.Inlines]:
     """Yield a line for each, and one for the sizes of the state and the observation."""
     for each, said in sentences(task):
-        yield (CodeSpan(str(each)), Text(": "), *inlines(said))
+        yield (p.CodeSpan(str(each)), p.Text(": "), *p.inlines(said))
     if not task.modifiers:
         return
-    line: list[Inline] = [Text(f"with {'them' if len(task.modifiers) > 1 else 'it'}, the state is ")]
-    line += listing([(CodeSpan(c.name),) for c in task.state])
+    line: list[p.Inline] = [p.Text(f"with {'them' if len(task.modifiers) > 1 else 'it'}, the state is ")]
+    line += p.listing([(p.CodeSpan(c.name),) for c in task.state])
     if are_finite(task.state):
         count = math.prod(counts_of(task.state))
-        line += [Text(" ("), Formula(m.Num(f"{count:,}" if count < 10**9 else f"{count:.2e}")), Text(" values)")]
+        line += [p.Text(" ("), p.Formula(m.Num(f"{count:,}" if count < 10**9 else f"{count:.2e}")), p.Text(" values)")]
     rest = "; the rest of this page, its scores apart, is the task as written"
     if task.annotations.expert is None is not task.unmodified.annotations.expert:
         rest += ", whose expert is not one here"
-    yield (*line, Text(", and the observation is "), *_observation(task.observation_layout), Text(rest))
+    yield (*line, p.Text(", and the observation is "), *_observation(task.observation_layout), p.Text(rest))
 
 
 def as_written(task: Task) -> Task:
@@ -258,21 +245,21 @@ def as_written(task: Task) -> Task:
     return task.unmodified.with_annotations(claims=task.annotations.claims, examples=task.annotations.examples)
 
 
-def _observation(layout: SpaceLayout) -> Inlines:
+def _observation(layout: SpaceLayout) -> p.Inlines:
     if layout.form == "discrete":
-        return (Text("one of "), Formula(m.Num(f"{layout.counts[0]:,}")), Text(" numbers"))
+        return (p.Text("one of "), p.Formula(m.Num(f"{layout.counts[0]:,}")), p.Text(" numbers"))
     if layout.form == "dict":
-        return (Text("a dictionary of "), *listing([(CodeSpan(c.name),) for c in layout.components]))
+        return (p.Text("a dictionary of "), *p.listing([(p.CodeSpan(c.name),) for c in layout.components]))
     kind = {"box": "reals", "multi_discrete": "integers"}.get(layout.form, "zeros and ones")
-    return (Text("a vector of "), Formula(m.Num(f"{layout.size:,}")), Text(f" {kind}"))
+    return (p.Text("a vector of "), p.Formula(m.Num(f"{layout.size:,}")), p.Text(f" {kind}"))
 
 
 @dataclass(frozen=True, slots=True)
 class SectionLine:
     """A line of a section, and the same with each column of values (empty where nothing changes)."""
 
-    content: Inlines
-    values: tuple[Inlines, ...] = ()
+    content: p.Inlines
+    values: tuple[p.Inlines, ...] = ()
     verbatim: str | None = None
 
 
@@ -291,7 +278,7 @@ class Section:
     title: str
     lines: tuple[SectionLine, ...]
     lead: bool = False
-    table: CellTable | None = None
+    table: p.CellTable | None = None
 
     @property
     def label(self) -> str:
@@ -327,7 +314,7 @@ def all_sections(w: Writing, facts: Facts, found_results: Iterable[Section] = ()
     """Return every section that has content; those of results come after what the task is."""
     changed = modifiers(w.task)
     w = replace(w, task=as_written(w.task))
-    maps = [SectionLine((Text(name),), verbatim=text) for name, text in lines.grids(w)]
+    maps = [SectionLine((p.Text(name),), verbatim=text) for name, text in lines.grids(w)]
     found = [Section(key, title, tuple(map(SectionLine, make(w))), lead) for key, title, make, lead in _SECTIONS]
     found[1:1] = [
         Section("modifiers", "Modifiers, in this order", tuple(map(SectionLine, changed))),
@@ -337,15 +324,12 @@ def all_sections(w: Writing, facts: Facts, found_results: Iterable[Section] = ()
         *found_results,
         Section("examples", "Examples", (), table=examples(w, facts.wrong_examples)),
         Section("errata", "Corrections to the source", tuple(map(SectionLine, _errata(w)))),
-        Section("sources", "Sources", tuple(SectionLine((Cite(x.key, x.where),)) for x in w.spec.sources)),
+        Section("sources", "Sources", tuple(SectionLine((p.Cite(x.key, x.where),)) for x in w.spec.sources)),
     ]
-    return [_single(s) for s in found if s.lines or s.table]
-
-
-def _single(section: Section) -> Section:
-    if len(section.lines) == 1 and section.lines[0].verbatim is None:
-        return replace(section, lead=True)
-    return section
+    for i, section in enumerate(found):
+        if len(section.lines) == 1 and section.lines[0].verbatim is None:
+            found[i] = replace(section, lead=True)
+    return [section for section in found if section.lines or section.table]
 
 
 def results(columns: Sequence[tuple[str, Task, Facts]]) -> list[Section]:
@@ -362,7 +346,7 @@ def results(columns: Sequence[tuple[str, Task, Facts]]) -> list[Section]:
     marks = [_marks(facts, len(stated), is_own=i == 0) for i, (_, _, facts) in enumerate(columns)]
     found = Section("scores", scores.title(facts), (), table=table)
     if len(columns) > scores.MOST_COLUMNS:
-        lines = [SectionLine((*said, Text(" "), *mark)) for said, mark in zip(stated, marks[0], strict=True)]
+        lines = [SectionLine((*said, p.Text(" "), *mark)) for said, mark in zip(stated, marks[0], strict=True)]
         return [found, Section("claims", "Claims", tuple(lines))]
     if not stated:
         return [found]
@@ -370,30 +354,30 @@ def results(columns: Sequence[tuple[str, Task, Facts]]) -> list[Section]:
     return [replace(found, title=f"{found.title} and claims", table=replace(table, rows=(*table.rows, *rows)))]
 
 
-def _stated(w: Writing, claim: Claim) -> Inlines:
+def _stated(w: Writing, claim: Claim) -> p.Inlines:
     """Return a claim, and the values of the parameters that it is about."""
     if not claim.cases:
         return claim_text(w, claim)
-    return (*claim_text(w, claim), Text(" (for "), *lines.cases(w, claim.cases), Text(")"))
+    return (*claim_text(w, claim), p.Text(" (for "), *lines.cases(w, claim.cases), p.Text(")"))
 
 
-def _marks(facts: Facts, count: int, is_own: bool) -> list[Inlines]:
+def _marks(facts: Facts, count: int, is_own: bool) -> list[p.Inlines]:
     """Return what became of each claim; one that does not hold at other values than the page's own is not about them."""
-    found: list[Inlines] = []
+    found: list[p.Inlines] = []
     for verdict in facts.verdicts:
         if verdict.holds is False and not is_own:
             found.append((NOT_HERE,))
         else:
-            found.append((Mark(verdict.holds, verdict.words),) if verdict.words else ())
+            found.append((p.Mark(verdict.holds, verdict.words),) if verdict.words else ())
     return [*found, *[()] * (count - len(found))]
 
 
-def _errata(w: Writing) -> Iterator[Inlines]:
+def _errata(w: Writing) -> Iterator[p.Inlines]:
     for entry in w.spec.errata:
         source = entry.source.strip()
         if not source.endswith((".", "!", "?")):
             source += "."
-        content: Inlines = (*inlines(source[:1].upper() + source[1:]), Text(" Here: "), *inlines(entry.here))
+        content: p.Inlines = (*p.inlines(source[:1].upper() + source[1:]), p.Text(" Here: "), *p.inlines(entry.here))
         if entry.because:
-            content += (Text(", because "), *inlines(entry.because))
-        yield (*content, Text("."))
+            content += (p.Text(", because "), *p.inlines(entry.because))
+        yield (*content, p.Text("."))

@@ -234,6 +234,21 @@ def _of_table(results: Results, table: Array, seed: int) -> ObservedValue:
     return _of_rows(results, lambda seen: table[np.asarray(seen) - start], seed, is_stochastic)
 
 
+def observation_rows(task: Task, policy: Any) -> Array | None:
+    """Return the probabilities (O, A) of a policy of discrete observations and actions; None where it gives none."""
+    seen = task.observation_layout
+    actions = task.action_layout
+    if is_table(policy):
+        table = _by_row(np.asarray(policy), seen.counts[0], actions.counts[0], actions.starts[0])
+        if table.ndim == 3:
+            return None
+        return table if are_probabilities(table) else greedy(table)
+    probabilities = observed_probabilities(policy, task)
+    if probabilities is None:
+        return None
+    return probabilities(np.arange(seen.counts[0]) + seen.starts[0])
+
+
 def _timed_value(results: Results, table: Array, is_greedy: bool) -> Return:
     """Return the value of a table (T, O, A) of probabilities, or of values of a greedy policy, on the exact model.
 

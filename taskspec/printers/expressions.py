@@ -100,10 +100,9 @@ class ExpressionWriter(Writer):
             case "+" | "-":
                 # in one row, so that it can break at any of its signs
                 is_sum = isinstance(left, m.Row) and any(x in (m.Sym("+"), m.Sym("−")) for x in left.items[1:])
+                head: tuple[m.Math, ...] = (left,)
                 if is_sum and isinstance(left, m.Row):
                     head = left.items
-                else:
-                    head = (left,)
                 total = m.Row((*head, m.Sym(expr.op.replace("-", "−")), right))
                 return applied(expr.op, total, _leads(sides[0], left))
             case "**":
@@ -145,10 +144,9 @@ class ExpressionWriter(Writer):
     def _call(self, expr: s.Call) -> Piece:
         if is_distribution(expr.function):
             return idioms.distribution(self, expr)
+        found = None
         if expr.function in idioms.IDIOMS:
             found = idioms.IDIOMS[expr.function](self, expr)
-        else:
-            found = None
         if found is not None:
             return found
         function = FUNCTIONS.get(expr.function)

@@ -130,9 +130,8 @@ def arrows(w: Writer, table: s.Table, state: str, action: m.Math, actions: str) 
             assert not isinstance(inner.body, tuple)
             if parts:
                 parts += [m.Sym(","), m.Gap("wide")]
-            if inner.key is None:
-                over = action
-            else:
+            over = action
+            if inner.key is not None:
                 over = replace(w, of=actions).number(inner.key).tree
             parts += [origin, m.Arrow(over), target.number(inner.body).tree]
             if inner.key is None:
@@ -246,10 +245,9 @@ def _over_slice(w: Writer, name: s.Name, part: s.Slice, sign: str) -> Piece | No
 
 def _extreme(name: str) -> Idiom:
     def write(w: Writer, call: s.Call) -> Piece | None:
+        found = None
         if rank(w, call.args[0]) == 1:
             found = pointwise(w, call.args[0])
-        else:
-            found = None
         if found is None:
             return None  # of a matrix it is a place in all its rows, one after the other
         of, index, inner = found

@@ -147,8 +147,7 @@ def expert_actions(task: Task, state: State, t: int, layout: WordLayout, words: 
 LANES = 64
 STEPS = 60
 MANY_STEPS = 1000
-HELD = 0.25
-"""Nominal seconds for the episodes of constant actions."""
+HELD = 0.25  # nominal seconds for the episodes of constant actions
 
 
 def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
@@ -272,17 +271,11 @@ def sampled_actions(task: Task) -> Choose:
     return choose
 
 
-# -- returns of simulated episodes -------------------------------------------------------------------------------------
-
 EPISODES = 1000
-LONGEST = 20_000
-"""Steps after which an episode without a horizon is taken never to end."""
-UNENDING = 2_000
-"""Steps after which episodes are given up if hardly any of them has ended."""
-WORDS = 4_000_000
-"""Random words that a batch of episodes may take for one step."""
-CUT = 1e-12
-"""The weight of a reward (a power of the discount) at which simulated episodes are cut off."""
+LONGEST = 20_000  # steps after which an episode without a horizon is taken never to end
+UNENDING = 2_000  # steps after which episodes are given up if hardly any of them has ended
+WORDS = 4_000_000  # random words that a batch of episodes may take for one step
+CUT = 1e-12  # the weight of a reward (a power of the discount) at which simulated episodes are cut off
 
 
 def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0) -> Array:

@@ -47,13 +47,9 @@ def mean_interval(mean: float, error: float, count: int, low: float, high: float
     return Enclosure(max(found.low, Enclosure.exactly(low).low), min(found.high, Enclosure.exactly(high).high))
 
 
-# -- rates, and means over seeds --------------------------------------------------------------------------------------
-
 CONFIDENCE = 0.95
-DIGITS = 9
-"""Decimals that the ends of intervals are rounded to, so that rounding errors of floats do not matter."""
-ALIKE = 0.02
-"""Scores that differ by less count as one value, where scores have two."""
+DIGITS = 9  # decimals that the ends of intervals are rounded to, so that rounding errors of floats do not matter
+ALIKE = 0.02  # scores that differ by less count as one value, where scores have two
 
 
 def rate_interval(successes: int, count: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
@@ -83,11 +79,8 @@ def seeds_interval(sample: Sequence[float]) -> tuple[float, float]:
     return round(float(low), DIGITS), round(float(high), DIGITS)
 
 
-# -- statistics over seeds, for rules ---------------------------------------------------------------------------------
-
 DRAWS = 10_000
-SEED = 20201203
-"""The seed of the draws: the same results always have the same intervals."""
+SEED = 20201203  # the seed of the draws: the same results always have the same intervals
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,14 +220,9 @@ def _median_quantiles(values: Array, levels: Array) -> Array:
     return quantiles
 
 
-# -- significance -----------------------------------------------------------------------------------------------------
-
-MATTERS = 0.05
-"""The smallest difference of mean scores that counts."""
-ALARM = 0.01
-"""The probability of any false alarm among all comparisons of a kind."""
-MOST_PERMUTATIONS = 20_000
-"""Permutations that are tried: all of them, or so many at random."""
+MATTERS = 0.05  # the smallest difference of mean scores that counts
+ALARM = 0.01  # the probability of any false alarm among all comparisons of a kind
+MOST_PERMUTATIONS = 20_000  # permutations that are tried: all of them, or so many at random
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,6 +50,11 @@ class Verdict:
     def holds(self) -> bool:
         return self.status in ("proved", "tested")
 
+    def record(self) -> dict[str, Any]:
+        """Return it as plain data for JSON."""
+        found = {"claim": self.claim.text, "parameters": dict(self.parameters), "status": self.status}
+        return found | {"detail": self.detail, "episodes": self.episodes}
+
 
 def verdicts(task: TaskLike, results: Results | None = None) -> Iterator[Verdict]:
     """Yield the verdict on every claim of a task, one for each case of its `for:`.

@@ -102,15 +102,22 @@ class Attempt:
 
     merged: Merged
     names: Names
+    is_right: bool = False
+    """Whether it has no mistakes."""
 
 
 def attempts(
-    document: Document, variants: Sequence[str | None] = (), values: Mapping[str, Any] | None = None
+    document: Document,
+    variants: Sequence[str | None] = (),
+    values: Mapping[str, Any] | None = None,
+    before: Sequence[Attempt] = (),
 ) -> tuple[list[Attempt], tuple[Diagnostic, ...]]:
     """Return what can be made of a document, and its mistakes; what does not have the shape of a spec is left out.
 
     Args:
         variants: the tasks that are meant, all of them unless given.
+        before: what was made, for the same values, of the text before its last change; what is right and still the same
+            is taken from there, and its places become those of this document.
     """
     from taskspec.task.schema.check import check_shape, remainder
 
@@ -123,12 +130,33 @@ def attempts(
     if rest is None:
         return [], in_order(found)
     made = []
+    right = {each.merged.variant: each for each in before if each.is_right}
     for variant in variants or variant_names(rest.data).values():
-        attempt, mistakes = _attempt(merge(rest, variant), values or {})
+        merged = merge(rest, variant)
+        mistakes: Sequence[Diagnostic] = ()
+        attempt = _taken(right.get(merged.variant), merged)
+        if attempt is None:
+            attempt, mistakes = _attempt(merged, values or {})
         if attempt is not None:
             made.append(attempt)
         found += [d for d in mistakes if is_whole or not _follows(d, words)]
     return made, in_order({(d.code, d.span): d for d in found}.values())
+
+
+def _taken(known: Attempt | None, merged: Merged) -> Attempt | None:
+    """Return what was made of a spec whose places and prose alone have changed; None where more has."""
+    if known is None or _meant(known.merged) != _meant(merged):
+        return None
+    known.names.context.move(merged)
+    return replace(known, merged=merged)
+
+
+def _meant(merged: Merged) -> str:
+    """Return the sections that have a meaning, with the types of their values: 1, 1.0 and True are equal otherwise."""
+    return repr({section: value for section, value in merged.data.items() if section not in _PROSE})
+
+
+_PROSE = ("title", "summary", "description", "capability", "sources", "errata")
 
 
 def _attempt(merged: Merged, values: Mapping[str, Any]) -> tuple[Attempt | None, Sequence[Diagnostic]]:
@@ -146,6 +174,7 @@ def _attempt(merged: Merged, values: Mapping[str, Any]) -> tuple[Attempt | None,
             validated(merged)
         attempt = Attempt(merged, Names(Context(merged, Collector())))
         _checked(attempt.names, values, "")
+        attempt = replace(attempt, is_right=not mistakes)
     except SpecError as error:
         mistakes += error.diagnostics
     return attempt, mistakes

@@ -299,6 +299,12 @@ class Context:
         self.shapes: dict[str, Shape] = {}  # of definitions and of noise
         self._busy: list[str] = []  # names that are being expanded
 
+    def move(self, merged: Merged) -> None:
+        """Take the places of expressions from another text that says the same."""
+        merged.parsed.update(self.merged.parsed)
+        self.merged = merged
+        self.forms.merged = merged
+
     def constant_scope(self, why_no_draws: str | None = None) -> Scope:
         """Return a scope of parameters and constants alone."""
         scope = Scope(self.constants, draws=why_no_draws)

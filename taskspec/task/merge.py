@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import field
-from functools import lru_cache
 from typing import Any, TypeAlias
 
 from taskspec.base.diagnostics import Diagnostic, Span, SpecError, suggest
@@ -111,12 +110,14 @@ def merge(document: Document, variant: str | None = None) -> Merged:
     key = None if variant is None or variant == name else _key(document, variant)
     merged: Merged | None = None
     for step in reversed(list(lineage((document, key)))):
-        merged = _overlaid(*step, merged)
+        document, key = step
+        if key not in document.merged:
+            document.merged[key] = _overlaid(document, key, merged)
+        merged = document.merged[key]
     assert merged is not None
     return merged
 
 
-@lru_cache(maxsize=512)
 def _overlaid(document: Document, variant: str | None, base: Merged | None) -> Merged:
     """Return a spec without its variants, or one variant, merged into what it is based on."""
     name = str(document.data.get("name", ""))

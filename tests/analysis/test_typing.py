@@ -12,6 +12,7 @@ import pytest
 from taskspec.analysis import analyse, complete
 from taskspec.analysis.analysis import own
 from taskspec.analysis.cursor import cursor
+from taskspec.analysis.tokens import tokens
 
 ROOT = Path(__file__).parents[2]
 SPECS = sorted(
@@ -69,6 +70,19 @@ def test_nothing_that_is_typed_raises_and_what_is_above_keeps_its_meaning(path: 
         found = analyse(typed, str(path))
         complete(found, end)
         assert found.document is not None, typed[max(0, end - 60) : end]
+
+
+@pytest.mark.parametrize("path", SPECS[::9], ids=lambda path: path.stem)
+def test_what_is_kept_between_keystrokes_is_what_would_be_worked_out_again(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    last = analyse(text, str(path))
+    for end in random.Random(path.name).sample(range(len(text)), 12):
+        typed = "# a line more\n" + text[:end] + text[text.find("\n", end) :]
+        last = analyse(typed, str(path), last)
+        alone = analyse(typed, str(path))
+        assert last.diagnostics == alone.diagnostics
+        assert last.declarations == alone.declarations
+        assert tokens(last) == tokens(alone)
 
 
 def test_a_half_written_line_is_one_mistake() -> None:

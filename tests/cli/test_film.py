@@ -16,7 +16,7 @@ from taskspec.cli import run
 from taskspec.cli.app import app
 from taskspec.envs import window
 from taskspec.figures import Overlay, raster, scene
-from taskspec.figures.scene import Box, Label
+from taskspec.figures.shapes import Box, Label
 from taskspec.figures.states import expert_path, state_table
 from taskspec.printers.text import plain
 from taskspec.registry import load

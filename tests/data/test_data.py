@@ -339,24 +339,30 @@ def test_files_that_hold_no_data_are_refused(tmp_path: Path) -> None:
 
 
 DAMAGE: dict[str, tuple[dict[str, Any], str]] = {
-    "unequal lengths": ({"acts": np.zeros(4, np.int64)}, "`acts` has the shape (4,), not (10,)"),
-    "a reward of nan": ({"rews": np.array([0, 1, np.nan, *[1] * 7])}, "`rews` is nan in row 2"),
-    "an endless reward": ({"rews": np.array([np.inf, *[1.0] * 9])}, "`rews` is inf in row 0"),
-    "rewards in single precision": ({"rews": np.ones(10, np.float32)}, "`rews` is float32, not float64"),
-    "actions in double precision": ({"acts": np.ones(10)}, "`acts` is float64, not int64 or float32"),
-    "ends as numbers": ({"truncated": np.zeros(10, np.int64)}, "`truncated` is int64, not bool"),
-    "observations of another kind": ({"next_obs": np.zeros(10, np.float32)}, "`next_obs` is float32, not int64"),
-    "observations of another shape": ({"next_obs": np.zeros((10, 2), np.int64)}, "`next_obs` has the shape (10, 2)"),
+    "unequal lengths": (
+        {"acts": np.zeros(4, np.int64)},
+        "`acts` is not an array of int64 or float32 with the shape (10,)",
+    ),
+    "a reward of nan": ({"rews": np.array([0, 1, np.nan, *[1] * 7])}, "`rews` cannot be nan in row 2"),
+    "an endless reward": ({"rews": np.array([np.inf, *[1.0] * 9])}, "`rews` cannot be inf in row 0"),
+    "rewards in single precision": ({"rews": np.ones(10, np.float32)}, "`rews` is not an array of float64"),
+    "actions in double precision": ({"acts": np.ones(10)}, "`acts` is not an array of int64 or float32"),
+    "ends as numbers": ({"truncated": np.zeros(10, np.int64)}, "`truncated` is not an array of bool"),
+    "observations of another kind": ({"next_obs": np.zeros(10, np.float32)}, "`next_obs` is not an array of int64"),
+    "observations of another shape": (
+        {"next_obs": np.zeros((10, 2), np.int64)},
+        "`next_obs` is not an array of int64",
+    ),
     "a dict after a step": (
         {"next_obs": None, "next_obs.x": np.zeros(10, np.int64)},
         "before a step and next_obs.x after",
     ),
     "no observations": ({"obs": None}, "it has no `obs`"),
-    "episodes out of order": ({"episode": np.array([1] * 5 + [0] * 5)}, "`episode` is negative somewhere, or falls"),
-    "a step left out": ({"time": np.array([0, 1, 2, 4, 5] * 2)}, "`time` does not count"),
-    "a late start": ({"time": np.array([0, 1, 2, 3, 4, 1, 2, 3, 4, 5])}, "episode 1 does not begin at time 0"),
-    "an early end": ({"terminated": np.arange(10) == 7}, "episode 1 ends in row 7, and has more steps after it"),
-    "no end": ({"truncated": np.arange(10) == 4}, "episode 1 is neither terminated nor truncated in its last row"),
+    "episodes out of order": ({"episode": np.array([1] * 5 + [0] * 5)}, "`episode` cannot be 0 in row 5"),
+    "a step left out": ({"time": np.array([0, 1, 2, 4, 5] * 2)}, "`time` cannot be 4 in row 3"),
+    "a late start": ({"time": np.array([0, 1, 2, 3, 4, 1, 2, 3, 4, 5])}, "`time` cannot be 1 in row 5"),
+    "an early end": ({"terminated": np.arange(10) == 7}, "`dones` cannot be True in row 7"),
+    "no end": ({"truncated": np.arange(10) == 4}, "`dones` cannot be False in row 9"),
     "no transitions": (
         {
             name: np.zeros(0)
@@ -381,9 +387,9 @@ def test_arrays_that_are_no_episodes_are_refused(damage: str, tmp_path: Path) ->
 
 PAIR_DAMAGE = {
     "labels": ({"preferences": np.array([1.0, 2.0])}, "`preferences` are not all between 0 and 1"),
-    "returns": ({"returns": np.ones((2, 3))}, "`returns` has the shape (2, 3), not (2, 2)"),
-    "nan": ({"returns": np.full((2, 2), np.nan)}, "`returns` are not all finite"),
-    "numbers": ({"queries": np.array([0.0, 1.0])}, "`queries` is float64, not int64"),
+    "returns": ({"returns": np.ones((2, 3))}, "`returns` is not an array of float64 with the shape (2, 2)"),
+    "nan": ({"returns": np.full((2, 2), np.nan)}, "`returns` not all finite"),
+    "numbers": ({"queries": np.array([0.0, 1.0])}, "`queries` is not an array of int64"),
     "pairs": ({"preferences": np.ones(3)}, "does not number the segments of 3 pairs from 0 to 5"),
 }
 

@@ -16,7 +16,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.exact import extract
 from taskspec.figures import overlay, scene, undrawn
 from taskspec.figures.raster import FONTS, mathtext
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene
+from taskspec.figures.shapes import Box, Circle, Item, Label, Line, Scene
 from taskspec.printers.text import plain
 from taskspec.task.task import Task
 from tests.shared.scripts import script

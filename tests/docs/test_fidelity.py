@@ -26,8 +26,8 @@ def rows(point: str) -> Iterator[tuple[str, str, str]]:
     for title, text in SECTIONS.items():
         for line in text.splitlines():
             cells = [cell.strip() for cell in line.split("|")]
-            if len(cells) == 7 and cells[1] == point:
-                yield title, cells[4], cells[5]
+            if len(cells) == 6 and cells[1] == point:
+                yield title, cells[3], cells[4]
 
 
 def last_number(cell: str) -> float:

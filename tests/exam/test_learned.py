@@ -14,6 +14,7 @@ from taskspec.cli.console import console
 from taskspec.cli.report import print_exam
 from taskspec.exam import Case, Learned, examine, learns_from
 from taskspec.exam.learned import learned_fields, learned_values
+from taskspec.exam.mistakes import MISTAKES
 from taskspec.exam.report import page
 from taskspec.exam.starc import REWARDS, RewardMdp
 from tests.exam.test_fingerprints import GAMMA, TASKS, learned_q
@@ -51,7 +52,7 @@ def test_right_values_are_one_line_and_no_flag(capsys: pytest.CaptureFixture[str
     found = examined("right", lambda q: Learned(q, discount=GAMMA))
     assert not found["flags"]
     print_exam(found, console(wide=True))
-    line = "the values are those of a learner without a mistake in its targets (distance 0.0"
+    line = "the values are those of a learner without a known mistake (distance 0.0"
     assert line in " ".join(capsys.readouterr().out.split())
     assert line in page(found)
 
@@ -184,14 +185,14 @@ def explained(reward: Callable[[RewardMdp], Array], task: str = TASKS[1]) -> lis
     return [flag for flag in found["flags"] if flag["kind"] == "reward"]
 
 
-APART = {"clipped": "derail/RiskyPath", "mean of actions": TASKS[0]}
+APART = {"rewards clipped": "derail/RiskyPath", "action unseen": TASKS[0]}
 """Tasks on which rewards differ that are nearly the true one on CoinWalk."""
 
 
-@pytest.mark.parametrize("name", [name for name in REWARDS if name != "true"])
+@pytest.mark.parametrize("name", [name for name in REWARDS if name != "right"])
 def test_a_reward_that_is_learned_by_mistake_is_named(name: str) -> None:
-    (flag,) = explained(lambda mdp: REWARDS[name].of(mdp) * 3, APART.get(name, TASKS[1]))
-    assert REWARDS[name].mistake in flag["message"] and REWARDS[name].fix in flag["advice"]
+    (flag,) = explained(lambda mdp: REWARDS[name](mdp) * 3, APART.get(name, TASKS[1]))
+    assert MISTAKES[name].what in flag["message"] and MISTAKES[name].fix in flag["advice"]
 
 
 def test_the_true_reward_on_a_scale_of_its_own_is_no_mistake() -> None:
@@ -213,5 +214,5 @@ def test_the_reward_of_the_step_before_is_that_of_episodes() -> None:
             obs, reward, *_ = env.step(int(rng.integers(2)))
             paid[int(obs)].append(float(reward))
     mdp = RewardMdp(taskspec.load(TASKS[1]))
-    found = REWARDS["step before"].of(mdp)[:, 0]
+    found = REWARDS["reward before"](mdp)[:, 0]
     assert found[:4] == pytest.approx([np.mean(each) for each in paid], abs=0.1)

@@ -23,7 +23,7 @@ from taskspec.exam import findings, read, report
 from taskspec.exam import score_charts as pictures
 from taskspec.exam import score_rows as told
 from taskspec.exam.card import card, matrix
-from taskspec.figures.scene import Box, Circle, Label, Line, Scene
+from taskspec.figures.shapes import Box, Circle, Label, Line, Scene
 from taskspec.printers.text import plain
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, entry, exam

@@ -14,7 +14,7 @@ from taskspec import experiments
 from taskspec.base import limits
 from taskspec.experiments import picture, sweep
 from taskspec.figures import chart
-from taskspec.figures.scene import Label, Line
+from taskspec.figures.shapes import Label, Line
 from taskspec.jobs.running import Running
 from taskspec.jobs.store import Store
 from taskspec.printers.text import plain

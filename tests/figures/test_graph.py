@@ -13,7 +13,7 @@ from taskspec.figures import Overlay, scene
 from taskspec.figures.layout import DOTS, drawings
 from taskspec.figures.machine import NAMED, Machine, explore
 from taskspec.figures.overlays import OVERLAYS, overlay
-from taskspec.figures.scene import Box, Label, Scene
+from taskspec.figures.shapes import Box, Label, Scene
 from taskspec.printers.text import plain
 from taskspec.source import read_text
 from taskspec.task.build import build

@@ -10,7 +10,7 @@ from taskspec import registry
 from taskspec.base.diagnostics import SpecError
 from taskspec.figures import Overlay, overlay, scene, undrawn
 from taskspec.figures.board import CELL
-from taskspec.figures.scene import Box, Circle, Label, Line, Scene
+from taskspec.figures.shapes import Box, Circle, Label, Line, Scene
 from taskspec.printers.text import plain
 from taskspec.source import read_text
 from taskspec.task.build import build

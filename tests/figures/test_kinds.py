@@ -12,7 +12,7 @@ import taskspec
 from taskspec import registry
 from taskspec.figures import Overlay, scene
 from taskspec.figures.plane import HEIGHT, WIDTH
-from taskspec.figures.scene import Box, Label, Line, Scene, text_width
+from taskspec.figures.shapes import Box, Label, Line, Scene, text_width
 from taskspec.printers.text import plain
 
 BITS = """\

@@ -14,8 +14,8 @@ from taskspec import load, make_vec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.window import Frames
 from taskspec.figures import Overlay, render_frame, scene, undrawn
-from taskspec.figures.scene import Box, Circle, Label, Line, Scene
 from taskspec.figures.series import series
+from taskspec.figures.shapes import Box, Circle, Label, Line, Scene
 from taskspec.printers.text import plain
 from taskspec.source import read_text
 from taskspec.task.build import build

@@ -8,7 +8,7 @@ import pytest
 
 from taskspec import registry
 from taskspec.figures import OVERLAYS, overlay, scene
-from taskspec.figures.scene import Box, Label, text_width
+from taskspec.figures.shapes import Box, Label, text_width
 from taskspec.printers.text import plain
 from taskspec.task.task import Task
 

@@ -86,7 +86,7 @@ def test_backends_number_labels_alike(backend: Any) -> None:
         ("x': x * (dir == (a if y > 0 else 1))", "E306", "not labels of another"),
         ("dir': a if x > 0 else 1", "E306", "not labels of another"),
         ("tide': a if x > 0 else 1", "E306", "not labels of another"),
-        ("dir': a", "E306", "{left: north, ahead: east, right: south}"),
+        ("dir': a", "E306", "a table says which goes with which"),
         ("dir': [dir, dir]", "E307", "'dir' has shape [], but this has [2]"),
         ("level': {by: dir, rows: {0: 2, else: 4}}", "E313", "'0' is not a value of this column"),
     ],
@@ -180,10 +180,7 @@ def test_labels_of_one_name_in_two_choices_are_not_compared_by_position() -> Non
     text = text.replace("initial: {", "initial: {side: left, ")
     with pytest.raises(SpecError) as found:
         build(read_text(text.replace("level' * tide", "a == side")))
-    assert (
-        found.value.diagnostics[0].hint
-        == "where labels of one name are meant, say which: `x == left and y == left or ...`"
-    )
+    assert "labels of one choice" in found.value.diagnostics[0].message
     chosen = build(read_text(text.replace("level' * tide", "a == (left if side == left else right)")))
     env = ReferenceEnv(chosen)
     env.reset(seed=0)

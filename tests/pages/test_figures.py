@@ -16,7 +16,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.figures import Overlay, figure, overlay, render_frame, scene
 from taskspec.figures.layout import drawings
 from taskspec.figures.machine import explore
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene
+from taskspec.figures.shapes import Box, Circle, Item, Label, Line, Scene
 from taskspec.figures.states import first_state
 from taskspec.figures.vector_formats import svg
 from taskspec.pages import gather, write

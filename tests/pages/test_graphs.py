@@ -14,7 +14,7 @@ from taskspec.figures import Overlay, raster, scene
 from taskspec.figures.graph import MOST_CROSSINGS, _planned, graph
 from taskspec.figures.layout import drawings, ordered
 from taskspec.figures.machine import explore
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Point, Scene, bezier, text_width
+from taskspec.figures.shapes import Box, Circle, Item, Label, Line, Point, Scene, bezier, text_width
 from taskspec.figures.vector_formats import svg, tikz
 from taskspec.printers.text import plain
 from taskspec.source import read_text

@@ -70,7 +70,7 @@ def test_one_run_reports_all_commas_and_its_hints_are_ready_to_be_pasted() -> No
     ("text", "code", "quoted"),
     [
         ("d: {doc: keys, boxes and doors, in two colours}\n", "E106", '"keys, boxes and doors, in two colours"'),
-        ("d: {doc: keys, boxes}\n", "E107", '"keys, boxes"; or else write `boxes: value`'),
+        ("d: {doc: keys, boxes}\n", "E106", '"keys, boxes"'),
         ("d: [[m[i, j] for i in range(3)] for j in range(2)]\n", "E106", '"[[m[i, j] for i in range(3)] for j in range(2)]"'),
         ("d: [sum([v[i] for i in range(3)]), 2]\n", "E106", ': "sum([v[i] for i in range(3)])"'),
         ("d: {x: f(a, 0), y: f(b, 0), z: 1}\n", "E106", ': "f(b, 0)"'),

@@ -23,8 +23,7 @@ from taskspec.pages.render.suite import Suite, notation
 from taskspec.pages.templating import html_environment
 from taskspec.printers.text import plain
 
-MOST_ITEMS = 2000
-"""Larger figures are drawn once, without overlays."""
+MOST_ITEMS = 2000  # larger figures are drawn once, without overlays
 _LAYERS = {
     "task": "task", "values": "best returns", "policy": "best actions", "expert": "expert", "occupancy": "visits",
 }  # fmt: skip
@@ -34,7 +33,8 @@ _LAYERS = {
 def site(suite: Suite) -> dict[str, str]:
     """Return files by name: `index.html` and one for each task."""
     env = html_environment()
-    common = {"suite": suite.title, "style": Markup(_style())}
+    highlighted = "".join(f".y-{short}{{color:var(--{color})}}\n" for short, color in _KINDS.items())
+    common = {"suite": suite.title, "style": Markup(page_style() + gallery_style() + highlighted)}
     count = len(suite.pages)
     files = {
         "index.html": env.get_template("index.html").render(
@@ -68,10 +68,6 @@ def gallery_style() -> str:
 def page_style() -> str:
     """Return CSS of pages that stand alone, with the colours on light and on dark paper."""
     return html_environment().get_template("style.css").render()
-
-
-def _style() -> str:
-    return page_style() + gallery_style() + _highlight_style()
 
 
 def page_of(template: str, **values: Any) -> str:
@@ -136,9 +132,6 @@ def _card(suite: Suite, page: Page) -> dict[str, Any]:
     }  # fmt: skip
 
 
-# -- the source of a task
-
-
 @lru_cache(maxsize=32)
 def _highlighted(text: str) -> Markup:
     """Return YAML with its parts marked by class; the pages of variants have one source."""
@@ -148,7 +141,3 @@ def _highlighted(text: str) -> Markup:
 
 
 _KINDS = {"nt": "link", "c1": "muted", "m": "number", "kc": "number", "p": "muted"}
-
-
-def _highlight_style() -> str:
-    return "".join(f".y-{short}{{color:var(--{color})}}\n" for short, color in _KINDS.items())

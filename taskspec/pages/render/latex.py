@@ -98,8 +98,6 @@ class LatexWriter:
             text = " ".join(self.brief_line(*each, page) for each in zip(section.lines, ends, strict=False))
             yield {"title": escape(section.label), "text": text + self.table(section)}
 
-    # -- sections -------------------------------------------------------------------------------------------------
-
     def section(self, section: Section, page: Page, room: float) -> dict[str, object]:
         lead, rest = section.laid_out([self.line(line, page, room) for line in section.lines])
         return {"title": escape(section.title), "lead": lead, "lines": rest, "table": self.table(section)}

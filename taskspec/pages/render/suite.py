@@ -129,10 +129,9 @@ def notation(pages: Iterable[Page]) -> Inlines:
     if any(page.section("scores") for page in pages):
         # at a page's own values of the parameters, or at others beside them
         tasks = (task for page in pages for task in (page.task, *(s.task for s in page.settings)))
+        discounted = ""
         if any(task.discount != 1 for task in tasks):
             discounted = _DISCOUNTED
-        else:
-            discounted = ""
         sentences.append(_RETURNS.format(discounted=discounted))
     for word, text in _MARKS:
         if any(isinstance(piece, Mark) and piece.text.startswith(word) for piece in pieces):
@@ -149,10 +148,9 @@ def _draws(pages: Iterable[Page]) -> Iterator[str]:
             letters[writing.drawn] = letter
     if letters:
         usual, *others = (f"${latex(letters[name])}$" for name in LETTERS if name in letters)
+        instead = ""
         if others:
             instead = f" ({' or '.join(others)} where the task has such a name)"
-        else:
-            instead = ""
         yield _DRAWN.format(usual + instead)
 
 

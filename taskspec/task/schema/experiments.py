@@ -12,7 +12,7 @@ from taskspec.source import Document
 from taskspec.task.schema import values
 from taskspec.task.schema.check import OTHER_FORMATS, add_problem, fitted, without
 from taskspec.task.schema.models import Source
-from taskspec.task.schema.typed import Name, Strict, checked, fail
+from taskspec.task.schema.typed import Name, Strict, checked, fail, listed, named, optional
 from taskspec.task.schema.values import Problem, wrong_kind
 
 FORMAT = 1
@@ -112,17 +112,14 @@ class TaskEntry(Strict):
     """A task, at every combination of the values of its parameters."""
 
     task: str = Field(description="An id, or the path of a spec, from the folder of this file.")
-    variant: str | None = Field(None, description="A variant of the spec.")
-    parameters: dict[Name, Values] = Field(
-        default_factory=dict,
-        description="Values of parameters: one, a list, `{range: [2, 10, 2]}`, `{logrange: [1, 1000, 4]}`, "
-        "or an expression over the others, `L // 2`.",
+    variant: str | None = optional("A variant of the spec.")
+    parameters: dict[Name, Values] = named(
+        "Values of parameters: one, a list, `{range: [2, 10, 2]}`, `{logrange: [1, 1000, 4]}`, or an expression over the "
+        "others, `L // 2`."
     )
-    zip: dict[Name, Listed] = Field(
-        default_factory=dict, description="Lists of values that go together, the first with the first, and so on."
-    )
-    modifiers: list[ModifierEntry] = Field(default_factory=list, description="What is laid over the task, in order.")
-    sample: int | Sample | None = Field(None, description="How many of the settings, drawn at random.")
+    zip: dict[Name, Listed] = named("Lists of values that go together, the first with the first, and so on.")
+    modifiers: list[ModifierEntry] = listed("What is laid over the task, in order.")
+    sample: int | Sample | None = optional("How many of the settings, drawn at random.")
 
     @model_validator(mode="after")
     def _check(self) -> TaskEntry:
@@ -150,12 +147,10 @@ def _together(entry: TaskEntry) -> Iterator[Problem]:
 class Plot(Strict):
     """The content of the picture."""
 
-    x: Name | None = Field(None, description="The parameter along the axis; the first that varies unless given.")
-    y: Name | None = Field(None, description="The parameter along the other axis of a heat map.")
-    show: list[str] = Field(default_factory=list, description="What is drawn: columns of the table of results.")
-    log: list[str] = Field(
-        default_factory=list, description="Which axes are logarithmic: names of parameters, or `value`."
-    )
+    x: Name | None = optional("The parameter along the axis; the first that varies unless given.")
+    y: Name | None = optional("The parameter along the other axis of a heat map.")
+    show: list[str] = listed("What is drawn: columns of the table of results.")
+    log: list[str] = listed("Which axes are logarithmic: names of parameters, or `value`.")
 
 
 class Experiment(Strict):
@@ -165,30 +160,21 @@ class Experiment(Strict):
     name: Annotated[
         str, checked(_file_name), Field(min_length=1, description="A short name; files of results are called by it.")
     ]
-    title: str | None = Field(None, description="Its heading.")
-    doc: str | None = Field(None, description="What it is about.")
+    title: str | None = optional("Its heading.")
+    doc: str | None = optional("What it is about.")
     tasks: Annotated[list[TaskEntry], Field(min_length=1, description="The tasks, each at some settings.")]
-    measures: list[str] | None = Field(None, description="Measures of difficulty, by name; all of them unless given.")
-    policies: list[str] = Field(
-        default_factory=list,
-        description="Policies that are rolled out: random, expert, optimal, soft(1), epsilon(0.1).",
+    measures: list[str] | None = optional("Measures of difficulty, by name; all of them unless given.")
+    policies: list[str] = listed("Policies that are rolled out: random, expert, optimal, soft(1), epsilon(0.1).")
+    learners: list[str] = listed(
+        "Learners that `taskspec exam` trains: `bc`, `paper/gail_im`, `FILE.py:train`, or a file of settings."
     )
-    learners: list[str] = Field(
-        default_factory=list,
-        description="Learners that `taskspec exam` trains: `bc`, `paper/gail_im`, `FILE.py:train`, or a file of settings.",
-    )
-    steps: int | None = Field(None, ge=1, description="Environment steps of each training run; 500,000 unless given.")
-    transitions: int | None = Field(
-        None, ge=1, description="Transitions of expert demonstrations; 10,000 unless given."
-    )
-    twins: int | None = Field(
-        None, ge=0, description="Twins of each task that learners are examined on; 2 unless given."
-    )
+    steps: int | None = optional("Environment steps of each training run; 500,000 unless given.", ge=1)
+    transitions: int | None = optional("Transitions of expert demonstrations; 10,000 unless given.", ge=1)
+    twins: int | None = optional("Twins of each task that learners are examined on; 2 unless given.", ge=0)
     peeks: bool = Field(True, description="Whether it is tried if learners look at rewards that are withheld.")
-    seeds: int | None = Field(
-        None, ge=1,
-        description="How often each policy is rolled out (1 unless given), and each learner trained (15), with another seed.",
-    )  # fmt: skip
+    seeds: int | None = optional(
+        "How often each policy is rolled out (1 unless given), and each learner trained (15), with another seed.", ge=1
+    )
     episodes: int = Field(
         1000, ge=2, description="Episodes of each roll-out, and for what cannot be worked out exactly."
     )
@@ -224,9 +210,7 @@ class DiagnosisEntry(Strict):
     cause: str = Field(description="What usually causes it.")
     try_: str = Field(alias="try", description="What to try.")
     source: Source = Field(description="Where this is known from.")
-    unless: list[str] = Field(
-        default_factory=list, description="Diagnoses that say more: where one of them holds, this one is not told."
-    )
+    unless: list[str] = listed("Diagnoses that say more: where one of them holds, this one is not told.")
     alone: bool = Field(False, description="If it holds, no other diagnosis is given.")
 
 
@@ -252,17 +236,13 @@ class ExamDocument(Strict):
     """The tasks of a suite's exam, and the meaning of its results."""
 
     exam: int = Field(description="The version of the format: 1.")
-    title: str | None = Field(None, description="Its heading.")
-    doc: str | None = Field(None, description="What it is about.")
-    tasks: list[str] = Field(default_factory=list, description=_TASKS)
-    steps: int | None = Field(None, ge=1, description="Environment steps of each training run; 500,000 unless given.")
-    groups: dict[Name, list[str]] = Field(
-        default_factory=dict, description="Names for several tasks, for `all(... for t in group)`."
-    )
-    evaluate: Evaluation | None = Field(None, description="A longer horizon, on which policies are scored as well.")
-    diagnoses: dict[Name, DiagnosisEntry] = Field(
-        default_factory=dict, description="Rules over the scores of one learner, by name."
-    )
+    title: str | None = optional("Its heading.")
+    doc: str | None = optional("What it is about.")
+    tasks: list[str] = listed(_TASKS)
+    steps: int | None = optional("Environment steps of each training run; 500,000 unless given.", ge=1)
+    groups: dict[Name, list[str]] = named("Names for several tasks, for `all(... for t in group)`.")
+    evaluate: Evaluation | None = optional("A longer horizon, on which policies are scored as well.")
+    diagnoses: dict[Name, DiagnosisEntry] = named("Rules over the scores of one learner, by name.")
 
 
 class FindingEntry(Strict):
@@ -271,35 +251,28 @@ class FindingEntry(Strict):
     where: str = Field(description="Where the source says it.")
     says: str = Field(description="What it says, in one sentence.")
     holds: str = Field(description="A condition over scores: `score(GAIL_IM, EarlyTermNeg) < 0`.")
-    note: str | None = Field(None, description="Why it is so, or is expected not to be.")
+    note: str | None = optional("Why it is so, or is expected not to be.")
 
 
 class FindingsDocument(Strict):
     """Statements of a source about learners, as conditions over their scores."""
 
     findings: int = Field(description="The version of the format: 1.")
-    title: str | None = Field(None, description="Its heading.")
-    doc: str | None = Field(None, description="What it is about.")
+    title: str | None = optional("Its heading.")
+    doc: str | None = optional("What it is about.")
     source: Source = Field(description="Whose findings they are.")
-    tasks: list[str] = Field(default_factory=list, description=_TASKS)
+    tasks: list[str] = listed(_TASKS)
     learners: dict[Name, str] = Field(description="The learners, by the names that conditions use, with what they are.")
-    groups: dict[Name, list[str]] = Field(
-        default_factory=dict, description="Names for several learners, or for several tasks."
-    )
-    same: dict[str, str] = Field(
-        default_factory=dict, description="Tasks whose results count as those of another, where that was not run."
-    )
-    instances: dict[Name, str] = Field(
-        default_factory=dict, description="Names for tasks at other values of their parameters: `NoisyObs?L=50&M=7`."
-    )
-    floor: float | None = Field(None, description="Scores below it count as it.")
+    groups: dict[Name, list[str]] = named("Names for several learners, or for several tasks.")
+    same: dict[str, str] = named("Tasks whose results count as those of another, where that was not run.")
+    instances: dict[Name, str] = named("Names for tasks at other values of their parameters: `NoisyObs?L=50&M=7`.")
+    floor: float | None = optional("Scores below it count as it.")
     drawn: bool = Field(
         False,
         description="Whether `score`, `sd`, `median`, `highest` and `lowest` are of policies that draw their actions.",
     )
-    unable: dict[Name, list[str]] = Field(
-        default_factory=dict,
-        description="Tasks that a learner cannot be run on: `all`, `any` and `most` pass them over.",
+    unable: dict[Name, list[str]] = named(
+        "Tasks that a learner cannot be run on: `all`, `any` and `most` pass them over."
     )
     entries: dict[Name, FindingEntry] = Field(description="The findings, by name.")
 

@@ -35,6 +35,9 @@ from taskspec.task.schema.typed import (
     Strict,
     Warned,
     fail,
+    listed,
+    named,
+    optional,
 )
 from taskspec.task.schema.values import Problem
 
@@ -51,7 +54,7 @@ class Source(Strict):
     """A source of the task."""
 
     key: str = Field(description="Key of the bibliography entry.")
-    where: str | None = Field(None, description="Sections, pages or names in the source.")
+    where: str | None = optional("Sections, pages or names in the source.")
 
 
 class Erratum(Strict):
@@ -59,9 +62,9 @@ class Erratum(Strict):
 
     source: str = Field(description="What the source says, and where.")
     here: str = Field(description="What this spec does instead.")
-    because: str | None = Field(None, description="Why.")
-    about: list[Changeable] | None = Field(
-        None, description="The section, or sections, in which this spec differs: `[reward, horizon]`."
+    because: str | None = optional("Why.")
+    about: list[Changeable] | None = optional(
+        "The section, or sections, in which this spec differs: `[reward, horizon]`."
     )
 
 
@@ -69,24 +72,21 @@ class ClaimEntry(Strict):
     """A statement about exact results that must hold."""
 
     claim: str = Field(description="A condition over exact results: `optimal_return == 1`.")
-    for_: Grid = Field(
-        None,
+    for_: Grid = optional(
+        "Parameter values to check it for: `[{L: 3}, {L: 5}]`, or a grid, `{L: [1, 2, 5]}`. Without it: defaults.",
         alias="for",
-        description="Parameter values to check it for: `[{L: 3}, {L: 5}]`, or a grid, `{L: [1, 2, 5]}`. Without it: defaults.",
     )
-    under: str | None = Field(None, description="The decision model it is about: `soft(1)`.")
-    where: str | None = Field(None, description="Where the source states it.")
-    tolerance: float | None = Field(
-        None, ge=0, allow_inf_nan=False, description="How far apart two equal numbers may be."
-    )
-    episodes: int | None = Field(None, ge=1, description="How many episodes to simulate, when there is no exact model.")
+    under: str | None = optional("The decision model it is about: `soft(1)`.")
+    where: str | None = optional("Where the source states it.")
+    tolerance: float | None = optional("How far apart two equal numbers may be.", ge=0, allow_inf_nan=False)
+    episodes: int | None = optional("How many episodes to simulate, when there is no exact model.", ge=1)
 
 
 class ChangedClaims(Strict):
     """The claims of what a variant is based on, without some, and with others."""
 
-    drop: list[str] | None = Field(None, description="Claims that do not hold any more, as they are written there.")
-    add: list[Annotated[ClaimEntry, Shorthand("claim")]] | None = Field(None, description="Claims that hold besides.")
+    drop: list[str] | None = optional("Claims that do not hold any more, as they are written there.")
+    add: list[Annotated[ClaimEntry, Shorthand("claim")]] | None = optional("Claims that hold besides.")
 
 
 FOLLOWS = ("initial", "next", "reward", "terminal", "truncated", "observation", "expert")
@@ -98,26 +98,26 @@ class ExampleEntry(Strict):
 
     model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": [key]} for key in FOLLOWS]})
 
-    doc: str | None = Field(None, description="What it shows, in a few words.")
-    for_: Grid = Field(
-        None, alias="for", description="Parameter values that it is about: `[{L: 2}]`, or a grid. Without it: defaults."
+    doc: str | None = optional("What it shows, in a few words.")
+    for_: Grid = optional(
+        "Parameter values that it is about: `[{L: 2}]`, or a grid. Without it: defaults.", alias="for"
     )
-    state: dict[Name, Expression] | None = Field(None, description="The state, as far as what follows depends on it.")
-    action: dict[Name, Expression] | None = Field(None, description="The action, as far as what follows depends on it.")
-    t: int | None = Field(None, ge=0, description="How many steps were taken before; 0 unless given.")
-    initial: dict[Name, Expression] | None = Field(
-        None, description="The first state, or some of it; state and action are left out then."
+    state: dict[Name, Expression] | None = optional("The state, as far as what follows depends on it.")
+    action: dict[Name, Expression] | None = optional("The action, as far as what follows depends on it.")
+    t: int | None = optional("How many steps were taken before; 0 unless given.", ge=0)
+    initial: dict[Name, Expression] | None = optional(
+        "The first state, or some of it; state and action are left out then."
     )
-    next: dict[Name, Expression] | None = Field(None, description="The next state, or some of it.")
-    reward: Expression | None = Field(None, description="The reward of the step.")
-    terminal: Expression | None = Field(None, description="Whether the step ends the episode.")
-    truncated: bool | None = Field(None, description="Whether the horizon is reached with it.")
-    observation: dict[Name, Expression] | None = Field(
-        None, description="What the agent sees: in the next state where there is an action, else in the state."
+    next: dict[Name, Expression] | None = optional("The next state, or some of it.")
+    reward: Expression | None = optional("The reward of the step.")
+    terminal: Expression | None = optional("Whether the step ends the episode.")
+    truncated: bool | None = optional("Whether the horizon is reached with it.")
+    observation: dict[Name, Expression] | None = optional(
+        "What the agent sees: in the next state where there is an action, else in the state."
     )
-    expert: dict[Name, Expression] | None = Field(None, description="What the expert does in the state.")
-    probability: Expression | None = Field(
-        None, description="The joint probability of all this. Without it: 1, or as the distributions say."
+    expert: dict[Name, Expression] | None = optional("What the expert does in the state.")
+    probability: Expression | None = optional(
+        "The joint probability of all this. Without it: 1, or as the distributions say."
     )
 
     @model_validator(mode="after")
@@ -145,11 +145,11 @@ class Roles(Strict):
 class Highlight(Strict):
     """Colours by what they are for."""
 
-    good: Expression | None = Field(None, description="States that are aimed at.")
-    bad: Expression | None = Field(None, description="States that are to be avoided.")
-    end: Expression | None = Field(None, description="States in which episodes end.")
-    first: Expression | None = Field(None, description="A part of the vector.")
-    second: Expression | None = Field(None, description="Another part of the vector.")
+    good: Expression | None = optional("States that are aimed at.")
+    bad: Expression | None = optional("States that are to be avoided.")
+    end: Expression | None = optional("States in which episodes end.")
+    first: Expression | None = optional("A part of the vector.")
+    second: Expression | None = optional("Another part of the vector.")
 
 
 if TYPE_CHECKING:
@@ -162,20 +162,16 @@ class FigureEntry(Strict):
     """The figure of the task; the other keys depend on the kind."""
 
     kind: FigureKindName = Field(description="Kind of figure.")
-    at: Expression | None = Field(
-        None, description="Column and row on a grid, a point beside a curve, or the two numbers of a portrait."
+    at: Expression | None = optional(
+        "Column and row on a grid, a point beside a curve, or the two numbers of a portrait."
     )
-    map: str | None = Field(None, description="The constant that is a grid's map.")
-    objects: dict[str, Expression] | None = Field(
-        None, description="What else is on a grid, as `word: place`; what lies outside is not drawn."
+    map: str | None = optional("The constant that is a grid's map.")
+    objects: dict[str, Expression] | None = optional(
+        "What else is on a grid, as `word: place`; what lies outside is not drawn."
     )
-    curve: Expression | None = Field(None, description="A function of the first of `at`.")
-    values: Expression | None = Field(
-        None, description="The vector that bars show, the angles of an arm, or what a series shows."
-    )
-    highlight: Highlight | None = Field(
-        None, description="Colours of states for which a condition holds, or of parts of a vector."
-    )
+    curve: Expression | None = optional("A function of the first of `at`.")
+    values: Expression | None = optional("The vector that bars show, the angles of an arm, or what a series shows.")
+    highlight: Highlight | None = optional("Colours of states for which a condition holds, or of parts of a vector.")
 
 
 class AbstractionEntry(Strict):
@@ -183,26 +179,24 @@ class AbstractionEntry(Strict):
 
     state: dict[Name, ComponentEntry] = Field(description="Components of the abstract state.")
     map: dict[Name, Expression] = Field(description="Each of them as a function of the state.")
-    initial: dict[Name, Expression] | None = Field(None, description="Their initial values.")
-    dynamics: dict[Primed, Expression] | None = Field(
-        None, description="Their next values, where the task's own dynamics do not apply to them."
+    initial: dict[Name, Expression] | None = optional("Their initial values.")
+    dynamics: dict[Primed, Expression] | None = optional(
+        "Their next values, where the task's own dynamics do not apply to them."
     )
-    reward: Expression | None = Field(None, description="The reward in terms of them.")
-    terminal: Expression | None = Field(None, description="The end in terms of them.")
-    expert: Expert = Field(None, description="The expert in terms of them.")
+    reward: Expression | None = optional("The reward in terms of them.")
+    terminal: Expression | None = optional("The end in terms of them.")
+    expert: Expert = optional("The expert in terms of them.")
 
 
 class SymmetryEntry(Strict):
     """Another way to see and to steer the task, in which every policy has one that earns the same."""
 
-    doc: str | None = Field(None, description="What is exchanged or turned, in a few words.")
-    observation: dict[Name, Expression] | None = Field(
-        None,
-        description="What is seen then, as a function of the task's observation. What is neither named nor used stays.",
+    doc: str | None = optional("What is exchanged or turned, in a few words.")
+    observation: dict[Name, Expression] | None = optional(
+        "What is seen then, as a function of the task's observation. What is neither named nor used stays."
     )
-    action: dict[Name, Expression] | None = Field(
-        None,
-        description="The action that then has the effect of the task's action. Components that are not named stay.",
+    action: dict[Name, Expression] | None = optional(
+        "The action that then has the effect of the task's action. Components that are not named stay."
     )
 
     @model_validator(mode="after")
@@ -215,84 +209,60 @@ class SymmetryEntry(Strict):
 class Sections(Strict):
     """The sections that a variant may override."""
 
-    title: str | None = Field(None, description="A heading for the task.")
-    summary: str | None = Field(None, description="One sentence on the task.")
-    description: str | None = Field(None, description="Markdown with $math$.")
-    capability: str | None = Field(None, description="The one skill that the task isolates.")
-    sources: list[Annotated[Source, Shorthand("key")]] = Field(
-        default_factory=list, description="Where the task comes from."
-    )
-    errata: list[Erratum] = Field(
-        default_factory=list, description="Where the source is wrong, and what this spec does."
-    )
+    title: str | None = optional("A heading for the task.")
+    summary: str | None = optional("One sentence on the task.")
+    description: str | None = optional("Markdown with $math$.")
+    capability: str | None = optional("The one skill that the task isolates.")
+    sources: list[Annotated[Source, Shorthand("key")]] = listed("Where the task comes from.")
+    errata: list[Erratum] = listed("Where the source is wrong, and what this spec does.")
     version: int = Field(0, ge=0, description="Version in the environment's id: `-v0`.")
     parameters: Parameters = Field(
         default_factory=Parameters, description="Parameters with defaults, bounds and descriptions."
     )
-    constants: dict[Name, Constant] = Field(
-        default_factory=dict,
-        description="Fixed values and arrays, which may depend on parameters, or be drawn once per instance.",
+    constants: dict[Name, Constant] = named(
+        "Fixed values and arrays, which may depend on parameters, or be drawn once per instance."
     )
-    definitions: dict[Defined, Expression] = Field(
-        default_factory=dict, description='Named expressions, and functions such as `"p(x)"`. No draws inside.'
+    definitions: dict[Defined, Expression] = named(
+        'Named expressions, and functions such as `"p(x)"`. No draws inside.'
     )
-    noise: dict[Name, Expression] = Field(
-        default_factory=dict, description="Named draws, made once per step, or reset, and shared by all uses."
+    noise: dict[Name, Expression] = named("Named draws, made once per step, or reset, and shared by all uses.")
+    state: dict[Name, ComponentEntry] = named("The components of the state.")
+    action: dict[Name, ComponentEntry] = named("The components of the action.")
+    legal: Expression = optional(
+        "Condition over state and action that says which actions may be taken; all, without it."
     )
-    state: dict[Name, ComponentEntry] = Field(default_factory=dict, description="The components of the state.")
-    action: dict[Name, ComponentEntry] = Field(default_factory=dict, description="The components of the action.")
-    legal: Expression = Field(
-        None, description="Condition over state and action that says which actions may be taken; all, without it."
+    observation: Observation = named(
+        "What the agent sees, as `name: expression`, which may draw. Without it: the state. "
+        "The key `space` chooses the kind of space."
     )
-    observation: Observation = Field(
-        default_factory=dict,
-        description="What the agent sees, as `name: expression`, which may draw. Without it: the "
-        "state. The key `space` chooses the kind of space.",
-    )
-    horizon: Horizon = Field(None, description="Steps until an episode is truncated, or `none`.")
-    terminal: Expression = Field(
-        None, description="Condition that ends the episode, over state, action and next state."
-    )
+    horizon: Horizon = optional("Steps until an episode is truncated, or `none`.")
+    terminal: Expression = optional("Condition that ends the episode, over state, action and next state.")
     discount: Expression = Field(1, description="Discount factor; 1 unless given.")
-    initial: dict[Name, Expression] = Field(
-        default_factory=dict, description="Initial value of each state component; later lines may use earlier ones."
+    initial: dict[Name, Expression] = named("Initial value of each state component; later lines may use earlier ones.")
+    dynamics: dict[Primed, Expression] = named(
+        "Next value of each state component: `s': s + 1`. Those not named do not change."
     )
-    dynamics: dict[Primed, Expression] = Field(
-        default_factory=dict,
-        description="Next value of each state component: `s': s + 1`. Those not named do not change.",
-    )
-    reward: Expression = Field(None, description="Reward of a step; `s` is the state left, `s'` the state reached.")
+    reward: Expression = optional("Reward of a step; `s` is the state left, `s'` the state reached.")
     absorbing_reward: Expression = Field(0, description="Reward per step after the end, when terminal states absorb.")
-    measures: dict[Name, Measure] = Field(
-        default_factory=dict,
-        description="Named quantities beside the reward, written like it: costs, hidden performance.",
+    measures: dict[Name, Measure] = named(
+        "Named quantities beside the reward, written like it: costs, hidden performance."
     )
-    expert: Expert = Field(None, description="Action of the expert, per component; or `optimal`; or `soft(beta)`.")
-    memory: dict[Name, MemoryEntry] = Field(
-        default_factory=dict, description="What the expert remembers of what it sees and does, apart from the state."
+    expert: Expert = optional("Action of the expert, per component; or `optimal`; or `soft(beta)`.")
+    memory: dict[Name, MemoryEntry] = named("What the expert remembers of what it sees and does, apart from the state.")
+    info: list[Literal["old_state", "new_state"]] = listed(
+        "What the info of a step holds: `old_state`, the state left, and `new_state`, the state reached."
     )
-    info: list[Literal["old_state", "new_state"]] = Field(
-        default_factory=list,
-        description="What the info of a step holds: `old_state`, the state left, and `new_state`, the state reached.",
+    roles: Roles | None = optional("Which variants expert and learner act in.")
+    claims: list[Annotated[ClaimEntry, Shorthand("claim")]] = listed("Statements about exact results that must hold.")
+    examples: list[ExampleEntry] = listed("Worked examples: a state, an action, what follows.")
+    accept: dict[Warned, Reason] = named("Warnings that are meant to be, by code, each with the reason.")
+    abstraction: AbstractionEntry | None = optional(
+        "A finite substitute for a continuous state, to solve the task exactly."
     )
-    roles: Roles | None = Field(None, description="Which variants expert and learner act in.")
-    claims: list[Annotated[ClaimEntry, Shorthand("claim")]] = Field(
-        default_factory=list, description="Statements about exact results that must hold."
+    symmetries: dict[Name, SymmetryEntry] = named(
+        "Other ways to see and to steer the task, by name, for the modifier `symmetry`."
     )
-    examples: list[ExampleEntry] = Field(
-        default_factory=list, description="Worked examples: a state, an action, what follows."
-    )
-    accept: dict[Warned, Reason] = Field(
-        default_factory=dict, description="Warnings that are meant to be, by code, each with the reason."
-    )
-    abstraction: AbstractionEntry | None = Field(
-        None, description="A finite substitute for a continuous state, to solve the task exactly."
-    )
-    symmetries: dict[Name, SymmetryEntry] = Field(
-        default_factory=dict,
-        description="Other ways to see and to steer the task, by name, for the modifier `symmetry`.",
-    )
-    figure: FigureEntry | None = Field(None, description="How to draw the task.")
+    figure: FigureEntry | None = optional("How to draw the task.")
 
 
 # The whole spec, with its variants: the same sections and keys, with nothing required.
@@ -337,7 +307,7 @@ class PartialParameters(BaseModel):
     model_config = ConfigDict(strict=True, extra="allow", frozen=True, defer_build=True)
     __pydantic_extra__: dict[str, PartialParameter | None]  # type: ignore[valid-type]
 
-    require: list[Requirement] | None = Field(None, description="Conditions across parameters, each with its message.")
+    require: list[Requirement] | None = optional("Conditions across parameters, each with its message.")
 
     @model_validator(mode="after")
     def _check(self) -> PartialParameters:
@@ -355,16 +325,10 @@ Claims = Annotated[
 Variant = _partial(
     Sections,
     "Variant",
-    observation=(PartialObservation | None, Field(None, description=Sections.model_fields["observation"].description)),
-    claims=(
-        Claims | None,
-        Field(None, description="Other claims; or those of what it is based on, `{drop: [...], add: [...]}`."),
-    ),
-    extends=(
-        str | None,
-        Field(None, description="The file of another spec to start from, relative to this one: `../grid.yaml`."),
-    ),
-    base=(str | None, Field(None, description="The variant to start from. Without it: the spec itself.")),
+    observation=(PartialObservation | None, optional(str(Sections.model_fields["observation"].description))),
+    claims=(Claims | None, optional("Other claims; or those of what it is based on, `{drop: [...], add: [...]}`.")),
+    extends=(str | None, optional("The file of another spec to start from, relative to this one: `../grid.yaml`.")),
+    base=(str | None, optional("The variant to start from. Without it: the spec itself.")),
 )
 
 

@@ -27,6 +27,21 @@ PROBLEMS = "taskspec_problems"
 FORM = "x-form"  # pydantic follows every `$ref` it meets, so forms are linked afterwards
 
 
+def optional(description: str, **rules: Any) -> Any:
+    """Return a key that may be left out, with its description and further rules of pydantic."""
+    return Field(None, description=description, **rules)
+
+
+def listed(description: str) -> Any:
+    """Return a key with a list, empty where it is left out."""
+    return Field(default_factory=list, description=description)
+
+
+def named(description: str) -> Any:
+    """Return a key with named entries, none where it is left out."""
+    return Field(default_factory=dict, description=description)
+
+
 def fail(problems: list[Problem]) -> None:
     """Report problems, if there are any, through pydantic: it adds where in the spec they are."""
     if problems:
@@ -122,15 +137,13 @@ class Strict(BaseModel):
 class Typed(Strict):
     """The keys that parameters and components share."""
 
-    low: Bound = Field(None, description="Smallest value, included. Without it: no bound.")
-    high: Bound = Field(None, description="Largest value, included. Without it: no bound.")
-    values: Labels = Field(
-        None,
-        description="For a choice: its labels, or a mapping from each label to the number or "
-        "vector it stands for in arithmetic.",
+    low: Bound = optional("Smallest value, included. Without it: no bound.")
+    high: Bound = optional("Largest value, included. Without it: no bound.")
+    values: Labels = optional(
+        "For a choice: its labels, or a mapping from each label to the number or vector it stands for in arithmetic."
     )
-    symbol: str | None = Field(None, description="How to print it, in LaTeX: `c_0`, `\\beta`.")
-    doc: str | None = Field(None, description="What it is, in a few words.")
+    symbol: str | None = optional("How to print it, in LaTeX: `c_0`, `\\beta`.")
+    doc: str | None = optional("What it is, in a few words.")
 
 
 EXCLUDED = {
@@ -170,7 +183,7 @@ class ParameterEntry(Typed):
 
     type: Kind = Field(description="What kind of value: int, real, bool, or choice (a label).")
     default: Setting = Field(description="The value when none is given.")
-    alias: Name | None = Field(None, description="Another name under which callers may give it.")
+    alias: Name | None = optional("Another name under which callers may give it.")
 
     @model_validator(mode="after")
     def _check(self) -> ParameterEntry:
@@ -184,10 +197,8 @@ class ComponentEntry(Typed):
     model_config = ConfigDict(json_schema_extra=_rules(_component_rule))
 
     type: Kind = Field(description="What kind of value: int, real, bool, or choice (a label).")
-    shape: Shape = Field(None, description="Lengths of a vector or matrix: `[L]`, `[2, 2]`. Without it: one number.")
-    symbols: list[str] | None = Field(
-        None, description="For a choice: how to print its labels in LaTeX, in the same order."
-    )
+    shape: Shape = optional("Lengths of a vector or matrix: `[L]`, `[2, 2]`. Without it: one number.")
+    symbols: list[str] | None = optional("For a choice: how to print its labels in LaTeX, in the same order.")
 
     @model_validator(mode="after")
     def _check(self) -> ComponentEntry:
@@ -257,9 +268,7 @@ class Parameters(BaseModel):
     model_config = ConfigDict(strict=True, extra="allow", frozen=True, defer_build=True)
     __pydantic_extra__: dict[str, ParameterEntry]
 
-    require: list[Requirement] = Field(
-        default_factory=list, description="Conditions across parameters, each with its message."
-    )
+    require: list[Requirement] = listed("Conditions across parameters, each with its message.")
 
     @property
     def entries(self) -> Mapping[str, ParameterEntry]:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from taskspec.exam import Exam, examine, read
-from taskspec.exam.findings import diagnose
+from taskspec.exam import Case, Exam, examine
+from taskspec.exam.findings import new_diagnoses
 from taskspec.exam.flags import flags
 from taskspec.exam.learned import explanations, learned_flags
 from taskspec.policies.files import function_of
@@ -28,30 +29,38 @@ SEEDS = 6
 TRANSITIONS = 2_000
 OF_BASELINES, OF_BUGS = 21000, 22000
 """The first seeds of right versions, and of learners with mistakes."""
-OF_RIGHT_ONES = tuple(range(23000, 31000, 1000))
-"""The first seeds of right versions, again."""
+OF_RIGHT_ONES = range(23000, 123000, 1000)
+"""The first seeds of right versions, again: each exam is compared with the one before it."""
 PARTS = ("old tasks", "probes", "values", "fingerprints")
 
 
 @dataclass(frozen=True)
 class Terms:
-    """The exam of a learner: its steps, its tasks of DERAIL, its twins, and whether the repository has its results."""
+    """The exam of a learner.
+
+    Attributes:
+        steps: of each training run.
+        tasks: those of DERAIL; the probes come with them.
+        is_shipped: whether the repository has its results.
+        right: exams of the right version, beside the one that those with mistakes are compared with.
+    """
 
     steps: int
     tasks: tuple[str, ...] = FINITE
     twins: int = 1
     is_shipped: bool = True
+    right: int = 7
 
 
 TERMS = {
-    "q_learning": Terms(3_000),
-    "bc": Terms(1_000, (*FINITE, "LargestSum")),
-    "ppo": Terms(32_000),
-    "gail": Terms(25_600),
-    "drlhp": Terms(19_200),
-    "replay": Terms(4_000, twins=0, is_shipped=False),
-    "actor_critic": Terms(12_800, (), twins=0, is_shipped=False),
-    "traces": Terms(3_000, (), twins=0, is_shipped=False),
+    "q_learning": Terms(3_000, right=40),
+    "bc": Terms(1_000, (*FINITE, "LargestSum"), right=40),
+    "ppo": Terms(32_000, twins=0),
+    "gail": Terms(25_600, twins=0),
+    "drlhp": Terms(19_200, twins=0, right=6),
+    "replay": Terms(4_000, twins=0, is_shipped=False, right=50),
+    "actor_critic": Terms(12_800, (), twins=0, is_shipped=False, right=50),
+    "traces": Terms(3_000, (), twins=0, is_shipped=False, right=100),
 }
 
 
@@ -66,8 +75,8 @@ class Found:
     """
 
     flagged: dict[str, list[str]]
-    named: tuple[str, ...]
-    told: tuple[str, ...]
+    named: Sequence[str]
+    told: Sequence[str]
 
     @property
     def is_flagged(self) -> bool:
@@ -90,7 +99,7 @@ class Found:
 def examined(learner: str, train: Any, first: int, folder: Path, shipped: bool = False) -> Exam:
     """Return the exam of a learner on seeds from `first` on. One that was held before is read again."""
     if (folder / "exam.json").exists():
-        return Tables.read(folder).explained(read(folder))
+        return Tables.explained(folder)
     terms = TERMS[learner]
     tables = Tables()
     tasks = tuple(f"derail/{task}" for task in terms.tasks)
@@ -98,33 +107,26 @@ def examined(learner: str, train: Any, first: int, folder: Path, shipped: bool =
         tasks += tuple(f"probes/{task}" for task in PROBES)
     exam = examine(
         tables.keeping(train), suite="derail" if shipped else "probes", tasks=tasks, seeds=range(first, first + SEEDS),
-        steps=terms.steps, transitions=TRANSITIONS, twins=terms.twins, out=folder,
+        steps=terms.steps, transitions=TRANSITIONS, twins=1 if shipped else terms.twins,
     )  # fmt: skip
-    tables.write(folder)
+    tables.write(folder, exam)
     return exam
-
-
-def is_held(name: str) -> bool:
-    """Return whether an exam was held before."""
-    return (BUILD / content() / name / "exam.json").exists()
 
 
 def shipped(learner: str) -> Exam:
     """Return the exam of a right version on the tasks of DERAIL, which the repository has."""
-    folder = BUILD / content() / f"{learner}-shipped"
-    return examined(learner, function_of(f"{LEARNERS / learner}.py:train"), OF_BASELINES, folder, True)
+    return examined(learner, _right_version(learner), OF_BASELINES, _folder(learner, "shipped"), True)
 
 
 @cache
 def right(learner: str, first: int) -> Exam:
     """Return the exam of a right version."""
-    folder = BUILD / content() / f"{learner}-right-{first}"
-    return examined(learner, function_of(f"{LEARNERS / learner}.py:train"), first, folder)
+    return examined(learner, _right_version(learner), first, _folder(learner, f"right-{first}"))
 
 
 def wrong(bug: Bug) -> Exam:
     """Return the exam of a learner with a mistake."""
-    folder = BUILD / content() / f"{bug.learner}-{bug.name}"
+    folder = _folder(bug.learner, bug.name)
     path = folder / f"{bug.learner}.py"
     folder.mkdir(parents=True, exist_ok=True)
     if not path.exists() or path.read_text(encoding="utf-8") != bug.source():
@@ -133,9 +135,16 @@ def wrong(bug: Bug) -> Exam:
     return examined(bug.learner, function_of(f"{path}:train"), OF_BUGS, folder)
 
 
-def found(exam: Exam, learner: str) -> Found:
-    """Return what an exam flags against the right version."""
-    baseline = right(learner, OF_BASELINES)
+def _folder(learner: str, name: str) -> Path:
+    return BUILD / f"{learner}-{content(learner)}" / name
+
+
+def _right_version(learner: str) -> Callable[[Case], Any]:
+    return function_of(f"{LEARNERS / learner}.py:train")
+
+
+def found(exam: Exam, baseline: Exam) -> Found:
+    """Return what an exam flags against that of the right version."""
     flagged: dict[str, list[str]] = {part: [] for part in PARTS}
     for flag in flags(exam["tasks"], exam["scores"], baseline):
         part = _part(flag["kind"], flag["task"])
@@ -143,11 +152,22 @@ def found(exam: Exam, learner: str) -> Found:
     flagged["fingerprints"] += [flag["kind"] for flag in learned_flags(exam["scores"])]
     told = [flag["kind"] for flag in exam["flags"]]
     for suite, part in (("derail", "old tasks"), ("probes", "probes")):
-        new = [name for name in _diagnoses(exam, suite) if name not in _diagnoses(baseline, suite)]
+        new = [each["name"] for each in new_diagnoses(_on(exam, suite), _on(baseline, suite), suite)]
         flagged[part] += [f"`{name}`" for name in new]
         told += new
     named = [name for each in explanations(exam["scores"]) if each.is_mistake for name in each.names]
     return Found(flagged, tuple(named), tuple(told))
+
+
+def of_bug(bug: Bug) -> Found:
+    """Return what the exam of a learner with a mistake finds."""
+    return found(wrong(bug), right(bug.learner, OF_BASELINES))
+
+
+def of_right(learner: str, number: int) -> Found:
+    """Return what an exam of the right version finds against another one."""
+    before = OF_RIGHT_ONES[number - 1] if number else OF_BASELINES
+    return found(right(learner, OF_RIGHT_ONES[number]), right(learner, before))
 
 
 def _part(kind: str, task: str) -> str:
@@ -162,12 +182,27 @@ def _short(task: str) -> str:
     return task.rpartition("/")[2].removesuffix("-v0")
 
 
-def _diagnoses(exam: Exam, suite: str) -> list[str]:
-    own = {name: about for name, about in exam["tasks"].items() if name.startswith(f"{suite}/")}
-    scores = [score for score in exam["scores"] if score["task"] in own]
-    return [str(each["name"]) for each in diagnose({**exam, "tasks": own, "scores": scores}, suite)]
+def _on(exam: Exam, suite: str) -> Exam:
+    """Return the part of an exam that is about the tasks of a suite."""
+    tasks = {name: about for name, about in exam["tasks"].items() if name.startswith(f"{suite}/")}
+    scores = [score for score in exam["scores"] if score["task"] in tasks]
+    return {**exam, "tasks": tasks, "scores": scores}
 
 
-def chosen(all_: Iterable[Bug], learners: Sequence[str]) -> list[Bug]:
-    """Return the mistakes of some learners."""
-    return [bug for bug in all_ if bug.learner in learners]
+# -- results, which the page is made of -------------------------------------------------------------------------------
+
+RESULTS = Path(__file__).parent / "results.json"
+
+
+def results() -> dict[str, Found]:
+    """Return what exams found so far: by `learner name` of a mistake, or `learner first` of seeds of a right version."""
+    if not RESULTS.exists():
+        return {}
+    return {name: Found(**known) for name, known in json.loads(RESULTS.read_text(encoding="utf-8")).items()}
+
+
+def store(name: str, one: Found) -> None:
+    """Add a result to those that are kept."""
+    known = {**results(), name: one}
+    rows = [f" {json.dumps(name)}: {json.dumps(vars(known[name]))}" for name in sorted(known)]
+    RESULTS.write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8")

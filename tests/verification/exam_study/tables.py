@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import wraps
+from functools import cache, wraps
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import taskspec.exam
 from taskspec.exam import Case, Learned
 from taskspec.exam.asked_tasks import exam_id
+from taskspec.exam.case import ExamTerms
 from taskspec.exam.learned import learned_fields
-from taskspec.exam.results import Exam
+from taskspec.exam.results import Exam, read, write
 from taskspec.registry import load
+from taskspec.task.task import Task
 
-NAME = "learned.npz"
+NAME, EXPLAINED = "learned.npz", "explained.txt"
 FIELDS = ("policy", "q", "values", "reward", "discount")
 
 
@@ -26,17 +30,25 @@ class Tables:
 
     arrays: dict[str, Any] = field(default_factory=dict)
 
-    @classmethod
-    def read(cls, folder: Path) -> Tables:
-        """Return the tables of an exam; none where they were not kept."""
-        path = folder / NAME
-        if not path.exists():
-            return cls()
-        with np.load(path) as found:
-            return cls(dict(found))
-
-    def write(self, folder: Path) -> None:
+    def write(self, folder: Path, exam: Exam) -> None:
+        """Write an exam, and the tables of what was learned in it."""
+        folder.mkdir(parents=True, exist_ok=True)
         np.savez_compressed(folder / NAME, **self.arrays)
+        (folder / EXPLAINED).write_text(_explaining())
+        write(exam, folder)
+
+    @classmethod
+    def explained(cls, folder: Path) -> Exam:
+        """Return an exam with the distances of what was learned as they are computed now."""
+        exam = read(folder)
+        known = folder / EXPLAINED
+        if known.exists() and known.read_text() == _explaining():
+            return exam
+        with np.load(folder / NAME) as found:
+            tables = cls(dict(found))
+        exam = tables._explained(exam)
+        tables.write(folder, exam)
+        return exam
 
     def keeping(self, train: Callable[[Case], Any]) -> Callable[[Case], Any]:
         """Return a learner that keeps what it learns, first of the tasks that are not negated."""
@@ -53,16 +65,15 @@ class Tables:
 
         return learner
 
-    def explained(self, exam: Exam) -> Exam:
-        """Return an exam with the distances of what was learned, as they are computed now."""
-        sees_reward = "reward" in exam["learns_from"]
+    def _explained(self, exam: Exam) -> Exam:
         scores = []
         for score in exam["scores"]:
             task = score["task"] if score["twin"] is None else f"{score['task']}+{score['twin']}"
             learned = self._learned(task, score["seed"])
             if learned is not None and score["peek"] is None:
-                now = learned_fields(load(task), learned, sees_reward)
-                score = {**score, "operators": now.get("operators"), "rewards": now.get("rewards")}
+                terms = ExamTerms(exam["steps"], tuple(exam["learns_from"]), exam["transitions"])
+                now = _fields(load(task), learned, score["seed"], terms)
+                score = {**score, **{name: now.get(name) for name in ("operators", "rewards", "pairings")}}
             scores.append(score)
         return {**exam, "scores": scores}
 
@@ -76,6 +87,24 @@ class Tables:
         if found["discount"] is not None:
             found["discount"] = float(found["discount"])
         return Learned(**found)
+
+
+def _fields(task: Task, learned: Learned, seed: int, terms: ExamTerms) -> dict[str, Any]:
+    """Return what `learned_fields` says of what was learned in a case."""
+    shown = None
+    if "demonstrations" in terms.learns_from:
+        shown = Case(task, (seed,), terms).demonstrations
+    return learned_fields(task, learned, "reward" in terms.learns_from, shown)
+
+
+@cache
+def _explaining() -> str:
+    """Return a hash of the files that distances depend on."""
+    found = hashlib.sha256()
+    for path in sorted(Path(taskspec.exam.__file__).parent.glob("*.py")):
+        if path.stem in ("dynamics", "fingerprints", "learned", "operators", "pairings", "starc"):
+            found.update(path.read_bytes())
+    return found.hexdigest()
 
 
 def _tables(case: Case, learned: Any) -> dict[str, Any]:

@@ -250,12 +250,6 @@ def shape(x: float, y: float, half: float, radius: float, fill: Color, shade: fl
     return Box((x - half, y - radius), 2 * half, 2 * radius, fill, round=ROUND, shade=shade)
 
 
-def _sides(item: Circle | Box) -> tuple[float, float, float, float]:
-    if isinstance(item, Circle):
-        return *item.centre, item.radius, item.radius
-    return item.corner[0] + item.width / 2, item.corner[1] + item.height / 2, item.width / 2, item.height / 2
-
-
 def marked(item: Circle | Box, is_written: bool = False, corner: tuple[int, int] = (1, -1)) -> Iterator[Line]:
     """Yield the sign of a good, bad or terminal state: a tick, a cross, or a square.
 
@@ -263,7 +257,11 @@ def marked(item: Circle | Box, is_written: bool = False, corner: tuple[int, int]
     """
     if item.fill not in SIGNS:
         return
-    x, y, half, top = _sides(item)
+    left, upper, right, lower = _extent(item)
+    x = (left + right) / 2
+    y = (upper + lower) / 2
+    half = (right - left) / 2
+    top = (lower - upper) / 2
     if isinstance(item, Circle) or item.round:
         yield from sign(item.fill, (x, y - 0.7 * top), 0.42 * top)
     elif is_written:
