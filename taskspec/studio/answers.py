@@ -35,7 +35,7 @@ from taskspec.scores.returns import Results
 from taskspec.soundness.soundness import examine
 from taskspec.source import Document, read_text
 from taskspec.studio import episodes
-from taskspec.studio.folder import Folder, Refused
+from taskspec.studio.folder import FileRefused, Folder
 from taskspec.task.build import build
 from taskspec.task.merge import merge, variant_names
 from taskspec.task.parts import Claim, Parameter
@@ -95,7 +95,7 @@ def answered(message: bytes, root: Path) -> bytes:
     except SpecError as error:
         first = error.diagnostics[0]
         found = {"ok": False, "message": first.message, "hint": first.hint, "problems": records(error.diagnostics)}
-    except Refused as error:
+    except FileRefused as error:
         found = {"ok": False, "message": str(error), "refused": error.why}
     except Exception as error:  # a mistake of ours, or a message of another form
         traceback.print_exc()

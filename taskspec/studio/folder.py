@@ -24,7 +24,7 @@ DEPTH = 4
 """Folders below one another that are looked into."""
 
 
-class Refused(Exception):
+class FileRefused(Exception):
     """A file was not read or not written; `why` is a word for programs."""
 
     def __init__(self, why: str, message: str) -> None:
@@ -42,7 +42,7 @@ class Folder:
         """Return where a file is; links are followed.
 
         Raises:
-            Refused: it lies outside of the folder.
+            FileRefused: it lies outside of the folder.
         """
         try:
             found = (self.root / path).resolve()
@@ -50,18 +50,18 @@ class Folder:
         except (OSError, ValueError):  # no path at all
             is_inside = False
         if not is_inside:
-            raise Refused("outside", f"'{path}' is not in the folder {self.root.name}")
+            raise FileRefused("outside", f"'{path}' is not in the folder {self.root.name}")
         return found
 
     def spec(self, path: str) -> Path:
         """Return where a spec is or may be written.
 
         Raises:
-            Refused: it lies outside of the folder, or its name is not that of a spec.
+            FileRefused: it lies outside of the folder, or its name is not that of a spec.
         """
         found = self.place(path)
         if found.suffix not in SPECS or found.name.startswith("."):
-            raise Refused("name", f"a spec ends in .yaml, and '{path}' does not")
+            raise FileRefused("name", f"a spec ends in .yaml, and '{path}' does not")
         return found
 
     def files(self, *suffixes: str) -> Iterator[Path]:
@@ -108,13 +108,13 @@ class Folder:
             known: the digest of the text that the page has seen in the file; None for a new file.
 
         Raises:
-            Refused: the file exists although it should be new, or has another text than the page has seen.
+            FileRefused: the file exists although it should be new, or has another text than the page has seen.
         """
         place = self.spec(path)
         if known is None and place.exists():
-            raise Refused("exists", f"'{path}' already exists; it was not changed")
+            raise FileRefused("exists", f"'{path}' already exists; it was not changed")
         if known is not None and (not place.exists() or digest(_text(place)) != known):
-            raise Refused("changed", f"'{path}' was changed by another program; it was not overwritten")
+            raise FileRefused("changed", f"'{path}' was changed by another program; it was not overwritten")
         write_text(place, text, new=known is None)
         return {"path": self.relative(place), "digest": digest(text), "uri": place.as_uri()}
 

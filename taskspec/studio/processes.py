@@ -43,7 +43,7 @@ def start_method() -> BaseContext:
     return context
 
 
-class Lane:
+class Answerer:
     """One kind of questions: one is answered at a time, and of those that wait only the newest is."""
 
     def __init__(self, context: BaseContext, kind: str, folder: Path) -> None:
@@ -126,19 +126,19 @@ class Lane:
         raise NoAnswer(reason)
 
 
-class Lanes:
-    """The lanes of one page, made when they are needed."""
+class Answerers:
+    """The answerers of one page, made when they are needed."""
 
     def __init__(self, context: BaseContext, folder: Path) -> None:
         self._context = context
         self._folder = folder
-        self._lanes: dict[str, Lane] = {}
+        self._answerers: dict[str, Answerer] = {}
 
-    def of(self, kind: str) -> Lane:
-        """Return the lane of a kind of questions."""
-        if kind not in self._lanes:
-            self._lanes[kind] = Lane(self._context, kind, self._folder)
-        return self._lanes[kind]
+    def of(self, kind: str) -> Answerer:
+        """Return the answerer of a kind of questions."""
+        if kind not in self._answerers:
+            self._answerers[kind] = Answerer(self._context, kind, self._folder)
+        return self._answerers[kind]
 
     def warm(self, kinds: Iterable[str]) -> None:
         """Start the processes of some kinds."""
@@ -147,8 +147,8 @@ class Lanes:
 
     def end(self) -> None:
         """End all processes."""
-        for lane in self._lanes.values():
-            lane.end()
+        for answerer in self._answerers.values():
+            answerer.end()
 
 
 def work(connection: Connection, folder: Path) -> None:

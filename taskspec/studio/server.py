@@ -31,8 +31,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from taskspec.base.diagnostics import SpecError, records, spec_error
-from taskspec.studio.folder import SPECS, Folder, Refused, new
-from taskspec.studio.processes import SECONDS, Lanes, NoAnswer, start_method
+from taskspec.studio.folder import SPECS, FileRefused, Folder, new
+from taskspec.studio.processes import SECONDS, Answerers, NoAnswer, start_method
 
 HOST = "127.0.0.1"
 LARGEST = 4_000_000
@@ -155,7 +155,7 @@ def application(studio: Studio) -> ASGIApp:
 
     async def live(page: WebSocket) -> None:
         await page.accept()
-        await Conversation(studio, page, Lanes(context, studio.folder.root)).run()
+        await Conversation(studio, page, Answerers(context, studio.folder.root)).run()
 
     async def language(page: WebSocket) -> None:
         await page.accept()
@@ -177,10 +177,10 @@ def application(studio: Studio) -> ASGIApp:
 class Conversation:
     """The questions of one page, each answered once; those about files here, the others in processes."""
 
-    def __init__(self, studio: Studio, page: WebSocket, lanes: Lanes) -> None:
+    def __init__(self, studio: Studio, page: WebSocket, answerers: Answerers) -> None:
         self._studio = studio
         self._page = page
-        self._lanes = lanes
+        self._answerers = answerers
         self._tasks: set[asyncio.Task[None]] = set()
         folder = studio.folder
         self._files: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
@@ -192,7 +192,7 @@ class Conversation:
 
     async def run(self) -> None:
         """Answer until the page is closed."""
-        self._lanes.warm(("page", "scores"))
+        self._answerers.warm(("page", "scores"))
         try:
             while True:
                 text = await self._page.receive_text()
@@ -202,7 +202,7 @@ class Conversation:
         except (WebSocketDisconnect, KeyError):  # a frame of bytes is no question
             pass
         finally:
-            self._lanes.end()
+            self._answerers.end()
             for task in self._tasks:
                 task.cancel()
 
@@ -224,7 +224,7 @@ class Conversation:
 
     async def _worked_out(self, asked: dict[str, Any], text: str) -> str:
         try:
-            answer = await self._lanes.of(asked["kind"]).ask(text.encode(errors="replace"))
+            answer = await self._answerers.of(asked["kind"]).ask(text.encode(errors="replace"))
         except NoAnswer as error:
             return _refusal(asked, str(error))
         if answer is None:
@@ -234,7 +234,7 @@ class Conversation:
     def _about_files(self, asked: dict[str, Any]) -> str:
         try:
             found = self._files[asked["kind"]](asked)
-        except Refused as error:
+        except FileRefused as error:
             return _refusal(asked, str(error), refused=error.why)
         except SpecError as error:
             return _refusal(asked, error.diagnostics[0].message, problems=records(error.diagnostics))
@@ -258,7 +258,7 @@ async def speak(page: WebSocket) -> None:
     server = editor.new_server()
     outgoing: asyncio.Queue[bytes] = asyncio.Queue()
 
-    class Writer:
+    class FrameWriter:
         def write(self, content: bytes) -> None:
             outgoing.put_nowait(content)
 
@@ -269,7 +269,7 @@ async def speak(page: WebSocket) -> None:
         while True:
             await page.send_text((await outgoing.get()).decode())
 
-    server.protocol.set_writer(Writer(), include_headers=False)
+    server.protocol.set_writer(FrameWriter(), include_headers=False)
     sender = asyncio.create_task(forward())
     try:
         while True:
