@@ -8,7 +8,8 @@ from typing import Any
 from taskspec.analysis.analysis import Analysis
 from taskspec.analysis.cursor import cursor, word_at
 from taskspec.analysis.forms import schemas
-from taskspec.base.diagnostics import CODES, Fix, Origin, Span
+from taskspec.base.codes import codes
+from taskspec.base.diagnostics import Fix, Origin, Span
 from taskspec.base.display import interval, setting
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
@@ -171,7 +172,7 @@ def _of_mistakes(analysis: Analysis, offset: int) -> str | None:
     line = analysis.text.count("\n", 0, offset) + 1
     for found in analysis.diagnostics:
         if found.span is not None and found.span.line == line:
-            code = CODES[found.code]
+            code = codes()[found.code]
             return f"**{code.code}** {code.title}\n\n{code.explanation}"
     return None
 

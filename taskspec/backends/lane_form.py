@@ -10,10 +10,11 @@ import marshal
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from taskspec.backends.source_text import literal, tuple_of
+from taskspec.base.records import dataclass
 from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, walk
 from taskspec.lang.operators import OPERATORS, Elements, Operator, entry_of
@@ -36,7 +37,7 @@ class LaneValue:
     packed: str | None = None
 
 
-@dataclass
+@dataclass()
 class LaneEmitter:
     """Emits statements for nodes; subclasses do for other targets.
 

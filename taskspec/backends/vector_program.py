@@ -101,20 +101,14 @@ class Buffers:
         that a cache has for such addresses, and a loop over many of them takes three times as long.
         """
         return cls(
-            seeds=np.zeros(lanes, np.uint64),
-            steps=np.zeros(lanes, np.uint32),
-            episodes=np.zeros(lanes, np.uint32),
-            time=np.zeros(lanes, np.int64),
-            running=np.zeros(lanes, np.bool_),
+            seeds=np.zeros(lanes, np.uint64), steps=np.zeros(lanes, np.uint32), episodes=np.zeros(lanes, np.uint32),
+            time=np.zeros(lanes, np.int64), running=np.zeros(lanes, np.bool_),
             state=tuple(_zeros(c.type.shape, lanes, gap, DTYPES[c.type.kind]) for c in task.state),
-            seen=Values.empty(layout, lanes, gap),
-            final=Values.empty(layout, lanes, gap),
-            reward=np.zeros(lanes, np.float64),
-            terminated=np.zeros(lanes, np.bool_),
-            truncated=np.zeros(lanes, np.bool_),
-            ended=np.zeros(lanes, np.bool_),
+            seen=Values.empty(layout, lanes, gap), final=Values.empty(layout, lanes, gap),
+            reward=np.zeros(lanes, np.float64), terminated=np.zeros(lanes, np.bool_),
+            truncated=np.zeros(lanes, np.bool_), ended=np.zeros(lanes, np.bool_),
             measures=tuple(np.zeros(lanes) for _ in task.process.measures),
-        )
+        )  # fmt: skip
 
     @property
     def lanes(self) -> int:

@@ -22,7 +22,8 @@ from pygls.workspace.position_codec import ServerTextPosition, ServerTextRange
 from taskspec.analysis import Analysis, analyse, complete, definition, hover, references, rename
 from taskspec.analysis.tokens import TOKEN_KINDS, tokens
 from taskspec.base import __version__
-from taskspec.base.diagnostics import CODES, Diagnostic, Fix, Span
+from taskspec.base.codes import codes
+from taskspec.base.diagnostics import Diagnostic, Fix, Span
 from taskspec.base.display import setting
 
 _KINDS = {
@@ -352,7 +353,7 @@ def _reported(found: dict[str, Any], document: TextDocument) -> lsp.Diagnostic:
 
 def _as_shown(code: str, place: lsp.Range, message: str, remarks: Iterable[str | None]) -> lsp.Diagnostic:
     text = "\n".join([message, *(remark for remark in remarks if remark)])
-    return lsp.Diagnostic(place, text, severity=_SEVERITIES[CODES[code].severity], code=code, source="taskspec")
+    return lsp.Diagnostic(place, text, severity=_SEVERITIES[codes()[code].severity], code=code, source="taskspec")
 
 
 def _symbol(found: Analysis, path: tuple[str, ...], kind: lsp.SymbolKind, document: TextDocument) -> lsp.DocumentSymbol:

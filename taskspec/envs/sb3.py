@@ -19,11 +19,11 @@ from taskspec.backends import backend_table
 from taskspec.backends.backend_table import BackendName
 from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Options
 from taskspec.base.arrays import part_at
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import need
 from taskspec.envs.options import ActionError, NotRunningError, positive, seed_of, uncopied
-from taskspec.envs.state import RENDER_MODES, LaneView, ask_lane, lane_render_mode, refuse_to_set
+from taskspec.envs.state import RENDER_MODES, LaneView, lane_render_mode, refuse_to_set
 from taskspec.envs.window import Frames
-from taskspec.model.model import misused
 from taskspec.policies.experts import Expert
 from taskspec.registry import load
 from taskspec.task.parts import RenderMode
@@ -48,15 +48,9 @@ class Sb3VecEnv(VecEnv):
     """
 
     def __init__(
-        self,
-        task: TaskLike,
-        num_envs: int,
-        *,
-        seed: int = 0,
-        backend: BackendName = "auto",
-        num_threads: int = 1,
+        self, task: TaskLike, num_envs: int, *, seed: int = 0, backend: BackendName = "auto", num_threads: int = 1,
         render_mode: RenderMode | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.task: Task = load(task)
         num_envs = positive("num_envs", num_envs)
         num_threads = positive("num_threads", num_threads)
@@ -150,7 +144,7 @@ class Sb3VecEnv(VecEnv):
         found = []
         for i in self._get_indices(indices):
             lane = LaneView(self.task, self._engine, i, self.render_mode, self._started, self._drawings[i])
-            found.append(ask_lane(lane, method_name, *args, **kwargs))
+            found.append(lane.ask(method_name, *args, **kwargs))
         return found
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
@@ -182,4 +176,4 @@ class Sb3Expert(BasePolicy):
 
     def _predict(self, observation: Any, deterministic: bool = False) -> Any:
         """Refused (E713): the steps taken so far go through `predict` alone."""
-        misused("an expert is asked with `predict`, which is told how many steps were taken")
+        raise spec_error("E713", "an expert is asked with `predict`, which is told how many steps were taken")

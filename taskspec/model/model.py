@@ -101,7 +101,8 @@ class Model:
     """A finite task as arrays.
 
     `codes` (S,) are the states' codes in `states`, sorted; `start` (S,) their probabilities at the
-    beginning. `steps` has one entry if the time does not matter, else one for each time.
+    beginning. `steps` has one entry if the time does not matter, else one for each time. `given_legal` (A, S) are the legal
+    actions of a model without a spec.
     """
 
     task: Task
@@ -110,6 +111,7 @@ class Model:
     codes: Array
     start: Array
     steps: tuple[Step, ...]
+    given_legal: Array | None = None
 
     @property
     def n_states(self) -> int:
@@ -151,7 +153,7 @@ class Model:
     def legal(self) -> Array | None:
         """The actions (A, S) that policies choose from in each state; None where these are all."""
         if not self.task.mask:
-            return None
+            return self.given_legal
         return choices(self.task, {name: value for (_, name), value in self.states.decode(self.codes).items()})
 
     def among_legal(self, values: Array, other: Any) -> Array:

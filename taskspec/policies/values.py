@@ -291,15 +291,9 @@ class Score:
 
 
 def score(
-    task: TaskLike,
-    policy: Any = None,
-    *,
-    returns: Sequence[float] | None = None,
-    deterministic: bool | None = None,
-    episodes: int = EPISODES,
-    seed: int = 0,
-    known: Scores | None = None,
-) -> Score:
+    task: TaskLike, policy: Any = None, *, returns: Sequence[float] | None = None, deterministic: bool | None = None,
+    episodes: int = EPISODES, seed: int = 0, known: Scores | None = None,
+) -> Score:  # fmt: skip
     """Return the score of a policy, or of the returns of its episodes.
 
     Args:

@@ -8,13 +8,13 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, in_order, raise_if_errors
 from taskspec.base.limits import Limits, limits
-from taskspec.base.records import all_names
+from taskspec.base.records import all_names, dataclass
 from taskspec.lang.check import check_uncalled
 from taskspec.lang.ir import Role, reads
 from taskspec.lang.scope import FunctionDef
@@ -472,10 +472,9 @@ def _error(message: str) -> SpecError:
 
 def _refused(found: Diagnostic, names: Sequence[str]) -> Diagnostic:
     """Return a mistake that there is because parameters are open."""
+    subject = f"all of the parameters {', '.join(names)}"
     if len(names) == 1:
         subject = f"parameter {names[0]}"
-    else:
-        subject = f"all of the parameters {', '.join(names)}"
     why = found.message.partition(":")[0]
     hint = "what decides shapes, counts and bounds is bound when a task is loaded: `load(task, L=5)`"
     return Diagnostic("E713", found.span, f"{subject} cannot differ between lanes: {why}", hint)

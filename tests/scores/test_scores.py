@@ -24,6 +24,7 @@ from taskspec.solve.bounded import Bounded
 from taskspec.task.build import build
 from taskspec.task.legal import with_all_actions
 from tests.benchmarks import exact as benchmark
+from tests.shared.solved import worst
 from tests.shared.specs import spec_file
 from tests.shared.tasks import shipped
 
@@ -310,7 +311,7 @@ def test_compiled_sweeps_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, t
     ):
         model = exact.extract(task)
         found = kernels.extreme_values(Bounded(model), largest)
-        plain = (solve.best if largest else solve.worst)(model)
+        plain = (solve.best if largest else worst)(model)
         assert (np.abs(found.value - plain.value) <= found.error + plain.error).all()
         np.testing.assert_allclose(found.value, plain.value, atol=1e-12)
         np.testing.assert_allclose(plain.error, found.error, rtol=1e-6)

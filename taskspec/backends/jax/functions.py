@@ -212,19 +212,10 @@ class OpenParameters:
         for message, holds in zip(self.messages, self.conditions(*self.values(params)), strict=True):
             known = _known(holds)
             if known is not None and not known.all():
-                raise SpecError([Diagnostic("E704", None, f"{message} ({self._told(params, known)})")])
-
-    def _told(self, params: Any, holds: AnyArray) -> str:
-        """Return the first values for which a condition fails; each lane has values of its own."""
-        found = []
-        for p in self.varying:
-            value = _known(getattr(params, p.name))
-            if value is not None:
-                here = value
-                if value.size == holds.size:
-                    here = value.reshape(-1)[np.argmin(holds)]
-                found.append(f"{p.name}={here}")
-        return ", ".join(found)
+                first = np.argmin(known)
+                values = {p.name: np.asarray(_known(getattr(params, p.name))).reshape(-1) for p in self.varying}
+                told = (f"{name}={value[first % value.size]}" for name, value in values.items())
+                raise spec_error("E704", f"{message} ({', '.join(told)})")
 
 
 @lru_cache(maxsize=256)
@@ -254,9 +245,7 @@ def _params(opened: OpenParameters) -> Any:
 def _refused(name: str, opened: OpenParameters) -> Diagnostic:
     """Return why something cannot be replaced."""
     if name == "max_steps_in_episode":
-        return Diagnostic(
-            "E713", None, "max_steps_in_episode is the horizon of the task", "for another horizon, load another task"
-        )
+        return Diagnostic("E713", None, f"{name} is the horizon of the task", "for another horizon, load another task")
     if name not in opened.bound:
         known = [*all_names(opened.varying), *opened.bound]
         hint = suggest(name, known) or (f"it has {', '.join(known)}" if known else None)
@@ -294,19 +283,12 @@ def _check(parameter: Parameter, value: Any) -> None:
     if known is None:
         return
     given = known.astype(np.float64)
-    low = parameter.low
-    high = parameter.high
-    problem = ""
-    if np.isnan(given).any() or (low is not None and (given < low).any()):
-        problem = "must be a number"
-        if low is not None:
-            problem = f"must be at least {low}"
-    elif high is not None and (given > high).any():
-        problem = f"must be at most {high}"
-    elif parameter.kind == "int" and (given != np.rint(given)).any():
-        problem = "must be an int"
-    if problem:
-        raise spec_error("E703", f"parameter {parameter.name} {problem}, not {known}")
+    low = -math.inf if parameter.low is None else parameter.low
+    high = math.inf if parameter.high is None else parameter.high
+    is_whole = parameter.kind != "int" or (given == np.rint(given)).all()
+    if not (is_whole and ((given >= low) & (given <= high)).all()):
+        kind = "an int" if parameter.kind == "int" else "a number"
+        raise spec_error("E703", f"parameter {parameter.name} must be {kind} between {low} and {high}, not {known}")
 
 
 class Functional:

@@ -85,12 +85,9 @@ def _held(name: str, type_: Type) -> LaneValue:
 
 
 def _lane(
-    parts: Parts,
-    phase: Phase | None,
-    states: Sequence[str],
-    actions: Sequence[LaneValue],
+    parts: Parts, phase: Phase | None, states: Sequence[str], actions: Sequence[LaneValue],
     constants: dict[str, Any],
-) -> LaneEmitter:
+) -> LaneEmitter:  # fmt: skip
     """Return an emitter that knows the state, the action, the time, what is hoisted and what is invariant."""
     task = parts.task
     names = {(Role.TIME, "t"): LaneValue(["t"])}
