@@ -135,8 +135,7 @@ def _applied(
     checker: BaseChecker, function: FunctionDef, expr: s.Call, given: list[Value], want: Domain | None = None
 ) -> Value:
     """Return a definition with these values for its arguments."""
-    leave = function.enter(expr)
-    try:
+    with function.enter(expr):
         for name, value in zip(function.arguments, given, strict=True):
             axes = len(types.shape(value.node.type, value.domain))
             known = checker.argument_axes.get((function.name, name), 0)
@@ -144,8 +143,6 @@ def _applied(
         inner = function.scope.child(dict(zip(function.arguments, given, strict=True)))
         inner.draws = NO_DRAWS
         return checker.value(function.body, inner, want)
-    finally:
-        leave()
 
 
 def _fold(checker: BaseChecker, expr: s.Call, scope: Scope) -> Value:
@@ -305,10 +302,9 @@ def subscript(checker: BaseChecker, expr: s.Subscript, scope: Scope) -> Node:
     b = checker.builder
     node = checker.numeric(expr.value, scope)
     if len(expr.indices) > len(node.type.shape):
+        what = f"a vector of {len(node.type.shape)} axis"
         if node.type.is_scalar:
             what = "a single value"
-        else:
-            what = f"a vector of {len(node.type.shape)} axis"
         checker.fail("E307", expr, f"{what} cannot take {len(expr.indices)} indices")
     if len(expr.indices) > 1:
         return _block(checker, node, expr, scope)

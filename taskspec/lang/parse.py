@@ -75,14 +75,14 @@ def explain(value: str, error: Exception) -> NoReturn:
         said = f"'{product[0]}' is neither a number nor a name"
         advised = Advice(f"a product is written `{written}`", product[0], written)
         raise SyntaxFailure(product.start(), product.end(), said, advised)
-    hint = None
+    hint = ""
     if message.startswith("invalid ") and value[start] in _CHARACTERS:
         hint = _of_character(value, start)
     elif message.startswith("expected 'else'") or value.startswith(("if ", "if(")):
         hint = "write `x if condition else y`"
     if message.startswith("invalid syntax"):
         message = "this cannot be read as an expression"
-    raise SyntaxFailure(start, max(end, start + 1), message, hint)
+    raise SyntaxFailure(start, max(end, start + 1), message, hint or None)
 
 
 def _refuse_operators(value: str) -> None:

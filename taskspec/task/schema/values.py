@@ -197,10 +197,9 @@ def reason(text: str) -> Iterator[Problem]:
 def definition(text: str) -> Iterator[Problem]:
     """Yield a key of `definitions`: a name, or a function with the names of its arguments."""
     function = _FUNCTION.fullmatch(text)
+    arguments = []
     if function:
         arguments = [part.strip() for part in function[2].split(",")]
-    else:
-        arguments = []
     for each in (function[1] if function else text, *arguments):
         yield from name(each)
     if len(set(arguments)) < len(arguments):
