@@ -1,4 +1,4 @@
-"""What a whole check of a text finds: problems, verdicts on claims and exact scores, worked out in a process that can be ended.
+"""The whole check of a text, in a process that can be ended: problems, verdicts on claims and exact scores.
 
 `check` runs this file in a process of its own, which prints one JSON object for each part of the results.
 """
@@ -60,6 +60,8 @@ def results(text: str, name: str) -> Iterator[dict[str, Any]]:
     yield {"problems": records(report.diagnostics), "lenses": claims}
     scores = []
     for each in report.tasks:
+        if each.task is None:
+            continue
         with suppress(SpecError):
             place = ["name"] if each.variant is None else ["variants", each.variant]
             scores.append((place, _words(exact.scores(each.task))))
