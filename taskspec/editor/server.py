@@ -47,7 +47,7 @@ class Server(LanguageServer):
         self.analyses: dict[str, Analysis] = {}
         self.known: dict[str, Analysis] = {}
         """The last analysis of each document in which there were tasks."""
-        self.checked: dict[str, Checked] = {}
+        self.checked: dict[str, LastCheck] = {}
         self.checks: dict[str, asyncio.Task[None]] = {}
 
     def analysis(self, uri: str) -> tuple[Analysis, TextDocument]:
@@ -75,7 +75,7 @@ class Server(LanguageServer):
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, problems))
 
 
-class Checked:
+class LastCheck:
     """The results of a check: its text, the problems that were found, and remarks by the path of what they stand above."""
 
     def __init__(self, text: str) -> None:
@@ -335,7 +335,7 @@ async def _check(ls: Server, uri: str, pause: float) -> None:
     found, document = ls.analysis(uri)
     if not found.attempts or any(each.severity == "error" for each in found.diagnostics):
         return
-    checked = Checked(found.text)
+    checked = LastCheck(found.text)
 
     def take(part: dict[str, Any]) -> None:
         checked.lenses += part["lenses"]
