@@ -276,20 +276,17 @@ class Evidence:
         return found
 
     @cached_property
-    def _reached(self) -> tuple[list[int], list[int]]:
-        assert self.table is not None
-        model = self.table.model(self.horizon)
-        return np.flatnonzero(model.acting).tolist(), np.flatnonzero(model.entered).tolist()
-
-    @property
     def acting(self) -> list[int]:
         """The states in which some episode acts."""
-        return self._reached[0]
+        assert self.table is not None
+        found: list[int] = np.flatnonzero(self.table.model(self.horizon).acting).tolist()
+        return found
 
-    @property
-    def entered(self) -> list[int]:
-        """The states that some episode is ever in."""
-        return self._reached[1]
+    @cached_property
+    def entered(self) -> int:
+        """The number of states that some episode is ever in."""
+        assert self.table is not None
+        return int(self.table.model(self.horizon).entered.sum())
 
     @cached_property
     def rows(self) -> Rows:

@@ -63,14 +63,9 @@ def policy_for(name: str, env: Environment, seed: int) -> Act:
 _RUNNING = np.ones(1, np.bool_)
 
 
-def _row(part: Any) -> Array:
-    """Return an observation, or a part of it, as a batch of one."""
-    return np.asarray(part)[None]
-
-
 def _by_observation(policy: ObservationPolicy, env: Environment, draws: SharedDraws) -> Act:
     def act(observation: Any) -> Any:
-        observations = map_parts(_row, observation)
+        observations = map_parts(lambda part: np.asarray(part)[None], observation)
         batch = EpisodeBatch(env.time, _states(env) if env.task.mask else {}, observations, draws, _RUNNING)
         return observation_of(np.asarray(policy.act(batch)), 0)
 

@@ -121,8 +121,6 @@ class Sb3VecEnv(VecEnv):
             return [None] * self.num_envs
         return self.env_method("render")
 
-    # -- what SB3 asks of environments one by one -----------------------------------------------------------------
-
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Return an attribute of lanes ("state", "time", "task", ...).
 

@@ -110,7 +110,8 @@ class ObservationPolicy(TaskPolicy):
             values = rows[:, segment.first : segment.first + segment.size]
             if segment.starts:
                 values = values + np.array(segment.starts)
-            found[c.name] = _of_kind(values, c.type.kind).T.reshape(*c.type.shape, lanes)
+            whole = values.astype(np.float64) if c.type.kind is Kind.REAL else np.rint(values).astype(np.int64)
+            found[c.name] = whole.T.reshape(*c.type.shape, lanes)
         return found
 
     def probabilities(self, observations: Any, legal: Array | None = None) -> Array | None:
@@ -165,12 +166,6 @@ class ObservationPolicy(TaskPolicy):
         if self.memory is not None:
             return None
         return found
-
-
-def _of_kind(values: Array, kind: Kind) -> Array:
-    if kind is Kind.REAL:
-        return values.astype(np.float64)
-    return np.rint(values).astype(np.int64)
 
 
 class Predictor(ObservationPolicy):

@@ -53,11 +53,6 @@ def gamma(n: float) -> float:
     return n * UNIT / (1 - n * UNIT)
 
 
-def _has_faint(weights: Array) -> bool:
-    """Return whether some probability is below `FAINT`, and not 0."""
-    return bool(np.min(weights, where=weights > 0, initial=1.0) < FAINT)
-
-
 @dataclass(frozen=True, slots=True)
 class Bound:
     """Floats `value` near numbers x of the same shape: |value - x| <= relative * |x| + absolute.
@@ -382,7 +377,7 @@ class Bounded:
         slack = Slack.of(drawn)
         terms = int(count(drawn, {}))
         absolute = slack.absolute * terms + slack.missing
-        if _has_faint(table):
+        if np.min(table, where=table > 0, initial=1.0) < FAINT:
             absolute += UNDERFLOW
         return Policy(table, slack.relative + gamma(8 + terms), absolute)
 

@@ -388,9 +388,13 @@ class Functional:
         Raises:
             SpecError: E713, for observations or actions that are not finite.
         """
-        names = all_names(self._open.varying)
-        functions = Functional(_one_hot(self.task), names) if one_hot else self
-        return Gymnax(functions, flat_actions)
+        if not one_hot:
+            return Gymnax(self, flat_actions)
+        task = self.task
+        if not are_finite(task.observation.components):
+            raise spec_error("E713", f"the observations of {task.id} are not finite, and cannot be one-hot")
+        task = replace(task, observation=replace(task.observation, space="one_hot"))
+        return Gymnax(Functional(task, all_names(self._open.varying)), flat_actions)
 
     # -- many environments, lanes last ----------------------------------------------------------------------------
 
@@ -414,13 +418,6 @@ class Functional:
     def _stepped(self, state: State, action: Any, given: tuple[AnyArray, ...]) -> tuple[State, StepResult]:
         after, result = self.program.step(state, action, given)
         return after, result._replace(reward=self._open.paid(result.reward, given))
-
-
-def _one_hot(task: Task) -> Task:
-    """Return the same task with one-hot observations."""
-    if not are_finite(task.observation.components):
-        raise spec_error("E713", f"the observations of {task.id} are not finite, and cannot be one-hot")
-    return replace(task, observation=replace(task.observation, space="one_hot"))
 
 
 def key_words(key: AnyArray) -> AnyArray:
