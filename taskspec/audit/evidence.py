@@ -69,8 +69,6 @@ class Evidence:
             if end.is_over:
                 return
 
-    # -- episodes -----------------------------------------------------------------------------------------------------
-
     @cached_property
     def episodes(self) -> list[EnvEpisode]:
         """Episodes of random actions, each in an instance of its own."""
@@ -174,8 +172,6 @@ class Evidence:
         if step.error:
             return step.error
         return f"{'ends again' if step.terminated else 'goes on'}, and pays {decimal(step.paid)}"
-
-    # -- the table ----------------------------------------------------------------------------------------------------
 
     @cached_property
     def table(self) -> StateTable | None:

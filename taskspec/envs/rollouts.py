@@ -115,9 +115,6 @@ def _action_words(task: Task) -> str:
     return f"{listed} ({space_words(task.action_layout)})"
 
 
-# -- episodes -----------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, slots=True)
 class Episode:
     """One episode: its return, discounted as the task says and plain, its length, and how it ended (a key of ENDINGS)."""
@@ -187,9 +184,6 @@ def _value_words(c: Component, flat: Flat) -> str:
     if c.type.is_scalar:
         return items[0]
     return f"[{', '.join(items)}]"
-
-
-# -- summary ------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,9 +84,6 @@ _READERS: dict[str, Callable[[Any, str], Any]] = {
 }
 
 
-# -- comparison -------------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class ComparedReturn:
     """A return of a task by its exact model and by Storm."""

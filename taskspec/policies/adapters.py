@@ -310,11 +310,7 @@ class StateFunction(TaskPolicy):
         answer = self.function(batch.states, batch.t)
         if isinstance(answer, Mapping) and all(name in answer for name in self.names):
             return answer
-        given = f"a value of type {type(answer).__name__}"
-        if isinstance(answer, Mapping):
-            given = ", ".join(map(str, answer)) or "nothing"
-        names = ", ".join(self.names)
-        misused(f"a function that is a policy gives the action by component, {names}, not {given}", self.hint)
+        misused(f"a function that is a policy gives the action by component, {', '.join(self.names)}", self.hint)
 
     def tabulate(self, model: Model) -> Tabulated:
         """Return its actions in all states; the plan raises `Varies` if they are not always the same."""

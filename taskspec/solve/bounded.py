@@ -224,8 +224,6 @@ class Bounded:
         """Return the errors of discounted expectations over the outcomes of a step."""
         return ExpectationError.of(step.rounding.terms, self.slack, self.may_underflow)
 
-    # -- values -------------------------------------------------------------------------------------------------------
-
     def zero(self) -> Bound:
         return Bound(np.zeros(self.model.n_states), is_signed=self.is_signed)
 
@@ -314,8 +312,6 @@ class Bounded:
             mean = math.fsum(self.model.start[first] * some.value)
             error = float(self.start_error.expectation(np.array(mean), some).error)
         return Enclosure.around(mean, error)
-
-    # -- policies -----------------------------------------------------------------------------------------------------
 
     @cached_property
     def uniform(self) -> Policy:
