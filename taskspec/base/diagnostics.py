@@ -119,12 +119,14 @@ class Diagnostic:
         if span is None or span.line != span.end_line or not isinstance(self.hint, Advice):
             return None
         marked = span.origin.line(span.line)[span.column - 1 : span.end_column - 1]
-        pattern = rf"(?<!\w){re.escape(self.hint.replaced)}(?!\w)"
-        places = list(re.finditer(pattern, marked))
-        if not self.hint.replaced or len(places) != 1:
+        replaced = self.hint.replaced
+        before = r"(?<!\w)" if replaced[:1].isalnum() else ""
+        after = r"(?!\w)" if replaced[-1:].isalnum() else ""
+        places = list(re.finditer(before + re.escape(replaced) + after, marked))
+        if not replaced or len(places) != 1:
             return None
         start = span.column + places[0].start()
-        return Fix(replace(span, column=start, end_column=start + len(self.hint.replaced)), self.hint.replacement)
+        return Fix(replace(span, column=start, end_column=start + len(replaced)), self.hint.replacement)
 
 
 class TaskspecError(Exception):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -139,17 +139,9 @@ def _tidy(edge: Interval, kind: Kind) -> Interval:
     return low, high
 
 
-_OF_CONSTANTS: WeakKeyDictionary[Const, Range] = WeakKeyDictionary()
-
-
+@lru_cache(maxsize=4096)
 def _constant(node: Const) -> Range:
     """Return what is known of a constant; kept, as tables are asked about often and may have a million elements."""
-    if node not in _OF_CONSTANTS:
-        _OF_CONSTANTS[node] = _looked_at(node)
-    return _OF_CONSTANTS[node]
-
-
-def _looked_at(node: Const) -> Range:
     if not node.type.size:
         return Range(*_tidy((0, 0), node.type.kind))
     if node.type.kind is not Kind.REAL:

@@ -22,9 +22,9 @@ KEPT = get_args(Kept)
 class Inapplicable(Exception):
     """A modifier that a task cannot be given: the reason, as a sentence, and maybe a hint."""
 
-    def __init__(self, reason: str, hint: str | None = None) -> None:
-        super().__init__(reason)
-        self.reason = reason
+    def __init__(self, message: str, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.message = message
         self.hint = hint
 
 

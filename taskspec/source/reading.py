@@ -132,9 +132,8 @@ def _compose(text: str) -> tuple[Node | None, list[TextProblem]]:
     composed, stops = compose_all(text)
     if stops and stops[-1].code == "E114":
         return composed.root, stops[-1:]  # a text past the bounds is not looked at any further
-    if composed.root is None:
-        traps = []
-    else:
+    traps: list[TextProblem] = []
+    if composed.root is not None:
         traps = list(find(text, composed.root, composed.bad_keys))
     findings = [each for each in traps if not any(stop.covers(each) for stop in stops)]
     findings += [stop for stop in stops if not any(each.covers(stop) for each in findings)]
@@ -220,8 +219,7 @@ def compose_all(text: str) -> tuple[Composed, list[TextProblem]]:
 
 
 def _cover(text: str, stop: TextProblem) -> str:
+    letter = "x"
     if stop.code in _TOO_MUCH or text.startswith(FENCE, stop.start):
         letter = " "
-    else:
-        letter = "x"
     return text[: stop.start] + re.sub(r"\S", letter, text[stop.start : stop.end]) + text[stop.end :]

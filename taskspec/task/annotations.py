@@ -78,8 +78,8 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
 
 def _number_of(context: Context, expr: s.Expr | None, scope: Scope) -> Node | None:
     """Return an expression as a node, a choice as its number; None where it is broken (and reported)."""
-    value = None if expr is None else context.checker.check(expr, scope)
-    if expr is None or value is None:
+    value = context.checker.check(expr, scope)
+    if value is None:
         return None
     return context.checker.number_of(value)
 
@@ -89,10 +89,9 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
     constants = context.data.get("constants") or {}
     if name is None:
         return ()
+    grid = None
     if isinstance(constants.get(name), dict):
         grid = constants[name].get("grid")
-    else:
-        grid = None
     if name not in constants:
         context.report("E302", ("figure", "map"), f"there is no constant '{name}'", suggest(name, constants))
     elif grid is None:
@@ -207,9 +206,7 @@ def symmetries(context: Context, names: Names, observation: Observation) -> tupl
     context.exprs["symmetries"] = exprs
     found = []
     for name, maps in exprs.items():
-        values = {
-            n: None if e is None else context.checker.check(e, scope_of[SEEN]) for n, e in maps.get(SEEN, {}).items()
-        }
+        values = {n: context.checker.check(e, scope_of[SEEN]) for n, e in maps.get(SEEN, {}).items()}
         lines = maps.get(DONE, {})
         action: tuple[Node, ...] | None = ()
         if lines:
@@ -279,11 +276,9 @@ def remembered(context: Context, names: Names, observation: Observation) -> Expe
         for key, nodes in found.items():
             expr = context.forms.expr(("memory", c.name, key))
             context.exprs.setdefault("memory", {})[c.name + "'" * (key == "next")] = expr
-            if expr is None:
-                node = None
-            else:
-                node = context.assign(expr, scopes[key], c)
-            nodes += [] if node is None else [node]
+            node = context.assign(expr, scopes[key], c)
+            if node is not None:
+                nodes.append(node)
     if not context.memory or any(len(nodes) < len(context.memory) for nodes in found.values()):
         return None
     raw_initial, raw_next = map(tuple, found.values())

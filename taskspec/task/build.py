@@ -472,10 +472,9 @@ def _error(message: str) -> SpecError:
 
 def _refused(found: Diagnostic, names: Sequence[str]) -> Diagnostic:
     """Return a mistake that there is because parameters are open."""
+    subject = f"all of the parameters {', '.join(names)}"
     if len(names) == 1:
         subject = f"parameter {names[0]}"
-    else:
-        subject = f"all of the parameters {', '.join(names)}"
     why = found.message.partition(":")[0]
     hint = "what decides shapes, counts and bounds is bound when a task is loaded: `load(task, L=5)`"
     return Diagnostic("E713", found.span, f"{subject} cannot differ between lanes: {why}", hint)

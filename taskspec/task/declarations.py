@@ -94,7 +94,7 @@ def _check_option(context: Context, name: str) -> None:
 
 def _require(context: Context, path: Path, scope: Scope) -> None:
     expr = context.forms.expr((*path, "condition"))
-    value = None if expr is None else context.checker.check(expr, scope)
+    value = context.checker.check(expr, scope)
     if expr is None or value is None:
         return
     message = context.forms.value((*path, "message"))

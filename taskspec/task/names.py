@@ -176,10 +176,9 @@ class Names:
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0))
             bindings.setdefault("T", Unavailable("E302", "there is no horizon 'T': it is `none`"))
         else:
+            last = horizon - 1
             if section in ("observation", "claims"):
                 last = horizon
-            else:
-                last = horizon - 1
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0, last))
             bindings["T"] = Value(b.scalar(horizon))
         if section == "legal":
@@ -230,12 +229,8 @@ class Names:
             expr = self.context.exprs["noise"][name]
             if expr is None:
                 raise Poisoned
-            leave = self.context.guard(name, expr)
-            try:
-                with builder.written() as draws:
-                    value = self.context.shaped(name, self.context.checker.value(expr, self.scope("noise")))
-            finally:
-                leave()
+            with self.context.guard(name, expr), builder.written() as draws:
+                value = self.context.shaped(name, self.context.checker.value(expr, self.scope("noise")))
             self._noise[name] = replace(value, late=True), tuple(draws.values())
         value, made = self._noise[name]
         builder.name_draws(made)
@@ -291,14 +286,8 @@ class Names:
             self.raw_next[name] = value.node
             return Value(value.node, value.domain)
         expr = context.exprs["dynamics"][written]
-        leave = context.guard(written, at)
-        try:
-            if expr is None:
-                node = None
-            else:
-                node = context.assign(expr, self.scope("dynamics"), component)
-        finally:
-            leave()
+        with context.guard(written, at):
+            node = context.assign(expr, self.scope("dynamics"), component)
         if node is None:
             raise Poisoned
         self.raw_next[name] = node

@@ -148,19 +148,17 @@ def space_words(layout: SpaceLayout) -> str:
         case {"space": "Dict", "keys": keys}:
             return f"Dict({', '.join(keys)})"
         case {"shape": shape, "low": low, "high": high}:
+            bounds = ""
             if not isinstance(low, list) and not isinstance(high, list):
                 bounds = f" in {interval(low, high)}"
-            else:
-                bounds = ""
             return f"Box({_listed(shape)}){bounds}"
     raise AssertionError(found)
 
 
 def _listed(items: Sequence[Any]) -> str:
+    shown = [*map(str, items[:5]), "…"]
     if len(items) <= 6:
         shown = list(map(str, items))
-    else:
-        shown = [*map(str, items[:5]), "…"]
     return ", ".join(shown)
 
 
