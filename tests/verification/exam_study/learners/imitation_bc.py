@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from imitation.algorithms.bc import BC
-from imitation.data.types import TransitionsMinimal
+from imitation.data.types import Transitions
 
 from taskspec.exam import Case, learns_from
 
@@ -19,7 +19,8 @@ def train(case: Case) -> Any:
     shown = case.demonstrations
     obs, acts = np.array(shown.obs), np.array(shown.acts)
     rng = np.random.default_rng(case.seed)
-    pairs = TransitionsMinimal(obs=obs, acts=acts, infos=np.array([{}] * len(acts)))
+    infos = np.array([{}] * len(acts))
+    pairs = Transitions(obs=obs, acts=acts, infos=infos, next_obs=np.array(shown.next_obs), dones=np.array(shown.dones))
     learner = BC(
         observation_space=case.observation_space, action_space=case.action_space, rng=rng, demonstrations=pairs,
         optimizer_kwargs={"lr": 1e-2},
