@@ -43,8 +43,9 @@ class BellmanOperator:
     def targets(self, s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
         """Return the next Q (A, S)."""
         if self.backup is not None:
-            return self.backup(s, acts, Q, V)
-        found: Array = self.reward(s, acts) + s.gamma * self.ahead(s, acts, V)
+            found: Array = self.backup(s, acts, Q, V)
+        else:
+            found = self.reward(s, acts) + s.gamma * self.ahead(s, acts, V)
         return found
 
 
