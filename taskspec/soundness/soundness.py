@@ -8,6 +8,7 @@ episodes, where a failure is an error, and samples of the declared domain, where
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -263,12 +264,8 @@ def _ends(p: Parameter) -> list[Any]:
         return list(p.values or ())
     if p.kind == "int":
         far = 2 * abs(int(p.default)) + 3
-        low = p.default - far
-        high = p.default + far
-        if p.low is not None:
-            low = max(low, p.low)
-        if p.high is not None:
-            high = min(high, p.high)
+        low = max(p.default - far, -math.inf if p.low is None else p.low)
+        high = min(p.default + far, math.inf if p.high is None else p.high)
         return sorted({int(low), int(high)})
     reach = 4 * abs(float(p.default)) + 1
     ends = []
