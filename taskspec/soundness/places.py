@@ -151,5 +151,5 @@ def distributions(  # noqa: C901
                 if not (is_distribution(name) and isinstance(part, s.Weights)):
                     yield from distributions(part, section, guards)
         case _:
-            for part in s.parts(expr):
-                yield from distributions(part, section, guards)
+            for inner in s.parts(expr):
+                yield from distributions(inner, section, guards)

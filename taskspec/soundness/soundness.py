@@ -8,7 +8,6 @@ episodes, where a failure is an error, and samples of the declared domain, where
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -264,9 +263,7 @@ def _ends(p: Parameter) -> list[Any]:
         return list(p.values or ())
     if p.kind == "int":
         far = 2 * abs(int(p.default)) + 3
-        low = max(p.default - far, -math.inf if p.low is None else p.low)
-        high = min(p.default + far, math.inf if p.high is None else p.high)
-        return sorted({int(low), int(high)})
+        return sorted({int(max(p.default - far, p.ends[0])), int(min(p.default + far, p.ends[1]))})
     reach = 4 * abs(float(p.default)) + 1
     ends = []
     if p.low is not None:

@@ -140,8 +140,7 @@ def _bind_parameter(
     if labels is not None:
         return parameter, Value(context.builder.scalar(labels.index(value)), domain)
     if isinstance(asked, Varying):
-        ends = (-math.inf if low is None else low, math.inf if high is None else high)
-        return parameter, Value(context.builder.read(Role.PARAMETER, name, Type(KINDS[kind]), *ends))
+        return parameter, Value(context.builder.read(Role.PARAMETER, name, Type(KINDS[kind]), *parameter.ends))
     return parameter, Value(context.builder.const(value, Type(KINDS[kind])))
 
 
@@ -250,8 +249,7 @@ def _constant(context: Context, name: str, scope: Scope, seed: int | None) -> Va
     layout = WordLayout.dealt(written.values())
     words = draws.block(seed, INSTANCE, zlib.crc32(name.encode()), 1, layout.count)[0].tolist()
     (flat,) = evaluate([found.node], {}, sampler(layout, words))
-    type_ = found.node.type
-    return Value(context.builder.const(flat if type_.shape else flat[0], type_), found.domain)
+    return Value(context.builder.constant(flat, found.node.type), found.domain)
 
 
 def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> Const:
