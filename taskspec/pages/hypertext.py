@@ -126,9 +126,15 @@ class HtmlWriter:
                 return Markup("<pre>{}</pre>").format(block.text)
 
 
-def article(heading: str, summary: p.Inlines, description: Iterable[p.Block], sections: Iterable[Section]) -> str:
-    """Return a page for notebooks, without style, figure or references."""
-    words = HtmlWriter({}).words(summary, description, sections)
+def article(
+    heading: str,
+    summary: p.Inlines,
+    description: Iterable[p.Block],
+    sections: Iterable[Section],
+    writer: HtmlWriter | None = None,
+) -> str:
+    """Return a page without style and figure, for notebooks and the studio; without references unless a writer knows some."""
+    words = (writer or HtmlWriter({})).words(summary, description, sections)
     return visible(html_environment().get_template("article.html").render(heading=heading, **words), ON_PAGES)
 
 

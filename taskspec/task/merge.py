@@ -90,6 +90,14 @@ def variant_names(data: dict[str, Any]) -> dict[str, str | None]:
     return names
 
 
+def complete(document: Document) -> list[str | None]:
+    """Return the variants that are tasks, the spec itself (None) first unless it leaves sections to them."""
+    found = list(variant_names(document.data).values())
+    if len(found) > 1 and merge(document).missing:
+        return found[1:]
+    return found
+
+
 def merge(document: Document, variant: str | None = None) -> Merged:
     """Return the spec with a variant's overrides (by key or by task name), merged into all that it is based on.
 
