@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, in_order, raise_if_errors, spec_error
 from taskspec.base.limits import Limits, limits
-from taskspec.base.records import dataclass
+from taskspec.base.records import dataclass, entries_by_name
 from taskspec.lang.check import check_uncalled
 from taskspec.lang.ir import Role, reads
 from taskspec.lang.scope import FunctionDef
