@@ -11,7 +11,6 @@ import gc
 import multiprocessing
 import os
 import signal
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from multiprocessing import forkserver
@@ -22,7 +21,7 @@ from threading import Thread
 from typing import Any
 
 SECONDS = {
-    "page": 10, "scores": 60, "values": 30, "play": 30, "rollout": 60, "sweep": 120, "results": 30, "copy": 30, "fixes": 10,
+    "page": 10, "scores": 60, "values": 30, "play": 30, "rollout": 60, "sweep": 120, "results": 30, "copy": 30,
 }  # fmt: skip
 """The kinds of questions that processes answer, and how long each may take."""
 PATIENCE = 0.15
@@ -124,31 +123,6 @@ class Answerer:
         self._kill()
         self._connection = None  # the next question starts another
         raise NoAnswer(reason)
-
-
-class Answerers:
-    """The answerers of one page, made when they are needed."""
-
-    def __init__(self, context: BaseContext, folder: Path) -> None:
-        self._context = context
-        self._folder = folder
-        self._answerers: dict[str, Answerer] = {}
-
-    def of(self, kind: str) -> Answerer:
-        """Return the answerer of a kind of questions."""
-        if kind not in self._answerers:
-            self._answerers[kind] = Answerer(self._context, kind, self._folder)
-        return self._answerers[kind]
-
-    def warm(self, kinds: Iterable[str]) -> None:
-        """Start the processes of some kinds."""
-        for kind in kinds:
-            self.of(kind).warm()
-
-    def end(self) -> None:
-        """End all processes."""
-        for answerer in self._answerers.values():
-            answerer.end()
 
 
 def work(connection: Connection, folder: Path) -> None:
