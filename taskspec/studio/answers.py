@@ -11,6 +11,7 @@ import shlex
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -34,7 +35,7 @@ from taskspec.scores.returns import Results
 from taskspec.soundness.soundness import examine
 from taskspec.source import packed
 from taskspec.studio import episodes
-from taskspec.studio.folder import FileRefused, Folder
+from taskspec.studio.folder import FileRefused, Folder, text_of
 from taskspec.targets import File, name_of, task_in, variants_of
 from taskspec.task.parts import Parameter
 from taskspec.task.task import Task
@@ -238,15 +239,13 @@ def results_in_files(asked: Question) -> dict[str, Any]:
     places = sorted(asked.folder.files("exam.json", "exam.json.gz", ".svg"), key=lambda place: -place.stat().st_mtime)
     for place in places[:MOST_RESULTS]:
         entry = {"path": asked.folder.relative(place), "title": place.stem}
-        if place.suffix == ".svg":
-            entry |= {"kind": "plot", "svg": place.read_text(encoding="utf-8", errors="replace")}
-        else:
-            try:
+        with suppress(SpecError):  # too large, or not an exam of this version
+            if place.suffix == ".svg":
+                entry |= {"kind": "plot", "svg": text_of(place)}
+            else:
                 exam = results.read(place.parent)
-            except SpecError:
-                continue
-            entry |= {"kind": "exam", "title": exam["learner"], "html": report.page(exam)}
-        found.append(entry)
+                entry |= {"kind": "exam", "title": exam["learner"], "html": report.page(exam)}
+            found.append(entry)
     return {"results": found, "more": max(0, len(places) - MOST_RESULTS)}
 
 

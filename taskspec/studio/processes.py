@@ -64,15 +64,14 @@ class Answerer:
         """
         self._newest += 1
         number = self._newest
-        loop = asyncio.get_running_loop()
         if self._turn.locked():
-            loop.call_later(PATIENCE, self._leave, number)
+            asyncio.get_running_loop().call_later(PATIENCE, self._leave, number)
         async with self._turn:
             if number != self._newest:
                 return None
             self._present = number
             try:
-                answer = await loop.run_in_executor(self._thread, self._answer, question)
+                answer = await asyncio.wrap_future(self._thread.submit(self._answer, question))
             except NoAnswer:
                 if number == self._newest:
                     raise
@@ -91,9 +90,10 @@ class Answerer:
         self._kill()
 
     def _leave(self, newer: int) -> None:
-        """End the process if it still works on a question older than a certain one."""
+        """End the process if it still works on a question older than a certain one, also if it only starts now."""
         if 0 < self._present < newer:
             self._kill()
+            asyncio.get_running_loop().call_later(PATIENCE, self._leave, newer)
 
     def _kill(self) -> None:
         if self._process is not None:
@@ -104,9 +104,10 @@ class Answerer:
         if self._connection is None:
             ours: Connection
             ours, theirs = self._context.Pipe()
-            self._process = self._context.Process(target=work, args=(theirs, self._folder), daemon=True)
-            self._process.start()
+            process = self._context.Process(target=work, args=(theirs, self._folder), daemon=True)
+            process.start()
             theirs.close()
+            self._process = process
             self._connection = ours
         return self._connection
 

@@ -149,16 +149,12 @@ def application(studio: Studio) -> ASGIApp:
         await page.accept()
         await Conversation(studio, page, {kind: Answerer(context, kind, studio.folder.root) for kind in SECONDS}).run()
 
-    async def language(page: WebSocket) -> None:
-        await page.accept()
-        await speak(page)
-
     routes = [
         Route("/", index),
         Mount("/static/pages", StaticFiles(directory=STYLES)),
         Mount("/static", StaticFiles(directory=STATIC)),
         WebSocketRoute("/live", live),
-        WebSocketRoute("/lsp", language),
+        WebSocketRoute("/lsp", speak),
     ]
     return Guard(Starlette(routes=routes), studio)
 
@@ -170,7 +166,6 @@ class Conversation:
     """The questions of one page, each answered once; those about files here, the others in processes."""
 
     def __init__(self, studio: Studio, page: WebSocket, answerers: dict[str, Answerer]) -> None:
-        self._studio = studio
         self._page = page
         self._answerers = answerers
         self._tasks: set[asyncio.Task[None]] = set()
@@ -248,6 +243,7 @@ def _refusal(asked: dict[str, Any], message: str, **more: Any) -> str:
 
 async def speak(page: WebSocket) -> None:
     """Let a page speak with a language server of its own, one message of the protocol in each frame."""
+    await page.accept()
     editor = await asyncio.to_thread(_language_server)
     server = editor.new_server()
     outgoing: asyncio.Queue[bytes] = asyncio.Queue()
