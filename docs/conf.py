@@ -81,8 +81,9 @@ def read(app: Any, page: str, source: list[str]) -> None:
         source[0] = BUILT[page]()
     if page in galleries.SUITES:
         source[0] = galleries.gallery_page(page)
+    up = "../" * page.count("/")
     for name, file in SHOWN.items():
-        source[0] = re.sub(rf"\]\((?:\.\./)*{re.escape(file)}", f"]({name}.md", source[0])
+        source[0] = re.sub(rf"\]\((?:\.\./)*{re.escape(file)}", f"]({up}{name}.md", source[0])
     listed = galleries.below(page)
     if listed is not None:
         source[0] += tree("", listed)
