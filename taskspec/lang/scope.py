@@ -304,8 +304,7 @@ class BaseChecker(ABC):
         """Return an expression that must be known once parameters are."""
         node = self.numeric(expr, scope)
         if not isinstance(node, Const):
-            message = f"{what} must be a constant: it may use parameters and constants, not the state"
-            self.fail("E312", expr, message)
+            self.fail("E312", expr, f"{what} must be a constant: it may use parameters and constants, not the state")
         return node
 
     def integer(self, expr: s.Expr, scope: Scope, what: str) -> int:

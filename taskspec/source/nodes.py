@@ -122,9 +122,7 @@ TYPOGRAPHIC = frozenset("“”„‟«»‘’‚‛")
 
 
 def value_end(text: str, start: int, in_flow: bool) -> int:
-    """Return where the value that starts here was meant to end: at the end of its line or, between
-    braces or brackets, at the first comma, colon or closing bracket that is not its own.
-    """
+    """Return where a value was meant to end: with its line or, in flow style, at a comma, colon or bracket not its own."""
     closers: list[str] = []
     at = start
     while at < len(text):

@@ -212,9 +212,7 @@ def _told_apart(
     inputs: Sequence[Component],
     most: int,
 ) -> Moves | None:
-    """Return the elements of nodes that only move; None where they may round: a sum with a real, or whole numbers
-    beyond `most`.
-    """
+    """Return the elements of nodes that only move; None where they may round: sums with reals, or beyond `most`."""
     shift, tagged = (_rows(evaluate(nodes, values), 1)[0].astype(np.float64) for values in (zeros, tags))
     if not np.isfinite(shift).all():
         return None
@@ -277,9 +275,7 @@ def codes(part: MapPart) -> Array:
 
 
 def outside(part: MapPart) -> tuple[Values, Values] | None:
-    """Return a value of a part that maps components to themselves, and what it becomes, which is no value of them;
-    None for none.
-    """
+    """Return a value of a part that is mapped to no value of its components, and what it becomes; None for none."""
     if part.listed is not None:
         wrong = np.flatnonzero(codes(part) < 0)
         if not len(wrong):
