@@ -90,26 +90,19 @@ class Scope:
     allowed, else a sentence with the reason why they are not.
     """
 
-    def __init__(
-        self,
-        bindings: dict[str, Binding],
-        domains: Iterable[Domain] = (),
-        parent: Scope | None = None,
-        draws: str | None = None,
-    ) -> None:
+    def __init__(self, bindings: dict[str, Binding], domains: Iterable[Domain] = (), draws: str | None = None) -> None:
         self.bindings = bindings
-        self.domains: tuple[Domain, ...] = tuple(domains)
-        self.parent = parent
+        self.domains = tuple(domains)
         self.draws = draws
+        self.parent: Scope | None = None
         self.used: set[str] = set()
-        if parent is not None:
-            self.domains = self.domains or parent.domains
-            self.draws = parent.draws
-            self.used = parent.used
 
     def child(self, bindings: dict[str, Binding]) -> Scope:
         """Return a scope that also sees the given names (arguments, variables of a comprehension)."""
-        return Scope(bindings, parent=self)
+        inner = Scope(bindings, self.domains, self.draws)
+        inner.parent = self
+        inner.used = self.used
+        return inner
 
     def _and_parents(self) -> Iterator[Scope]:
         scope: Scope | None = self

@@ -97,13 +97,8 @@ def max2(a: Number, b: Number) -> Number:
 
 
 def _extreme(
-    name: str,
-    reference: Callable[[Any, Any], Any],
-    sign: str,
-    whole: str,
-    nonzero: str,
-    pick: Callable[[float, float], float],
-) -> Operator:
+    name: str, reference: Callable[[Any, Any], Any], sign: str, whole: str, nonzero: str, pick: Callable[[float, float], float],
+) -> Operator:  # fmt: skip
     return Operator(
         name=name, rule=rules.arithmetic, reference=reference, samples=PAIRS + NANS, elements=Elements.CHOSEN, commutative=True,
         scalar=Scalar(f"({{0}} if {{0}} {sign} {{1}} else {{1}})",
@@ -290,16 +285,10 @@ def _root(args: Args, node: Any) -> Interval:
 
 
 def _elementary(
-    name: str,
-    reference: Callable[[float], float],
-    latex: str,
-    doc: str,
-    array: str | None = None,
-    examples: tuple[tuple[float, ...], ...] = ((0.5,), (-2.0,)),
-    brackets: Brackets = ENCLOSED,
-    in_kernels: bool = True,
+    name: str, reference: Callable[[float], float], latex: str, doc: str, array: str | None = None,
+    examples: tuple[tuple[float, ...], ...] = ((0.5,), (-2.0,)), brackets: Brackets = ENCLOSED, in_kernels: bool = True,
     **fields: Any,
-) -> Operator:
+) -> Operator:  # fmt: skip
     """Return a function of one real; kernels take that of Python's `math`, or their own."""
     template = name + "({0})"
     return Operator(
