@@ -11,6 +11,7 @@ import math
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -67,6 +68,13 @@ def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[obje
     body = "".join(f"<tr>{_cells('td', row)}</tr>" for row in rows)
     head = f"<thead><tr>{_cells('th', header)}</tr></thead>" if header else ""
     return f"<table><caption>{_shown(caption)}</caption>{head}<tbody>{body}</tbody></table>"
+
+
+class InNotebooks:
+    """Something that notebooks show as `taskspec.notebook` writes it, which rests on more than it and is imported then."""
+
+    def _repr_html_(self) -> str:
+        return str(import_module("taskspec.notebook").html(self))
 
 
 def _cells(tag: str, values: Sequence[object]) -> str:
