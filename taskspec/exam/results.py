@@ -182,6 +182,9 @@ def write(exam: Exam, folder: Path) -> Path:
 class ShownExam(dict[str, Any], InNotebooks):
     """An exam that notebooks show as a card."""
 
+    def __repr__(self) -> str:
+        return f"<Exam of {self['learner']}, {len(self['seeds'])} seeds on {len(self['tasks'])} tasks>"
+
 
 def read(folder: Path | str) -> Exam:
     """Return the results of an exam in a folder, or one that comes with a suite, such as `derail/bc`.

@@ -40,6 +40,14 @@ class Explorer(anywidget.AnyWidget):
         self.on_msg(self._receive)
         self.show()
 
+    def __repr__(self) -> str:
+        return f"<Explorer of {self.results.task.instance_id}>"
+
+    def _repr_mimebundle_(self, **options: Any) -> Any:
+        """Return the widget, and its figure for pages that run no widgets."""
+        data, about = super()._repr_mimebundle_(**options)
+        return data | {"text/html": self.view.get("figure") or ""}, about
+
     def act(self, action: int) -> None:
         """Take an action; nothing happens after the end of the episode."""
         if not self.view.get("ended"):
