@@ -1,7 +1,7 @@
 // The page of `taskspec.notebook.Explorer`: it shows `view`, and sends what is asked for.
 
 const STYLE = `
-.taskspec { display: grid; gap: 0.6em; max-width: 60em; font: inherit; }
+.taskspec { display: grid; gap: 0.6em; padding: 0.3em; max-width: 60em; font: inherit; }
 .taskspec .figure { background: #fff; padding: 0.4em; overflow-x: auto; border: 1px solid #8884; border-radius: 4px; }
 .taskspec .row { display: flex; flex-wrap: wrap; gap: 0.4em; align-items: center; }
 .taskspec button[aria-pressed="true"] { font-weight: bold; text-decoration: underline; }
