@@ -233,9 +233,6 @@ def _copied(instance: EnvInstance) -> EnvInstance | None:
         return None
 
 
-# -- compared with episodes -------------------------------------------------------------------------------------------
-
-
 def compare(
     table: StateTable, subject: Subject, episodes: Iterable[EnvEpisode], ignored: frozenset[Place] | None
 ) -> None:

@@ -82,8 +82,6 @@ class LaneEmitter:
             self.values[id(node)] = value
         return [self.values[id(root)] for root in roots]
 
-    # -- names --------------------------------------------------------------------------------------------------------
-
     def name(self) -> str:
         self.fresh += 1
         return f"v{self.fresh}"
@@ -119,8 +117,6 @@ class LaneEmitter:
         self.lines.append(f"{', '.join(names)}{',' * (count == 1)} = {source}")
         return names
 
-    # -- values of nodes ----------------------------------------------------------------------------------------------
-
     def atoms(self, node: Node) -> list[str]:
         """Return one expression per element, row-major."""
         value = self.values[id(node)]
@@ -150,8 +146,6 @@ class LaneEmitter:
         if len(atoms) == 1:
             return atoms * draw.type.size
         return atoms
-
-    # -- nodes --------------------------------------------------------------------------------------------------------
 
     def _node(self, node: Node) -> LaneValue:
         match node:

@@ -117,29 +117,24 @@ class Buffers:
     def arrays(self) -> list[Array]:
         """Return all arrays, in a fixed order."""
         found: list[Array] = []
-        for held in vars(self).values():
-            if isinstance(held, Values):
-                found += held.parts
-            elif isinstance(held, tuple):
-                found += held
-            else:
-                found.append(held)
+        self._mapped(found.append)
         return found
 
     def part(self, lanes: slice) -> Buffers:
         """Return a range of the lanes, sharing memory."""
+        return Buffers(**self._mapped(lambda array: array[..., lanes]))
+
+    def _mapped(self, function: Callable[[Array], Any]) -> dict[str, Any]:
+        """Return the fields with a function of each array in them."""
         found: dict[str, Any] = {}
         for name, held in vars(self).items():
             if isinstance(held, Values):
-                found[name] = Values(held.layout, tuple(part[..., lanes] for part in held.parts))
+                found[name] = Values(held.layout, tuple(map(function, held.parts)))
             elif isinstance(held, tuple):
-                found[name] = tuple(part[..., lanes] for part in held)
+                found[name] = tuple(map(function, held))
             else:
-                found[name] = held[lanes]
-        return Buffers(**found)
-
-
-# -- actions --------------------------------------------------------------------------------------------------------
+                found[name] = function(held)
+        return found
 
 
 class BadActionError(Exception):

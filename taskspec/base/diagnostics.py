@@ -260,9 +260,13 @@ def _text(diagnostic: Diagnostic, color: bool, width: int | None) -> str:
     paint = _COLORS if color else dict.fromkeys(_COLORS, "")
     place = f"{visible(str(span), keep='')}: " if span is not None else ""
     name = f"{code.severity}[{code.code} {code.slug}]"
-    message = _wrapped(visible(diagnostic.message), width, len(f"{place}{name}: "), 4)
+    lines = []
+    if width is not None and _width(f"{place}{name}:") > width:  # a long path stands alone
+        lines.append(place.rstrip())
+        place = "    "
+    message = _wrapped(visible(diagnostic.message), width, _width(f"{place}{name}: "), 4)
     gap = "" if message.startswith("\n") else " "
-    lines = [f"{place}{paint[code.severity]}{name}{paint['reset']}:{gap}{message}"]
+    lines.append(f"{place}{paint[code.severity]}{name}{paint['reset']}:{gap}{message}")
     remarks = [("note", note) for note in diagnostic.notes]
     if diagnostic.hint is not None:
         remarks.insert(0, ("hint", diagnostic.hint))

@@ -77,8 +77,6 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
         self._seed: int | None = None
         self._start(0, Clock())
 
-    # -- Gymnasium ------------------------------------------------------------------------------------------------
-
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode.
 
@@ -176,8 +174,6 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
     def __repr__(self) -> str:
         return f"<Environment of {self.task!r}>"
 
-    # -- state ----------------------------------------------------------------------------------------------------
-
     @property
     def state(self) -> dict[str, Any]:
         """The present state by component: labels for choices, numbers, arrays for vectors.
@@ -221,8 +217,6 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
             reads[c.read] = tuple(value) if c.type.shape else (value,)
         flats = evaluate(self.task.observation.nodes, reads, sampler(layout, words))
         return self._program.pack(flats)
-
-    # -- starting, copying ----------------------------------------------------------------------------------------
 
     def _restart(self, seed: int) -> None:
         self._seed = seed

@@ -34,8 +34,6 @@ class StateError(TaskspecError, ValueError):
     """A state that the task does not have (E709)."""
 
 
-# -- options ------------------------------------------------------------------------------------------------------
-
 ENDINGS = get_args(Ending)
 Autoreset: TypeAlias = Literal["NextStep", "SameStep", "Disabled"]
 """Values of Gymnasium's `AutoresetMode`: when an episode that has ended begins anew."""

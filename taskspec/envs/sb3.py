@@ -18,7 +18,7 @@ from taskspec import draws
 from taskspec.backends import backend_table
 from taskspec.backends.backend_table import BackendName
 from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Options
-from taskspec.base.arrays import part_at
+from taskspec.base.arrays import map_parts, part_at
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import need
 from taskspec.envs.options import ActionError, NotRunningError, positive, seed_of, uncopied
@@ -97,12 +97,7 @@ class Sb3VecEnv(VecEnv):
         if ended:
             final = b.final.view(copy=True)
             for lane in np.flatnonzero(b.ended).tolist():
-                last = part_at(final, lane)
-                if isinstance(last, dict):
-                    last = {name: np.asarray(part) for name, part in last.items()}
-                else:
-                    last = np.asarray(last)
-                infos[lane]["terminal_observation"] = last
+                infos[lane]["terminal_observation"] = map_parts(np.asarray, part_at(final, lane))
                 infos[lane]["TimeLimit.truncated"] = bool(b.truncated[lane] and not b.terminated[lane])
         return self._seen(), b.reward.astype(np.float32), b.ended.copy(), infos
 
@@ -120,8 +115,6 @@ class Sb3VecEnv(VecEnv):
         if self.render_mode != "rgb_array":
             return [None] * self.num_envs
         return self.env_method("render")
-
-    # -- what SB3 asks of environments one by one -----------------------------------------------------------------
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Return an attribute of lanes ("state", "time", "task", ...).

@@ -137,8 +137,6 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Bytes of the arrays that hold state, counters and results."""
         return sum(array.nbytes for array in self._engine.buffers.arrays())
 
-    # -- Gymnasium ------------------------------------------------------------------------------------------------
-
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
@@ -255,8 +253,6 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
             infos["final_info"] = masked(values, b.ended)
         return infos
 
-    # -- seeds ----------------------------------------------------------------------------------------------------
-
     def _lanes(self, mask: Any) -> Array:
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
             raise invalid(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
@@ -285,8 +281,6 @@ class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
             self._engine.seed(np.array(list(given.values()), np.uint64))
         elif given:
             self._engine.seed(np.array(list(given.values()), np.uint64), np.array(list(given)))
-
-    # -- state ----------------------------------------------------------------------------------------------------
 
     @property
     def time(self) -> Array:

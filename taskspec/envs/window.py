@@ -133,7 +133,7 @@ class Window:
         """Replace the picture. A window that its user has closed stays closed."""
         if self._figure is None:
             self._open(pixels)
-        if not self._is_open:
+        if not _pyplot().fignum_exists(self._figure.number):
             return
         self._image.set_data(pixels)
         canvas = self._figure.canvas
@@ -144,10 +144,6 @@ class Window:
     def close(self) -> None:
         if self._figure is not None:
             _pyplot().close(self._figure)
-
-    @property
-    def _is_open(self) -> bool:
-        return bool(_pyplot().fignum_exists(self._figure.number))
 
     def _open(self, pixels: Frame) -> None:
         height, width, _ = pixels.shape

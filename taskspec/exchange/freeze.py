@@ -115,9 +115,6 @@ def _last_step(model: Model) -> int | None:
     return None
 
 
-# -- numbers ----------------------------------------------------------------------------------------------------------
-
-
 def _numbers(model: Model) -> tuple[list[Number], Number, Chances]:
     """Return the start distribution, the discount and the outcomes: in rationals, or in floats where a draw has none."""
     reader = Reader(as_written=True)
@@ -172,9 +169,6 @@ def _explored(model: Model, chances: Chances, is_timed: bool, most: int) -> dict
         if len(found) > most:
             refuse(f"{model.task.id} has more than {most:,} states; tables have {most:,} at most")
     return found
-
-
-# -- names ------------------------------------------------------------------------------------------------------------
 
 
 def _values(model: Model, places: Sequence[Place], is_timed: bool) -> Iterator[dict[str, int]]:

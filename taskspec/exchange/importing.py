@@ -92,9 +92,6 @@ def _width(task: FrozenTask) -> int | None:
     return width
 
 
-# -- returns ----------------------------------------------------------------------------------------------------------
-
-
 def _returns(task: FrozenTask) -> dict[str, Number]:
     """Return the optimal and random return of the tables themselves, without the spec.
 

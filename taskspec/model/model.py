@@ -147,8 +147,6 @@ class Model:
         """Return a model whose time does not matter with another expected reward (A*S,), and bounds of that of all outcomes."""
         return replace(self, steps=(self.step(0).with_reward(R, lowest, highest),))
 
-    # -- legal actions ----------------------------------------------------------------------------
-
     @cached_property
     def legal(self) -> Array | None:
         """The actions (A, S) that policies choose from in each state; None where these are all."""
@@ -170,8 +168,6 @@ class Model:
         if self.legal is None:
             return np.broadcast_to(1 / self.n_actions, shape)
         return np.asarray(self.legal / self.legal.sum(axis=0))
-
-    # -- names both ways --------------------------------------------------------------------------
 
     def state(self, index: int) -> dict[str, Any]:
         """Return the state with an index, by component."""
@@ -218,8 +214,6 @@ class Model:
             words = ", ".join(f"{c.name} = {shown(c, state[c.name])}" for c in self.states.components)
             refuse(f"nothing is planned for {words}: no episode of {self.task.name} comes there")
         return np.asarray(found)
-
-    # -- where episodes go ------------------------------------------------------------------------
 
     def levels(self) -> Iterator[tuple[int, Array]]:
         """For each time at which an action may be taken, which states (S,) it may be taken in."""
@@ -285,8 +279,6 @@ class Model:
             seen |= level
             level = self.successors(self.step(0).P, level) & ~seen
             t += 1
-
-    # -- reads ------------------------------------------------------------------------------------
 
     def reads(self, t: int = 0, some: slice = slice(None)) -> dict[tuple[Role, str], Array]:
         """Return what expressions read in every state (S,), or some of them, at a time."""

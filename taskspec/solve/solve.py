@@ -37,8 +37,6 @@ LONG = 100_000_000
 """Entries times steps from which compiled sweeps pay: NumPy takes four seconds for as many, and compiling may take six."""
 MOST_STEPS = 1_000_000
 
-# -- solvers ----------------------------------------------------------------------------------------------------------
-
 
 class Finite:
     """Answers for models with a horizon, by backward induction; `numbers` is `Rational` or `Bounded` arithmetic."""

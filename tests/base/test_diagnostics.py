@@ -37,6 +37,14 @@ def test_long_hints_and_notes_stand_below() -> None:
     assert lines[4:] == ["      = note: first", "              second"]
 
 
+@pytest.mark.parametrize(("folders", "count"), [(1, 3), (4, 4)])
+def test_a_long_path_stands_alone(folders: int, count: int) -> None:
+    origin = Origin("a_long_folder/" * folders + "x.yaml", "s': paht + a")
+    lines = render([Diagnostic("E302", Span(origin, 1, 5, 1, 9), "'paht' is not defined here")], width=80).split("\n")
+    assert len(lines) == count and max(map(len, lines)) <= 80
+    assert lines[0].startswith(f"{origin.name}:1:5:")
+
+
 def test_no_place() -> None:
     assert render([Diagnostic("E701", None, "no task 'Y'", "did you mean 'X'?")]) == (
         "error[E701 unknown-task]: no task 'Y'\n      = hint: did you mean 'X'?"

@@ -111,9 +111,6 @@ def _unpack(phase: Phase, call: str) -> list[str]:
     return []
 
 
-# -- reset and step -----------------------------------------------------------------------------------------------
-
-
 def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants: dict[str, Any]) -> list[str]:
     """Return the function `reset`; `others` are the statements that compute with what it keeps."""
     task = parts.task

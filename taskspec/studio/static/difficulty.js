@@ -33,16 +33,8 @@ export class DifficultyTab {
   }
 
   drawn({ chart, parameter, rows }) {
-    const shown = rows.map((row) => {
-      const cells = row.error ? [row.error] : CURVES.map((curve) => short(row[curve] ?? null));
-      return [this.setter(parameter, row.value), ...cells];
-    });
+    const cells = (row) => (row.error ? [row.error] : CURVES.map((curve) => short(row[curve] ?? null)));
+    const shown = rows.map((row) => [short(row.value), ...cells(row)]);
     return [...picture(chart), table("Exact returns", [parameter, ...CURVES], shown)];
-  }
-
-  /** Return a button that gives the parameter a value in all tabs. */
-  setter(parameter, value) {
-    const use = () => this.studio.settings.with(parameter, value);
-    return make("button", { class: "place", title: "use this value", onclick: use }, short(value));
   }
 }

@@ -41,15 +41,9 @@ function plain(html) {
 /** Connect a client to a language server over a websocket. */
 function connect(address, client) {
   const socket = new WebSocket(address);
-  const handlers = new Set();
-  socket.addEventListener("message", (event) => handlers.forEach((handler) => handler(event.data)));
-  socket.addEventListener("open", () =>
-    client.connect({
-      send: (message) => socket.send(message),
-      subscribe: (handler) => handlers.add(handler),
-      unsubscribe: (handler) => handlers.delete(handler),
-    }),
-  );
+  const send = (message) => socket.send(message);
+  const subscribe = (handler) => socket.addEventListener("message", ({ data }) => handler(data));
+  socket.addEventListener("open", () => client.connect({ send, subscribe, unsubscribe: () => socket.close() }));
 }
 
 /** Return decorations of tokens, each given relative to the one before: line, column, length, kind and modifiers. */
@@ -66,22 +60,12 @@ function coloured(doc, data, kinds) {
   return cm.Decoration.set(found);
 }
 
-/** Return a command that applies the first fix on the line of the cursor. */
-function applyFix(view) {
-  const line = view.state.doc.lineAt(view.state.selection.main.head);
-  let fix = null;
-  cm.forEachDiagnostic(view.state, (found, from, to) => {
-    if (fix === null && from <= line.to && to >= line.from) fix = found.actions?.[0] ?? null;
-  });
-  fix?.apply();
-  return fix !== null;
-}
-
 export class Editor {
   /** Edit in `parent` and list mistakes in `list`; `changed` is called when the text has changed. */
   constructor(parent, list, address, changed) {
     this.list = list;
     this.changed = changed;
+    this.problems = [];
     this.language = new cm.Compartment();
     this.client = new cm.LSPClient({
       timeout: 10000,
@@ -121,7 +105,7 @@ export class Editor {
       cm.highlightActiveLine(), cm.highlightActiveLineGutter(), cm.EditorView.lineWrapping,
       cm.tooltips({ parent: document.body }),
       cm.keymap.of([
-        { key: "Mod-.", run: applyFix }, cm.indentWithTab, ...cm.closeBracketsKeymap, ...cm.completionKeymap,
+        { key: "Mod-.", run: () => this.fix() }, cm.indentWithTab, ...cm.closeBracketsKeymap, ...cm.completionKeymap,
         ...cm.lintKeymap, ...cm.searchKeymap, ...cm.historyKeymap, ...cm.foldKeymap, ...cm.defaultKeymap,
       ]),
       cm.EditorView.contentAttributes.of({ "aria-label": "Text of the spec", tabindex: "0" }),
@@ -143,28 +127,30 @@ export class Editor {
     ]);
     if (this.view.state.doc !== doc) return;
     const kinds = this.client.serverCapabilities.semanticTokensProvider.legend.tokenTypes;
-    const problems = diagnostics.map((found) => this.problem(plugin, found, fixes ?? []));
+    this.problems = diagnostics.map((found) => this.problem(doc, found, fixes ?? []));
     this.view.dispatch({ effects: setTokens.of(coloured(doc, tokens?.data ?? [], kinds)) });
-    this.view.dispatch(cm.setDiagnostics(this.view.state, problems));
-    this.list.replaceChildren(...this.listed(problems));
+    this.view.dispatch(cm.setDiagnostics(this.view.state, this.problems));
+    this.list.replaceChildren(...this.listed());
   }
 
-  problem(plugin, { range, severity, message, code }, fixes) {
-    const place = ({ start, end }) => ({ from: plugin.fromPosition(start), to: plugin.fromPosition(end) });
+  /** Return a mistake of a text with its fixes, which change that text only. */
+  problem(doc, { range, severity, message, code }, fixes) {
+    const offset = ({ line, character }) => doc.line(line + 1).from + character;
+    const place = ({ start, end }) => ({ from: offset(start), to: offset(end) });
     const same = (other) => JSON.stringify(other.range) === JSON.stringify(range) && other.code === code;
-    const actions = fixes.filter((fix) => fix.diagnostics.some(same)).map(({ title, edit }) => ({
-      name: title,
-      apply: () => {
-        const changes = edit.changes[plugin.uri].map((each) => ({ ...place(each.range), insert: each.newText }));
-        this.view.dispatch({ changes });
-      },
-    }));
+    const apply = (edits) => {
+      const changes = edits.map((each) => ({ ...place(each.range), insert: each.newText }));
+      if (this.view.state.doc === doc) this.view.dispatch({ changes });
+    };
+    const own = fixes.filter((fix) => fix.diagnostics.some(same));
+    const actions = own.map(({ title, edit }) => ({ name: title, apply: () => apply(Object.values(edit.changes)[0]) }));
     const kind = severity === 1 ? "error" : "warning";
     return { ...place(range), severity: kind, message, line: range.start.line + 1, actions };
   }
 
   /** Return the first mistakes as lines below the editor, errors before warnings, each with its fixes. */
-  listed(problems) {
+  listed() {
+    const { problems } = this;
     const errors = problems.filter(({ severity }) => severity === "error");
     const first = [...new Set([...errors, ...problems])].slice(0, MOST);
     const lines = first.map(({ line, severity, message, actions }) => {
@@ -174,6 +160,14 @@ export class Editor {
     });
     if (problems.length > MOST) lines.push(quiet(`${problems.length - MOST} more`));
     return lines.length ? lines : [quiet("no mistakes")];
+  }
+
+  /** Apply the first fix on the line of the cursor; return whether there is one. */
+  fix() {
+    const { number } = this.view.state.doc.lineAt(this.view.state.selection.main.head);
+    const fix = this.problems.find(({ line, actions }) => line === number && actions.length)?.actions[0];
+    fix?.apply();
+    return Boolean(fix);
   }
 
   /** Mark lines of the spec, which count from 1, and show the first of them. */

@@ -22,6 +22,7 @@ export class Files {
     byId("save").addEventListener("click", () => this.save());
     byId("share").addEventListener("click", () => this.share());
     byId("filter").addEventListener("input", () => this.list());
+    byId("filter").addEventListener("keydown", (event) => this.enter(event));
     for (const button of byId("forms").children) button.addEventListener("click", () => this.copy(button));
     addEventListener("hashchange", () => this.loadShared());
   }
@@ -66,16 +67,15 @@ export class Files {
     this.kept = text;
     this.studio.settings.choose(settings);
     this.studio.editor.open(uri ?? `${this.studio.folder.root}/untitled.yaml`, text);
+    byId("file").value = path ?? "";
     this.named();
     this.studio.change();
   }
 
-  /** Show the name of the file, and whether the text differs from it. */
+  /** Show whether the text differs from its file. */
   named() {
-    const name = this.path ?? "not in a file";
-    byId("file").textContent = name;
     byId("unsaved").textContent = this.isUnsaved ? "edited" : "";
-    document.title = `${name} · taskspec studio`;
+    document.title = `${this.path ?? "new"} · taskspec studio`;
   }
 
   /** Ask which spec to open, or what to begin with. */
@@ -103,6 +103,13 @@ export class Files {
     byId("choices").replaceChildren(...lists);
   }
 
+  /** Take the first of the names where Enter is pressed. */
+  enter(event) {
+    if (event.key !== "Enter") return;
+    event.preventDefault();
+    byId("choices").querySelector("button")?.click();
+  }
+
   choice(name, words, kind, fields) {
     const taken = () => {
       if (this.isUnsaved && !confirm("Leave this text without saving it?")) return;
@@ -112,12 +119,16 @@ export class Files {
     return make("li", {}, make("button", { type: "button", onclick: taken }, name, " ", make("span", { class: "quiet" }, words)));
   }
 
-  /** Save the text to its file; a text without one is given a name first. */
+  /** Save the text to the file that is named; another name than before is that of a new file. */
   async save() {
-    const path = this.path ?? (await this.name());
-    if (!path) return;
+    const path = byId("file").value;
+    if (!path) {
+      byId("file").focus();
+      this.studio.say("Write a name for the file, such as task.yaml, and save again.");
+      return;
+    }
     const { text } = this.studio.editor;
-    const answer = await this.studio.live.ask("save", { path, text, digest: this.digest });
+    const answer = await this.studio.live.ask("save", { path, text, digest: path === this.path ? this.digest : null });
     if (!answer.ok) {
       const again = { "Open the file again": () => this.load("open", { path }) };
       this.studio.say(answer.message, true, answer.refused === "changed" ? again : {});
@@ -127,18 +138,6 @@ export class Files {
     this.studio.editor.saved(answer.uri);
     this.named();
     this.studio.say(`Saved ${answer.path}.`);
-  }
-
-  name() {
-    const dialog = byId("naming");
-    const name = this.studio.editor.text.match(/^name:\s*(\w+)/m)?.[1] ?? "task";
-    byId("path").value = `${name.replace(/(?<=[a-z])(?=[A-Z])/g, "_").toLowerCase()}.yaml`;
-    dialog.returnValue = "";
-    dialog.showModal();
-    byId("path").select();
-    return new Promise((resolve) => {
-      dialog.addEventListener("close", () => resolve(dialog.returnValue && byId("path").value), { once: true });
-    });
   }
 
   async copy({ textContent, dataset }) {

@@ -11,12 +11,10 @@ export class PlayTab {
     this.moves = [];
     this.actions = [];
     this.part = new Part("Episode");
-    this.buttons = make("div", { class: "moves", role: "group", "aria-label": "Actions" });
+    this.buttons = make("div", { class: "row moves", role: "group", "aria-label": "Actions" });
     this.next = make("button", { onclick: () => this.begin(this.seed + 1) }, make("kbd", {}, "Enter"), " next episode");
     const undo = make("button", { onclick: () => this.undo() }, make("kbd", {}, "Backspace"), " undo");
-    this.hints = make("input", { type: "checkbox", onchange: () => this.mark() });
-    const hints = make("label", {}, this.hints, "mark optimal actions");
-    this.content = [this.buttons, make("div", { class: "row" }, undo, this.next, hints), this.part.element];
+    this.content = [this.buttons, make("div", { class: "row" }, undo, this.next), this.part.element];
   }
 
   /** Follow a key; return whether it means something here. */
@@ -46,7 +44,7 @@ export class PlayTab {
     const asked = this.actions.length ? this.studio.ask("play", { seed: this.seed, actions: this.moves }) : cannot;
     this.part.follow(asked, (episode) => {
       this.episode = episode;
-      this.mark();
+      this.mark(episode);
       return this.drawn(episode);
     });
   }
@@ -69,12 +67,10 @@ export class PlayTab {
     this.ask();
   }
 
-  /** Show which actions are legal, and which are optimal where that is wanted. */
-  mark() {
-    const { ended, legal, best } = this.episode;
+  /** Show which actions can be taken. */
+  mark({ ended, legal }) {
     [...this.buttons.children].forEach((button, i) => {
       button.setAttribute("aria-disabled", String(ended !== null || !legal[i]));
-      button.classList.toggle("best", this.hints.checked && !ended && (best?.includes(i) ?? false));
     });
     this.next.classList.toggle("main", ended !== null);
   }

@@ -30,11 +30,6 @@ export class Settings {
     this.changed();
   }
 
-  /** Give one parameter a value, and let everything follow, its control too. */
-  with(name, value) {
-    this.use({ ...this.chosen, parameters: { ...this.chosen.parameters, [name]: value } });
-  }
-
   /** Give one parameter the value of its control. */
   set(name, value) {
     this.chosen.parameters[name] = value;

@@ -13,7 +13,7 @@ import { SpecTab } from "./spec.js";
 import { ValuesTab } from "./values.js";
 
 /** Milliseconds without a key after which the text is sent. */
-const PAUSE = 40;
+const PAUSE = 25;
 const TABS = {
   Spec: SpecTab, Play: PlayTab, Values: ValuesTab, Rollouts: RolloutsTab, Difficulty: DifficultyTab, Results: ResultsTab,
 };

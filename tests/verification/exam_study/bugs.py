@@ -45,7 +45,7 @@ class Bug:
 def bugs() -> list[Bug]:
     """All of them: the first ones, then those that were written when the exam was fixed."""
     found = []
-    for name, is_new in (("bugs.yaml", False), ("new_bugs.yaml", True)):
+    for name, is_new in (("bugs.yaml", False), ("new_bugs.yaml", True), ("library_bugs.yaml", True)):
         written = yaml.safe_load((HERE / name).read_text(encoding="utf-8"))
         for learner, entries in written.items():
             found += [Bug(learner, bug, **entry, is_new=is_new) for bug, entry in entries.items()]

@@ -25,6 +25,8 @@ PROBES = (
     "EndInPlace", "Hazard", "ValueLeft", "SecondThought", "Slip", "CoinToss", "Sizes", "Patience", "Echo", "LookAlikes",
 )  # fmt: skip
 """The probes whose observations and actions are finite."""
+FEW = ("EndInPlace", "ValueLeft", "SecondThought")
+"""Those for learners that are slow."""
 SEEDS = 6
 TRANSITIONS = 2_000
 OF_BASELINES, OF_BUGS = 21000, 22000
@@ -43,6 +45,7 @@ class Terms:
         tasks: those of DERAIL; the probes come with them.
         is_shipped: whether the repository has its results.
         right: exams of the right version, beside the one that those with mistakes are compared with.
+        probes, seeds: of the exam.
     """
 
     steps: int
@@ -50,6 +53,8 @@ class Terms:
     twins: int = 1
     is_shipped: bool = True
     right: int = 7
+    probes: tuple[str, ...] = PROBES
+    seeds: int = SEEDS
 
 
 TERMS = {
@@ -61,6 +66,9 @@ TERMS = {
     "replay": Terms(4_000, twins=0, is_shipped=False, right=50),
     "actor_critic": Terms(12_800, (), twins=0, is_shipped=False, right=50),
     "traces": Terms(3_000, (), twins=0, is_shipped=False, right=100),
+    "sb3_dqn": Terms(5_000, (), 0, False, 1, FEW, 5),
+    "sb3_ppo": Terms(4_000, (), 0, False, 3, FEW, 5),
+    "imitation_bc": Terms(1_000, (), 1, False, 5, ("SecondThought", "Echo", "Slip", "Patience"), 5),
 }
 
 
@@ -104,9 +112,9 @@ def examined(learner: str, train: Any, first: int, folder: Path, shipped: bool =
     tables = Tables()
     tasks = tuple(f"derail/{task}" for task in terms.tasks)
     if not shipped:
-        tasks += tuple(f"probes/{task}" for task in PROBES)
+        tasks += tuple(f"probes/{task}" for task in terms.probes)
     exam = examine(
-        tables.keeping(train), suite="derail" if shipped else "probes", tasks=tasks, seeds=range(first, first + SEEDS),
+        tables.keeping(train), suite="derail" if shipped else "probes", tasks=tasks, seeds=range(first, first + terms.seeds),
         steps=terms.steps, transitions=TRANSITIONS, twins=1 if shipped else terms.twins,
     )  # fmt: skip
     tables.write(folder, exam)
