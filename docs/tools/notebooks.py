@@ -1,4 +1,7 @@
-"""The notebooks of the documentation: executed (`python -m docs.tools.notebooks` writes their outputs), and as pages of the site."""
+"""The notebooks of the documentation: executed, and as pages of the site.
+
+`python -m docs.tools.notebooks` writes their outputs.
+"""
 
 from __future__ import annotations
 

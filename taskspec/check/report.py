@@ -135,7 +135,9 @@ class Report:
         return self.results
 
     def __repr__(self) -> str:
-        counts = [f"{len(found)} {name}" for name, found in (("problems", self.diagnostics), ("verdicts", self.verdicts))]
+        counts = [
+            f"{len(found)} {name}" for name, found in (("problems", self.diagnostics), ("verdicts", self.verdicts))
+        ]
         return f"<Report of {self.task.instance_id}: {', '.join(counts)}>"
 
     def _repr_html_(self) -> str:

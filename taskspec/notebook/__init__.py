@@ -21,6 +21,8 @@ from taskspec.task.task import Task, TaskLike
 if TYPE_CHECKING:
     from taskspec.notebook.widget import Explorer
 
+__all__ = ["explore"]
+
 RETURNS = ("optimal", "expert", "random", "worst")
 
 

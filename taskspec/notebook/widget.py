@@ -45,7 +45,10 @@ class Explorer(anywidget.AnyWidget):
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
         """Return the widget, and its figure for pages that run no widgets."""
-        data, about = super()._repr_mimebundle_(**options)
+        found = super()._repr_mimebundle_(**options)
+        if found is None:
+            return None
+        data, about = found
         return data | {"text/html": self.view.get("figure") or ""}, about
 
     def act(self, action: int) -> None:
