@@ -95,9 +95,6 @@ def test_a_wrong_claim_and_a_mistake_are_answers(page: Page, folder: Path) -> No
     text = asked["text"].replace("safe: detour", "safe: detuor")
     mistake = page.refusal("page", **{**asked, "text": text})["problems"][0]
     assert (mistake["code"], mistake["line"]) == ("E313", text[: text.index("detuor")].count("\n") + 1)
-    assert page.ask("fixes", **{**asked, "text": text}) | {"milliseconds": 0} == {
-        "id": page.number, "kind": "fixes", "ok": True, "milliseconds": 0, "text": asked["text"], "fixed": 1
-    }  # fmt: skip
     unsound = asked["text"].replace("goal: 1/2, trap: 1/2", "goal: 1/2, trap: 1/3")
     assert page.refusal("scores", **{**asked, "text": unsound})["problems"][0]["code"] == "E401"
 
