@@ -23,7 +23,6 @@ class Explorer(anywidget.AnyWidget):
     Attributes:
         results: the exact results of the task.
         actions: the actions of the episode so far, by index.
-        plan: of which values and actions are shown, some of `PLANS`; "" to play.
         view: what the page shows, as `taskspec.studio.episodes` answers it.
     """
 
@@ -35,8 +34,6 @@ class Explorer(anywidget.AnyWidget):
         self.results = Results(load(task))
         self.seed = seed
         self.actions: list[int] = []
-        self.plan = ""
-        self.time = 0
         self.on_msg(self._receive)
         self.show()
 
@@ -64,8 +61,6 @@ class Explorer(anywidget.AnyWidget):
 
     def show(self, plan: str = "", time: int = 0) -> None:
         """Show the values of a plan at a time; without a plan, the episode."""
-        self.plan = plan
-        self.time = time
         task = self.results.task
         about: dict[str, Any] = {"name": task.instance_id, "keys": keys(task), "plans": [], "problem": ""}
         if self.results.model is not None:
