@@ -9,9 +9,9 @@ from __future__ import annotations
 import json
 import math
 import re
+import sys
 import unicodedata
 from collections.abc import Iterable, Sequence
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -71,10 +71,10 @@ def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[obje
 
 
 class InNotebooks:
-    """Something that notebooks show as `taskspec.notebook` writes it, which rests on more than it and is imported then."""
+    """Something that notebooks show as `taskspec.notebook` writes it; the package finds this room on first use."""
 
     def _repr_html_(self) -> str:
-        return str(import_module("taskspec.notebook").html(self))
+        return str(sys.modules["taskspec"].notebook.html(self))
 
 
 def _cells(tag: str, values: Sequence[object]) -> str:
