@@ -26,30 +26,14 @@ def _drawn(score: Score) -> float | None:
     return score["stochastic"]
 
 
-def _area(score: Score) -> float | None:
-    return area(score["curve"])
-
-
-def _value(score: Score) -> float | None:
-    return score.get("value")
-
-
-def _starc(score: Score) -> float | None:
-    return score["starc"]
-
-
-def _longer(score: Score) -> float | None:
-    return score.get("longer")
-
-
 SCORE = "score"
 COMPARED: dict[str, Number] = {
     SCORE: best_score,
     "score of drawn actions": _drawn,
-    "mean of the learning curve": _area,
-    "value of the first states": _value,
-    "distance of the learned reward": _starc,
-    "score on a longer horizon": _longer,
+    "mean of the learning curve": lambda score: area(score["curve"]),
+    "value of the first states": lambda score: score.get("value"),
+    "distance of the learned reward": lambda score: score["starc"],
+    "score on a longer horizon": lambda score: score.get("longer"),
 }
 """Numbers that are compared with those of an earlier exam, by name: the score must not be lower, the others not differ."""
 

@@ -129,6 +129,10 @@ class Builder:
             raise Refused(f"this integer has more than {Limits.bits} bits", "E314")
         return self._intern(Const(items[0] if type.is_scalar else items, type))
 
+    def constant(self, flat: Sequence[Any], type: Type) -> Const:
+        """Return a constant from its elements, a single one for a scalar."""
+        return self.const(flat[0] if type.is_scalar else flat, type)
+
     def scalar(self, value: Any) -> Const:
         """Return a Python number as a constant of its own kind."""
         if isinstance(value, int) and not isinstance(value, bool):
@@ -195,11 +199,11 @@ class Builder:
             return self.const((), result)
         rational = fold_rational(op, args, result)
         if rational is not None:
-            return self._of(rational, result)
+            return self.constant(rational, result)
         kinds = op.promote([a.type.kind for a in args], result.kind)
         args = tuple(map(self._operand, args, kinds))
         if are_constant(args):
-            return self._of(folded(name, args, (), result), result)
+            return self.constant(folded(name, args, (), result), result)
         return self._identity(name, args, result) or self._intern(Apply(name, args, result))
 
     def structure(self, name: str, args: Sequence[Node], static: tuple[int, ...] = ()) -> Node:
@@ -220,7 +224,7 @@ class Builder:
         if not result.size:
             return self.const((), result)
         if are_constant(args):
-            return self._of(folded(name, args, static, result), result)
+            return self.constant(folded(name, args, static, result), result)
         return self._rearranged(name, args, static) or self._intern(Apply(name, tuple(args), result, static))
 
     def cast(self, node: Node, kind: Kind) -> Node:
@@ -228,13 +232,13 @@ class Builder:
         if node.type.kind >= kind:
             return node
         if isinstance(node, Const):
-            return self._of(node.flat, Type(kind, node.type.shape))
+            return self.constant(node.flat, Type(kind, node.type.shape))
         return self._intern(Apply(f"to_{kind}", (node,), Type(kind, node.type.shape)))
 
     def _operand(self, node: Node, kind: Kind) -> Node:
         """Return the same for an operand: a whole number among reals stays exact, as a fraction does."""
         if isinstance(node, Const) and kind is Kind.REAL > node.type.kind:
-            return self._of(tuple(map(Fraction, node.flat)), Type(kind, node.type.shape))
+            return self.constant(tuple(map(Fraction, node.flat)), Type(kind, node.type.shape))
         return self.cast(node, kind)
 
     def held(self, node: Node) -> Node:
@@ -242,7 +246,7 @@ class Builder:
         replacements: dict[int, Node] = {}
         for part in walk([node]):
             if isinstance(part, Const) and part.type.kind is Kind.REAL:
-                replacements[id(part)] = self._of(part.numbers, part.type)
+                replacements[id(part)] = self.constant(part.numbers, part.type)
             elif not (isinstance(part, Apply) and entry_of(part.op).elements is Elements.MOVED):
                 replacements[id(part)] = part
         return rewrite([node], replacements, self.remake)[0]
@@ -269,8 +273,7 @@ class Builder:
     def position(self, index: Node, length: int) -> Node:
         """Return an index (int) brought into range(length): a constant counts from the end when it is negative."""
         if isinstance(index, Const):
-            flat = tuple(i + length if i < 0 else i for i in index.flat)
-            index = self.const(flat if index.type.shape else flat[0], index.type)
+            index = self.constant([i + length * (i < 0) for i in index.flat], index.type)
         return self.within(index, 0, length - 1)
 
     def power(self, base: Node, exponent: Node) -> Node:
@@ -337,9 +340,6 @@ class Builder:
         if isinstance(result, Const) and are_constant(args):
             self._folded[key] = result
         return result
-
-    def _of(self, flat: Sequence[Any], type: Type) -> Const:
-        return self.const(flat[0] if type.is_scalar else flat, type)
 
     def _intern(self, node: N) -> N:
         """Return the node that equals a new one; the new one itself where there is none."""

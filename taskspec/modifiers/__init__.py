@@ -195,7 +195,7 @@ def _modified(task: Task, given: Modifier) -> Task:
                 reason = f"'{earlier}' depends on when episodes end"
                 raise Inapplicable(reason, "give the horizon before other modifiers")
         changed = entry.change(task.new_builder(), task, values)
-    except (Inapplicable, Refused) as found:  # Refused: a limit of vectors or of ints
+    except Refused as found:  # by the modifier, or by a limit of vectors or of ints
         message = f"{task.id} cannot be given '{given}': {found.message}"
         raise spec_error("E720", message, found.hint) from None
     if changed is task:  # it was as the modifier makes it

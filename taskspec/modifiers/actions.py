@@ -54,10 +54,7 @@ def _any(b: Builder, c: Component) -> Node:
     """Return a uniformly random value of a component."""
     if c.type.kind is Kind.BOOL:
         return DISTS["Bernoulli"].build(b, {"p": b.scalar(0.5)}, c.type.shape)
-    given: dict[str, Node] = {}
-    for name, ends in (("low", c.low), ("high", c.high)):
-        values: list[float] = list(ends if c.type.kind is Kind.REAL else map(int, ends))
-        given[name] = b.const(values if c.type.shape else values[0], c.type)
+    given = {"low": b.constant(c.low, c.type), "high": b.constant(c.high, c.type)}
     dist = "Uniform" if c.type.kind is Kind.REAL else "UniformInt"
     return DISTS[dist].build(b, given, c.type.shape)
 

@@ -11,34 +11,40 @@ import shlex
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property, lru_cache
+from contextlib import suppress
+from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from taskspec.analysis import analyse
-from taskspec.analysis.fixes import fixed
 from taskspec.base.bibliography import beside
 from taskspec.base.diagnostics import SpecError, raise_if_errors, records, spec_error
 from taskspec.base.display import decimal, json_data
-from taskspec.base.ids import shown
+from taskspec.base.ids import assigned
 from taskspec.check.report import Report
+from taskspec.exam import report, results
+from taskspec.experiments.experiment_file import RETURNS
+from taskspec.experiments.instances import Instance
+from taskspec.experiments.picture import figure
+from taskspec.experiments.sweeping import Measured, Questions, measure
 from taskspec.figures import scene, svg
-from taskspec.modifiers import modify
+from taskspec.jobs.work import Late, interrupted, late
 from taskspec.pages import gather, gather_pages, page, render
 from taskspec.pages.facts import Facts, lines
 from taskspec.pages.hypertext import HtmlWriter, article
+from taskspec.pages.render.suite import Suite
 from taskspec.pages.sections import results as result_sections
 from taskspec.registry import suite_of
 from taskspec.rules.claim_verdicts import Verdict, verdicts
 from taskspec.rules.examples import wrong_examples
 from taskspec.scores.returns import Results
 from taskspec.soundness.soundness import examine
-from taskspec.source import Document, read_text
+from taskspec.source import packed
 from taskspec.studio import episodes
-from taskspec.studio.folder import FileRefused, Folder
-from taskspec.task.build import build
-from taskspec.task.merge import merge, variant_names
-from taskspec.task.parts import Claim, Parameter
+from taskspec.studio.folder import FileRefused, Folder, text_of
+from taskspec.targets import File, name_of, task_in, variants_of
+from taskspec.task.parts import Parameter
+from taskspec.task.schema.experiments import Experiment
 from taskspec.task.task import Task
 
 
@@ -51,21 +57,10 @@ class Question:
         self.text = str(message.get("text", ""))
         self.place = folder.place(message.get("path") or "untitled.yaml")
         settings = message.get("settings") or {}
-        self.variant: str | None = settings.get("variant")
         self.parameters: dict[str, Any] = settings.get("parameters") or {}
-        self.modifiers: list[str] = settings.get("modifiers") or []
-
-    @cached_property
-    def document(self) -> Document:
-        return _document(self.text, str(self.place))
-
-    @cached_property
-    def variants(self) -> dict[str, str | None]:
-        """The tasks of the spec by name, each with its variant; not the spec itself where it leaves sections to them."""
-        found = variant_names(self.document.data)
-        if len(found) > 1 and merge(self.document).missing:
-            found.pop(next(iter(found)))
-        return found
+        self.modifiers = tuple(settings.get("modifiers") or ())
+        self.file = File(self.place, suite_of(self.place), None, self.parameters, self.modifiers, self.text)
+        self.variant: str | None = settings.get("variant")
 
     @cached_property
     def task(self) -> Task:
@@ -76,14 +71,8 @@ class Question:
         """Return the task with other values of some parameters."""
         variant = self.variant
         if variant is None:
-            variant = next(iter(self.variants.values()))
-        given = {**self.parameters, **values}
-        return modify(build(self.document, variant, given, suite_of(self.place)), *self.modifiers)
-
-
-@lru_cache(maxsize=8)
-def _document(text: str, name: str) -> Document:
-    return read_text(text, name)
+            variant = variants_of(self.file)[0]
+        return task_in(replace(self.file, parameters={**self.parameters, **values}), variant)
 
 
 def answered(message: bytes, root: Path) -> bytes:
@@ -120,7 +109,7 @@ def task_page(asked: Question) -> dict[str, Any]:
         "mathematics": article(heading, shown_page.summary, shown_page.description, sections, writer),
         "figure": None if drawn is None else svg(drawn, css=True),
         "caption": "" if drawn is None else drawn.caption,
-        "variants": [{"name": variant, "title": name} for name, variant in asked.variants.items()],
+        "variants": [{"name": each, "title": name_of(asked.file, each)} for each in variants_of(asked.file)],
         "parameters": [_parameter(p) for p in task.parameters],
         "actions": episodes.keys(task), "horizon": task.horizon, "has_expert": task.annotations.expert is not None,
     }  # fmt: skip
@@ -140,8 +129,7 @@ def scores(asked: Question) -> dict[str, Any]:
     said = tuple(verdicts(task, found))
     wrong = dict(wrong_examples(task))
     problems = [*sound.diagnostics, *(each.diagnostic for each in said if each.diagnostic), *wrong.values()]
-    report = Report(task, (), sound.method, verdicts=said, results=found, wrong_examples=frozenset(wrong))
-    facts = gather(report)
+    facts = gather(Report(task, (), sound.method, verdicts=said, results=found, wrong_examples=frozenset(wrong)))
     return {
         "title": "Exact scores" if found.model is not None else "Scores",
         "rows": list(_rows(task, facts)), "claims": list(_claims(task, facts, said)), "states": facts.states,
@@ -184,66 +172,64 @@ def _claims(task: Task, facts: Facts, said: Sequence[Verdict]) -> Iterator[dict[
     (section,) = result_sections([("", task, Facts())])
     writer = HtmlWriter({})
     for claim, line, fact in zip(task.annotations.claims, section.lines, facts.verdicts, strict=True):
-        worst = _worst(claim, said)
+        own = [verdict for verdict in said if verdict.claim is claim]
+        worst = next((verdict for verdict in own if not verdict.holds), own[0])
         yield {
             "text": claim.text, "html": writer.prose(line.content), "status": worst.status, "holds": fact.holds,
             "words": fact.words, "detail": worst.detail, "line": claim.expr.place.span.line,
         }  # fmt: skip
 
 
-def _worst(claim: Claim, said: Sequence[Verdict]) -> Verdict:
-    """Return the verdict that decides about a claim: one that does not hold, where there is any."""
-    own = [verdict for verdict in said if verdict.claim is claim]
-    return next((verdict for verdict in own if not verdict.holds), own[0])
-
-
 # -- other answers ----------------------------------------------------------------------------------------------------
 
 POINTS = 12
 """Values of a parameter in a sweep, unless the page gives them."""
-RETURNS = ("optimal", "expert", "random", "worst")
-SWEEP_SECONDS = 60
-"""Seconds after which the other values of a sweep are left out."""
+AT_ONCE = 1.0
+AT_MOST = 20.0
+"""Seconds of a sweep after which what is known is sent, and seconds that one value may take."""
+_measured: dict[tuple[Any, ...], Measured] = {}
+"""What was measured for the sweeps of this process."""
 
 
 def sweep(asked: Question) -> dict[str, Any]:
-    """Return exact returns at several values of a parameter, and their curves."""
-    from taskspec.experiments.instances import Instance
-    from taskspec.experiments.picture import figure
-    from taskspec.experiments.sweeping import Measured
-    from taskspec.task.schema.experiments import Experiment
-
+    """Return exact returns at several values of a parameter, and their curves; `left` are values to ask for again."""
+    task = asked.task
     name = asked.message["parameter"]
-    parameter = next((p for p in asked.task.parameters if p.name == name), None)
+    parameter = next((p for p in task.parameters if p.name == name), None)
     if parameter is None:
-        raise spec_error("E713", f"{asked.task.id} has no parameter '{name}'")
+        raise spec_error("E713", f"{task.id} has no parameter '{name}'")
     start = time.perf_counter()
     rows = []
+    left = []
     for value in asked.message.get("values") or values_of(parameter):
-        instance = Instance(asked.task.id, "", asked.variant, {name: value}, varied={name: value})
-        if time.perf_counter() - start > SWEEP_SECONDS:
-            rows.append(Measured(instance, "left out", error="left out: the values before it took long"))
-            continue
-        try:
-            rows.append(Measured(instance, "done", _returns(Results(asked.at({name: value})))))
-        except SpecError as error:
-            rows.append(Measured(instance, "failed", error=error.diagnostics[0].message))
-    shown_rows = [{"value": row.instance.varied[name], **row.values, "error": row.error} for row in rows]
-    chart = None
-    if any(row.error is None for row in rows):
-        plot = {"x": name, "show": [key for key in RETURNS if any(row.values.get(key) is not None for row in rows)]}
-        about = Experiment(experiment=1, name=asked.task.name, tasks=[{"task": asked.task.id}], plot=plot)  # type: ignore[arg-type, list-item]
-        chart = svg(figure(about, rows), css=True)
-    return {"parameter": name, "rows": shown_rows, "chart": chart}
+        key = (task.content_hash, asked.modifiers, name, repr(value))
+        if key in _measured or time.perf_counter() - start < AT_ONCE:
+            given = {**asked.parameters, name: value}
+            instance = Instance(task.id, "", task.source.variant, given, asked.modifiers, {name: value})
+            _measured[key] = _measured.get(key) or _measure(task, instance)
+            rows.append(_measured[key])
+        else:
+            left.append(value)
+    shown = {key for key in RETURNS for row in rows if row.values.get(key) is not None}
+    plot = {"x": name, "show": sorted(shown)}
+    about = Experiment(experiment=1, name=task.name, tasks=[{"task": task.id}], plot=plot)  # type: ignore[arg-type, list-item]
+    numbers = [key + end for key in RETURNS for end in ("", "_half")]
+    return {
+        "parameter": name, "chart": svg(figure(about, rows), css=True) if shown else None, "left": left,
+        "rows": [{"value": row.instance.varied[name], "error": row.error, **{key: row.values.get(key) for key in numbers}}
+                 for row in rows],
+    }  # fmt: skip
 
 
-def _returns(results: Results) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for name in RETURNS:
-        value = getattr(results, name)
-        found[name] = None if value is None else value.value
-        found[f"{name}_half"] = None if value is None else value.half
-    return found
+def _measure(task: Task, instance: Instance) -> Measured:
+    try:
+        with interrupted(AT_MOST):
+            values = measure(packed(task.source.document), task.source.suite, instance, Questions(()))
+        return Measured(instance, "done", values)
+    except SpecError as error:
+        return Measured(instance, "failed", error=error.diagnostics[0].message)
+    except Late:
+        return Measured(instance, "timed_out", error=late(AT_MOST))
 
 
 def values_of(p: Parameter) -> list[Any]:
@@ -266,21 +252,17 @@ MOST_RESULTS = 40
 
 def results_in_files(asked: Question) -> dict[str, Any]:
     """Return the cards of exams and the plots in the folder, the newest first."""
-    from taskspec.exam import report, results
-
     found = []
     places = sorted(asked.folder.files("exam.json", "exam.json.gz", ".svg"), key=lambda place: -place.stat().st_mtime)
     for place in places[:MOST_RESULTS]:
         entry = {"path": asked.folder.relative(place), "title": place.stem}
-        if place.suffix == ".svg":
-            entry |= {"kind": "plot", "svg": place.read_text(encoding="utf-8", errors="replace")}
-        else:
-            try:
+        with suppress(SpecError):  # too large, or not an exam of this version
+            if place.suffix == ".svg":
+                entry |= {"kind": "plot", "svg": text_of(place)}
+            else:
                 exam = results.read(place.parent)
-            except SpecError:
-                continue
-            entry |= {"kind": "exam", "title": exam["learner"], "html": report.page(exam)}
-        found.append(entry)
+                entry |= {"kind": "exam", "title": exam["learner"], "html": report.page(exam)}
+            found.append(entry)
     return {"results": found, "more": max(0, len(places) - MOST_RESULTS)}
 
 
@@ -292,14 +274,9 @@ def copied(asked: Question) -> dict[str, Any]:
     return {"format": form, "text": FORMS[form](asked)}
 
 
-def _latex(asked: Question) -> str:
+def _page_in(asked: Question, written: Callable[[Suite], dict[str, str]], ending: str) -> str:
     suite = gather_pages([asked.task])
-    return render.document(suite)[f"{suite.pages[0].anchor}.tex"]
-
-
-def _markdown(asked: Question) -> str:
-    suite = gather_pages([asked.task])
-    return render.markdown(suite)[f"{suite.pages[0].anchor}.md"]
+    return written(suite)[f"{suite.pages[0].anchor}.{ending}"]
 
 
 def _svg(asked: Question) -> str:
@@ -314,15 +291,15 @@ def _python(asked: Question) -> str:
     if asked.variant is not None:
         given.insert(0, f"variant={asked.variant!r}")
     if asked.modifiers:
-        given.append(f"modifiers={asked.modifiers!r}")
+        given.append(f"modifiers={list(asked.modifiers)!r}")
     path = asked.folder.relative(asked.place)
     return f"import taskspec\n\nenv = taskspec.make({', '.join([repr(path), *given])})\n"
 
 
 def _command(asked: Question) -> str:
     options = ["-v", asked.variant] if asked.variant is not None else []
-    for name, value in asked.parameters.items():
-        options += ["-p", f"{name}={shown(value)}"]
+    for each in asked.parameters.items():
+        options += ["-p", assigned([each])]
     for modifier in asked.modifiers:
         options += ["-m", modifier]
     path = asked.folder.relative(asked.place)
@@ -330,20 +307,14 @@ def _command(asked: Question) -> str:
 
 
 FORMS: dict[str, Callable[[Question], str]] = {
-    "latex": _latex, "markdown": _markdown, "svg": _svg, "python": _python, "command": _command,
+    "latex": lambda asked: _page_in(asked, render.document, "tex"),
+    "markdown": lambda asked: _page_in(asked, render.markdown, "md"),
+    "svg": _svg, "python": _python, "command": _command,
 }  # fmt: skip
 
 
-def fixes(asked: Question) -> dict[str, Any]:
-    """Return the text with the fixes of its mistakes."""
-    name = str(asked.place)
-    mistakes = [each for each in analyse(asked.text, name).diagnostics if each.severity == "error"]
-    found = [each.fix for each in mistakes if each.fix is not None and each.fix.span.origin.name == name]
-    return {"text": fixed(asked.text, found), "fixed": len(found)}
-
-
 KINDS: dict[str, Callable[[Question], dict[str, Any]]] = {
-    "page": task_page, "scores": scores, "sweep": sweep, "results": results_in_files, "copy": copied, "fixes": fixes,
+    "page": task_page, "scores": scores, "sweep": sweep, "results": results_in_files, "copy": copied,
     "values": lambda asked: episodes.values(results_of(asked.task), asked.message),
     "play": lambda asked: episodes.play(results_of(asked.task), asked.message),
     "rollout": lambda asked: episodes.rollout(asked.task, asked.message, asked.folder),

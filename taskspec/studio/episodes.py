@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from taskspec.policies.files import is_function, is_script
 from taskspec.policies.policy import greedy
 from taskspec.scores.returns import Results
 from taskspec.solve.backward import Boltzmann, Greedy, Plan, Rule, Uniform, action_values, backward
-from taskspec.solve.bounded import Bounded
+from taskspec.solve.bounded import Bound, Bounded
 from taskspec.solve.infinite_horizon import InfiniteHorizon, chain_values
 from taskspec.solve.plans import MaxEnt, tables
 from taskspec.soundness.phases import entries
@@ -56,7 +55,9 @@ def keys(task: Task) -> list[dict[str, str]] | None:
 
 def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
     """Return the expected returns and the probabilities of actions of a plan at a time, for each state, and a figure of them."""
-    model = _model(results)
+    model = results.model
+    if model is None:
+        refuse(f"there is no exact model: {results.why_not}", results.remedy)
     plan_name = str(message.get("plan", "optimal"))
     rule = _rule(results, plan_name, float(message.get("temperature") or 1.0))
     last = 0 if model.horizon is None else model.horizon - 1
@@ -67,12 +68,12 @@ def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
     visits = _visits(model, plan, t)
     shown = np.flatnonzero(model.acting)
     order = shown[np.argsort(-visits[shown], kind="stable")][:MOST_STATES]
-    lines = _Lines(results.task, model) if len(shown) * model.n_actions <= MOST_PAIRS else None
+    lines = _lines(results.task, model) if model.n_states * model.n_actions <= MOST_PAIRS else None
     states = []
     for s in sorted(order.tolist()):
         states.append({
             "code": int(model.codes[s]), "label": model.state_name(s), "value": float(V[s]), "visits": float(visits[s]),
-            "q": Q[:, s].tolist(), "policy": pi[:, s].tolist(), "lines": [] if lines is None else lines.of(s),
+            "q": Q[:, s].tolist(), "policy": pi[:, s].tolist(), "lines": [] if lines is None else sorted(lines[s]),
         })  # fmt: skip
     over = None
     if results.abstraction is None and not results.task.modifiers:
@@ -83,13 +84,6 @@ def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
         "actions": [model.action_name(a) for a in range(model.n_actions)], "states": states,
         "more": len(shown) - len(order),
     }  # fmt: skip
-
-
-def _model(results: Results) -> Model:
-    """Return the exact model, or say why there is none."""
-    if results.model is None:
-        refuse(f"there is no exact model: {results.why_not}", results.remedy)
-    return results.model
 
 
 def _rule(results: Results, name: str, temperature: float) -> Rule:
@@ -157,126 +151,85 @@ def _overlay(model: Model, V: Array, pi: Array, visits: Array, name: str, t: int
     return Overlay(**chosen, legend={part: legend[part] for part in chosen})  # type: ignore[arg-type]
 
 
-class _Lines:
-    """The lines of a spec that decide what happens in a state: the branches and rows that give next state, reward and end."""
-
-    SECTIONS = ("dynamics", "reward", "terminal", "expert")
-
-    def __init__(self, task: Task, model: Model) -> None:
-        self.task = task
-        self.model = model
-        self.written = [
-            (expr, SectionScope(task, section)) for section in self.SECTIONS for _, expr in entries(task, section)
-        ]
-
-    def of(self, s: int) -> list[int]:
-        """Return the lines about a state of the model, by its number."""
-        model = self.model
-        state = model.states.decode(model.codes[s : s + 1])
-        found = set()
-        for a in range(model.n_actions):
-            reads = {**state, **model.actions.decode(np.array([a])), (Role.TIME, "t"): np.zeros(1, np.int64)}
-            for expr, scope in self.written:
-                place = narrow(expr, scope, reads).place
-                if place.span.origin.name == self.task.source.document.origin.name:
-                    found.add(place.span.line)
-        return sorted(found)
+def _lines(task: Task, model: Model) -> list[set[int]]:
+    """Return for each state of a model the lines that decide about it: of branches and rows for next state, reward and end."""
+    sections = ("dynamics", "reward", "terminal", "expert")
+    written = [(expr, SectionScope(task, section)) for section in sections for _, expr in entries(task, section)]
+    found: list[set[int]] = [set() for _ in model.codes]
+    for s, a in np.ndindex(model.n_states, model.n_actions):
+        reads = model.states.decode(model.codes[s : s + 1]) | model.actions.decode(np.array([a]))
+        reads[Role.TIME, "t"] = np.zeros(1, np.int64)
+        for expr, scope in written:
+            span = narrow(expr, scope, reads).place.span
+            if span.origin.name == task.source.document.origin.name:
+                found[s].add(span.line)
+    return found
 
 
 # -- an episode that is played ----------------------------------------------------------------------------------------
 
 
-@dataclass
-class _Move:
-    """One step of an episode: what was done in which state, and what it paid."""
-
-    action: int
-    state: dict[str, Any]
-    reward: float = 0.0
-    words: str = ""
-    seen: str = ""
-    after: str = ""
-
-
 def play(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an episode after some actions, a function of the seed and the actions alone; with the regret of each."""
+    """Return an episode after some actions, a function of the seed and the actions alone; with the regret of each.
+
+    The regret of an action is `gamma**t * (V[t, s] - Q[t, s, a])` of the optimal plan: regrets add up to what the actions lose.
+    """
     task = results.task
     env = Environment(task)
     known = window.actions(task)
+    taken = message.get("actions") or []
     observation, info = env.reset(seed=int(message.get("seed") or 0))
-    seen = {0: env.state}
-    moves: list[_Move] = []
+    visited = {0: env.state}
+    steps: list[dict[str, Any]] = []
+    total = 0.0
     ended = None
-    for index in message.get("actions") or ():
-        if ended is not None or not 0 <= index < len(known):
-            raise spec_error("E713", f"{index} is not an action here, or the episode is over")
-        move = _Move(index, env.state, words=action_words(env, known[index]))
-        observation, move.reward, terminated, truncated, info = env.step(known[index])
-        move.after = _state_words(env)
-        move.seen = _words(observation)
-        moves.append(move)
-        seen[env.time] = env.state
+    for t, action in enumerate(taken):
+        if ended is not None or action not in range(len(known)):
+            raise spec_error("E713", f"{action} is not an action here, or the episode is over")
+        words = action_words(env, known[action])
+        observation, reward, terminated, truncated, info = env.step(known[action])
         if terminated or truncated:
             ended = "terminated" if terminated else "truncated"
-    regrets, best = _regrets(results, moves, env.state)
-    total = 0.0
-    steps = []
-    for t, (move, regret) in enumerate(zip(moves, regrets, strict=True)):
-        total += task.discount**t * move.reward
-        regret_text = None
-        if regret is not None:
-            regret_text = fraction(regret) or number(regret)
-        steps.append({
-            "action": move.words, "reward": move.reward, "return": total, "regret": regret, "regret_text": regret_text,
-            "state": move.after, "observation": move.seen,
-        })  # fmt: skip
-    known_regrets = [regret for regret in regrets if regret is not None]
+        total += task.discount**t * reward
+        visited[t + 1] = env.state
+        about = {"action": words, "reward": reward, "return": total, "regret": None, "regret_text": None}
+        steps.append({**about, "state": _words(env.state), "observation": _words(observation)})
+    best = None
+    for t, q in _optimal(results, visited):
+        if t == len(taken):
+            best = np.flatnonzero(greedy(q)).tolist()
+            continue
+        regret = task.discount**t * float(q.max() - q[taken[t]])
+        steps[t] |= {"regret": regret, "regret_text": fraction(regret) or number(regret)}
+    regrets = [step["regret"] for step in steps]
     mask = info.get("action_mask")
     return {
-        "figure": _frame(task, env.state, seen), "caption": _state_words(env), "time": env.time, "horizon": task.horizon,
+        "figure": _frame(task, env.state, visited), "caption": _words(env.state), "time": env.time, "horizon": task.horizon,
         "ended": ended, "return": total, "state": [{"name": k, "value": _words(v)} for k, v in env.state.items()],
         "observation": _words(observation), "legal": [True] * len(known) if mask is None else [bool(x) for x in mask],
-        "best": None if ended else best, "steps": steps,
-        "regret": sum(known_regrets) if len(known_regrets) == len(moves) else None,
+        "best": None if ended else best, "steps": steps, "regret": None if None in regrets else sum(regrets),
     }  # fmt: skip
 
 
-def _regrets(
-    results: Results, moves: Sequence[_Move], now: Mapping[str, Any]
-) -> tuple[list[float | None], list[int] | None]:
-    """Return what each move costs against the best action in its state, and the best actions in the present state.
-
-    The regret of an action is `gamma**t * (V[t, s] - Q[t, s, a])` of the optimal plan: regrets add up to what the actions lose.
-    None without an exact model.
-    """
+def _optimal(results: Results, visited: Mapping[int, Mapping[str, Any]]) -> Iterator[tuple[int, Array]]:
+    """Yield times with the optimal Q (A,) in the state that was visited then; no times without an exact model."""
     model = results.model
     if model is None:
-        return [None] * len(moves), None
-    task = results.task
-    states = [_index(results, model, state) for state in (*(move.state for move in moves), now)]
-    by_time = dict(_columns(model, states))
-    found: list[float | None] = []
-    for t, move in enumerate(moves):
-        q = by_time.get(t)
-        found.append(None if q is None else max(0.0, task.discount**t * float(q.max() - q[move.action])))
-    last = by_time.get(len(moves))
-    return found, None if last is None else np.flatnonzero(greedy(last)).tolist()
-
-
-def _columns(model: Model, states: Sequence[int | None]) -> Iterator[tuple[int, Array]]:
-    """Yield each time with the optimal Q (A,) of the state of the model at that time; none for states that it does not have."""
-    if model.horizon is None:
-        Q = InfiniteHorizon(model).q_values().value
-        yield from ((t, model.among_legal(Q, -np.inf)[:, s]) for t, s in enumerate(states) if s is not None)
         return
-    for t, Q, _ in Greedy().plan(Bounded(model)):
-        s = states[t] if t < len(states) else None
+    at = {t: _index(results, model, state) for t, state in visited.items()}
+    if model.horizon is None:
+        Q = InfiniteHorizon(model).q_values()
+        found: Iterable[tuple[int, Bound, Any]] = ((t, Q, None) for t in at)
+    else:
+        found = Greedy().plan(Bounded(model))
+    for t, Q, _ in found:
+        s = at.get(t)
         if s is not None:
             yield t, model.among_legal(Q.value, -np.inf)[:, s]
 
 
 def _index(results: Results, model: Model, state: Mapping[str, Any]) -> int | None:
-    """Return the number of a state of the task in the model, which may be that of its abstraction."""
+    """Return the number of a state of the task in the model, which may be that of its abstraction; None where it has none."""
     values = {name: value for (_, name), value in reads_of(results.task, state).items()}
     if results.abstraction is not None:
         values = dict(results.abstraction.map(values))
@@ -324,12 +277,8 @@ def _frame(task: Task, state: Mapping[str, Any], seen: Mapping[int, Mapping[str,
     return svg(drawn, css=True)
 
 
-def _state_words(env: Environment) -> str:
-    return ", ".join(f"{name} = {_words(value)}" for name, value in env.state.items())
-
-
 def _words(value: Any) -> str:
-    """Return a value of a component, or an observation, in words."""
+    """Return a value, a state or an observation in words."""
     if isinstance(value, dict):
         return ", ".join(f"{name} = {_words(part)}" for name, part in value.items())
     if isinstance(value, np.ndarray):

@@ -19,9 +19,9 @@ from taskspec.source.scan import kind
 
 SPECS = (".yaml", ".yml")
 SCRIPTS = (".json", ".csv")
-MOST_FILES = 500
+MOST_NAMES = 20_000
 DEPTH = 4
-"""Folders below one another that are looked into."""
+"""Names that are looked at, and folders below one another."""
 
 
 class FileRefused(Exception):
@@ -47,11 +47,11 @@ class Folder:
         try:
             found = (self.root / path).resolve()
             is_inside = found.is_relative_to(self.root) and found != self.root
+            if is_inside:
+                return found
         except (OSError, ValueError):  # no path at all
-            is_inside = False
-        if not is_inside:
-            raise FileRefused("outside", f"'{path}' is not in the folder {self.root.name}")
-        return found
+            pass
+        raise FileRefused("outside", f"'{path}' is not in the folder {self.root.name}")
 
     def spec(self, path: str) -> Path:
         """Return where a spec is or may be written.
@@ -65,15 +65,18 @@ class Folder:
         return found
 
     def files(self, *suffixes: str) -> Iterator[Path]:
-        """Yield the files with some suffixes, sorted, `MOST_FILES` of them at most."""
-        count = 0
+        """Yield the files with some suffixes, folder by folder, without links that lead out; a large folder is not read whole."""
+        seen = 0
         for folder, folders, names in os.walk(self.root):
             deep = len(Path(folder).relative_to(self.root).parts)
             folders[:] = sorted(name for name in folders if not name.startswith((".", "__")) and deep < DEPTH)
             for name in sorted(names):
-                if name.endswith(suffixes) and not name.startswith(".") and count < MOST_FILES:
-                    count += 1
-                    yield Path(folder) / name
+                found = Path(folder) / name
+                if name.endswith(suffixes) and name[0] != "." and found.resolve().is_relative_to(self.root):
+                    yield found
+            seen += len(names)
+            if seen > MOST_NAMES:
+                return
 
     def relative(self, place: Path) -> str:
         """Return the path of a file of the folder."""
@@ -98,7 +101,7 @@ class Folder:
     def open(self, path: str) -> dict[str, Any]:
         """Return the text of a spec, with the digest that `save` asks for."""
         place = self.spec(path)
-        text = _text(place)
+        text = text_of(place)
         return {"path": self.relative(place), "text": text, "digest": digest(text), "uri": place.as_uri()}
 
     def save(self, path: str, text: str, known: str | None) -> dict[str, Any]:
@@ -111,10 +114,10 @@ class Folder:
             FileRefused: the file exists although it should be new, or has another text than the page has seen.
         """
         place = self.spec(path)
-        if known is None and place.exists():
-            raise FileRefused("exists", f"'{path}' already exists; it was not changed")
-        if known is not None and (not place.exists() or digest(_text(place)) != known):
-            raise FileRefused("changed", f"'{path}' was changed by another program; it was not overwritten")
+        present = digest(text_of(place)) if place.exists() else None
+        if present != known:
+            why = "exists" if known is None else "changed"
+            raise FileRefused(why, f"'{path}' is new, or was changed by another program; it was not overwritten")
         write_text(place, text, new=known is None)
         return {"path": self.relative(place), "digest": digest(text), "uri": place.as_uri()}
 
@@ -130,13 +133,13 @@ def new(source: str, path: str | None, template: str) -> dict[str, Any]:
         name = "".join(word[:1].upper() + word[1:] for word in words).lstrip("0123456789") or "NewTask"
         text = template.format(name=name, title=" ".join(words).capitalize())
     else:
-        text = _text(registry.find(source).path)
+        text = text_of(registry.find(source).path)
     return {"path": path, "text": text}
 
 
 def _is_spec(place: Path) -> bool:
     try:
-        return kind(_text(place)) == "taskspec"
+        return kind(text_of(place)) == "taskspec"
     except SpecError:
         return False
 
@@ -144,7 +147,7 @@ def _is_spec(place: Path) -> bool:
 def functions(place: Path) -> list[str]:
     """Return the names of the functions of a Python file that could be policies: of one argument; nothing is run."""
     try:
-        body = ast.parse(_text(place)).body
+        body = ast.parse(text_of(place)).body
     except (SyntaxError, ValueError, SpecError):
         return []
     found = [node for node in body if isinstance(node, ast.FunctionDef)]
@@ -156,7 +159,7 @@ def digest(text: str) -> str:
     return hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()
 
 
-def _text(place: Path) -> str:
+def text_of(place: Path) -> str:
     """Return the text of a file, with the line ends that it has."""
     try:
         if place.stat().st_size > limits().file:

@@ -11,7 +11,6 @@ import gc
 import multiprocessing
 import os
 import signal
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from multiprocessing import forkserver
@@ -22,7 +21,7 @@ from threading import Thread
 from typing import Any
 
 SECONDS = {
-    "page": 10, "scores": 60, "values": 30, "play": 30, "rollout": 60, "sweep": 120, "results": 30, "copy": 30, "fixes": 10,
+    "page": 10, "scores": 60, "values": 30, "play": 30, "rollout": 60, "sweep": 120, "results": 30, "copy": 30,
 }  # fmt: skip
 """The kinds of questions that processes answer, and how long each may take."""
 PATIENCE = 0.15
@@ -65,15 +64,14 @@ class Answerer:
         """
         self._newest += 1
         number = self._newest
-        loop = asyncio.get_running_loop()
         if self._turn.locked():
-            loop.call_later(PATIENCE, self._leave, number)
+            asyncio.get_running_loop().call_later(PATIENCE, self._leave, number)
         async with self._turn:
             if number != self._newest:
                 return None
             self._present = number
             try:
-                answer = await loop.run_in_executor(self._thread, self._answer, question)
+                answer = await asyncio.wrap_future(self._thread.submit(self._answer, question))
             except NoAnswer:
                 if number == self._newest:
                     raise
@@ -92,9 +90,10 @@ class Answerer:
         self._kill()
 
     def _leave(self, newer: int) -> None:
-        """End the process if it still works on a question older than a certain one."""
+        """End the process if it still works on a question older than a certain one, also if it only starts now."""
         if 0 < self._present < newer:
             self._kill()
+            asyncio.get_running_loop().call_later(PATIENCE, self._leave, newer)
 
     def _kill(self) -> None:
         if self._process is not None:
@@ -105,9 +104,10 @@ class Answerer:
         if self._connection is None:
             ours: Connection
             ours, theirs = self._context.Pipe()
-            self._process = self._context.Process(target=work, args=(theirs, self._folder), daemon=True)
-            self._process.start()
+            process = self._context.Process(target=work, args=(theirs, self._folder), daemon=True)
+            process.start()
             theirs.close()
+            self._process = process
             self._connection = ours
         return self._connection
 
@@ -124,31 +124,6 @@ class Answerer:
         self._kill()
         self._connection = None  # the next question starts another
         raise NoAnswer(reason)
-
-
-class Answerers:
-    """The answerers of one page, made when they are needed."""
-
-    def __init__(self, context: BaseContext, folder: Path) -> None:
-        self._context = context
-        self._folder = folder
-        self._answerers: dict[str, Answerer] = {}
-
-    def of(self, kind: str) -> Answerer:
-        """Return the answerer of a kind of questions."""
-        if kind not in self._answerers:
-            self._answerers[kind] = Answerer(self._context, kind, self._folder)
-        return self._answerers[kind]
-
-    def warm(self, kinds: Iterable[str]) -> None:
-        """Start the processes of some kinds."""
-        for kind in kinds:
-            self.of(kind).warm()
-
-    def end(self) -> None:
-        """End all processes."""
-        for answerer in self._answerers.values():
-            answerer.end()
 
 
 def work(connection: Connection, folder: Path) -> None:

@@ -32,14 +32,14 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from taskspec.base.diagnostics import SpecError, records, spec_error
 from taskspec.studio.folder import SPECS, FileRefused, Folder, new
-from taskspec.studio.processes import SECONDS, Answerers, NoAnswer, start_method
+from taskspec.studio.processes import SECONDS, Answerer, NoAnswer, start_method
 
 HOST = "127.0.0.1"
 LARGEST = 4_000_000
 """Bytes of a message of a page."""
 STATIC = Path(__file__).parent / "static"
 STYLES = Path(__file__).parents[1] / "pages" / "templates"
-"""The styles of printed pages and figures."""
+"""The styles of printed pages and figures, beside other templates."""
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
     "connect-src 'self'; font-src 'self'; frame-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
@@ -92,15 +92,14 @@ class Studio:
         return cls(folder, opened, template, listening)
 
     @property
-    def hosts(self) -> tuple[str, str]:
-        """The names of this server in addresses."""
-        port = self.socket.getsockname()[1]
-        return f"{HOST}:{port}", f"localhost:{port}"
+    def origin(self) -> str:
+        """The address of the server."""
+        return f"http://{HOST}:{self.socket.getsockname()[1]}"
 
     @property
     def address(self) -> str:
         """The address of the page, with its token."""
-        return f"http://{self.hosts[0]}/?token={self.token}"
+        return f"{self.origin}/?token={self.token}"
 
 
 class Guard:
@@ -112,9 +111,6 @@ class Guard:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on what is admitted."""
-        if scope["type"] == "lifespan":
-            await self.app(scope, receive, send)
-            return
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -132,10 +128,9 @@ class Guard:
     def _admits(self, scope: Scope) -> bool:
         headers = Headers(scope=scope)
         is_socket = scope["type"] == "websocket"
-        if headers.get("host") not in self.studio.hosts:
+        if f"http://{headers.get('host')}" != self.studio.origin:
             return False
-        origin = headers.get("origin")
-        if (origin is not None or is_socket) and origin not in {f"http://{host}" for host in self.studio.hosts}:
+        if headers.get("origin", None if is_socket else self.studio.origin) != self.studio.origin:
             return False
         if scope["path"].startswith("/static/") and not is_socket:
             return True
@@ -150,23 +145,16 @@ def application(studio: Studio) -> ASGIApp:
     def index(request: Request) -> Response:
         return FileResponse(STATIC / "index.html")
 
-    def style(request: Request) -> Response:
-        return FileResponse(STYLES / request.url.path.rpartition("/")[2])
-
     async def live(page: WebSocket) -> None:
         await page.accept()
-        await Conversation(studio, page, Answerers(context, studio.folder.root)).run()
-
-    async def language(page: WebSocket) -> None:
-        await page.accept()
-        await speak(page)
+        await Conversation(studio, page, {kind: Answerer(context, kind, studio.folder.root) for kind in SECONDS}).run()
 
     routes = [
         Route("/", index),
-        *(Route(f"/static/pages/{name}", style) for name in ("style.css", "gallery.css")),
-        Mount("/static", StaticFiles(directory=STATIC, check_dir=False)),
+        Mount("/static/pages", StaticFiles(directory=STYLES)),
+        Mount("/static", StaticFiles(directory=STATIC)),
         WebSocketRoute("/live", live),
-        WebSocketRoute("/lsp", language),
+        WebSocketRoute("/lsp", speak),
     ]
     return Guard(Starlette(routes=routes), studio)
 
@@ -177,8 +165,7 @@ def application(studio: Studio) -> ASGIApp:
 class Conversation:
     """The questions of one page, each answered once; those about files here, the others in processes."""
 
-    def __init__(self, studio: Studio, page: WebSocket, answerers: Answerers) -> None:
-        self._studio = studio
+    def __init__(self, studio: Studio, page: WebSocket, answerers: dict[str, Answerer]) -> None:
         self._page = page
         self._answerers = answerers
         self._tasks: set[asyncio.Task[None]] = set()
@@ -192,7 +179,8 @@ class Conversation:
 
     async def run(self) -> None:
         """Answer until the page is closed."""
-        self._answerers.warm(("page", "scores"))
+        for kind in ("page", "scores"):
+            self._answerers[kind].warm()
         try:
             while True:
                 text = await self._page.receive_text()
@@ -202,7 +190,8 @@ class Conversation:
         except (WebSocketDisconnect, KeyError):  # a frame of bytes is no question
             pass
         finally:
-            self._answerers.end()
+            for answerer in self._answerers.values():
+                answerer.end()
             for task in self._tasks:
                 task.cancel()
 
@@ -224,7 +213,7 @@ class Conversation:
 
     async def _worked_out(self, asked: dict[str, Any], text: str) -> str:
         try:
-            answer = await self._answerers.of(asked["kind"]).ask(text.encode(errors="replace"))
+            answer = await self._answerers[asked["kind"]].ask(text.encode(errors="replace"))
         except NoAnswer as error:
             return _refusal(asked, str(error))
         if answer is None:
@@ -254,6 +243,7 @@ def _refusal(asked: dict[str, Any], message: str, **more: Any) -> str:
 
 async def speak(page: WebSocket) -> None:
     """Let a page speak with a language server of its own, one message of the protocol in each frame."""
+    await page.accept()
     editor = await asyncio.to_thread(_language_server)
     server = editor.new_server()
     outgoing: asyncio.Queue[bytes] = asyncio.Queue()

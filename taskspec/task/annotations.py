@@ -89,12 +89,10 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
     constants = context.data.get("constants") or {}
     if name is None:
         return ()
-    grid = None
-    if isinstance(constants.get(name), dict):
-        grid = constants[name].get("grid")
+    grid = isinstance(constants.get(name), dict) and constants[name].get("grid")
     if name not in constants:
         context.report("E302", ("figure", "map"), f"there is no constant '{name}'", suggest(name, constants))
-    elif grid is None:
+    elif not grid:
         value = context.constant(name)
         rows = _digits(value)
         if rows is None and value is not None:
@@ -107,7 +105,7 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
 
 def _digits(value: Value | None) -> tuple[str, ...] | None:
     """Return a matrix as rows of characters, `#` for a condition that holds; None where it has other numbers, or is no matrix."""
-    node = None if value is None else value.node
+    node = value and value.node
     if not isinstance(node, Const) or len(node.type.shape) != 2 or not node.type.size:
         return None
     if node.type.kind is Kind.BOOL:
@@ -213,17 +211,12 @@ def symmetries(context: Context, names: Names, observation: Observation) -> tupl
             action = by_component(context, ("symmetries", name, DONE), lines, scope_of[DONE], is_whole=False)
         if action is None or any(v is None for v in values.values()):
             continue
-        shown = list(_shown(context, observation, seen, {n: v for n, v in values.items() if v is not None}))
-        found.append(
-            Symmetry(
-                name, written[name].get("doc"), observation.components, tuple(c for c, _ in shown),
-                tuple(n for _, n in shown), action,
-            )
-        )  # fmt: skip
-    for each in found:
-        most = widest(each.nodes)
+        shown = dict(_shown(context, observation, seen, {n: v for n, v in values.items() if v is not None}))
+        doc = written[name].get("doc")
+        found.append(Symmetry(name, doc, observation.components, tuple(shown), tuple(shown.values()), action))
+        most = widest(found[-1].nodes)
         if most:
-            too_wide(context.collector, context.merged.key_span(("symmetries", each.name)), most)
+            too_wide(context.collector, context.merged.key_span(("symmetries", name)), most)
     return tuple(found)
 
 
@@ -288,8 +281,13 @@ def remembered(context: Context, names: Names, observation: Observation) -> Expe
 
 def _fitting(builder: Builder, components: tuple[Component, ...], nodes: tuple[Node, ...]) -> tuple[Node, ...]:
     """Return values with ints that keep to their ranges, and to 32 bits where these have no end."""
-    pairs = [(c, kept(builder, c, node)) for c, node in zip(components, nodes, strict=True)]
-    return tuple(builder.within(n, -INT_MAX, INT_MAX) if c.type.kind is Kind.INT else n for c, n in pairs)
+    found = []
+    for c, node in zip(components, nodes, strict=True):
+        node = kept(builder, c, node)
+        if c.type.kind is Kind.INT:
+            node = builder.within(node, -INT_MAX, INT_MAX)
+        found.append(node)
+    return tuple(found)
 
 
 def _check_names(context: Context, observation: Observation) -> None:

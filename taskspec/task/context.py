@@ -82,11 +82,9 @@ class Forms:
     def parsed(self, text: s.SourceText, path: Path) -> s.Expr | None:
         """Return the expression of a text; what is read without a mistake is read once for all builds of the spec."""
         key = (path, text.value, limits().characters)
-        found = self.merged.parsed.get(key)
-        if found is None:
-            found = parse_into(text, self.collector)
-            if found is not None:
-                self.merged.parsed[key] = found
+        found: s.Expr | None = self.merged.parsed.get(key) or parse_into(text, self.collector)
+        if found is not None:
+            self.merged.parsed[key] = found
         return found
 
     def _list(self, items: list[Any], path: Path) -> s.Expr | None:
@@ -170,7 +168,6 @@ class Forms:
 
     def _rows(self, rows: dict[str, Any], depth: int, path: Path) -> tuple[s.TableRow, ...] | None:
         result: list[s.TableRow] = []
-        broken = False
         for key, cell in rows.items():
             here = (*path, key)
             label = None if key == "else" else self.key(key, here)
@@ -179,11 +176,9 @@ class Forms:
                 body = self._rows(cell, depth - 1, here)
             else:
                 body = self.tree(cell, here)
-            if body is None or (label is None and key != "else"):
-                broken = True
-            else:
+            if body is not None and (label is not None or key == "else"):
                 result.append(s.TableRow(label, body, self.place(here)))
-        if broken:
+        if len(result) < len(rows):
             return None
         return tuple(result)
 

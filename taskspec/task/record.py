@@ -176,8 +176,7 @@ def domain_words(c: Component | Parameter) -> str:
         labels = c.values
         kind = c.kind
         shape = ""
-        low = -math.inf if c.low is None else c.low
-        high = math.inf if c.high is None else c.high
+        low, high = c.ends
     else:
         labels = None if c.domain is None else label_words(c.domain)
         kind = str(c.type.kind)

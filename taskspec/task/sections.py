@@ -11,7 +11,7 @@ from taskspec.base.records import all_names, entries_by_name
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.scope import Lazy, Poisoned, Scope, Value
-from taskspec.lang.types import REAL, Kind, Type
+from taskspec.lang.types import REAL, Type
 from taskspec.source import Path
 from taskspec.task import declarations
 from taskspec.task import parts as parameters
@@ -62,9 +62,7 @@ def initial_values(context: Context, names: Names) -> list[Node]:
         if c.name in context.exprs["initial"]:
             continue
         if c.low == c.high:  # there is nothing to choose
-            flat = c.low if c.type.kind is Kind.REAL else tuple(map(int, c.low))
-            constant = context.builder.const(flat if c.type.shape else flat[0], c.type)
-            found[c.name] = context.raw_initial[c.name] = constant
+            found[c.name] = context.raw_initial[c.name] = context.builder.constant(c.low, c.type)
             continue
         # Reported at `initial`, unless a variant declares the component beside the spec's `initial`.
         declared: Path = ("state", c.name)

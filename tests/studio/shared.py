@@ -93,7 +93,7 @@ class Page:
 
     def receive(self) -> dict[str, Any]:
         """Return the next answer."""
-        found: dict[str, Any] = json.loads(self.socket.recv(120))
+        found: dict[str, Any] = json.loads(self.socket.recv(90))
         return found
 
     def refusal(self, kind: str, **message: Any) -> dict[str, Any]:

@@ -95,9 +95,6 @@ def test_a_wrong_claim_and_a_mistake_are_answers(page: Page, folder: Path) -> No
     text = asked["text"].replace("safe: detour", "safe: detuor")
     mistake = page.refusal("page", **{**asked, "text": text})["problems"][0]
     assert (mistake["code"], mistake["line"]) == ("E313", text[: text.index("detuor")].count("\n") + 1)
-    assert page.ask("fixes", **{**asked, "text": text}) | {"milliseconds": 0} == {
-        "id": page.number, "kind": "fixes", "ok": True, "milliseconds": 0, "text": asked["text"], "fixed": 1
-    }  # fmt: skip
     unsound = asked["text"].replace("goal: 1/2, trap: 1/2", "goal: 1/2, trap: 1/3")
     assert page.refusal("scores", **{**asked, "text": unsound})["problems"][0]["code"] == "E401"
 
@@ -185,14 +182,22 @@ def test_episodes_of_policies_are_frames(page: Page, folder: Path) -> None:
     assert page.refusal("rollout", **asked, policy="clever")["problems"][0]["code"] == "E713"
 
 
+def swept(page: Page, folder: Path, **asked: Any) -> dict[str, Any]:
+    """Ask for a sweep until no value is left."""
+    while True:
+        found = page.ask("sweep", **about(folder, "branching"), parameter="L", **asked)
+        if not found["left"]:
+            return found
+
+
 def test_a_sweep_has_the_exact_returns(page: Page, folder: Path) -> None:
-    found = page.ask("sweep", **about(folder, "branching"), parameter="L", values=[2, 3, -1])
+    found = swept(page, folder, values=[2, 3, -1])
     for row in found["rows"][:2]:
         task = taskspec.load(folder / "branching.yaml", L=row["value"])
         assert row["random"] == pytest.approx(exact.scores(task).random.value)
     assert "L" in found["rows"][2]["error"]
     assert found["chart"].startswith("<svg")
-    chosen = [row["value"] for row in page.ask("sweep", **about(folder, "branching"), parameter="L")["rows"]]
+    chosen = [row["value"] for row in swept(page, folder)["rows"]]
     assert chosen == sorted(set(chosen))
     assert 2 < len(chosen) <= 20
 

@@ -161,6 +161,7 @@ def test_nothing_outside_the_folder_is_read_or_written(page: Page, folder: Path,
     for kind, more in (("open", {}), ("save", {"text": "x", "digest": None}), ("page", {"text": "x"})):
         refused = page.refusal(kind, path=path, **more)
         assert "secret" not in json.dumps(refused)
+    assert not any(name.startswith("link") for name in page.ask("files")["files"])
     assert outside.read_text() == "secret: 1\n"
 
 

@@ -132,7 +132,8 @@ ARITHMETIC = (
     Operator(
         name="mul", commutative=True, rule=rules.arithmetic, reference=lambda a, b: a * b, samples=PAIRS + NANS,
         scalar=Scalar("({0} * {1})"), array=Array("({0} * {1})"),
-        bounds=rules.product, finite=rules.bounded, linear=rules.one, rational=True, wraps=True,
+        bounds=rules.product, finite=rules.bounded, linear=lambda below: sum(below) == 1,
+        rational=True, wraps=True,
         infix=Infix(
             "*", "mul", 6, r"{0} \cdot {1}", "Product.", Brackets(Level.PRODUCT, (Level.PRODUCT, Level.FACTOR), lead=True)
         ),
@@ -380,7 +381,7 @@ LOGICAL = (
         reference=lambda condition, a, b: a if condition else b,
         samples=((True, 1, 2), (False, 1, 2), (True, 1.5, -2.0), (False, 1.5, -2.0)),
         scalar=Scalar("({1} if {0} else {2})"), array=Array("xp.where({0}, {1}, {2})"), kernel=Kernel("select({0}, {1}, {2})"),
-        bounds=lambda args, node: rules.union(args[1:], node), linear=rules.unless_first,
+        bounds=lambda args, node: rules.union(args[1:], node), linear=lambda below: not below[0],
         function=Function(
             "where", ("condition", "x", "y"), r"\begin{cases}{1} & \text{if } {0}\\ {2} & \text{otherwise}\end{cases}",
             "x where the condition holds, else y; element by element.", ((True, 1, 2.5), ((True, False, True), INTS, 0)),

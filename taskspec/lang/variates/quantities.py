@@ -12,7 +12,6 @@ import numpy as np
 from taskspec import draws
 from taskspec.base.arrays import AnyArray
 from taskspec.lang.ir import Const, Draw, Node
-from taskspec.lang.operators.entry import NodeMaker
 from taskspec.lang.types import INF, REAL, Kind
 from taskspec.lang.variates import entry
 
@@ -21,11 +20,6 @@ NORMAL_REACH = 6.67
 
 
 # -- Dirichlet ----------------------------------------------------------------------------------------------------
-
-
-def _mean_share(b: NodeMaker, draw: Draw) -> Node:
-    (alpha,) = draw.args
-    return b.apply("div", alpha, b.apply("sum", alpha))
 
 
 def _shares(k: entry.KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
@@ -219,9 +213,10 @@ TABLE = (
         many=lambda x, draw, args, words: x.exponentials(words), loop="exponentials",
     ),
     entry.Variate(  # shares with given concentrations, by Marsaglia and Tsang's method
-        name="dirichlet", kind=Kind.REAL, bounds=lambda draw, args: (0, 1), mean=_mean_share,
+        name="dirichlet", kind=Kind.REAL, bounds=lambda draw, args: (0, 1),
+        mean=lambda b, draw: b.apply("div", draw.args[0], b.apply("sum", draw.args[0])), kernel=_shares,
         words=lambda draw: draws.gamma_words(draw.type.size),
-        many=lambda x, draw, args, words: x.dirichlets(words, entry.rows(x, draw, args[0])), kernel=_shares,
+        many=lambda x, draw, args, words: x.dirichlets(words, entry.rows(x, draw, args[0])),
     ),
     entry.Variate(  # of a given shape and scale 1, by the same method
         name="gamma", kind=Kind.REAL, bounds=lambda draw, args: (0, INF), mean=lambda b, draw: draw.args[0],

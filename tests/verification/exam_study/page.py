@@ -13,6 +13,7 @@ NAMES = {
     "q_learning": "Q-learning", "bc": "Behavioural cloning", "ppo": "PPO", "gail": "GAIL", "drlhp": "DRLHP",
     "replay": "Q-learning with replay", "actor_critic": "Actor-critic", "traces": "Q(lambda)",
     "sb3_dqn": "DQN of Stable-Baselines3", "sb3_ppo": "PPO of Stable-Baselines3",
+    "imitation_bc": "Cloning of imitation",
 }  # fmt: skip
 TEXT = """\
 # Which mistakes the exam notices
