@@ -1,4 +1,4 @@
-"""Take the pictures of the studio in Chromium, one light and one dark: `python -m docs.tools.screens`, in the root of a checkout."""
+"""Take the pictures of the studio in Chromium, light and dark: `python -m docs.tools.screens`, in the root of a checkout."""
 
 from __future__ import annotations
 
