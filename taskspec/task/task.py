@@ -347,9 +347,7 @@ class Task(InNotebooks):
         return self
 
     def remembering(self) -> Task:
-        """Return the same task with the expert's memory in its state, so that the expert is a function of it; itself
-        without a memory.
-        """
+        """Return the same task with the expert's memory in its state; itself without a memory."""
         memory = self.annotations.memory
         if memory is None:
             return self
