@@ -6,13 +6,13 @@ the page. Outputs of examples are those that the pages have already; `tests/docs
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from docs.tools.commands import overview
 from docs.tools.language import language
 from docs.tools.library import library
-from docs.tools.markdown import code, entries, filled, table
+from docs.tools.markdown import code, entries, filled
 from docs.tools.probes import probes
 from taskspec.exam.mistakes import MISTAKES, KnownMistake
 from taskspec.exam.operators import OPERATORS
@@ -57,13 +57,19 @@ def _mistake(mistake: KnownMistake) -> str:
 
 def modifiers() -> str:
     """Return the page of modifiers."""
-    rows = [(code(name), entry.doc, _arguments(entry), _keeps(entry), entry.needs) for name, entry in MODIFIERS.items()]
-    entries = table(("modifier", "what it does", "arguments", "what it keeps", "what it needs"), rows)
-    return filled(DOCS / "modifiers.md", {"modifiers": entries})
+    rows = [(code(name), " ".join(_facts(entry))) for name, entry in MODIFIERS.items()]
+    return filled(DOCS / "modifiers.md", {"modifiers": entries(rows)})
 
 
-def _arguments(entry: ModifierEntry) -> str:
-    return "; ".join(_argument(a) for a in entry.arguments)
+def _facts(entry: ModifierEntry) -> Iterator[str]:
+    """Yield what a modifier does, its arguments, what it keeps, and what it needs."""
+    yield entry.doc
+    for argument in entry.arguments:
+        yield f"{_argument(argument)}."
+    if keeps := _keeps(entry):
+        yield f"*Keeps* {keeps}."
+    if entry.needs:
+        yield f"*Needs* {entry.needs}."
 
 
 def _argument(argument: ModifierArgument) -> str:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from taskspec.base.extras import need
 from taskspec.cli import options
 from taskspec.cli.console import say
 
@@ -28,11 +29,14 @@ def studio(
     [green]studio[/].
     """
     from taskspec.cli.scaffold import SCAFFOLD
-    from taskspec.studio import serve
+
+    for package in ("starlette", "uvicorn", "websockets"):
+        need(package, "studio", "the studio")
+    from taskspec.studio.server import Studio, run
 
     def ready(address: str) -> None:
         say(f"{address}\nCtrl-C ends the studio.")
         if browser:
             webbrowser.open(address)
 
-    serve(target, port, SCAFFOLD, ready)
+    run(Studio.of(target, port, SCAFFOLD), ready)

@@ -22,7 +22,13 @@ from taskspec.base.diagnostics import SpecError, raise_if_errors, records, spec_
 from taskspec.base.display import decimal, json_data
 from taskspec.base.ids import assigned
 from taskspec.check.report import Report
+from taskspec.exam import report, results
+from taskspec.experiments.experiment_file import RETURNS
+from taskspec.experiments.instances import Instance
+from taskspec.experiments.picture import figure
+from taskspec.experiments.sweeping import Measured, Questions, measure
 from taskspec.figures import scene, svg
+from taskspec.jobs.work import Late, interrupted, late
 from taskspec.pages import gather, gather_pages, page, render
 from taskspec.pages.facts import Facts, lines
 from taskspec.pages.hypertext import HtmlWriter, article
@@ -38,6 +44,7 @@ from taskspec.studio import episodes
 from taskspec.studio.folder import FileRefused, Folder, text_of
 from taskspec.targets import File, name_of, task_in, variants_of
 from taskspec.task.parts import Parameter
+from taskspec.task.schema.experiments import Experiment
 from taskspec.task.task import Task
 
 
@@ -122,8 +129,7 @@ def scores(asked: Question) -> dict[str, Any]:
     said = tuple(verdicts(task, found))
     wrong = dict(wrong_examples(task))
     problems = [*sound.diagnostics, *(each.diagnostic for each in said if each.diagnostic), *wrong.values()]
-    report = Report(task, (), sound.method, verdicts=said, results=found, wrong_examples=frozenset(wrong))
-    facts = gather(report)
+    facts = gather(Report(task, (), sound.method, verdicts=said, results=found, wrong_examples=frozenset(wrong)))
     return {
         "title": "Exact scores" if found.model is not None else "Scores",
         "rows": list(_rows(task, facts)), "claims": list(_claims(task, facts, said)), "states": facts.states,
@@ -178,39 +184,52 @@ def _claims(task: Task, facts: Facts, said: Sequence[Verdict]) -> Iterator[dict[
 
 POINTS = 12
 """Values of a parameter in a sweep, unless the page gives them."""
+AT_ONCE = 1.0
+AT_MOST = 20.0
+"""Seconds of a sweep after which what is known is sent, and seconds that one value may take."""
+_measured: dict[tuple[Any, ...], Measured] = {}
+"""What was measured for the sweeps of this process."""
 
 
 def sweep(asked: Question) -> dict[str, Any]:
-    """Return exact returns at several values of a parameter, and their curves."""
-    from taskspec.experiments.experiment_file import RETURNS
-    from taskspec.experiments.instances import Instance
-    from taskspec.experiments.picture import figure
-    from taskspec.experiments.sweeping import Measured, Questions, measure
-    from taskspec.task.schema.experiments import Experiment
-
+    """Return exact returns at several values of a parameter, and their curves; `left` are values to ask for again."""
     task = asked.task
     name = asked.message["parameter"]
     parameter = next((p for p in task.parameters if p.name == name), None)
     if parameter is None:
         raise spec_error("E713", f"{task.id} has no parameter '{name}'")
-    text = packed(task.source.document)
+    start = time.perf_counter()
     rows = []
+    left = []
     for value in asked.message.get("values") or values_of(parameter):
-        given = {**asked.parameters, name: value}
-        instance = Instance(task.id, "", task.source.variant, given, asked.modifiers, {name: value})
-        try:
-            rows.append(Measured(instance, "done", measure(text, task.source.suite, instance, Questions(()))))
-        except SpecError as error:
-            rows.append(Measured(instance, "failed", error=error.diagnostics[0].message))
+        key = (task.content_hash, asked.modifiers, name, repr(value))
+        if key in _measured or time.perf_counter() - start < AT_ONCE:
+            given = {**asked.parameters, name: value}
+            instance = Instance(task.id, "", task.source.variant, given, asked.modifiers, {name: value})
+            _measured[key] = _measured.get(key) or _measure(task, instance)
+            rows.append(_measured[key])
+        else:
+            left.append(value)
     shown = {key for key in RETURNS for row in rows if row.values.get(key) is not None}
     plot = {"x": name, "show": sorted(shown)}
     about = Experiment(experiment=1, name=task.name, tasks=[{"task": task.id}], plot=plot)  # type: ignore[arg-type, list-item]
     numbers = [key + end for key in RETURNS for end in ("", "_half")]
     return {
-        "parameter": name, "chart": svg(figure(about, rows), css=True) if shown else None,
+        "parameter": name, "chart": svg(figure(about, rows), css=True) if shown else None, "left": left,
         "rows": [{"value": row.instance.varied[name], "error": row.error, **{key: row.values.get(key) for key in numbers}}
                  for row in rows],
     }  # fmt: skip
+
+
+def _measure(task: Task, instance: Instance) -> Measured:
+    try:
+        with interrupted(AT_MOST):
+            values = measure(packed(task.source.document), task.source.suite, instance, Questions(()))
+        return Measured(instance, "done", values)
+    except SpecError as error:
+        return Measured(instance, "failed", error=error.diagnostics[0].message)
+    except Late:
+        return Measured(instance, "timed_out", error=late(AT_MOST))
 
 
 def values_of(p: Parameter) -> list[Any]:
@@ -233,8 +252,6 @@ MOST_RESULTS = 40
 
 def results_in_files(asked: Question) -> dict[str, Any]:
     """Return the cards of exams and the plots in the folder, the newest first."""
-    from taskspec.exam import report, results
-
     found = []
     places = sorted(asked.folder.files("exam.json", "exam.json.gz", ".svg"), key=lambda place: -place.stat().st_mtime)
     for place in places[:MOST_RESULTS]:

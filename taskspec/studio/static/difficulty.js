@@ -30,9 +30,12 @@ export class DifficultyTab {
     const cannot = { ok: false, message: "No parameter of this spec is a number." };
     const asked = parameter ? this.studio.ask("sweep", { parameter, ...(values.length && { values }) }) : cannot;
     this.part.follow(asked, (answer) => this.drawn(answer));
+    if (parameter) this.part.problem.textContent = "Working out the values…";
   }
 
-  drawn({ chart, parameter, rows }) {
+  /** Show the values that are known, and ask again while there are others. */
+  drawn({ chart, parameter, rows, left }) {
+    if (left.length) this.ask();
     const cells = (row) => (row.error ? [row.error] : CURVES.map((curve) => short(row[curve] ?? null)));
     const shown = rows.map((row) => [short(row.value), ...cells(row)]);
     return [...picture(chart), table("Exact returns", [parameter, ...CURVES], shown)];
