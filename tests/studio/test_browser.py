@@ -282,5 +282,7 @@ def test_no_width_scrolls_sideways(browser: Any, tasks: Served, width: int) -> N
     for tab in TABS:
         studio.show(tab)
         assert studio.page.evaluate("document.documentElement.scrollWidth") == width, tab
+        editor = studio.page.locator("#editor").bounding_box()
+        assert 300 < editor["height"] < 844 and editor["width"] > 300
     studio.context.close()
     assert studio.said == []
