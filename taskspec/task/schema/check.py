@@ -253,7 +253,8 @@ def _step(annotation: Any, step: str | int) -> Iterator[Any]:
     else:
         for model in _models_in(annotation):
             field = model.model_fields.get(str(step))
-            yield from [field.annotation] if field else _extra_type(model)
+            extra = get_type_hints(model).get("__pydantic_extra__")
+            yield from [field.annotation] if field else get_args(extra)[1:]
 
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -263,12 +264,6 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
     elif get_origin(annotation) in (Union, UnionType, Annotated):
         for part in get_args(annotation):
             yield from _models_in(part)
-
-
-def _extra_type(model: type[BaseModel]) -> Iterator[Any]:
-    extra = get_type_hints(model).get("__pydantic_extra__")
-    if extra is not None:
-        yield from get_args(extra)[1:]
 
 
 def _format(data: dict[str, Any]) -> Iterator[Problem]:
