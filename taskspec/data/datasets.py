@@ -208,7 +208,12 @@ def _folder(path: Path, data: Data) -> Iterator[Path]:
 
 
 def _write_parquet(path: Path, data: Data) -> None:
-    table = _table(data)
+    table = flat(data)
+    if isinstance(data, Preferences):  # a row for each transition
+        pair, second = np.divmod(data.segments.episode, 2)
+        table["returns"] = table["returns"][pair, second]
+        table |= {name: table[name][pair] for name in ("preferences", "queries")}
+        table = {PAIRS.get(name, name): value for name, value in table.items()}
     write_table(path, table, {**data.metadata, "shapes": {name: value.shape[1:] for name, value in table.items()}})
 
 
@@ -290,17 +295,6 @@ def flat(data: Data) -> dict[str, Array]:
     if isinstance(data, Preferences):
         for name in PAIRS:
             found[name] = getattr(data, name)
-    return found
-
-
-def _table(data: Data) -> dict[str, Array]:
-    """Return the columns of a table with a row for each transition."""
-    found = flat(data)
-    if isinstance(data, Preferences):
-        pair, second = np.divmod(data.segments.episode, 2)
-        returns = found.pop("returns")[pair, second]
-        found |= {name: found[name][pair] for name in ("preferences", "queries")} | {"returns": returns}
-        found = {PAIRS.get(name, name): value for name, value in found.items()}
     return found
 
 

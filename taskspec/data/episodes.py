@@ -100,13 +100,13 @@ class Transitions:
     @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:
         """The episodes one by one."""
-        ends = self.starts + self.lengths
-        return tuple(self._trajectory(int(a), int(b)) for a, b in zip(self.starts, ends, strict=True))
-
-    def _trajectory(self, first: int, end: int) -> Trajectory:
-        obs = end_to_end([part_at(self.obs, slice(first, end)), part_at(self.next_obs, slice(end - 1, end))])
-        over = bool(self.terminated[end - 1]), bool(self.truncated[end - 1])
-        return Trajectory(obs, self.acts[first:end], self.rews[first:end], *over)
+        found = []
+        for first, length in zip(self.starts.tolist(), self.lengths.tolist(), strict=True):
+            end = first + length
+            obs = end_to_end([part_at(self.obs, slice(first, end)), part_at(self.next_obs, slice(end - 1, end))])
+            over = (bool(self.terminated[end - 1]), bool(self.truncated[end - 1]))
+            found.append(Trajectory(obs, self.acts[first:end], self.rews[first:end], *over))
+        return tuple(found)
 
     def returns(self, discount: float = 1.0) -> Array:
         """float64 (E,): the return of each episode, discounted from its first step."""
@@ -164,7 +164,8 @@ def recorded(
     task: Task, policy: Any, episodes: int | None, transitions: int | None, seed: int, jobs: int
 ) -> Transitions:
     """Whole episodes: so many, or as many as make at least so many transitions."""
-    size = _together(task)
+    numbers = sum(max(1, math.prod(part.shape)) for part in task.observation_layout.parts) + 8
+    size = max(1, min(LANES, NUMBERS // (numbers * (task.horizon or 1000))))  # a function of the task alone
     _check_sent(policy, jobs)
     with _mapping(jobs) as run:
         if episodes is not None:
@@ -190,12 +191,6 @@ def _check_sent(policy: Any, jobs: int) -> None:
     except Exception as error:
         message = f"the policy cannot be sent to other processes: {error}"
         raise SpecError([Diagnostic("E713", None, message, "jobs=1, or a function of a module")]) from error
-
-
-def _together(task: Task) -> int:
-    """Return how many episodes are stepped together; a function of the task alone."""
-    numbers = sum(max(1, math.prod(part.shape)) for part in task.observation_layout.parts) + 8
-    return max(1, min(LANES, NUMBERS // (numbers * (task.horizon or 1000))))
 
 
 Run = Callable[[Callable[[Part], Transitions], Iterator[Part]], Iterable[Transitions]]
@@ -282,15 +277,12 @@ class _Tape:
 
     def transitions(self, first: int) -> Transitions:
         """Return the transitions lane by lane; the lanes' episodes are numbered from `first`."""
-        *kept, running = (map_parts(_stacked, *steps) for steps in zip(*self.rows, strict=True))
+        *kept, running = (
+            map_parts(lambda *parts: np.stack(parts, axis=1), *steps) for steps in zip(*self.rows, strict=True)
+        )
         seen, actions, rewards, after, terminated, truncated = (part_at(each, running) for each in kept)
         lane, time = np.nonzero(running)
         return Transitions(seen, actions, rewards, after, terminated, truncated, lane + first, time)
-
-
-def _stacked(*steps: Any) -> Array:
-    """Return arrays (lanes, *shape) of each step as one (lanes, steps, *shape)."""
-    return np.stack(steps, axis=1)
 
 
 # Demonstrations: episodes of a policy where the spec says that the expert acts.

@@ -97,19 +97,15 @@ def state(w: Writing) -> Iterator[Inlines]:
 def actions(w: Writing) -> Iterator[Inlines]:
     yield from _space(w, "A", w.spec.action, w.task.action)
     expr = w.parsed("legal")
-    if expr is not None:
-        yield (Text("legal actions: "), formula(*_legal(w, expr)))
-
-
-def _legal(w: Writing, expr: s.Expr) -> Iterator[m.Math]:
-    """Yield the set of legal actions, as a function of what it depends on."""
+    if expr is None:
+        return
     actions = m.Ident("A", "calligraphic")
     (action,) = w.spec.action
     used = w.reads(expr)
     arguments = [w.symbol(name) for name in w.spec.state if name in used]
-    if arguments:
-        yield from (actions, m.brackets(m.joined(arguments)), m.Sym("="))
-    yield m.braces(m.such_that(m.Row((w.symbol(action), m.Sym("∈"), actions)), w.truth(expr)))
+    left = (actions, m.brackets(m.joined(arguments)), m.Sym("=")) if arguments else ()
+    legal = m.braces(m.such_that(m.Row((w.symbol(action), m.Sym("∈"), actions)), w.truth(expr)))
+    yield (Text("legal actions: "), formula(*left, legal))
 
 
 def _space(

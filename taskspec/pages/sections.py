@@ -206,21 +206,17 @@ def _maps(w: Writing, key: str, maps: Mapping[str, s.Expr]) -> Iterator[p.Formul
     task = w.task
     components = task.observation.components if key == "observation" else task.action
     names = [c.name for c in components]
-    joined = set(maps)
-    for expr in maps.values():
-        joined |= {x.id for x in s.names(expr) if isinstance(x, s.Name)} & set(names)
-    if joined == set(maps) and all(_reads_itself(name, expr, names) for name, expr in maps.items()):
+    read = {}
+    for name, expr in maps.items():
+        read[name] = {x.id for x in s.names(expr) if isinstance(x, s.Name)} & set(names)
+    joined = set(maps).union(*read.values())
+    if all(own <= {name} for name, own in read.items()):
         for name, expr in maps.items():
             yield formula(w.symbol(name), m.Sym("↦"), w.math(expr))
     else:
         whole = w.whole(name for name in names if name in joined)
         images = [w.math(expr) for expr in maps.values()]
         yield formula(whole, m.Sym("↦"), images[0] if len(images) == 1 else m.brackets(m.joined(images)))
-
-
-def _reads_itself(name: str, expr: s.Expr, names: Iterable[str]) -> bool:
-    """Return whether an expression reads no other component than one."""
-    return {x.id for x in s.names(expr) if isinstance(x, s.Name)} & set(names) <= {name}
 
 
 def modifiers(task: Task) -> Iterator[p.Inlines]:
@@ -339,26 +335,22 @@ def results(columns: Sequence[tuple[str, Task, Facts]]) -> list[Section]:
     """
     _, task, facts = columns[0]
     w = Writing(as_written(task), {})
-    stated = [_stated(w, claim) for claim in w.task.annotations.claims]
+    stated = []
+    for claim in w.task.annotations.claims:
+        cases: p.Inlines = (p.Text(" (for "), *lines.cases(w, claim.cases), p.Text(")")) if claim.cases else ()
+        stated.append((*claim_text(w, claim), *cases))
     if not any(facts.scores or facts.verdicts for _, _, facts in columns):
         return [Section("claims", "Claims", tuple(map(SectionLine, stated)))]
     table = scores.table(columns)
     marks = [_marks(facts, len(stated), is_own=i == 0) for i, (_, _, facts) in enumerate(columns)]
     found = Section("scores", scores.title(facts), (), table=table)
     if len(columns) > scores.MOST_COLUMNS:
-        lines = [SectionLine((*said, p.Text(" "), *mark)) for said, mark in zip(stated, marks[0], strict=True)]
-        return [found, Section("claims", "Claims", tuple(lines))]
+        written = [SectionLine((*said, p.Text(" "), *mark)) for said, mark in zip(stated, marks[0], strict=True)]
+        return [found, Section("claims", "Claims", tuple(written))]
     if not stated:
         return [found]
     rows = [(said, *cells) for said, *cells in zip(stated, *marks, strict=True)]
     return [replace(found, title=f"{found.title} and claims", table=replace(table, rows=(*table.rows, *rows)))]
-
-
-def _stated(w: Writing, claim: Claim) -> p.Inlines:
-    """Return a claim, and the values of the parameters that it is about."""
-    if not claim.cases:
-        return claim_text(w, claim)
-    return (*claim_text(w, claim), p.Text(" (for "), *lines.cases(w, claim.cases), p.Text(")"))
 
 
 def _marks(facts: Facts, count: int, is_own: bool) -> list[p.Inlines]:

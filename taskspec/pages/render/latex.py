@@ -159,7 +159,9 @@ class LatexWriter:
             case p.Emph(inner=inner, strong=strong):
                 return rf"\{'textbf' if strong else 'emph'}{{{self.prose(inner, room)}}}"
             case p.Link(address=address, inner=inner):
-                return rf"\taskspeclink{{{_address(address)}}}{{{self.prose(inner, room)}}}"
+                safe = quote(address, safe=":/?=&.,+-@!*();~'")  # TeX's special characters as percent codes
+                place = safe.replace("%", r"\%").replace("&", r"\&").replace("~", r"\~{}")
+                return rf"\taskspeclink{{{place}}}{{{self.prose(inner, room)}}}"
             case p.Cite():
                 return self.cite(piece)
             case p.Mark(holds=holds, text=text):
@@ -196,7 +198,10 @@ def formula(math: m.Math, room: float, display: bool = False, end: str = "") -> 
     """Return mathematics and a sign after it; what cannot break and may be too wide is put on a line of its own and fitted."""
     if display or (_is_rigid(math) and m.width(math) > room):
         return rf"\taskspecwide{{{latex(math)}{end}}}"
-    style = r"\displaystyle " if any(isinstance(part, m.Frac) and _has_fraction(part) for part in _parts(math)) else ""
+    style = ""
+    for outer in _parts(math):
+        if isinstance(outer, m.Frac) and sum(isinstance(part, m.Frac) for part in _parts(outer)) > 1:
+            style = r"\displaystyle "
     return f"${style}{latex(math)}${end}"
 
 
@@ -206,10 +211,6 @@ def _parts(math: m.Math) -> Iterator[m.Math]:
         yield from _parts(child)
 
 
-def _has_fraction(math: m.Math) -> bool:
-    return any(isinstance(part, m.Frac) for child in m.children(math) for part in _parts(child))
-
-
 def _is_rigid(math: m.Math) -> bool:
     return any(
         isinstance(part, m.Cases | m.Matrix)
@@ -217,11 +218,6 @@ def _is_rigid(math: m.Math) -> bool:
         or (isinstance(part, m.Script) and part.sub is not None and m.width(part.sub) > LONG)
         for part in _parts(math)
     )
-
-
-def _address(address: str) -> str:
-    """Return an address with the special characters of TeX as percent codes."""
-    return quote(address, safe=":/?=&.,+-@!*();~'").replace("%", r"\%").replace("&", r"\&").replace("~", r"\~{}")
 
 
 def _stacked(titles: Sequence[str], heads: Sequence[str], row: Sequence[str]) -> str:
