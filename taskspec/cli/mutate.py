@@ -86,9 +86,7 @@ def _print(judged: list[Judged], classes: list[str]) -> None:
     for path, mutant, judgement in judged:
         if judgement.kind in classes:
             place = f"{path}:{mutant.place.line}:{mutant.place.column}"
-            noticed = ""
-            if judgement.code:
-                noticed = f"  {judgement.code} {judgement.message}"
+            noticed = f"  {judgement.code} {judgement.message}" * bool(judgement.code)
             change = f"{mutant.section}: {mutant.before or '(nothing)'} → {mutant.after}"
             out.print(line((place, "name"), "  ", (judgement.kind, "warn"), f"  {change}", (noticed, "quiet")))
 

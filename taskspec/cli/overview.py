@@ -155,7 +155,13 @@ def explain(code: CodeArgument = None, json: options.Json = False) -> None:
     if json:
         write_json([{name: getattr(each, name) for name in CODE_FIELDS} for each in found])
     elif code is None:
-        _print_codes(found)
+        table = Columns("", "", "", fold=(2,), styles=("name", "", "quiet"))
+        for prefix, members in groupby(found, lambda each: each.code[:2]):
+            subject = VisibleText(CLASSES.get(prefix, ""), style="title")
+            table.add_row(VisibleText(prefix + "xx", style="bold default"), subject)
+            for each in members:
+                table.add_row(f"  {each.code}", each.slug, each.title)
+        console(wide=True).print(table)
     else:
         _explain(found[0])
 
@@ -188,13 +194,3 @@ def _explain(code: Code) -> None:
             else:
                 parts += [" ".join(paragraph.split()) for paragraph in part.split("\n\n") if paragraph.strip()]
         out.print("\n\n".join(parts))
-
-
-def _print_codes(codes: Sequence[Code]) -> None:
-    table = Columns("", "", "", fold=(2,), styles=("name", "", "quiet"))
-    for prefix, members in groupby(codes, lambda c: c.code[:2]):
-        subject = VisibleText(CLASSES.get(prefix, ""), style="title")
-        table.add_row(VisibleText(prefix + "xx", style="bold default"), subject)
-        for code in members:
-            table.add_row(f"  {code.code}", code.slug, code.title)
-    console(wide=True).print(table)

@@ -1,4 +1,4 @@
-"""`taskspec new` and `taskspec schema`: a spec to start from, and completion for editors."""
+"""`taskspec new`, `taskspec schema` and `taskspec lsp`: a spec to start from, and help for editors."""
 
 from __future__ import annotations
 
@@ -111,3 +111,14 @@ def schema(
         if wanted:
             schema = document_schema(model)
     write_output(visible_json(schema) + "\n", output)
+
+
+def lsp() -> None:
+    """Serve an editor: mistakes while typing, completion, meanings, fixes and exact scores.
+
+    It speaks the Language Server Protocol over standard input and output; an editor starts it. It needs the extra
+    [green]editor[/].
+    """
+    from taskspec.editor import serve
+
+    serve()

@@ -17,7 +17,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error, suggest
+from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.extras import need
 from taskspec.base.files import whole, whole_folder
 from taskspec.base.records import entries_by_name
@@ -265,7 +265,7 @@ def read(path: str | PathLike[str]) -> Data:
     """
     place = Path(path)
     if not place.is_file():
-        raise SpecError([Diagnostic("E710", None, f"there is no file '{place}'")])
+        raise spec_error("E710", f"there is no file '{place}'")
     reader = FORMATS["parquet" if place.suffix == ".parquet" else "npz"].read
     assert reader is not None
     try:
@@ -279,7 +279,7 @@ def read(path: str | PathLike[str]) -> Data:
 
 def _unreadable(place: Path, reason: str) -> NoReturn:
     message = f"'{place}' contains neither demonstrations nor preferences: {reason}"
-    raise SpecError([Diagnostic("E711", None, message)]) from None
+    raise spec_error("E711", message) from None
 
 
 PAIRS = {"preferences": "preference", "returns": "return", "queries": "query"}

@@ -20,7 +20,7 @@ from taskspec.backends.numpy import NumpyEngine
 from taskspec.backends.vector_program import BadActionError, Options
 from taskspec.base import __version__
 from taskspec.base.arrays import Array, end_to_end, map_parts, part_at, parts_of
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import SpecError, spec_error
 from taskspec.base.extras import need
 from taskspec.base.limits import tell
 from taskspec.envs.options import positive, seed_of
@@ -190,7 +190,7 @@ def _check_sent(policy: Any, jobs: int) -> None:
             pickle.dumps(policy)
     except Exception as error:
         message = f"the policy cannot be sent to other processes: {error}"
-        raise SpecError([Diagnostic("E713", None, message, "jobs=1, or a function of a module")]) from error
+        raise spec_error("E713", message, "jobs=1, or a function of a module") from error
 
 
 Run = Callable[[Callable[[Part], Transitions], Iterator[Part]], Iterable[Transitions]]
@@ -246,7 +246,7 @@ def _asked(acting: TaskPolicy, batch: EpisodeBatch, policy: Any) -> Any:
         if not isinstance(policy, str):
             raise
         message = f"the policy {acting.name} failed: {type(error).__name__}: {error}"
-        raise SpecError([Diagnostic("E713", None, message)]) from error
+        raise spec_error("E713", message) from error
 
 
 def _step(engine: NumpyEngine, actions: Any, task: Task, acting: TaskPolicy) -> None:
@@ -255,7 +255,7 @@ def _step(engine: NumpyEngine, actions: Any, task: Task, acting: TaskPolicy) -> 
     except BadActionError:
         shown = np.array2string(np.asarray(actions)[:3], separator=", ", threshold=12).replace("\n", "")
         message = f"the policy {acting.name} gave a value that is not an action of {task.id}, among {shown}"
-        raise SpecError([Diagnostic("E706", None, message, f"an action is one of {task.action_space}")]) from None
+        raise spec_error("E706", message, f"an action is one of {task.action_space}") from None
 
 
 def _after(seen: Any, final: Any, ended: Array) -> Any:

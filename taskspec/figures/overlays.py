@@ -10,7 +10,7 @@ import numpy as np
 
 from taskspec.abstraction.abstraction import abstraction, extract
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import SpecError, spec_error
 from taskspec.base.display import number
 from taskspec.exact import Model
 from taskspec.figures.states import State
@@ -63,13 +63,13 @@ def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) ->
     """
     wanted = set(names)
     for unknown in sorted(wanted - set(OVERLAYS)):
-        raise SpecError((Diagnostic("E713", None, f"'{unknown}' is not an overlay", f"use {', '.join(OVERLAYS)}"),))
+        raise spec_error("E713", f"'{unknown}' is not an overlay", f"use {', '.join(OVERLAYS)}")
     if not wanted:
         return Overlay()
     task = load(task)
     if task.modifiers:
         message = "a figure shows a task without its modifiers, and results with them cannot be laid over it"
-        raise SpecError((Diagnostic("E713", None, message),))
+        raise spec_error("E713", message)
     known = _Known(task, model or extract(task), wanted)
     shown = PARTS if abstraction(task) is None else ()
     return Overlay(**{part: getattr(known, part) for part in shown}, legend=dict(_legend(task, known)))
