@@ -20,7 +20,8 @@ from taskspec.solve.backward import Plan
 from taskspec.task.task import Task, TaskLike
 
 PARTS = ("values", "policy", "occupancy")
-OVERLAYS = ("values", "policy", "expert", "occupancy")  # the names of overlays
+OVERLAYS = ("values", "policy", "expert", "occupancy")
+"""The names of overlays."""
 
 
 @dataclass(frozen=True)

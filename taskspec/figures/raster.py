@@ -34,13 +34,17 @@ def save(scene: Scene, path: Path, kind: str) -> None:
     """Write a PNG or PDF file; the same scene gives the same bytes."""
     metadata: dict[str, Any] = {"CreationDate": None} if kind == "pdf" else {"Software": None}
     picture = BytesIO()
+    with _quiet():
+        _figure(scene).savefig(picture, format=kind, dpi=DPI, metadata=metadata)
+    write_bytes(path, picture.getvalue())
+
+
+def _figure(scene: Scene) -> Any:
     figure, axes = _canvas(scene.width, scene.height)
     axes.set_xlim(0, scene.width)
     axes.set_ylim(scene.height, 0)
     _draw(axes, scene, 1.0)
-    with _quiet():
-        figure.savefig(picture, format=kind, dpi=DPI, metadata=metadata)
-    write_bytes(path, picture.getvalue())
+    return figure
 
 
 def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[Any, np.dtype[np.uint8]]:

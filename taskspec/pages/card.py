@@ -14,6 +14,7 @@ from taskspec.task.record import count, domain_words, space_words
 from taskspec.task.task import Task
 
 LICENSE = "MIT"  # the licence of the tasks that come with the package; the authors of other specs give their own
+TITLES = {"parameter": "parameter {}", "modifier": "modifier {}", "space": "{} space"}
 LARGEST = 10_000  # the largest denominator of a return that is given as a fraction
 
 
@@ -104,7 +105,8 @@ def markdown(card: dict[str, Any]) -> str:
     for kind in ("parameter", "modifier", "space", "size", "return"):
         for each in kinds.get(kind, ()):
             remark = f" ({escape(each['description'])})" if "description" in each else ""
-            lines.append(f"| {_label(kind, each['name'])} | {_shown(each)}{remark} |")
+            title = TITLES.get(kind, "{}").format(each["name"])
+            lines.append(f"| {escape(title)} | {_shown(each)}{remark} |")
     lines.append(f"| content | `{card['identifier'][1]}` |")
     if "claim" in kinds:
         lines += ["", "Claims:", ""]
@@ -113,12 +115,6 @@ def markdown(card: dict[str, Any]) -> str:
         lines += ["", "Sources:", ""]
         lines += [f"- {escape(_cited(source))}" for source in card["citation"]]
     return visible("\n".join(lines)) + "\n"
-
-
-def _label(kind: str, name: str) -> str:
-    return escape(
-        f"{kind} {name}" if kind in ("parameter", "modifier") else f"{name} {kind}" if kind == "space" else name
-    )
 
 
 def _shown(each: dict[str, Any]) -> str:
@@ -135,13 +131,8 @@ def _cited(source: dict[str, Any]) -> str:
     if "name" not in source:
         return str(source["identifier"])
     people = ", ".join(person["name"] for person in source["author"])
-    parts = [
-        f"{people} ({source.get('datePublished', 'no year')})",
-        source["name"],
-        source.get("isPartOf"),
-        source.get("pagination"),
-    ]
-    return ". ".join(part for part in parts if part)
+    who = f"{people} ({source.get('datePublished', 'no year')})"
+    return ". ".join(filter(None, (who, source["name"], source.get("isPartOf"), source.get("pagination"))))
 
 
 def _quoted(text: str) -> str:

@@ -138,7 +138,10 @@ def formula(math: m.Math, display: bool = False) -> Markup:
         return Markup(f'<span class="display">{mathml(math, block=True)}</span>')
     match _flat(math):
         case [*left, m.Cases(rows=rows)] if m.width(math) > SPLIT_AFTER:
-            return _split(math, left, rows)
+            cells = Markup("").join(Markup("<span>{}</span>").format(formula(part)) for row in rows for part in row)
+            before = formula(m.row(*left)) if left else ""
+            whole = '<span class="split" role="math" aria-label="{}">{}<span class="rows">{}</span></span>'
+            return Markup(whole).format(plain(math), before, cells)
     pieces = _pieces(_flat(math)) if m.width(math) > BREAK_AFTER else [math]
     if max(map(m.width, pieces)) > BREAK_AFTER:
         pieces = _pieces(_flat(math, inside=True))
@@ -152,14 +155,6 @@ def formula(math: m.Math, display: bool = False) -> Markup:
     )  # a piece that starts with a sign keeps the space around it
     inner = " ".join(re.sub(*infix, mathml(piece)) for piece in pieces)
     return Markup(f'<span class="formula long" role="math" aria-label="{alt}">{inner}</span>')
-
-
-def _split(math: m.Math, left: list[m.Math], rows: Iterable[tuple[m.Math, m.Math]]) -> Markup:
-    """Return a formula that ends case by case as a grid, in whose cells lines can break."""
-    cells = Markup("").join(Markup("<span>{}</span>").format(formula(part)) for row in rows for part in row)
-    before = formula(m.row(*left)) if left else ""
-    whole = '<span class="split" role="math" aria-label="{}">{}<span class="rows">{}</span></span>'
-    return Markup(whole).format(plain(math), before, cells)
 
 
 def origin_of(content: p.Inlines) -> str:

@@ -212,27 +212,22 @@ def _scores_alone(page: Page) -> Section:
 
 
 def families(pages: Iterable[Page]) -> list[Family]:
+    """Return pages by their spec, each after the first by its differences from that earlier one which leaves the fewest lines."""
     found = []
     for _, group in groupby(pages, key=lambda page: page.task.source.document.origin.name):
         head, *others = group
-        siblings = [_sibling(page, [head, *others[:i]]) for i, page in enumerate(others)]
+        siblings = []
+        for i, page in enumerate(others):
+            choices = [(base, _differing(base, page)) for base in (head, *others[:i])]
+            base, differing = min(choices, key=lambda choice: _lines(choice[1]))
+            siblings.append(Sibling(replace(page, sections=differing), base))
         found.append(Family(head, tuple(siblings)))
     return found
 
 
-def _sibling(page: Page, before: Sequence[Page]) -> Sibling:
-    """Return the differences from that earlier page which leaves the fewest lines, scores apart."""
-    best: tuple[Section, ...] = ()
-    base = before[0]
-    least: float = float("inf")
-    for other in before:
-        sections = _differing(other, page)
-        count = sum(len(section.lines) for section in sections if section.key != "scores")
-        if count < least:
-            best = sections
-            base = other
-            least = count
-    return Sibling(replace(page, sections=best), base)
+def _lines(sections: Iterable[Section]) -> int:
+    """Return the number of lines, scores apart."""
+    return sum(len(section.lines) for section in sections if section.key != "scores")
 
 
 def _differing(base: Page, page: Page) -> tuple[Section, ...]:

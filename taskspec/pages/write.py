@@ -24,7 +24,8 @@ from taskspec.task.task import Task, TaskLike
 _WRITERS: dict[str, Callable[[Suite], dict[str, str]]] = {
     "latex": render.document, "html": render.site, "markdown": render.markdown,
 }  # fmt: skip
-FORMATS = (*_WRITERS, "svg", "pdf")  # the names of the formats that pages are written in
+FORMATS = (*_WRITERS, "svg", "pdf")
+"""The names of the formats that pages are written in."""
 
 _SCRATCH = ("aux", "bbl", "blg", "log", "out")
 """Endings of what TeX leaves beside a document; where it fails, they stay."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import groupby
 
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
@@ -45,33 +46,16 @@ def _rows(w: Writer, expr: s.Expr) -> Iterator[tuple[m.Math, m.Math]]:
     yield from _rows(w, otherwise)
 
 
-@dataclass
-class _Group:
-    """Rows of a decision table with one cell; `written` is its text."""
-
-    written: str
-    cell: s.Expr
-    rows: list[Keys]
-
-
 def _table(w: Writer, table: s.Table) -> Iterator[tuple[m.Math, m.Math]]:
-    for group in _groups(table.rows):
-        tree = w.number(group.cell).tree
-        if any(not any(keys) for keys in group.rows):
+    """Yield the cells of a decision table with their conditions; neighbours with equal cells are one."""
+    for _, group in groupby(_flat(table.rows), key=lambda row: text(row[1])):
+        rows = list(group)
+        tree = w.number(rows[0][1]).tree
+        keys = [key for key, _ in rows]
+        if any(not any(key) for key in keys):
             yield tree, _OTHERWISE
         else:
-            yield tree, m.Row((IF, _keys(w, table.by, group.rows)))
-
-
-def _groups(rows: Iterable[s.TableRow]) -> list[_Group]:
-    """Return rows, neighbours with equal cells together."""
-    groups: list[_Group] = []
-    for keys, cell in _flat(rows):
-        written = text(cell)
-        if not groups or groups[-1].written != written:
-            groups.append(_Group(written, cell, []))
-        groups[-1].rows.append(keys)
-    return groups
+            yield tree, m.Row((IF, _keys(w, table.by, keys)))
 
 
 def _flat(rows: Iterable[s.TableRow], before: Keys = ()) -> Iterator[tuple[Keys, s.Expr]]:

@@ -17,6 +17,7 @@ from taskspec.printers import tree as m
 from taskspec.printers.markup import latex
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]()#+!|~$>-])")
+_SPECIAL_INSIDE = re.compile(r"([\\`*_{}\[\]|~$])")  # those that mean something inside a line
 _NUMBERED = re.compile(r"^(\d+)([.)])")
 # Readers that take backslash escapes before mathematics would spoil these.
 _SPELLED = ((r"\taskspecone ", r"\mathbf{1}"), (r"\{", r"\lbrace "), (r"\}", r"\rbrace "), (r"\\", r"\cr "),
@@ -92,7 +93,7 @@ class MarkdownWriter:
     def inline(self, piece: p.Inline) -> str:
         match piece:
             case p.Text(text=text):
-                return _SPECIAL.sub(_inside, escape_entities(text))
+                return _SPECIAL_INSIDE.sub(r"\\\1", escape_entities(text))
             case p.Formula(math=math):
                 return formula(math)
             case p.CodeSpan(text=text):
@@ -124,13 +125,6 @@ class MarkdownWriter:
                 return "\n".join("- " + " ".join(map(self.block, item)) for item in items)
             case _:
                 return "\n".join(f"    {row}" for row in block.text.splitlines())
-
-
-def _inside(match: re.Match[str]) -> str:
-    """Return marks that mean something inside a line."""
-    if match[1] in "().-+!>#":
-        return match[1]
-    return f"\\{match[1]}"
 
 
 def escape_entities(text: str) -> str:
