@@ -129,10 +129,9 @@ def formats_option(allowed: Sequence[str], help: str) -> Any:
     return choices_option("--format", "-f", allowed=allowed, help=help)
 
 
-def folder_option(help: str, show_default: bool = True) -> Any:
+def folder_option(help: str) -> Any:
     """Return the option for the folder that a command writes to."""
-    names = ("--output", "--out", "-o")
-    return Option(*names, metavar="FOLDER", help=help, file_okay=False, show_default=show_default)
+    return Option("--output", "--out", "-o", metavar="FOLDER", help=help, file_okay=False)
 
 
 def file_option(*names: str, help: str) -> Any:

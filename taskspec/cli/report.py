@@ -46,7 +46,7 @@ def report(
     ] = None,
     output: Annotated[
         Path | None,
-        folder_option("Where to write: the exam's own folder, or build/report for several, unless given.", False),
+        folder_option("Where to write: the exam's own folder, or build/report for several, unless given."),
     ] = None,
     findings: Suite = None,
     json: Json = False,

@@ -14,15 +14,17 @@ from taskspec.base.diagnostics import spec_error
 from taskspec.base.files import write_text
 from taskspec.base.limits import telling
 from taskspec.figures import scene, svg
-from taskspec.pages import render
 from taskspec.pages.facts import Facts
 from taskspec.pages.page import Page, briefly, page
+from taskspec.pages.render.html import site
+from taskspec.pages.render.latex import document
+from taskspec.pages.render.markdown import markdown
 from taskspec.pages.render.suite import Suite, setting_anchor
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
 _WRITERS: dict[str, Callable[[Suite], dict[str, str]]] = {
-    "latex": render.document, "html": render.site, "markdown": render.markdown,
+    "latex": document, "html": site, "markdown": markdown,
 }  # fmt: skip
 FORMATS = (*_WRITERS, "svg", "pdf")
 """The names of the formats that pages are written in."""
