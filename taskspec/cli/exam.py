@@ -132,7 +132,7 @@ def exam(
     counts = {"steps": _count("--steps", steps), "transitions": _count("--transitions", transitions)}
     given = {"seeds": seeds, "twins": twins, "peeks": peeks, **counts}
     terms: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    written = [read_if_experiment(learner) for learner in learners]
+    written = list(map(read_if_experiment, learners))
     if written[0] is not None:
         if len(learners) > 1:
             raise misuse("an experiment names its learners itself", "give one experiment, or several learners")

@@ -101,7 +101,7 @@ def _answers(
         yield "within_limits", {"limits": list(limits), **asdict(found)}, [table]
     if measure is not None:
         corners = exact.pareto_front(results.task, measure)
-        yield "front", [asdict(corner) for corner in corners], [*_front(corners, measure)]
+        yield "front", list(map(asdict, corners)), [*_front(corners, measure)]
 
 
 def score(

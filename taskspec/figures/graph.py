@@ -185,7 +185,7 @@ def _planned(request: _Request) -> Plan | None:
         words[v] = (*words.get(v, ()), label)
     count = len(arcs)
     return Plan(
-        request.drawing, spots, arcs, lines[:count], lines[count:], [told.get(i) for i in range(count)], words,
+        request.drawing, spots, arcs, lines[:count], lines[count:], list(map(told.get, range(count))), words,
         crossings + covered, request.shows_loops,
     )  # fmt: skip
 

@@ -49,7 +49,7 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
     """Draw components of the state (or the elements of `values`) over an episode, or the present one so far."""
     if overlay.here is not None:
         return _so_far(task, overlay.seen)
-    if not any(_is_followed(c) for c in task.state) and task.annotations.figure is None:
+    if not any(map(_is_followed, task.state)) and task.annotations.figure is None:
         return None
     path, whose = episode_path(task)
     if len(path) <= SHORT:

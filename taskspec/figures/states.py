@@ -73,7 +73,7 @@ def first_state(task: Task, seed: int = 0) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for c, flat in zip(task.state, _reset(task, task.process.initial, seed), strict=True):
         if c.type.shape:
-            found[c.name] = np.array([float(x) for x in flat]).reshape(c.type.shape)
+            found[c.name] = np.array(list(map(float, flat))).reshape(c.type.shape)
         else:
             found[c.name] = flat[0]
     return found
@@ -172,7 +172,7 @@ def _word(component: Component, flat: Flat) -> str:
 
 def _bars(x: float, width: float, flat: Flat) -> Iterator[Item]:
     """Yield bars above and below a line; of a long vector the first ones."""
-    shown = [float(value) for value in flat[:MOST]]
+    shown = list(map(float, flat[:MOST]))
     step = width / len(shown)
     scale = 0.95 * HALF / (max(map(abs, shown)) or 1.0)
     yield Box((x, 0), width, 2 * HALF, None, "faint")

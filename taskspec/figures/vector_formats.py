@@ -24,7 +24,7 @@ _DASHES: dict[sc.Dash, tuple[float, ...]] = {
 
 def svg(scene: sc.Scene, css: bool = False, kind: str = "figure") -> str:
     """Return an SVG picture."""
-    body = "".join(svg_item(item) for item in scene.items)
+    body = "".join(map(svg_item, scene.items))
     if not css:
         body = f'<rect width="{_px(scene.width)}" height="{_px(scene.height)}" fill="{sc.hex_color("paper")}"/>{body}'
     return svg_document(scene, body, kind)
@@ -96,7 +96,7 @@ def _svg_line(line: sc.Line) -> str:
         path = f"M{first} C{' '.join(others)}"
     else:
         path = f"M{first} {' '.join(f'L{p}' for p in others)}"
-    dashes = " ".join(_px(length) for length in _DASHES[line.dash])
+    dashes = " ".join(map(_px, _DASHES[line.dash]))
     dash = f' stroke-dasharray="{dashes}"' if dashes else ""
     faded = f' stroke-opacity="{line.shade:.2f}"' if line.shade < 1 else ""
     color = f'class="{_class("line", line.color)}" stroke="{sc.hex_color(line.color)}"'
@@ -128,7 +128,7 @@ def runs(tree: m.Math) -> str:
         case m.Ident(text=text, style="italic"):
             return f'<tspan font-style="italic">{escape(text)}</tspan>'
         case m.Row(items=items):
-            return "".join(runs(item) for item in items)
+            return "".join(map(runs, items))
         case m.Fence(left=left, body=body, right=right):
             return escape(left) + runs(body) + escape(right)
         case m.Script(base=base, sub=sub, sup=sup, primes=primes):

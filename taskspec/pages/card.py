@@ -95,7 +95,7 @@ def markdown(card: dict[str, Any]) -> str:
     kinds: dict[str, list[dict[str, Any]]] = {}
     for each in card["variableMeasured"]:
         kinds.setdefault(each["propertyID"], []).append(each)
-    tags = ", ".join(_quoted(word) for word in ("reinforcement-learning", *card["keywords"][1:]))
+    tags = ", ".join(map(_quoted, ("reinforcement-learning", *card["keywords"][1:])))
     lines = ["---", f"pretty_name: {_quoted(card['headline'])}", f"tags: [{tags}]"]
     if "license" in card:
         lines.append(f"license: {LICENSE.lower()}")

@@ -118,7 +118,7 @@ class Writing:
         if shape in (None, [], 1, [1]):
             return inner
         lengths = shape if isinstance(shape, list) else [shape]
-        return m.Script(inner, sup=m.joined((self.declared(n) for n in lengths), "×"))
+        return m.Script(inner, sup=m.joined(map(self.declared, lengths), "×"))
 
     def _of_element(self, bounds: Mapping[str, Any], index: int | str) -> dict[str, Any]:
         """Return the bounds of one element: those of a list, or of a vector among the constants."""

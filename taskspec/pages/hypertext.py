@@ -44,7 +44,7 @@ class HtmlWriter:
         """Return what templates show of a page."""
         return {
             "summary": self.prose(summary),
-            "description": [self.block(b) for b in description],
+            "description": list(map(self.block, description)),
             "sections": [self.section(s, settings) for s in sections],
         }
 
@@ -53,7 +53,7 @@ class HtmlWriter:
         lead, rest = section.laid_out(lines)
         rows = []
         if section.table:
-            rows = [[self.prose(cell) for cell in row] for row in section.table.rows]
+            rows = [list(map(self.prose, row)) for row in section.table.rows]
         header = section.table.header if section.table else ()
         return {"key": section.key, "title": section.title, "lead": lead, "lines": rest, "header": header, "rows": rows}
 
@@ -71,7 +71,7 @@ class HtmlWriter:
         return out
 
     def prose(self, content: p.Inlines) -> Markup:
-        return Markup("").join(self.inline(piece) for piece in content)
+        return Markup("").join(map(self.inline, content))
 
     def inline(self, piece: p.Inline) -> Markup:
         match piece:

@@ -224,7 +224,7 @@ def definitions(w: Writing) -> Iterator[Inlines]:
         name, arguments = signature(written)
         left = w.symbol(name)
         if arguments is not None:
-            left = m.Row((left, m.brackets(m.joined(w.notation.symbol(a) for a in arguments))))
+            left = m.Row((left, m.brackets(m.joined(map(w.notation.symbol, arguments)))))
         axes = {a: w.task.source.surface.argument_axes.get((name, a), 0) for a in arguments or ()}
         yield (Formula(w.equation(left, expr, arguments=axes)),)
     for name, expr in (w.parsed("noise") or {}).items():

@@ -120,7 +120,7 @@ def _what_follows(w: Writing, example: Example) -> p.Inlines:
     said = [f for f in example.follows if f.section not in _ENDS]
     parts = [_of_section(w, section, list(found)) for section, found in groupby(said, lambda f: f.section)]
     if any(not isinstance(expr, s.Boolean) for expr in ends.values()):
-        parts.append((p.Text("ends: "), *_formulas([w.truth(expr) for expr in ends.values()])))
+        parts.append((p.Text("ends: "), *_formulas(list(map(w.truth, ends.values())))))
     elif ends:
         words = [_ENDS[key] for key, expr in ends.items() if isinstance(expr, s.Boolean) and expr.value]
         parts.append((p.Text("the episode " + (" and ".join(words) or "goes on")),))
@@ -215,7 +215,7 @@ def _maps(w: Writing, key: str, maps: Mapping[str, s.Expr]) -> Iterator[p.Formul
             yield formula(w.symbol(name), m.Sym("↦"), w.math(expr))
     else:
         whole = w.whole(name for name in names if name in joined)
-        images = [w.math(expr) for expr in maps.values()]
+        images = list(map(w.math, maps.values()))
         yield formula(whole, m.Sym("↦"), images[0] if len(images) == 1 else m.brackets(m.joined(images)))
 
 

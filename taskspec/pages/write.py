@@ -62,7 +62,7 @@ def write(
         SpecError: for another format, without an extra, or when there is no TeX for `pdf`.
     """
     wanted = _known(formats)
-    suite = gather_pages([load(task) for task in tasks], title, facts or {}, columns, brief)
+    suite = gather_pages(list(map(load, tasks)), title, facts or {}, columns, brief)
     return write_pages(suite, wanted, folder)
 
 

@@ -354,7 +354,7 @@ def _is_set(domain: s.Expr) -> bool:
 
 
 def _target(w: Writer, clause: s.Clause) -> m.Math:
-    names = [w.notation.symbol(name) for name in clause.targets]
+    names = list(map(w.notation.symbol, clause.targets))
     if len(names) == 1:
         return names[0]
     return m.brackets(m.joined(names))

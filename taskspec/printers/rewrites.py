@@ -283,7 +283,7 @@ def broadcast(w: Writer, expr: s.Expr) -> m.Math | None:
 def indices(w: Writer, expr: s.Expr, count: int = 1) -> tuple[s.Name, ...]:
     """Return letters for indices that the expression does not use, neither as a name nor as what a name looks like."""
     used = {x.id for x in s.names(expr) if isinstance(x, s.Name)} | {*s.targets(expr)} | {*w.notation.symbols}
-    looks = {w.notation.symbol(name) for name in used}
+    looks = set(map(w.notation.symbol, used))
     free = [i for i in _LETTERS if i not in used and m.Ident(i) not in looks]
     return tuple(s.Name(letter, False, expr.place) for letter in [*free, "ι", "κ"][:count])
 

@@ -173,7 +173,7 @@ def mapped(node: Any, change: Callable[[Any], Any]) -> Any:
 
     def go(value: Any) -> Any:
         if isinstance(value, tuple):
-            return tuple(go(x) for x in value)
+            return tuple(map(go, value))
         if hasattr(value, "__dataclass_fields__") and not isinstance(value, Place):
             return change(value)
         return value

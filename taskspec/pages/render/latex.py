@@ -72,7 +72,7 @@ class LatexWriter:
         told = () if base is not None and page.description == base.description else page.description
         return {
             "name": escape(page.name), "summary": self.prose(page.summary), "make": escape(page.make),
-            "description": [self.block(b) for b in told],
+            "description": list(map(self.block, told)),
             "beside": [self.section(s, page, BESIDE_ROOM) for s in page.sections if s.key in BESIDE],
             "below": [self.section(s, page, WHOLE_ROOM) for s in page.sections if s.key not in BESIDE],
             "figure": tikz(scene) if scene else "", "caption": escape(scene.caption) if scene else "",
@@ -107,7 +107,7 @@ class LatexWriter:
         found = section.table
         if found is None:
             return ""
-        rows = [[self.cell(cell) for cell in row] for row in found.rows]
+        rows = [list(map(self.cell, row)) for row in found.rows]
         heads = [rf"\taskspechead{{{escape(title)}}}" for title in found.header]
         lines = [heads, *rows] if any(found.header) else rows
         body = r" \\ ".join(" & ".join(row) for row in lines)

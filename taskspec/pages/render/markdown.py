@@ -51,7 +51,7 @@ class MarkdownWriter:
         scene = self.suite.scenes.get(page.anchor)
         return text_environment().get_template("task.md").render(
             name=escape(page.name), title=escape(page.title), summary=self.prose(page.summary), make=page.make,
-            description=[self.block(b) for b in page.description], sections=[self.section(s, page) for s in page.sections],
+            description=list(map(self.block, page.description)), sections=[self.section(s, page) for s in page.sections],
             figure=f"figures/{page.anchor}.svg" if scene else "", alt=escape(scene.alt) if scene else "",
             notes=escape(" ".join(scene.notes)) if scene else "",
             others=[(f"figures/{o.anchor}.svg", escape(o.scene.alt), escape(o.caption)) for o in self.suite.others(page)],
@@ -66,8 +66,8 @@ class MarkdownWriter:
         found = section.table
         if found is None:
             return []
-        rows = [[self.cell(cell) for cell in row] for row in found.rows]
-        return [[escape(title) for title in found.header], *rows]
+        rows = [list(map(self.cell, row)) for row in found.rows]
+        return [list(map(escape, found.header)), *rows]
 
     def cell(self, content: p.Inlines) -> str:
         """Return prose without the bars that would end a cell."""
@@ -77,14 +77,14 @@ class MarkdownWriter:
     def line(self, line: SectionLine, page: Page) -> str:
         text = self.prose(line.content)
         if line.verbatim is not None:
-            text += " " + ", ".join(_code(row) for row in line.verbatim.splitlines())
+            text += " " + ", ".join(map(_code, line.verbatim.splitlines()))
         for setting, values in zip(page.settings, line.values, strict=False):
             if values:
                 text += f" ({escape(setting.title)}: {self.prose(values)})"
         return text
 
     def prose(self, content: p.Inlines) -> str:
-        texts = [self.inline(piece) for piece in content]
+        texts = list(map(self.inline, content))
         for i, piece in enumerate(content[1:]):
             if isinstance(piece, p.Link) and texts[i].endswith("!"):  # a page loads no images from elsewhere
                 texts[i] = texts[i][:-1] + r"\!"
@@ -132,7 +132,7 @@ def escape_entities(text: str) -> str:
 
 
 def _code(text: str) -> str:
-    ticks = "`" * (max((len(run) for run in re.findall("`+", text)), default=0) + 1)
+    ticks = "`" * (max(map(len, re.findall("`+", text)), default=0) + 1)
     pad = " " if text.startswith("`") or text.endswith("`") else ""
     return f"{ticks}{pad}{text}{pad}{ticks}"
 
