@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -13,12 +12,12 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import suggest
 from taskspec.base.extras import need
 from taskspec.data.episodes import EXTRA, Trajectory, Transitions, columns, described, recorded, role
 from taskspec.envs.options import positive, seed_of
 from taskspec.model.model import misused, refuse
 from taskspec.policies.adapters import policy_of
+from taskspec.policies.policy import parsed, unknown
 from taskspec.registry import load
 from taskspec.scores.returns import Results
 from taskspec.task.task import Task, TaskLike
@@ -127,7 +126,7 @@ NAMES = {
     "equal(0.1)": "judges returns equal that differ by less than this fraction of the range",
 }
 """The names of teachers, each with what it does; the numbers stand for any, and `+` combines several."""
-_CALL = re.compile(r"(\w+)\(([^()]+)\)")
+KINDS = {field.name for field in fields(Teacher)}
 
 
 def teacher_of(text: str | Teacher) -> Teacher:
@@ -139,25 +138,14 @@ def teacher_of(text: str | Teacher) -> Teacher:
     for part in map(str.strip, str(text).split("+")):
         if part == "noiseless":
             continue
-        name, value = _read(part)
+        name, value = parsed(part)
+        if name not in KINDS or value is None:
+            unknown(part, known=NAMES, noun="teacher")
         if name in given:
             misused(f"the teacher '{text}' is {name} twice")
         given.add(name)
         found = replace(found, **{name: value})
     return found
-
-
-def _read(part: str) -> tuple[str, float]:
-    call = _CALL.fullmatch(part)
-    called = {known.partition("(")[0]: known for known in NAMES}
-    kind = part.partition("(")[0]
-    try:
-        if call and kind in called and kind != "noiseless":
-            return kind, float(call[2])
-    except ValueError:
-        pass
-    hint = f"for example: {called[kind]}" if kind in called else suggest(kind, called)
-    misused(f"there is no teacher '{part}'", hint or ", ".join(NAMES))
 
 
 # Preferences: pairs of trajectories or of segments, labelled by their true returns.

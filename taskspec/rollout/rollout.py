@@ -156,8 +156,7 @@ def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
     Episodes act at random, by holding on to an action, and by the expert.
     """
     rng = np.random.default_rng(0)
-    cost = Cost((*task.process.next, task.process.reward, task.process.terminal), simulated=True)
-    far = max(STEPS, min(MANY_STEPS, int(HELD / cost.seconds(LANES))))  # constant actions lead far, if steps are cheap
+    far = _affordable(task)
     rounds = max(1, far // max(STEPS, task.horizon or far))
     everyone = [(sampled_actions(task), STEPS, LANES), (_held(task), far // rounds, LANES * rounds)]
     if isinstance(task.annotations.expert, tuple) and task.annotations.memory is None:
@@ -169,6 +168,12 @@ def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
     for choose, steps, lanes in everyone:
         parts += _episodes(task, choose, max(1, int(share * lanes)), steps, ends, rng)
     return columns(parts)
+
+
+def _affordable(task: Task) -> int:
+    """Return the number of steps for constant actions, which lead far: more than for others if steps are cheap."""
+    cost = Cost((*task.process.next, task.process.reward, task.process.terminal), simulated=True)
+    return max(STEPS, min(MANY_STEPS, int(HELD / cost.seconds(LANES))))
 
 
 def _episodes(
