@@ -7,7 +7,8 @@ from typing import Any
 
 from taskspec.base.bibliography import Reference, beside
 from taskspec.base.display import decimal, setting, small_fraction, visible
-from taskspec.pages.facts import Facts, ScoreFact
+from taskspec.exact import Return
+from taskspec.pages.facts import Facts
 from taskspec.pages.render.markdown import escape
 from taskspec.registry import shipped
 from taskspec.task.record import count, domain_words, space_words
@@ -72,7 +73,7 @@ def _properties(task: Task, facts: Facts) -> Iterator[dict[str, Any]]:
     for name, score in facts.scores.items():
         yield _return(name, score)
     for claim, verdict in zip(task.annotations.claims, facts.verdicts, strict=False):
-        yield _property("claim", claim.text, verdict.holds, verdict.words)
+        yield _property("claim", claim.text, verdict.holds, verdict.text)
 
 
 def _property(kind: str, name: str, value: Any, description: str = "") -> dict[str, Any]:
@@ -80,7 +81,7 @@ def _property(kind: str, name: str, value: Any, description: str = "") -> dict[s
     return found | ({"description": description} if description else {})
 
 
-def _return(name: str, score: ScoreFact) -> dict[str, Any]:
+def _return(name: str, score: Return) -> dict[str, Any]:
     value = float(score.value)
     if not score.exact:
         found = _property("return", name, value, f"mean of {score.episodes:,} episodes, 95 % interval")

@@ -15,7 +15,7 @@ from taskspec.base.files import safe_name
 from taskspec.pages import facts as scores
 from taskspec.pages import sections
 from taskspec.pages.equations import Writing
-from taskspec.pages.facts import Facts, gather
+from taskspec.pages.facts import Facts, Setting, gather
 from taskspec.pages.prose import Block, Cite, Inlines, Text, blocks, inlines
 from taskspec.pages.sections import Section, SectionLine
 from taskspec.registry import load
@@ -23,15 +23,6 @@ from taskspec.task.task import Task, TaskLike
 
 # Everything is read off the task, so a page cannot say anything that the environment does not do. What exact analysis
 # found (scores, verdicts on claims) comes in as `Facts`; without them the page leaves it out.
-
-
-@dataclass(frozen=True)
-class Setting:
-    """The task at other values of its parameters, which the page shows beside the symbols."""
-
-    title: str
-    task: Task
-    facts: Facts
 
 
 @dataclass(frozen=True)
@@ -125,9 +116,8 @@ def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tup
     return tuple(shown)
 
 
-def _columns(task: Task, facts: Facts, settings: Sequence[Setting]) -> list[tuple[str, Task, Facts]]:
-    own = ", ".join(f"{p.name} = {p.value}" for p in task.parameters)
-    return [(own, task, facts), *((s.title, s.task, s.facts) for s in settings)]
+def _columns(task: Task, facts: Facts, settings: Sequence[Setting]) -> list[Setting]:
+    return [Setting(", ".join(f"{p.name} = {p.value}" for p in task.parameters), task, facts), *settings]
 
 
 def _concrete(task: Task, facts: Facts) -> dict[str, Section]:

@@ -16,7 +16,7 @@ from taskspec.pages import facts as scores
 from taskspec.pages import lines
 from taskspec.pages import prose as p
 from taskspec.pages.equations import Writing
-from taskspec.pages.facts import Facts
+from taskspec.pages.facts import Facts, Setting
 from taskspec.pages.lines import Maker, formula
 from taskspec.printers import tree as m
 from taskspec.printers.names import expression
@@ -328,22 +328,21 @@ def all_sections(w: Writing, facts: Facts, found_results: Iterable[Section] = ()
     return [section for section in found if section.lines or section.table]
 
 
-def results(columns: Sequence[tuple[str, Task, Facts]]) -> list[Section]:
+def results(columns: Sequence[Setting]) -> list[Section]:
     """Return scores and claims, in one table if it has room for a column for each setting of the parameters.
 
-    Each column is a heading, the task at these values, and what is known of it there; the first one is the page's own.
+    The first one is the page's own.
     """
-    _, task, facts = columns[0]
-    w = Writing(as_written(task), {})
+    w = Writing(as_written(columns[0].task), {})
     stated = []
     for claim in w.task.annotations.claims:
         cases: p.Inlines = (p.Text(" (for "), *lines.cases(w, claim.cases), p.Text(")")) if claim.cases else ()
         stated.append((*claim_text(w, claim), *cases))
-    if not any(facts.scores or facts.verdicts for _, _, facts in columns):
+    if not any(each.facts.scores or each.facts.verdicts for each in columns):
         return [Section("claims", "Claims", tuple(map(SectionLine, stated)))]
     table = scores.table(columns)
-    marks = [_marks(facts, len(stated), is_own=i == 0) for i, (_, _, facts) in enumerate(columns)]
-    found = Section("scores", scores.title(facts), (), table=table)
+    marks = [_marks(each.facts, len(stated), is_own=i == 0) for i, each in enumerate(columns)]
+    found = Section("scores", scores.title(columns[0].facts), (), table=table)
     if len(columns) > scores.MOST_COLUMNS:
         written = [SectionLine((*said, p.Text(" "), *mark)) for said, mark in zip(stated, marks[0], strict=True)]
         return [found, Section("claims", "Claims", tuple(written))]
@@ -360,7 +359,7 @@ def _marks(facts: Facts, count: int, is_own: bool) -> list[p.Inlines]:
         if verdict.holds is False and not is_own:
             found.append((NOT_HERE,))
         else:
-            found.append((p.Mark(verdict.holds, verdict.words),) if verdict.words else ())
+            found.append((verdict,) if verdict.text else ())
     return [*found, *[()] * (count - len(found))]
 
 

@@ -10,7 +10,8 @@ from functools import cached_property
 from taskspec.base.bibliography import Reference
 from taskspec.figures import Scene
 from taskspec.pages.equations import LETTERS, Writing
-from taskspec.pages.page import Page, Setting, anchor
+from taskspec.pages.facts import Setting
+from taskspec.pages.page import Page, anchor
 from taskspec.pages.prose import Formula, Inline, Inlines, Mark, inlines
 from taskspec.printers import tree as m
 from taskspec.printers.idioms import IF
