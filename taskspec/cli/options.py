@@ -68,11 +68,7 @@ def complete_paths(incomplete: str) -> Completions:
     specs: Completions = []
     folders: Completions = []
     for path in sorted(folder.iterdir()):
-        if tail:
-            is_offered = path.name.startswith(tail)
-        else:
-            is_offered = not path.name.startswith(".")
-        if not is_offered:
+        if not path.name.startswith(tail) or (not tail and path.name.startswith(".")):
             continue
         if path.is_dir():
             folders.append((f"{head}{slash}{path.name}/", "folder"))

@@ -199,8 +199,10 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
     widths = dict(request.widths)
     sizes = {}
     for v in drawing.vertices:
-        sizes[v] = (0.12, 0.12) if _is_chance(v) else (0.26, 0.26)
-        if isinstance(v, int):
+        sizes[v] = (0.26, 0.26)
+        if _is_chance(v):
+            sizes[v] = (0.12, 0.12)
+        elif isinstance(v, int):
             sizes[v] = (max(sc.RADIUS, widths[v] / 2 + 0.1), sc.RADIUS)
     arcs = zip(drawing.arcs, request.texts, strict=True)
     longest = max((sc.text_width(t, ARROW) for a, t in arcs if a.source != a.target and t), default=0.0)

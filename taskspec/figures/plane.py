@@ -156,10 +156,7 @@ class _Plane:
     state: dict[str, Any]
 
     def grid(self, columns: int, rows: int, edge: float = 1.0) -> tuple[Array, Reads]:
-        """Return points of the plane (rows * columns, 2), row by row, and the states there.
-
-        The margin is `edge` times the distance between two points.
-        """
+        """Return points (rows * columns, 2) with a margin of `edge` times their distance, row by row, and states there."""
         shares = [np.arange(edge, n + edge) / (n - 1 + 2 * edge) for n in (columns, rows)]
         x, y = (axis.low + (axis.high - axis.low) * share for axis, share in zip(self.scales, shares, strict=True))
         points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

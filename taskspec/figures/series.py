@@ -107,9 +107,8 @@ def _scale(number: _Number) -> tuple[float, float]:
 
 
 def _wide(low: float, high: float) -> tuple[float, float]:
-    if low == high:
-        return (low - 0.5, high + 0.5)
-    return (low, high)
+    room = 0.5 * (low == high)
+    return low - room, high + room
 
 
 def _panel(

@@ -82,10 +82,9 @@ def _range(w: Writing, name: str) -> Inlines:
 def grids(w: Writing) -> Iterator[tuple[str, str]]:
     for name, value in w.spec.constants.items():
         if isinstance(value, Mapping) and "grid" in value:
-            if isinstance(value["grid"], str):
-                text = value["grid"]
-            else:
-                text = "\n".join(value["grid"])
+            text = value["grid"]
+            if not isinstance(text, str):
+                text = "\n".join(text)
             legend = ", ".join(f"{lettered(k)} = {v}" for k, v in (value.get("legend") or {}).items())
             yield f"{name} ({legend})", text
 
@@ -143,15 +142,12 @@ def _labels(w: Writing, c: Component) -> Inlines:
     items: list[Inlines] = []
     for i, label in enumerate(c.domain.labels):
         mark = w.notation.labels[c.name][label]
-        value = c.domain.values[i] if c.domain.values else None
-        if value is None or isinstance(mark, m.Num):
-            tree = mark
-        else:
-            tree = m.Row((mark, m.Sym("↦"), _value(w, value)))
+        tree = mark
+        if c.domain.values and not isinstance(mark, m.Num):
+            tree = m.Row((mark, m.Sym("↦"), _value(w, c.domain.values[i])))
         word = isinstance(mark, m.Words | m.Num)
         items.append((Formula(tree),) if word else (Formula(tree), Text(f" {label.replace('_', ' ')}")))
-    plain = all(len(x) == 1 for x in items) and not c.domain.values
-    if plain:
+    if all(len(x) == 1 for x in items) and not c.domain.values:
         return ()
     return listing(items)
 
@@ -322,15 +318,11 @@ def expert(w: Writing) -> Iterator[Inlines]:
         case "optimal":
             yield (Text("an optimal policy of the exact model"),)
         case Soft():
+            value: m.Math = m.Num(f"{w.task.annotations.expert.beta:g}")
             if isinstance(found, s.Call):
                 value = w.math(found.args[0])
-            else:
-                value = m.Num(f"{w.task.annotations.expert.beta:g}")
             yield (Text("Boltzmann-rational, "), formula(m.Ident("β"), m.Sym("="), value))
         case _:
-            if isinstance(found, Mapping):
-                actions = found
-            else:
-                actions = {next(iter(w.spec.action)): found}
+            actions = found if isinstance(found, Mapping) else {next(iter(w.spec.action)): found}
             for name, expr in actions.items():
                 yield (Formula(w.equation(w.symbol(name), expr, name)),)

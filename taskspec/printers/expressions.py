@@ -13,7 +13,6 @@ from taskspec.lang import syntax as s
 from taskspec.lang.dists import is_distribution
 from taskspec.lang.operators import FUNCTIONS, INFIX
 from taskspec.printers import idioms
-from taskspec.printers import idioms as piecewise
 from taskspec.printers import tree as m
 from taskspec.printers.names import Notation, Writer, label
 from taskspec.printers.pieces import Piece, applied, fill, indexed, indicator, multiply, operands, prime
@@ -62,7 +61,7 @@ class ExpressionWriter(Writer):
             case s.Compare():
                 return self._compare(expr)
             case s.IfElse() | s.Piecewise() | s.Table() | s.Weights():
-                return applied("cases", piecewise.cases(self, expr))
+                return applied("cases", idioms.cases(self, expr))
             case s.Call():
                 return self._call(expr)
             case s.Subscript():

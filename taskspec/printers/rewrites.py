@@ -87,10 +87,7 @@ def _compute(op: str, a: int, b: int) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """An expression whose inner draws have names, and those draws: the name of each, and its distribution.
-
-    A draw in a comprehension is made for each of its elements, and has their index: `xi[i]`.
-    """
+    """An expression whose draws have names, in a comprehension with an index, and each name with its distribution."""
 
     expr: s.Expr
     draws: tuple[tuple[s.Name | s.Subscript, s.Expr], ...]

@@ -18,11 +18,7 @@ _SUP = str.maketrans("0123456789+-−=()n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻�
 
 
 def text(expr: s.Expr) -> str:
-    """Return an expression as text.
-
-    What only YAML can write (`if:`/`then:` lists, `by:`/`rows:` tables) comes out as conditionals of the same
-    meaning.
-    """
+    """Return an expression as text; lists and tables that only YAML can write become conditionals."""
     return _write(expr)[0]
 
 
