@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import multiprocessing
 import pickle
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -217,7 +217,7 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
     engine.seed(seeds)
     engine.reset()
     b = engine.buffers
-    tape = _Tape()
+    rows = []  # of the steps: observations, actions, rewards, observations after, two kinds of ends, the lanes that run
     running = np.ones(lanes, np.bool_)
     for t in count():
         if t >= LONGEST and task.horizon is None:
@@ -229,10 +229,10 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
         actions = _asked(acting, EpisodeBatch(t, state, seen, SeededDraws(seeds, t), running), policy)
         _step(engine, actions, task, acting)
         after = _after(b.seen.view(copy=True), b.final.view(), b.ended)
-        tape.keep(seen, actions, b.reward.copy(), after, b.terminated.copy(), b.truncated.copy(), running)
+        rows.append((seen, actions, b.reward.copy(), after, b.terminated.copy(), b.truncated.copy(), running))
         running = running & ~b.ended
         if not running.any():
-            return tape.transitions(first)
+            return _transitions(rows, first)
     raise AssertionError
 
 
@@ -265,24 +265,12 @@ def _after(seen: Any, final: Any, ended: Array) -> Any:
     return seen
 
 
-class _Tape:
-    """The results of every step in every lane, while its first episode lasts."""
-
-    def __init__(self) -> None:
-        self.rows: list[tuple[Any, ...]] = []
-
-    def keep(self, *row: Any) -> None:
-        """Observations, actions, rewards, observations after, terminated, truncated, and which lanes were running."""
-        self.rows.append(row)
-
-    def transitions(self, first: int) -> Transitions:
-        """Return the transitions lane by lane; the lanes' episodes are numbered from `first`."""
-        *kept, running = (
-            map_parts(lambda *parts: np.stack(parts, axis=1), *steps) for steps in zip(*self.rows, strict=True)
-        )
-        seen, actions, rewards, after, terminated, truncated = (part_at(each, running) for each in kept)
-        lane, time = np.nonzero(running)
-        return Transitions(seen, actions, rewards, after, terminated, truncated, lane + first, time)
+def _transitions(rows: Sequence[tuple[Any, ...]], first: int) -> Transitions:
+    """Return steps of many lanes lane by lane; the lanes' episodes are numbered from `first`."""
+    *kept, running = (map_parts(lambda *parts: np.stack(parts, axis=1), *steps) for steps in zip(*rows, strict=True))
+    seen, actions, rewards, after, terminated, truncated = (part_at(each, running) for each in kept)
+    lane, time = np.nonzero(running)
+    return Transitions(seen, actions, rewards, after, terminated, truncated, lane + first, time)
 
 
 # Demonstrations: episodes of a policy where the spec says that the expert acts.
