@@ -230,7 +230,7 @@ def verdict(reports: Sequence[FileReport], problems: Sequence[Diagnostic], secon
     if errors:
         found.append(plural(errors, "error"), "bad")
     if warnings:
-        found.append(", " if errors else "").append(plural(warnings, "warning"), "warn")
+        found.append(", " * bool(errors)).append(plural(warnings, "warning"), "warn")
     if not errors and not warnings:
         found.append("no errors, no warnings", "good")
     if accepted:

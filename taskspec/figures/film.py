@@ -115,7 +115,7 @@ def animated(first: Scene, frames: Sequence[Sequence[Item]]) -> str:
             body += inside
             continue
         name = "at-" + "-".join(map(str, sorted(where)))
-        hidden = "" if 0 in where else ' visibility="hidden"'
+        hidden = ' visibility="hidden"' * (0 not in where)
         body += f'<g style="animation-name:{name}"{hidden}>{inside}</g>'
         shown = [moment in where for moment in moments]
         changes = [i for i in range(len(shown)) if i == 0 or shown[i] != shown[i - 1]]

@@ -243,7 +243,7 @@ def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:
     notes = (*machine.notes(plan.shows_loops), *machine.unmarked(shown))
     if plan.drawing.elided and (overlay.values or overlay.policy or overlay.occupancy):
         notes += ("Results of the states left out are not shown.",)
-    elided = ", elided" if plan.drawing.elided else ""
+    elided = ", elided" * plan.drawing.elided
     size = f"{plural(len(machine.states), 'state')}{elided}, {plural(machine.n_actions, 'action')}"
     focus = None if present is None else plan.spots[present].at
     return sc.fitted(items, f"Transition graph of {machine.task.name}: {size}", notes, focus=focus, drawn=DRAWN)

@@ -101,7 +101,7 @@ def _legend(task: Task, wanted: set[str], acts: bool, most: float) -> Iterator[t
     if "policy" in wanted:
         yield "policy", ("", f"best actions{left}")
     if "expert" in wanted and ("policy" not in wanted or task.annotations.expert is not None):
-        memory = "" if task.annotations.memory is None else ", whatever it remembers"
+        memory = ", whatever it remembers" * (task.annotations.memory is not None)
         beside = ", as the best ones are" * ("policy" in wanted and not lacks)
         yield "expert" if "policy" in wanted else "policy", ("", f"{whose} actions at first{lacks or memory}{beside}")
     if "occupancy" in wanted:

@@ -117,7 +117,7 @@ def _label(label: sc.Label) -> str:
     turned = ""
     if label.angle:
         turned = f' transform="rotate({-label.angle:g} {_px(x)} {_px(y)})"'
-    weight = ' font-weight="bold"' if label.bold else ""
+    weight = ' font-weight="bold"' * label.bold
     place = f'x="{_px(x)}" y="{_px(y + label.size * 0.34)}" font-size="{_px(label.size)}" text-anchor="{label.anchor}"'
     return f'<text {place} fill="{sc.hex_color(label.color)}"{style}{weight}{turned}>{runs(label.text)}</text>'
 
@@ -177,7 +177,7 @@ def _tikz_item(item: sc.Item) -> str:
             return _tikz_line(item)
         case sc.Label(at=at, text=text, color=color):
             anchor = {"start": "west", "end": "east", "middle": "center"}[item.anchor]
-            halo = ", fill=taskpaper" if item.halo else ""
+            halo = ", fill=taskpaper" * item.halo
             turned = f", rotate={item.angle:g}" if item.angle else ""
             size = r"\footnotesize" if item.size < 0.34 else r"\small"
             options = f"anchor={anchor}, inner sep=1pt, text={_tikz_color(color)}, font={size}{halo}{turned}"

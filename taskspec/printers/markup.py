@@ -207,7 +207,7 @@ _OPERATORS = {
 
 def mathml(node: m.Math, block: bool = False) -> str:
     """Return a `<math>` element; its alternative text is the plain form."""
-    display = ' display="block"' if block else ""
+    display = ' display="block"' * block
     return f'<math{display} alttext="{html.escape(plain(node))}">{_element(node)}</math>'
 
 
@@ -280,7 +280,7 @@ def _identifier(node: m.Ident) -> str:
 
 
 def _fenced(left: str, inner: str, right: str, grows: bool = True) -> str:
-    fixed = "" if grows else ' stretchy="false"'
+    fixed = ' stretchy="false"' * (not grows)
     if left:
         inner = f'<mo fence="true" form="prefix"{fixed}>{html.escape(left)}</mo>{inner}'
     if right:
