@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from typer import Argument, Option
 
@@ -105,9 +105,8 @@ def schema(
 
     if experiment + exam + findings > 1:
         raise misuse("--experiment, --exam and --findings are three schemas; ask for one")
-    asked: dict[Any, bool] = {Experiment: experiment, ExamDocument: exam, FindingsDocument: findings}
     schema = json_schema()
-    for model, wanted in asked.items():
+    for model, wanted in ((Experiment, experiment), (ExamDocument, exam), (FindingsDocument, findings)):
         if wanted:
             schema = document_schema(model)
     write_output(visible_json(schema) + "\n", output)

@@ -103,7 +103,7 @@ def _tex(node: m.Math) -> str:  # noqa: C901, PLR0912
         case m.Fence():
             return _fence(node)
         case m.Cases(rows=rows):
-            return _environment("dcases" if _has_big(node) else "cases", rows)
+            return _environment("dcases" if any(isinstance(part, m.Big) for part in m.parts(node)) else "cases", rows)
         case m.Matrix(rows=rows):
             return _environment("pmatrix", rows)
         case m.Arrow(over=over):
@@ -191,10 +191,6 @@ def _fence(node: m.Fence) -> str:
 def _environment(name: str, rows: tuple[tuple[m.Math, ...], ...]) -> str:
     lines = r" \\ ".join(" & ".join(map(latex, line)) for line in rows)
     return rf"\begin{{{name}}} {lines} \end{{{name}}}"
-
-
-def _has_big(node: m.Math) -> bool:
-    return isinstance(node, m.Big) or any(map(_has_big, m.children(node)))
 
 
 _FENCES = frozenset("()[]{}|‖⌊⌋⌈⌉⟨⟩")

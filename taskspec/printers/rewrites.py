@@ -99,7 +99,7 @@ def is_draw(expr: s.Expr) -> bool:
 
 def draws(expr: s.Expr) -> bool:
     """Return whether anything is drawn in an expression."""
-    return is_draw(expr) or any(map(draws, m.children(expr)))
+    return any(map(is_draw, m.parts(expr)))
 
 
 def shows_probabilities(expr: s.Expr) -> bool:

@@ -5,7 +5,7 @@ A closed set of nodes. Characters are Unicode throughout; what TeX calls them is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -166,6 +166,13 @@ def children(node: Any) -> list[Any]:
         elif hasattr(value, "__dataclass_fields__") and not isinstance(value, Place):
             found.append(value)
     return found
+
+
+def parts(node: Any) -> Iterator[Any]:
+    """Yield a node of mathematics or of surface syntax, and all nodes below it."""
+    yield node
+    for child in children(node):
+        yield from parts(child)
 
 
 def mapped(node: Any, change: Callable[[Any], Any]) -> Any:

@@ -199,16 +199,10 @@ def formula(math: m.Math, room: float, display: bool = False, end: str = "") -> 
     if display or (_is_rigid(math) and m.width(math) > room):
         return rf"\taskspecwide{{{latex(math)}{end}}}"
     style = ""
-    for outer in _parts(math):
-        if isinstance(outer, m.Frac) and sum(isinstance(part, m.Frac) for part in _parts(outer)) > 1:
+    for outer in m.parts(math):
+        if isinstance(outer, m.Frac) and sum(isinstance(part, m.Frac) for part in m.parts(outer)) > 1:
             style = r"\displaystyle "
     return f"${style}{latex(math)}${end}"
-
-
-def _parts(math: m.Math) -> Iterator[m.Math]:
-    yield math
-    for child in m.children(math):
-        yield from _parts(child)
 
 
 def _is_rigid(math: m.Math) -> bool:
@@ -216,7 +210,7 @@ def _is_rigid(math: m.Math) -> bool:
         isinstance(part, m.Cases | m.Matrix)
         or (isinstance(part, m.Fence) and m.is_tall(part.body))
         or (isinstance(part, m.Script) and part.sub is not None and m.width(part.sub) > LONG)
-        for part in _parts(math)
+        for part in m.parts(math)
     )
 
 
