@@ -141,20 +141,14 @@ def _quantifier(sign: str, conjunction: str) -> Idiom:
         if found is None:
             return None
         of, index, inner = found
-        if conjunction == "and" and _are_equal(w, arg):
-            return w.piece(arg)
+        match arg:
+            case s.Compare(first=first, rest=(("==", second),)) if conjunction == "and" and rank(w, first) == rank(
+                w, second
+            ):
+                return w.piece(arg)  # two vectors are equal
         return applied("quantifier", m.Row((m.Sym(sign), *m.such_that(index, of.truth(inner).tree).items)))
 
     return write
-
-
-def _are_equal(w: Writer, expr: s.Expr) -> bool:
-    """Return whether an expression says that two vectors are equal."""
-    match expr:
-        case s.Compare(first=first, rest=(("==", second),)):
-            return rank(w, first) == rank(w, second)
-        case _:
-            return False
 
 
 def _of_elements(w: Writer, arg: s.Comprehension, call: s.Call) -> s.Comprehension:

@@ -230,8 +230,12 @@ def _element(node: m.Math) -> str:  # noqa: C901, PLR0912
             return f"<msqrt>{_element(body)}</msqrt>"
         case m.Accent(mark=mark, body=body):
             return f'<mover accent="true">{_element(body)}<mo stretchy="false">{c.ACCENTS[mark][0]}</mo></mover>'
-        case m.Script():
-            return _scripts(node)
+        case m.Script(base=base, sub=sub, sup=sup, primes=primes):
+            above = None if sup is None else _element(sup)
+            if primes:
+                marks = f'<mo lspace="0" rspace="0">{"′" * primes}</mo>'
+                above = marks if above is None else f"<mrow>{marks}{above}</mrow>"
+            return _scripted("sub", "sup", _element(base), sub, above)
         case m.Fence(left=left, body=body, right=right):
             return _fenced(left, _element(body), right, m.is_tall(body))
         case m.Cases(rows=rows):
@@ -282,14 +286,6 @@ def _fenced(left: str, inner: str, right: str, grows: bool = True) -> str:
     if right:
         inner += f'<mo fence="true" form="postfix"{fixed}>{html.escape(right)}</mo>'
     return f"<mrow>{inner}</mrow>"
-
-
-def _scripts(node: m.Script) -> str:
-    sup = None if node.sup is None else _element(node.sup)
-    if node.primes:
-        primes = f'<mo lspace="0" rspace="0">{"′" * node.primes}</mo>'
-        sup = primes if sup is None else f"<mrow>{primes}{sup}</mrow>"
-    return _scripted("sub", "sup", _element(node.base), node.sub, sup)
 
 
 def _scripted(below: str, above: str, base: str, sub: m.Math | None, sup: str | None) -> str:
