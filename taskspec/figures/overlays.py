@@ -75,7 +75,7 @@ def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) ->
     acting = _acting(task, model) if wanted & {"expert", "occupancy"} else None
     visits = _visits(model, *acting) if acting is not None and "occupancy" in wanted else {}
     most = max(visits.values(), default=0.0)
-    found: dict[str, Mapping[int, Any]] = {}
+    found: dict[str, Any] = {}
     if "values" in wanted:
         values = solve.best(model).value[model.acting]
         found["values"] = dict(zip(model.codes[model.acting].tolist(), values.tolist(), strict=True))
