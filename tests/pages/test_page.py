@@ -339,4 +339,4 @@ def test_exact_facts() -> None:
     found = gather(registry.load("derail/RiskyPath-v0"))
     assert found.scores["optimal return"].value == 4
     assert found.states == 4
-    assert {v.words for v in found.verdicts} == {"proved"}
+    assert {v.text for v in found.verdicts} == {"proved"}
