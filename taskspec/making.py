@@ -10,7 +10,6 @@ import dataclasses
 import functools
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskspec import registry
@@ -79,11 +78,14 @@ def register(folder: str | os.PathLike[str] | None = None) -> list[str]:
     Raises:
         SpecError: when the folder does not exist or a spec in it cannot be read.
     """
+    _take_instances()
     if folder is None:
         for entry in shipped().values():
             _add(entry.id, {"task": entry.id})
         _add(SPEC_ID, {})
         return [*shipped(), SPEC_ID]
+    from pathlib import Path
+
     root = Path(folder)
     if not root.is_dir():
         raise spec_error("E710", f"there is no folder '{root}'")
@@ -96,15 +98,12 @@ def register(folder: str | os.PathLike[str] | None = None) -> list[str]:
 
 
 def _add(task_id: str, kwargs: dict[str, Any]) -> None:
-    from gymnasium.envs.registration import register as add
-    from gymnasium.envs.registration import registry
+    from gymnasium.envs.registration import EnvSpec
+    from gymnasium.envs.registration import registry as known
 
-    _take_instances()
-    if task_id in registry and registry[task_id].kwargs == kwargs:
-        return
-    registry.pop(task_id, None)
-    # The environment checks order, horizon and actions itself, so that `gym.make` can return it bare.
-    add(
+    # The environment checks order, horizon and actions itself, so that `gym.make` can return it bare. Gymnasium's `register`
+    # would look for other versions of each task among all tasks.
+    known[task_id] = EnvSpec(
         task_id,
         ENTRY_POINT,
         vector_entry_point="taskspec.making:make_vec_registered",
@@ -248,7 +247,11 @@ def _made(
     """
     if task is not None and path is not None:
         raise spec_error("E713", "give `task` or `path`, not both")
-    source = task if path is None else Path(path)
+    source: TaskLike | None = task
+    if path is not None:
+        from pathlib import Path
+
+        source = Path(path)
     if source is None:
         raise spec_error("E713", f"{SPEC_ID} needs a spec", 'gym.make("taskspec/Spec-v0", path="my.yaml")')
     made = maker(source, variant, modifiers=(*id_modifiers, *registry.listed(modifiers)), **options)

@@ -10,7 +10,6 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskspec.base import ids
@@ -19,6 +18,8 @@ from taskspec.base.records import dataclass
 from taskspec.source import scan
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from taskspec.modifiers import Written
     from taskspec.source import Document
     from taskspec.task.task import Task, TaskLike
@@ -33,8 +34,14 @@ class Entry:
     suite: str
     name: str
     version: int
-    path: Path
+    file: str
     variant: str | None
+
+    @property
+    def path(self) -> Path:
+        from pathlib import Path
+
+        return Path(self.file)
 
     @property
     def id(self) -> str:
@@ -49,41 +56,49 @@ def tasks_root() -> Path:
 
     A wheel carries the folder inside the package; an editable install finds it beside the package.
     """
-    package = Path(__file__).parent
-    inside = package / "tasks"
-    if inside.is_dir():
+    from pathlib import Path
+
+    return Path(_root())
+
+
+def _root() -> str:
+    package = os.path.dirname(os.path.abspath(__file__))
+    inside = os.path.join(package, "tasks")
+    if os.path.isdir(inside):
         return inside
-    return package.parent / "tasks"
+    return os.path.join(os.path.dirname(package), "tasks")
 
 
 @lru_cache(maxsize=1)
 def shipped() -> dict[str, Entry]:
     """Return the shipped tasks by id."""
-    found = [entry for folder in sorted(tasks_root().iterdir()) if folder.is_dir() for entry in entries(folder)]
+    folders = sorted(each.path for each in os.scandir(_root()) if each.is_dir())
+    found = [entry for folder in folders for entry in entries(folder)]
     return {entry.id: entry for entry in found}
 
 
-def entries(folder: Path) -> Iterable[Entry]:
+def entries(folder: str | os.PathLike[str]) -> Iterable[Entry]:
     """Yield the tasks of a suite's folder, in order of file and variant."""
-    suite = folder.resolve().name
-    for path, text in _texts(folder):
+    suite = os.path.basename(os.path.realpath(folder))
+    for file, text in _texts(folder):
         if scan.kind(text) == "taskspec":
             found = scan.scan(text)
             for name, variant in found.tasks:
-                yield Entry(suite, name, found.version, path, variant)
+                yield Entry(suite, name, found.version, file, variant)
 
 
 def files_in(folder: Path) -> list[tuple[Path, scan.Kind]]:
     """Return the YAML files of a folder, sorted by name, and what each of them holds."""
-    return [(path, scan.kind(text)) for path, text in _texts(folder)]
+    return [(folder / os.path.basename(file), scan.kind(text)) for file, text in _texts(folder)]
 
 
-def _texts(folder: Path) -> Iterable[tuple[Path, str]]:
+def _texts(folder: str | os.PathLike[str]) -> Iterable[tuple[str, str]]:
     """Yield the YAML files of a folder, sorted by name, with their texts."""
-    for name in sorted(name for name in os.listdir(folder) if name.endswith((".yaml", ".yml"))):  # noqa: PTH208
-        path = folder / name
+    for name in sorted(name for name in os.listdir(folder) if name.endswith((".yaml", ".yml"))):
+        path = os.path.join(folder, name)
         try:
-            yield path, path.read_text(encoding="utf-8", errors="replace")
+            with open(path, "rb") as file:
+                yield path, file.read().decode("utf-8", "replace")
         except (IsADirectoryError, FileNotFoundError):
             yield path, ""
 
@@ -162,17 +177,17 @@ def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) ->
     if isinstance(source, str):
         asked = instance(source)
     else:
-        asked = ids.InstanceId(str(Path(source)), {})
+        asked = ids.InstanceId(os.fspath(source), {})
     for name in parameters:
         if name in asked.parameters:
             raise spec_error("E713", f"'{name}' is given in the id and separately; give it once")
     parameters = {**asked.parameters, **parameters}
     if not isinstance(source, str) or is_path(asked.name):
-        return build(document(asked.name), variant, parameters, suite_of(Path(asked.name)))
+        return build(document(asked.name), variant, parameters, suite_of(asked.name))
     entry = find(asked.name)
     is_shipped = shipped().get(entry.id) is entry
     variant = variant or entry.variant
-    return build(document(str(entry.path)), variant, parameters, entry.suite, well_formed=is_shipped)
+    return build(document(entry.file), variant, parameters, entry.suite, well_formed=is_shipped)
 
 
 def instance(source: str) -> ids.InstanceId:
@@ -205,7 +220,7 @@ def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Tas
 def is_path(name: str) -> bool:
     """Return whether a name is meant as a file and not as an id."""
     try:
-        return name.endswith((".yaml", ".yml")) or Path(name).is_file()
+        return name.endswith((".yaml", ".yml")) or os.path.isfile(name)
     except (OSError, ValueError):  # too long for a path, or with characters that none has
         return False
 
@@ -254,16 +269,16 @@ def document(path: str) -> Document:
 
 def _state_of(file: str) -> tuple[int, int]:
     try:
-        found = Path(file).stat()
+        found = os.stat(file)
     except (OSError, ValueError):
         return 0, 0  # reading it will say what is wrong
     return found.st_mtime_ns, found.st_size
 
 
-def suite_of(path: Path) -> str:
+def suite_of(path: str | os.PathLike[str]) -> str:
     """Return the suite that a spec's folder makes, or none where the folder's name could not be part of an id."""
     try:
-        name = path.resolve().parent.name
+        name = os.path.basename(os.path.dirname(os.path.realpath(path)))
     except (OSError, ValueError):  # no path at all; reading it will say so
         return ""
     if re.fullmatch(r"[\w:-]+", name):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,7 +16,7 @@ from taskspec import registry
 from taskspec.base import ids
 from taskspec.base.diagnostics import SpecError, spec_error
 from taskspec.base.files import near, safe_name
-from taskspec.source import Document, scan
+from taskspec.source import Document, read_text, scan
 
 if TYPE_CHECKING:
     from taskspec.task.build import Outline
@@ -35,6 +36,8 @@ class File:
     variants: tuple[str | None, ...] | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
     modifiers: tuple[str, ...] = ()
+    text: str | None = None
+    """The text, where it is not the one on disk: that of an editor."""
 
     def at(self, values: Mapping[str, Any], modifiers: Sequence[str] = ()) -> File:
         """Return the same file with more values of parameters and more modifiers.
@@ -197,13 +200,19 @@ def settings(texts: Sequence[str]) -> list[dict[str, Any]]:
     return [dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())]
 
 
-def _document(path: str) -> Document:
+def _document(file: File) -> Document:
     """Return the document of a file with a valid shape."""
     from taskspec.task.build import check_document
 
-    document = registry.document(path)
+    path = str(file.path)
+    document = registry.document(path) if file.text is None else _of_text(file.text, path)
     check_document(document)
     return document
+
+
+@lru_cache(maxsize=8)
+def _of_text(text: str, name: str) -> Document:
+    return read_text(text, name)
 
 
 def variants_of(file: File) -> list[str | None]:
@@ -214,22 +223,18 @@ def variants_of(file: File) -> list[str | None]:
     Raises:
         SpecError: when the file cannot be read, or has not the shape of a spec.
     """
-    from taskspec.task.merge import merge, variant_names
+    from taskspec.task.merge import complete
 
     if file.variants is not None:
         return list(file.variants)
-    document = _document(str(file.path))
-    named = list(variant_names(document.data).values())
-    if len(named) > 1 and merge(document).missing:
-        return named[1:]
-    return named
+    return complete(_document(file))
 
 
 def name_of(file: File, variant: str | None) -> str:
     """Return the name of a task of a file."""
     from taskspec.source.scan import task_name
 
-    name = str(_document(str(file.path)).data.get("name"))
+    name = str(_document(file).data.get("name"))
     if variant is None:
         return name
     return task_name(name, variant)
@@ -244,7 +249,7 @@ def task_in(file: File, variant: str | None) -> Task:
     from taskspec.modifiers import modify
     from taskspec.task.build import build
 
-    return modify(build(_document(str(file.path)), variant, file.parameters, file.suite), *file.modifiers)
+    return modify(build(_document(file), variant, file.parameters, file.suite), *file.modifiers)
 
 
 def outline_in(file: File, variant: str | None) -> Task | Outline:
@@ -257,7 +262,7 @@ def outline_in(file: File, variant: str | None) -> Task | Outline:
 
     if file.modifiers:
         return task_in(file, variant)
-    return outline(_document(str(file.path)), variant, file.parameters, file.suite)
+    return outline(_document(file), variant, file.parameters, file.suite)
 
 
 def tasks_in(files: Iterable[File]) -> Iterator[Task | SpecError]:

@@ -10,7 +10,7 @@ from typing import Any, get_type_hints
 
 from typer.models import ArgumentInfo, OptionInfo
 
-from docs.tools.markdown import code, table
+from docs.tools.markdown import code, entries, table
 from taskspec.cli.app import COMMANDS, command_name
 from taskspec.cli.options import flowed
 
@@ -38,7 +38,7 @@ def overview() -> str:
         for name, function in group:
             purpose = flowed(function.__doc__ or "").partition("\n\n")[0]
             rows.append((code(f"taskspec {name}"), _plain(purpose)))
-    return "\n".join([HEAD, IN_SHORT, table(("command", "what it does"), rows), ""])
+    return "\n".join([HEAD, IN_SHORT, entries(rows), ""])
 
 
 def commands() -> str:

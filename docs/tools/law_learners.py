@@ -1,4 +1,4 @@
-"""Learners for the table of laws: small ones in NumPy, and PPO of Stable-Baselines3."""
+"""Learners for the table of laws: small ones in NumPy, PPO of Stable-Baselines3, and one loop with PyTorch."""
 
 from __future__ import annotations
 
@@ -48,11 +48,20 @@ def sb3_ppo(case: Case) -> Any:
     return model.learn(case.steps // 200 * 200)
 
 
+@learns_from("reward")
+def cleanrl_style(case: Case) -> Any:
+    """Q-learning in one loop with PyTorch."""
+    from docs.howto.learners.cleanrl_style import train
+
+    return train(case)
+
+
 SMALL = ("RiskyPath", "EarlyTermNeg", "Slip")
 LEARNERS = {
     "Q-learning": ("q_learning", 5000, SMALL),
     "Monte Carlo": ("monte_carlo", 5000, SMALL),
     "REINFORCE": ("reinforce", 5000, SMALL),
     "PPO (Stable-Baselines3)": ("sb3_ppo", 3000, ("RiskyPath",)),
+    "Q-learning (CleanRL-style)": ("cleanrl_style", 3000, ("RiskyPath",)),
 }
 """The columns of the table: the function of each learner, its steps and its tasks."""

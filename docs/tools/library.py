@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-from docs.tools.markdown import code, entries, filled, table
+from docs.tools.markdown import code, entries, filled
 from taskspec import registry
 from taskspec.base.display import number
 from taskspec.exact import Results, Return
@@ -102,15 +102,12 @@ EVIDENCE = (
 def library() -> str:
     """Return the page of the library."""
     parts = []
-    errata = []
     for suite, heading in SUITES.items():
         tasks = [registry.load(name) for name in registry.task_ids() if name.startswith(f"{suite}/")]
         bases = {task.source.document.origin.name: task for task in tasks if task.source.merged.variant is None}
         shown = [task for task in tasks if task in bases.values() or task.summary != _base(task, bases).summary]
         parts.append(f"## {heading}\n\n{_values(shown)}")
-        errata += [f"- {task.name}: {e.source}; here {e.here}." for task in bases.values() for e in task.spec.errata]
-    filling = {"tables": "\n\n".join(parts), "compared": _compared(), "speed": _speed(), "errata": "\n".join(errata)}
-    return filled(PAGE, filling)
+    return filled(PAGE, {"tables": "\n\n".join(parts), "compared": _compared(), "speed": _speed()})
 
 
 def _base(task: Task, bases: dict[str, Task]) -> Task:
@@ -142,19 +139,21 @@ def _speed() -> str:
 
 
 def _values(tasks: Iterable[Task]) -> str:
-    return table(("task", "what it is", "size", "optimal", "random"), map(_row, tasks))
+    return entries(map(_row, tasks))
 
 
-def _row(task: Task) -> tuple[str, ...]:
+def _row(task: Task) -> tuple[str, str]:
+    """Return a task with its size and returns, and what it is."""
     results = Results(task)
-    returns = (_shown(results.optimal), _shown(results.random))
-    return (code(task.name), task.summary, size(task).replace(" × ", "×"), *returns)
+    facts = [size(task).replace(" × ", "×")]
+    for name, found in (("optimal", results.optimal), ("random", results.random)):
+        if found is not None:
+            facts.append(f"{name} {_shown(found)}")
+    return f"{code(task.name)} ({', '.join(facts)})", task.summary
 
 
-def _shown(found: Return | None) -> str:
+def _shown(found: Return) -> str:
     """Return an exact value, or the mean of episodes as such."""
-    if found is None:
-        return ""
     if found.exact:
         return number(found.value)
     return f"≈{number(found.value, 3)}"

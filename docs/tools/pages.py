@@ -6,15 +6,15 @@ the page. Outputs of examples are those that the pages have already; `tests/docs
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from docs.tools.commands import overview
 from docs.tools.language import language
 from docs.tools.library import library
-from docs.tools.markdown import code, filled, table
+from docs.tools.markdown import code, entries, filled
 from docs.tools.probes import probes
-from taskspec.exam.mistakes import MISTAKES
+from taskspec.exam.mistakes import MISTAKES, KnownMistake
 from taskspec.exam.operators import OPERATORS
 from taskspec.exam.pairings import PAIRINGS
 from taskspec.exam.starc import REWARDS
@@ -27,30 +27,49 @@ DOCS = Path(__file__).parents[1]
 
 def difficulty() -> str:
     """Return the page of difficulty measures."""
-    rows = [(code(m.name), m.doc, f"${m.formula}$", m.unit, m.source) for m in MEASURES.values()]
-    measures = table(("measure", "what it is", "", "unit", "after"), rows)
-    return filled(DOCS / "difficulty.md", {"measures": measures})
+    measures = entries((code(m.name), f"{m.doc} ${m.formula}$") for m in MEASURES.values())
+    sources: dict[str, list[str]] = {}
+    for measure in MEASURES.values():
+        if measure.source:
+            sources.setdefault(measure.source, []).append(code(measure.name))
+    cited = entries((", ".join(names), source) for source, names in sources.items())
+    return filled(DOCS / "difficulty.md", {"measures": measures, "sources": cited})
 
 
 def learned() -> str:
-    """Return the page of what was learned, with the mistakes that it shows."""
+    """Return the page of what was learned, with the mistakes that it shows; each is described where it comes first."""
     tables: dict[str, Iterable[str]] = {"operators": OPERATORS, "rewards": REWARDS, "pairings": PAIRINGS}
-    header = ("name", "the learner is one", "usual code")
-    rows = {
-        kind: [(name, MISTAKES[name].what, MISTAKES[name].code) for name in names] for kind, names in tables.items()
-    }
-    return filled(DOCS / "learned.md", {kind: table(header, rows[kind]) for kind in tables})
+    described: set[str] = set()
+    parts = {}
+    for kind, names in tables.items():
+        new = [name for name in names if name not in described]
+        known = [name for name in names if name in described]
+        rows = [(name, _mistake(MISTAKES[name])) for name in new]
+        parts[kind] = entries([*rows, ("as above", ", ".join(known))] if known else rows)
+        described.update(new)
+    return filled(DOCS / "learned.md", parts)
+
+
+def _mistake(mistake: KnownMistake) -> str:
+    code_of_it = f" ({mistake.code})" if mistake.code else ""
+    return f"a learner {mistake.what}{code_of_it}"
 
 
 def modifiers() -> str:
     """Return the page of modifiers."""
-    rows = [(code(name), entry.doc, _arguments(entry), _keeps(entry), entry.needs) for name, entry in MODIFIERS.items()]
-    entries = table(("modifier", "what it does", "arguments", "what it keeps", "what it needs"), rows)
-    return filled(DOCS / "modifiers.md", {"modifiers": entries})
+    rows = [(code(name), " ".join(_facts(entry))) for name, entry in MODIFIERS.items()]
+    return filled(DOCS / "modifiers.md", {"modifiers": entries(rows)})
 
 
-def _arguments(entry: ModifierEntry) -> str:
-    return "; ".join(_argument(a) for a in entry.arguments)
+def _facts(entry: ModifierEntry) -> Iterator[str]:
+    """Yield what a modifier does, its arguments, what it keeps, and what it needs."""
+    yield entry.doc
+    for argument in entry.arguments:
+        yield f"{_argument(argument)}."
+    if keeps := _keeps(entry):
+        yield f"*Keeps* {keeps}."
+    if entry.needs:
+        yield f"*Needs* {entry.needs}."
 
 
 def _argument(argument: ModifierArgument) -> str:

@@ -6,16 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from docs.tools.markdown import filled, table
+from docs.tools.markdown import entries, filled, table
 from taskspec.base.diagnostics import SpecError
-from taskspec.base.display import number
 from taskspec.exam.dynamics import dynamics_of
 from taskspec.exam.examining import tasks_of
 from taskspec.exam.fingerprints import fingerprint, greedy_ways
 from taskspec.exam.operators import GOOD, OPERATORS
 from taskspec.policies.policy import greedy
 from taskspec.rules.rule_books import EXAM, file_of, read_exam
-from taskspec.scores.difficulty import difficulty
 from taskspec.scores.returns import Results
 from taskspec.task.schema.experiments import DiagnosisEntry
 from taskspec.task.task import Task
@@ -29,19 +27,23 @@ PASSES = 0.9
 
 def probes() -> str:
     """Return the page of the probes."""
-    header = ("probe", "capability", "states", "look-ahead", "value norm", "fails for learners with the mistake")
+    exposures = {task: exposed(task) for task in tasks_of(("probes",), None)}
+    finite = [found for found in exposures.values() if found]
+    common = [name for name in finite[0] if all(name in found for found in finite)]
     rows = []
     missed = {name for name, operator in OPERATORS.items() if operator.of != "values" and operator.recognise is None}
     missed -= set(GOOD)
-    for task in tasks_of(("probes",), None):
-        found = exposed(task)
-        measured = difficulty(task, ["states", "lookahead", "value_norm"])
-        rows.append((
-            task.name, task.capability, *map(_shown, measured.values()), _listed(found),
-        ))  # fmt: skip
+    for task, found in exposures.items():
+        own = {name: gamma for name, gamma in found.items() if name not in common}
+        rows.append((task.name, task.capability, _listed(own)))
         missed -= set(found)
-    known = ", ".join(name for name in OPERATORS if name in missed)
-    return filled(PAGE, {"probes": table(header, rows), "missed": known, "diagnoses": _diagnoses()})
+    parts = {
+        "probes": table(("probe", "capability", "fails for learners with the mistake"), rows),
+        "common": ", ".join(common),
+        "missed": ", ".join(name for name in OPERATORS if name in missed),
+        "diagnoses": _diagnoses(),
+    }
+    return filled(PAGE, parts)
 
 
 def _diagnoses() -> str:
@@ -50,8 +52,8 @@ def _diagnoses() -> str:
     rows = []
     for rule in read_exam(path).rules:
         assert isinstance(rule.entry, DiagnosisEntry)
-        rows.append((rule.entry.message, rule.entry.cause))
-    return table(("the learner", "usual cause"), rows)
+        rows.append((f"*{rule.entry.message}*", rule.entry.cause))
+    return entries(rows)
 
 
 def exposed(task: Task) -> dict[str, float]:
@@ -85,12 +87,6 @@ def scores(task: Task, gamma: float) -> dict[str, float]:
         value = float(dynamics.model.start @ V)
         found[name] = (value - results.random.value) / (results.expert.value - results.random.value)
     return found
-
-
-def _shown(value: float | None) -> str:
-    if value is None:
-        return ""
-    return number(round(value, 2))
 
 
 def _listed(found: dict[str, float]) -> str:

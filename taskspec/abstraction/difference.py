@@ -51,7 +51,6 @@ MOST_RENAMINGS = 720
 LANES = 256
 MOST_STEPS = 200
 EQUAL = 1e-9
-Outcome = tuple[Hashable, float, bool]
 
 
 @dataclass(frozen=True)
@@ -104,8 +103,8 @@ def _compared(a: Task, b: Task) -> TaskRelation:
     if a.content_hash == b.content_hash and a.name == b.name:
         return TaskRelation("identical", "what decides the behaviour is written in the same way")
     try:
-        one = ExactTask(a)
-        other = ExactTask(b)
+        one = NamedSteps(a)
+        other = NamedSteps(b)
     except SpecError as error:
         return _by_episodes(a, b, error.diagnostics[0].message)
     except (Inexact, Refused):
@@ -137,8 +136,8 @@ def _other_spaces(a: Task, b: Task) -> str:
 # -- all steps of a finite task ---------------------------------------------------------------------------------------
 
 
-class ExactTask:
-    """Every outcome of a finite task in rationals; states and actions have their values as names.
+class NamedSteps:
+    """The outcomes of a finite task in rationals; states and actions have their values as names.
 
     Raises:
         SpecError: E712 for tasks that are not finite, or too large.
@@ -148,30 +147,31 @@ class ExactTask:
     def __init__(self, task: Task) -> None:
         self.task = task
         self.model = extract(task, True)
-        steps = Steps(task, as_paid=True)
-        if math.isinf(steps.branching):
-            steps = Steps(task)
-        self.times = (task.horizon or 1) if steps.uses_time else 1
-        if self.model.n_states * self.model.n_actions * steps.branching * self.times > MOST_OUTCOMES:
+        self._steps = Steps(task, as_paid=True)
+        if math.isinf(self._steps.branching):
+            self._steps = Steps(task)
+        self.times = (task.horizon or 1) if self._steps.uses_time else 1
+        if self.model.n_states * self.model.n_actions * self._steps.branching * self.times > MOST_OUTCOMES:
             refuse("there are too many steps to compare")
-        self._steps = steps
+        if not task.observation.is_state and math.isinf(count(draws(task.observation.nodes), {})):
+            refuse("observations have infinitely many outcomes")
         self._numbers = ExactProbabilities(Reader(as_written=True))
         self.names: list[Hashable] = [_name(self.model.state(s)) for s in range(self.model.n_states)]
         self.index = {name: s for s, name in enumerate(self.names)}
         self.actions: list[Hashable] = [_name(self.model.action(a)) for a in range(self.model.n_actions)]
-        codes, weights = steps.starts(self._numbers)
+        codes, weights = self._steps.starts(self._numbers)
         self.start = dict(zip(np.searchsorted(self.model.codes, codes).tolist(), weights.tolist(), strict=True))
-        self.rows = lru_cache(maxsize=2)(self._rows)
-        self.observed = lru_cache(maxsize=2)(self._observed)
+        self.named_start = {self.names[s]: p for s, p in self.start.items()}
+        self._rows_at = lru_cache(maxsize=2)(self._rows)
+        self._observed_at = lru_cache(maxsize=2)(self._observed)
         self.rows(0)
         self.observed(0)
 
-    def at(self, t: int) -> int:
-        """Return the time whose tables hold at a time."""
-        return min(t, self.times - 1)
+    def rows(self, t: int) -> list[list[dict[Any, Fraction]]]:
+        """Return the outcomes (next state, reward, end) of each state and action at a time, with their probabilities."""
+        return self._rows_at(min(t, self.times - 1))
 
-    def _rows(self, t: int) -> list[list[dict[tuple[int, float, bool], Fraction]]]:
-        """Return the outcomes of each state and action at a time, with their probabilities."""
+    def _rows(self, t: int) -> list[list[dict[Any, Fraction]]]:
         found = self._steps.table(self.model.codes, t, self._numbers)
         rows: list[list[dict[Any, Fraction]]] = [[{} for _ in self.actions] for _ in self.names]
         for row, to, p, reward, ends in zip(*(column.tolist() for column in found[:5]), strict=True):
@@ -180,16 +180,17 @@ class ExactTask:
             outcomes[to, reward, bool(ends)] = outcomes.get((to, reward, bool(ends)), Fraction(0)) + p
         return rows
 
-    def _observed(self, t: int) -> list[Hashable]:
+    def observed(self, t: int) -> list[Hashable]:
         """Return what is observed in each state at a time, with probabilities where it is drawn."""
+        return self._observed_at(min(t, self.times - 1))
+
+    def _observed(self, t: int) -> list[Hashable]:
         observation = self.task.observation
         if observation.is_state:
             return self.names
-        if math.isinf(count(draws(observation.nodes), {})):
-            refuse("observations have infinitely many outcomes")
         found: list[Counter[Hashable]] = [Counter() for _ in self.names]
         for values, state, p in joint_outcomes(observation.nodes, self.model.reads(t), len(self.names), self._numbers):
-            flat = np.vstack([np.broadcast_to(v, (*v.shape[:-1], len(state))).reshape(-1, len(state)) for v in values])
+            flat = np.vstack([value.reshape(-1, len(state)) for value in values])
             for s, value, weight in zip(state.tolist(), flat.T.tolist(), p.tolist(), strict=True):
                 found[s][tuple(value)] += weight
         return [frozenset(each.items()) for each in found]
@@ -200,18 +201,9 @@ class ExactTask:
             return self.actions
         return [self.actions[a] for a in np.flatnonzero(self.model.legal[:, s])]
 
-    def named(self, t: int, s: int, a: int) -> dict[Outcome, Fraction]:
+    def named(self, t: int, s: int, a: int) -> dict[Any, Fraction]:
         """Return the outcomes of a step with the names of states."""
-        outcomes = self.rows(self.at(t))[s][a]
-        return {(self.names[to], reward, ends): p for (to, reward, ends), p in outcomes.items()}
-
-    def words(self, outcomes: Mapping[Outcome, Fraction]) -> str:
-        """Return named outcomes in words."""
-        parts = []
-        for (name, reward, ends), p in sorted(outcomes.items(), key=lambda item: (-item[1], repr(item[0]))):
-            chance = "" if p == 1 else f" with probability {p}"
-            parts.append(f"{shown(name)}, reward {decimal(reward)}{', end' * ends}{chance}")
-        return "; ".join(parts[:4]) + ("; ..." if len(parts) > 4 else "")
+        return {(self.names[to], reward, ends): p for (to, reward, ends), p in self.rows(t)[s][a].items()}
 
 
 def _name(values: Mapping[str, Any]) -> Hashable:
@@ -223,19 +215,47 @@ def shown(name: Any) -> str:
     return ", ".join(f"{key} = {value}" for key, value in name)
 
 
+def _few(parts: Sequence[str], most: int) -> str:
+    return "; ".join(parts[:most]) + "; ..." * (len(parts) > most)
+
+
+def _with_chance(words: str, p: Fraction) -> str:
+    return words if p == 1 else f"{words} with probability {p}"
+
+
+def _outcome_words(outcomes: Mapping[Any, Fraction]) -> str:
+    parts = []
+    for (name, reward, ends), p in sorted(outcomes.items(), key=lambda item: (-item[1], repr(item[0]))):
+        parts.append(_with_chance(f"{shown(name)}, reward {decimal(reward)}{', end' * ends}", p))
+    return _few(parts, 4)
+
+
+def _action_words(names: Sequence[Any]) -> str:
+    return f"actions {_few(list(map(shown, names)), 8)}"
+
+
+def _start_words(starts: Mapping[Any, Fraction]) -> str:
+    return f"starts in {_few([_with_chance(shown(name), p) for name, p in starts.items()], 4)}"
+
+
+def _seen_words(label: Any) -> str:
+    if isinstance(label, frozenset):
+        return "; ".join(_with_chance(str(list(value)), p) for value, p in sorted(label)[:4])
+    return shown(label)
+
+
 # -- the first difference by name -------------------------------------------------------------------------------------
 
 
-def _first_difference(one: ExactTask, other: ExactTask) -> FirstDifference | None:
+def _first_difference(one: NamedSteps, other: NamedSteps) -> FirstDifference | None:
     """Return the first difference, in order of time; it is shown by the shortest actions."""
+    pair = (one, other)
     if one.actions != other.actions:
-        return FirstDifference((), 0, None, None, _listed(one.actions), _listed(other.actions))
-    starts = [{x.names[s]: p for s, p in x.start.items()} for x in (one, other)]
-    if starts[0] != starts[1]:
-        return FirstDifference((), 0, None, None, *map(_odds, starts))
+        return FirstDifference((), 0, None, None, *(_action_words(x.actions) for x in pair))
+    if one.named_start != other.named_start:
+        return FirstDifference((), 0, None, None, *(_start_words(x.named_start) for x in pair))
     if one.task.discount != other.task.discount:
-        words = [f"discount {x.task.discount:g}" for x in (one, other)]
-        return FirstDifference((), 0, None, None, *words)
+        return FirstDifference((), 0, None, None, *(f"discount {x.task.discount:g}" for x in pair))
     horizons = (one.task.horizon, other.task.horizon)
     last = min((h for h in horizons if h is not None), default=math.inf)
     is_alike = horizons[0] == horizons[1]
@@ -257,50 +277,34 @@ def _first_difference(one: ExactTask, other: ExactTask) -> FirstDifference | Non
 
 
 def _level(
-    one: ExactTask, other: ExactTask, t: int, level: Mapping[int, tuple[str, ...]], acts: bool
+    one: NamedSteps, other: NamedSteps, t: int, level: Mapping[int, tuple[str, ...]], acts: bool
 ) -> tuple[FirstDifference | None, dict[int, tuple[str, ...]]]:
     """Return the first difference in some states at a time, or the next states with the actions that lead there."""
     following: dict[int, tuple[str, ...]] = {}
     for s, path in level.items():
         same = other.index[one.names[s]]
         state = shown(one.names[s])
-        seen = (one.observed(one.at(t))[s], other.observed(other.at(t))[same])
+        seen = (one.observed(t)[s], other.observed(t)[same])
         if seen[0] != seen[1]:
-            return FirstDifference(path, t, state, None, *(f"observed {_seen(x)}" for x in seen)), {}
+            return FirstDifference(path, t, state, None, *(f"observed {_seen_words(x)}" for x in seen)), {}
         legal = (one.legal(s), other.legal(same))
         if acts and legal[0] != legal[1]:
-            return FirstDifference(path, t, state, None, *(f"legal {_listed(x)}" for x in legal)), {}
+            return FirstDifference(path, t, state, None, *(f"legal {_action_words(x)}" for x in legal)), {}
         for a, action in enumerate(one.actions if acts else ()):
-            mine = one.named(t, s, a)
-            theirs = other.named(t, same, a)
+            steps = (one.named(t, s, a), other.named(t, same, a))
             here = (*path, shown(action))
-            if mine != theirs:
-                return FirstDifference(here, t, state, shown(action), one.words(mine), other.words(theirs)), {}
-            for to, _, ends in one.rows(one.at(t))[s][a]:
+            if steps[0] != steps[1]:
+                return FirstDifference(here, t, state, shown(action), *map(_outcome_words, steps)), {}
+            for to, _, ends in one.rows(t)[s][a]:
                 if not ends:
                     following.setdefault(to, here)
     return None, following
 
 
-def _listed(names: Sequence[Any]) -> str:
-    return f"actions {'; '.join(map(shown, names[:8]))}{'; ...' if len(names) > 8 else ''}"
-
-
-def _odds(starts: Mapping[Any, Fraction]) -> str:
-    parts = [f"{shown(name)}{'' if p == 1 else f' with probability {p}'}" for name, p in starts.items()]
-    return f"starts in {'; '.join(parts[:4])}{'; ...' if len(parts) > 4 else ''}"
-
-
-def _seen(label: Any) -> str:
-    if isinstance(label, frozenset):
-        return "; ".join(f"{list(v)}{'' if p == 1 else f' with probability {p}'}" for v, p in sorted(label)[:4])
-    return shown(label)
-
-
 # -- other names ------------------------------------------------------------------------------------------------------
 
 
-def _renaming(one: ExactTask, other: ExactTask) -> str | None:
+def _renaming(one: NamedSteps, other: NamedSteps) -> str | None:
     """Return a renaming of states and actions after which tasks are the same, in words; None where none was found."""
     a, b = one.task, other.task
     times = max(one.times, other.times)
@@ -313,7 +317,7 @@ def _renaming(one: ExactTask, other: ExactTask) -> str | None:
     labels: list[Hashable] = [0] * (n + len(other.names))
     if not (a.observation.is_state and b.observation.is_state):
         labels = [*one.observed(0), *other.observed(0)]
-    orders: Iterator[tuple[int, ...]] = itertools.permutations(range(len(one.actions)))
+    orders = itertools.permutations(range(len(one.actions)))
     for order in itertools.islice(orders, MOST_RENAMINGS):
         if times == 1:
             classes = levels(_joined(one, other, order, 0), labels, a.horizon)[-1]
@@ -324,11 +328,11 @@ def _renaming(one: ExactTask, other: ExactTask) -> str | None:
     return None
 
 
-def _joined(one: ExactTask, other: ExactTask, order: Sequence[int], t: int) -> Rows:
+def _joined(one: NamedSteps, other: NamedSteps, order: Sequence[int], t: int) -> Rows:
     """Return the rows of both tasks at a time, with the actions of the second one in another order."""
     n = len(one.names)
-    rows = list(one.rows(one.at(t)))
-    for by_action in other.rows(other.at(t)):
+    rows = list(one.rows(t))
+    for by_action in other.rows(t):
         moved = [{(to + n, r, ends): p for (to, r, ends), p in outcomes.items()} for outcomes in by_action]
         rows.append([moved[a] for a in order])
     return rows
@@ -341,27 +345,26 @@ def _merged(start: Mapping[int, Fraction], classes: Sequence[int], shift: int) -
     return found
 
 
-def _renamed(one: ExactTask, other: ExactTask, classes: Sequence[int], order: Sequence[int]) -> str:
+def _renamed(one: NamedSteps, other: NamedSteps, classes: Sequence[int], order: Sequence[int]) -> str:
     first = {classes[s + len(one.names)]: name for s, name in enumerate(other.names)}
     states = [(name, first[classes[s]]) for s, name in enumerate(one.names) if classes[s] in first]
     actions = [(one.actions[a], other.actions[b]) for a, b in enumerate(order)]
-    parts = [f"{shown(x)} is {shown(y)}" for x, y in (*actions, *states) if x != y]
-    return "; ".join(parts[:6]) + ("; ..." if len(parts) > 6 else "")
+    return _few([f"{shown(x)} is {shown(y)}" for x, y in (*actions, *states) if x != y], 6)
 
 
 # -- other rewards ----------------------------------------------------------------------------------------------------
 
 
-def _by_rewards(one: ExactTask, other: ExactTask, difference: FirstDifference) -> TaskRelation:
+def _by_rewards(one: NamedSteps, other: NamedSteps, difference: FirstDifference) -> TaskRelation:
     """Return the relation of tasks that differ by name: by their rewards and optimal policies, where states are the same."""
     if one.index.keys() != other.index.keys() or one.actions != other.actions or one.task.horizon != other.task.horizon:
         return TaskRelation("different", "they differ in more than rewards", difference)
     where = np.array([other.index[name] for name in one.names])
     times = range(max(one.times, other.times))
-    if difference.action is None or not all(_same_observations(one, other, where, t) for t in times):
-        return TaskRelation(
-            "different", "they start, end or are observed in another way, or other actions are legal", difference
-        )
+    looks_alike = all(one.observed(t) == [other.observed(t)[s] for s in where] for t in times)
+    if difference.action is None or not looks_alike:
+        words = "they start, end or are observed in another way, or other actions are legal"
+        return TaskRelation("different", words, difference)
     solvers = [Solvers(x.model).of() for x in (one, other)]
     returns = {"first": solvers[0].best().value, "second": solvers[1].best().value}
     size = (one.task.horizon or math.inf) * len(one.actions) * len(one.names)
@@ -387,12 +390,7 @@ def _by_rewards(one: ExactTask, other: ExactTask, difference: FirstDifference) -
     return TaskRelation("different", "other actions are optimal", difference, returns)
 
 
-def _same_observations(one: ExactTask, other: ExactTask, where: Array, t: int) -> bool:
-    theirs = other.observed(other.at(t))
-    return one.observed(one.at(t)) == [theirs[s] for s in where]
-
-
-def _moves(x: ExactTask, t: int) -> dict[Hashable, dict[Hashable, Fraction]]:
+def _moves(x: NamedSteps, t: int) -> dict[Hashable, dict[Hashable, Fraction]]:
     """Return the outcomes of steps without their rewards, by name."""
     found: dict[Hashable, dict[Hashable, Fraction]] = {}
     for s in np.flatnonzero(x.model.acting).tolist():
@@ -407,11 +405,7 @@ def _moves(x: ExactTask, t: int) -> dict[Hashable, dict[Hashable, Fraction]]:
 def _advantages(
     solvers: Sequence[Solver], where: Array, acting: Sequence[Array], is_random: bool
 ) -> Iterator[tuple[Array, Array]]:
-    """Yield Q - V of both tasks, (A, S), in the states in which episodes act, from the last time to the first.
-
-    Args:
-        is_random: values are those of random actions, and not of the best ones.
-    """
+    """Yield Q - V (A, S) of random or of the best actions in both tasks, where episodes act, the last time first."""
     first, second = (_plan(solver.numbers, is_random) for solver in solvers)
     for (t, q, v), (_, their_q, their_v) in zip(first, second, strict=True):
         if t < len(acting):
@@ -447,11 +441,11 @@ def _factor(pairs: Iterable[tuple[Array, Array]]) -> Any:
     return 1 if factor is None else factor
 
 
-def _is_scaled(one: ExactTask, other: ExactTask, where: Array, t: int, factor: float) -> bool:
+def _is_scaled(one: NamedSteps, other: NamedSteps, where: Array, t: int, factor: float) -> bool:
     """Return whether the expected rewards of a time differ by a factor alone."""
     shape = (len(one.actions), len(one.names))
-    ours = one.model.step(one.at(t)).R.reshape(shape)[:, one.model.acting]
-    theirs = other.model.step(other.at(t)).R.reshape(shape)[:, where[one.model.acting]]
+    ours = one.model.step(t).R.reshape(shape)[:, one.model.acting]
+    theirs = other.model.step(t).R.reshape(shape)[:, where[one.model.acting]]
     return bool(np.allclose(theirs, factor * ours, rtol=EQUAL, atol=EQUAL))
 
 
@@ -484,12 +478,14 @@ def _by_episodes(a: Task, b: Task, reason: str) -> TaskRelation:
     for t in range(steps + 1):
         wrong = np.flatnonzero(alive & (seen[0] != seen[1]).any(axis=0))
         if len(wrong):
-            path = tuple(_lane(action, wrong[0]) for action in actions)
+            path = []
+            for action in actions:
+                path.append(", ".join(f"{name} = {_numbers(value[..., wrong[0]])}" for name, value in action.items()))
             first, second = (f"state, observation, reward, end: {_numbers(x[:, wrong[0]])}" for x in seen)
             is_drawn = a.process.reset_draws or a.process.step_draws
             drawn = "; they draw, so that other random words may explain it" if is_drawn else ""
             words = f"episodes with the same random words part{drawn}; {reason}"
-            return TaskRelation("different", words, FirstDifference(path, t, None, None, first, second))
+            return TaskRelation("different", words, FirstDifference(tuple(path), t, None, None, first, second))
         if t == steps or not alive.any():
             break
         actions.append(choose(states[0], t, rng))
@@ -507,10 +503,6 @@ def _stacked(task: Task, state: State, t: int, watched: bool, *others: Array) ->
     if watched:
         parts += evaluate(task.observation.nodes, reads_of(state, {}, t))
     return np.vstack([np.broadcast_to(v, (*v.shape[:-1], LANES)).reshape(-1, LANES).astype(float) for v in parts])
-
-
-def _lane(action: Mapping[str, Array], lane: int) -> str:
-    return ", ".join(f"{name} = {_numbers(value[..., lane])}" for name, value in action.items())
 
 
 def _numbers(values: Array) -> str:

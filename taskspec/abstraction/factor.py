@@ -59,13 +59,9 @@ class _Factoring:
             except Unfactored:
                 expert = None
         found = self.found.stand_in.with_process(
-            initial=initial,
-            raw_initial=initial,
-            next=tuple(moved),
-            raw_next=tuple(moved),
-            reward=reward,
+            initial=initial, raw_initial=initial, next=tuple(moved), raw_next=tuple(moved), reward=reward,
             terminal=terminal,
-        )
+        )  # fmt: skip
         return found.with_annotations(expert=expert)
 
     def _replace_component(self, c: Component, node: Node) -> None:

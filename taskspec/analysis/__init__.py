@@ -11,3 +11,4 @@ from taskspec.analysis.meanings import definition as definition
 from taskspec.analysis.meanings import hover as hover
 from taskspec.analysis.meanings import references as references
 from taskspec.analysis.meanings import rename as rename
+from taskspec.analysis.meanings import signature_at as signature_at

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
 from taskspec.analysis.analysis import Analysis
 from taskspec.analysis.cursor import cursor, word_at
 from taskspec.analysis.forms import schemas
-from taskspec.base.diagnostics import CODES, Fix, Origin, Span
+from taskspec.base.codes import codes
+from taskspec.base.diagnostics import Fix, Origin, Span
 from taskspec.base.display import interval, setting
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.lang.interval import bounds
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.operators import FUNCTIONS
-from taskspec.lang.scope import Binding, FunctionDef, Lazy, Poisoned, Unavailable, Value
+from taskspec.lang.scope import Binding, FunctionDef, Lazy, Poisoned, Scope, Unavailable, Value
 from taskspec.lang.types import Domain, Kind, Refused
 from taskspec.printers import text as printed
+from taskspec.rules import claim_rules
 from taskspec.source import Path
 from taskspec.task.names import signature
+
+_CALLED = re.compile(r"[^\W\d]\w*$")
 
 
 def describe(bound: Binding | None) -> str:
@@ -102,6 +107,26 @@ def rename(analysis: Analysis, offset: int, new: str) -> list[Fix]:
     return changes
 
 
+def signature_at(analysis: Analysis, offset: int) -> tuple[str, str, int] | None:
+    """Return how the call is written whose arguments an offset is in, its documentation, and the number of the argument."""
+    at = cursor(analysis.text, offset, analysis.name)
+    closed = commas = 0
+    for i, char in reversed([*enumerate(at.before)]):
+        if char in ")]}":
+            closed += 1
+        elif char == "," and not closed:
+            commas += 1
+        elif char in "([{" and closed:
+            closed -= 1
+        elif char == "(":
+            name = _CALLED.search(at.before[:i])
+            call = None if name is None else _call(name.group(), analysis.scope(at.path))
+            return None if call is None else (*call, commas)
+        elif char in "[{":
+            commas = 0  # those are of the list
+    return None
+
+
 # -- parts --------------------------------------------------------------------------------------------------------
 
 
@@ -158,20 +183,29 @@ def _documentation(analysis: Analysis, path: Path) -> str | None:
 
 
 def _of_language(word: str) -> str | None:
+    call = _call(word, None)
+    return None if call is None else f"`{call[0]}`: {call[1]}"
+
+
+def _call(word: str, scope: Scope | None) -> tuple[str, str] | None:
+    """Return how a function, a distribution or a word of claims is called, and what it does."""
+    bound = None if scope is None else scope.lookup(word)
+    if isinstance(bound, FunctionDef):
+        return bound.signature, printed(bound.body)
     if word in FUNCTIONS:
-        return f"`{FUNCTIONS[word].signature}`: {FUNCTIONS[word].doc}"
+        return FUNCTIONS[word].signature, FUNCTIONS[word].doc
     for dist in (CATEGORICAL, *DISTS.values()):
         if dist.name == word:
-            arguments = ", ".join(each.name for each in dist.arguments)
-            return f"`{word}({arguments})`: {dist.doc}"
-    return None
+            return f"{word}({', '.join(each.name for each in dist.arguments)})", dist.doc
+    said = claim_rules.FUNCTIONS.get(word) or claim_rules.MODELS.get(word)
+    return None if said is None else (said.written, said.doc)
 
 
 def _of_mistakes(analysis: Analysis, offset: int) -> str | None:
     line = analysis.text.count("\n", 0, offset) + 1
     for found in analysis.diagnostics:
         if found.span is not None and found.span.line == line:
-            code = CODES[found.code]
+            code = codes()[found.code]
             return f"**{code.code}** {code.title}\n\n{code.explanation}"
     return None
 

@@ -69,8 +69,6 @@ class Evidence:
             if end.is_over:
                 return
 
-    # -- episodes -----------------------------------------------------------------------------------------------------
-
     @cached_property
     def episodes(self) -> list[EnvEpisode]:
         """Episodes of random actions, each in an instance of its own."""
@@ -175,8 +173,6 @@ class Evidence:
             return step.error
         return f"{'ends again' if step.terminated else 'goes on'}, and pays {decimal(step.paid)}"
 
-    # -- the table ----------------------------------------------------------------------------------------------------
-
     @cached_property
     def table(self) -> StateTable | None:
         """The environment as a table; None where it has none, for the reason in `why_not`."""
@@ -276,20 +272,17 @@ class Evidence:
         return found
 
     @cached_property
-    def _reached(self) -> tuple[list[int], list[int]]:
-        assert self.table is not None
-        model = self.table.model(self.horizon)
-        return np.flatnonzero(model.acting).tolist(), np.flatnonzero(model.entered).tolist()
-
-    @property
     def acting(self) -> list[int]:
         """The states in which some episode acts."""
-        return self._reached[0]
+        assert self.table is not None
+        found: list[int] = np.flatnonzero(self.table.model(self.horizon).acting).tolist()
+        return found
 
-    @property
-    def entered(self) -> list[int]:
-        """The states that some episode is ever in."""
-        return self._reached[1]
+    @cached_property
+    def entered(self) -> int:
+        """The number of states that some episode is ever in."""
+        assert self.table is not None
+        return int(self.table.model(self.horizon).entered.sum())
 
     @cached_property
     def rows(self) -> Rows:

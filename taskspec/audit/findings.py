@@ -287,7 +287,7 @@ def unreached(x: Evidence) -> Found | None:
     """Find declared states that no episode enters."""
     if x.table is None or x.table.declared is None:
         return None
-    count = x.table.declared - len(x.entered)
+    count = x.table.declared - x.entered
     if count <= 0:
         return None
     return Found(f"no episode enters {plural(count, 'state')} of {x.table.declared:,}")

@@ -77,7 +77,7 @@ def _size(x: Evidence) -> str:
     if x.table is None:
         return f"sampled, since {x.why_not}; {horizon}"
     chance = ", chance estimated" if x.table.is_estimated else ""
-    return f"{plural(len(x.entered), 'state')}, {plural(len(x.table.actions), 'action')}, {horizon}{chance}"
+    return f"{plural(x.entered, 'state')}, {plural(len(x.table.actions), 'action')}, {horizon}{chance}"
 
 
 def _values(x: Evidence) -> tuple[list[tuple[str, str]], dict[str, Any]]:

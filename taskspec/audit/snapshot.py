@@ -108,9 +108,6 @@ def _inside(value: Any) -> Iterator[tuple[Hashable, Any]]:
                         yield name, getattr(value, name)
 
 
-# -- random generators ------------------------------------------------------------------------------------------------
-
-
 def drawn(generators: Iterable[Any]) -> str:
     """Return the state of generators, those of Python and NumPy included, as a text: it changes with each draw."""
     states = []
@@ -136,9 +133,6 @@ def reseed(generators: Iterable[Any], seed: int) -> None:
                 each.bit_generator.state = type(each.bit_generator)(seed).state
             case _:
                 each.seed(seed)
-
-
-# -- places that only grow --------------------------------------------------------------------------------------------
 
 
 def counters(episodes: Iterable[list[Snapshot]]) -> frozenset[Place]:

@@ -205,8 +205,6 @@ class Subject:
                     return [np.array(each, self.action_space.dtype) for each in np.ndindex(*np.ravel(counts))]
         return None
 
-    # -- traces as text ----------------------------------------------------------------------------------------------
-
     def text(self, trace: Trace) -> str:
         """Return a trace as text: `3:[0,1]` is a reset with seed 3 and two actions."""
         parts = []

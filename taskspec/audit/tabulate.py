@@ -15,11 +15,8 @@ import numpy as np
 
 from taskspec.audit.snapshot import Place, drawn, place_value, reseed, snapshot
 from taskspec.audit.subject import Deadline, EnvEpisode, EnvInstance, EnvStep, Subject, Trace, TracePart, frozen
-from taskspec.model.model import Model, RoundingTerms, scipy_sparse
-from taskspec.model.model import Step as ModelStep
-from taskspec.model.transitions import Steps
-from taskspec.source import read_text
-from taskspec.task.build import build
+from taskspec.model.model import Model
+from taskspec.model.tabulated import tabulated
 
 MOST_STATES = 20_000
 STARTS = 300
@@ -88,44 +85,14 @@ class StateTable:
 
     def model(self, horizon: int | None) -> Model:
         """Return the table as an exact model; states in which no episode acts stay as they are, and pay nothing."""
-        n = len(self.rows)
-        k = len(self.actions)
-        going: list[tuple[int, int, float]] = []
-        ending: list[tuple[int, int, float]] = []
-        R = np.zeros(k * n)
-        rewards = [0.0]
+        outcomes = []
         for s, by_action in enumerate(self.rows):
-            for a in range(k):
-                outcomes = by_action[a] if by_action else {(s, 0.0, False): 1.0}
-                for (to, reward, ends), p in outcomes.items():
-                    (ending if ends else going).append((a * n + s, to, p))
-                    R[a * n + s] += p * reward
-                    rewards.append(reward)
-        matrices = []
-        for entries in (going, ending):
-            row, column, p = np.array(entries or [(0, 0, 0.0)]).T
-            shape = (k * n, n)
-            matrices.append(scipy_sparse().csr_array((p, (row.astype(np.int32), column.astype(np.int32))), shape=shape))
-        start = np.zeros(n)
+            for a in range(len(self.actions)):
+                for (to, reward, ends), p in (by_action[a] if by_action else {(s, 0.0, False): 1.0}).items():
+                    outcomes.append((s, a, to, p, reward, ends))
+        start = np.zeros(len(self.rows))
         start[list(self.start)] = list(self.start.values())
-        terms = max(len(outcomes) for by_action in self.rows for outcomes in by_action)
-        rounding = RoundingTerms(terms, min(rewards), max(rewards))
-        task = build(read_text(_SPEC.format(n=n - 1, k=k - 1, horizon=horizon or "none"), "audit.yaml"))
-        steps = Steps(task)
-        step = ModelStep(matrices[0], matrices[1], R, rounding)
-        return Model(task, steps.states, steps.actions, np.arange(n), start, (step,))
-
-
-_SPEC = """\
-taskspec: 1
-name: Audited
-state: {{s: {{type: int, low: 0, high: {n}}}}}
-action: {{a: {{type: int, low: 0, high: {k}}}}}
-horizon: {horizon}
-initial: {{s: 0}}
-dynamics: {{s': s}}
-reward: 0
-"""
+        return tabulated(outcomes, start, len(self.actions), horizon)
 
 
 def by_probabilities(subject: Subject, horizon: int | None) -> StateTable | None:
@@ -164,14 +131,9 @@ class TableSearch:
     """
 
     def __init__(
-        self,
-        subject: Subject,
-        horizon: int | None,
-        ignored: frozenset[Place],
-        counters: frozenset[Place],
-        until: Deadline,
-        deepest: float,
-    ) -> None:
+        self, subject: Subject, horizon: int | None, ignored: frozenset[Place], counters: frozenset[Place],
+        until: Deadline, deepest: float,
+    ) -> None:  # fmt: skip
         actions = subject.actions()
         if actions is None:
             raise Untabulated("its actions are not finitely many")
@@ -269,9 +231,6 @@ def _copied(instance: EnvInstance) -> EnvInstance | None:
         return instance.copy()
     except Exception:
         return None
-
-
-# -- compared with episodes -------------------------------------------------------------------------------------------
 
 
 def compare(

@@ -46,9 +46,6 @@ QUICKEST = tuple(f"{name}-scan" if f"{name}-scan" in PROGRAMS else name for name
 """The fastest program of each backend."""
 
 
-# -- choosing a backend -------------------------------------------------------------------------------------------
-
-
 def engine(task: Task, lanes: int, backend: str, options: Options) -> Engine:
     """Return the environments of a task on a backend; "auto" is Numba where it is installed and suits the task, else NumPy.
 

@@ -10,10 +10,11 @@ import marshal
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from taskspec.backends.source_text import literal, tuple_of
+from taskspec.base.records import dataclass
 from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, walk
 from taskspec.lang.operators import OPERATORS, Elements, Operator, entry_of
@@ -36,7 +37,7 @@ class LaneValue:
     packed: str | None = None
 
 
-@dataclass
+@dataclass()
 class LaneEmitter:
     """Emits statements for nodes; subclasses do for other targets.
 
@@ -81,8 +82,6 @@ class LaneEmitter:
             self.values[id(node)] = value
         return [self.values[id(root)] for root in roots]
 
-    # -- names --------------------------------------------------------------------------------------------------------
-
     def name(self) -> str:
         self.fresh += 1
         return f"v{self.fresh}"
@@ -118,8 +117,6 @@ class LaneEmitter:
         self.lines.append(f"{', '.join(names)}{',' * (count == 1)} = {source}")
         return names
 
-    # -- values of nodes ----------------------------------------------------------------------------------------------
-
     def atoms(self, node: Node) -> list[str]:
         """Return one expression per element, row-major."""
         value = self.values[id(node)]
@@ -149,8 +146,6 @@ class LaneEmitter:
         if len(atoms) == 1:
             return atoms * draw.type.size
         return atoms
-
-    # -- nodes --------------------------------------------------------------------------------------------------------
 
     def _node(self, node: Node) -> LaneValue:
         match node:

@@ -101,20 +101,14 @@ class Buffers:
         that a cache has for such addresses, and a loop over many of them takes three times as long.
         """
         return cls(
-            seeds=np.zeros(lanes, np.uint64),
-            steps=np.zeros(lanes, np.uint32),
-            episodes=np.zeros(lanes, np.uint32),
-            time=np.zeros(lanes, np.int64),
-            running=np.zeros(lanes, np.bool_),
+            seeds=np.zeros(lanes, np.uint64), steps=np.zeros(lanes, np.uint32), episodes=np.zeros(lanes, np.uint32),
+            time=np.zeros(lanes, np.int64), running=np.zeros(lanes, np.bool_),
             state=tuple(_zeros(c.type.shape, lanes, gap, DTYPES[c.type.kind]) for c in task.state),
-            seen=Values.empty(layout, lanes, gap),
-            final=Values.empty(layout, lanes, gap),
-            reward=np.zeros(lanes, np.float64),
-            terminated=np.zeros(lanes, np.bool_),
-            truncated=np.zeros(lanes, np.bool_),
-            ended=np.zeros(lanes, np.bool_),
+            seen=Values.empty(layout, lanes, gap), final=Values.empty(layout, lanes, gap),
+            reward=np.zeros(lanes, np.float64), terminated=np.zeros(lanes, np.bool_),
+            truncated=np.zeros(lanes, np.bool_), ended=np.zeros(lanes, np.bool_),
             measures=tuple(np.zeros(lanes) for _ in task.process.measures),
-        )
+        )  # fmt: skip
 
     @property
     def lanes(self) -> int:
@@ -123,29 +117,24 @@ class Buffers:
     def arrays(self) -> list[Array]:
         """Return all arrays, in a fixed order."""
         found: list[Array] = []
-        for held in vars(self).values():
-            if isinstance(held, Values):
-                found += held.parts
-            elif isinstance(held, tuple):
-                found += held
-            else:
-                found.append(held)
+        self._mapped(found.append)
         return found
 
     def part(self, lanes: slice) -> Buffers:
         """Return a range of the lanes, sharing memory."""
+        return Buffers(**self._mapped(lambda array: array[..., lanes]))
+
+    def _mapped(self, function: Callable[[Array], Any]) -> dict[str, Any]:
+        """Return the fields with a function of each array in them."""
         found: dict[str, Any] = {}
         for name, held in vars(self).items():
             if isinstance(held, Values):
-                found[name] = Values(held.layout, tuple(part[..., lanes] for part in held.parts))
+                found[name] = Values(held.layout, tuple(map(function, held.parts)))
             elif isinstance(held, tuple):
-                found[name] = tuple(part[..., lanes] for part in held)
+                found[name] = tuple(map(function, held))
             else:
-                found[name] = held[lanes]
-        return Buffers(**found)
-
-
-# -- actions --------------------------------------------------------------------------------------------------------
+                found[name] = function(held)
+        return found
 
 
 class BadActionError(Exception):

@@ -1,71 +1,29 @@
 """Diagnostics: a place in a text, a code from a closed table, a message and a hint; and how they are rendered.
 
-The codes are read from `errors.md` beside this file, which the documentation shows. A new code is a new entry: an anchor,
-the heading `### E302 unknown-name: title`, and an explanation in Markdown with a wrong and a corrected example.
-
 Columns and offsets count characters (code points), lines and columns start at 1, and ends are exclusive.
 """
 
 from __future__ import annotations
 
-import difflib
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
+from taskspec.base.codes import Severity, codes, severity
 from taskspec.base.display import visible, visible_json
 from taskspec.base.records import dataclass
 
 __all__ = [
-    "CODES", "Advice", "Code", "Diagnostic", "Fix", "Format", "Origin", "Severity", "Span", "SpecError", "TaskspecError",
+    "Advice", "Diagnostic", "Fix", "Format", "Origin", "Severity", "Span", "SpecError", "TaskspecError",
     "render",
 ]  # fmt: skip
 
 Format = Literal["text", "json", "github"]
 """How diagnostics are written out."""
 
-Severity = Literal["error", "warning"]
-"""How bad a diagnostic is."""
-
-
-@dataclass(frozen=True, slots=True)
-class Code:
-    """One situation that a user can be in. `explanation` is Markdown."""
-
-    code: str
-    slug: str
-    title: str
-    explanation: str
-
-    @property
-    def severity(self) -> Severity:
-        """`warning` for the W codes, `error` for all others."""
-        if self.code.startswith("W"):
-            return "warning"
-        return "error"
-
-
-CLASSES: dict[str, str] = {}
-"""The subject of each class of codes, by the first two characters of the codes."""
-
-CODES: dict[str, Code] = {}
-"""Every code of an error or a warning, with its explanation."""
-
-PAGE = Path(__file__).with_name("errors.md")
-
-for _part in PAGE.read_text(encoding="utf-8").split("\n## ")[1:]:
-    _heading, *_entries = _part.split("\n### ")
-    _prefix, _, _subject = _heading.splitlines()[0].partition("xx: ")
-    CLASSES[_prefix] = _subject
-    for _entry in _entries:
-        _title, _, _explanation = _entry.partition("\n")
-        _name, _, _title = _title.partition(": ")
-        _code, _slug = _name.split(" ")
-        CODES[_code] = Code(_code, _slug, _title, _explanation.partition('\n<a id="')[0].strip())
 
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _EXCERPT_WIDTH = 100
@@ -151,8 +109,8 @@ class Diagnostic:
 
     @property
     def severity(self) -> Severity:
-        """`error` or `warning`, as the table of codes says."""
-        return CODES[self.code].severity
+        """`warning` for the W codes, `error` for all others."""
+        return severity(self.code)
 
     @property
     def fix(self) -> Fix | None:
@@ -161,12 +119,14 @@ class Diagnostic:
         if span is None or span.line != span.end_line or not isinstance(self.hint, Advice):
             return None
         marked = span.origin.line(span.line)[span.column - 1 : span.end_column - 1]
-        pattern = rf"(?<!\w){re.escape(self.hint.replaced)}(?!\w)"
-        places = list(re.finditer(pattern, marked))
-        if not self.hint.replaced or len(places) != 1:
+        replaced = self.hint.replaced
+        before = r"(?<!\w)" if replaced[:1].isalnum() else ""
+        after = r"(?!\w)" if replaced[-1:].isalnum() else ""
+        places = list(re.finditer(before + re.escape(replaced) + after, marked))
+        if not replaced or len(places) != 1:
             return None
         start = span.column + places[0].start()
-        return Fix(replace(span, column=start, end_column=start + len(self.hint.replaced)), self.hint.replacement)
+        return Fix(replace(span, column=start, end_column=start + len(replaced)), self.hint.replacement)
 
 
 class TaskspecError(Exception):
@@ -201,7 +161,7 @@ class Collector:
         self, code: str, place: Placed | None, message: str, hint: str | None = None, notes: Iterable[str] = ()
     ) -> None:
         """Record a problem. `place` is a span, anything that has one, or None for no place."""
-        if code not in CODES:
+        if code not in codes():
             raise KeyError(f"no diagnostic code {code!r} in the table")
         span = place.span if place is not None else None
         self._found.append(Diagnostic(code, span, message, hint, tuple(notes)))
@@ -266,6 +226,8 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
         return min(begun, key=len)
     is_short = len(name) <= 4  # a short name is alike to any long one that has its letters
     alike = [each for each in known if not is_short or len(each) < 2 * len(name) or each.startswith(name)]
+    import difflib
+
     found = difflib.get_close_matches(name, alike, n=1, cutoff=0.5 if is_short else 0.6)
     if found:
         return found[0]
@@ -293,14 +255,18 @@ def render(
 
 
 def _text(diagnostic: Diagnostic, color: bool, width: int | None) -> str:
-    code = CODES[diagnostic.code]
+    code = codes()[diagnostic.code]
     span = diagnostic.span
     paint = _COLORS if color else dict.fromkeys(_COLORS, "")
     place = f"{visible(str(span), keep='')}: " if span is not None else ""
     name = f"{code.severity}[{code.code} {code.slug}]"
-    message = _wrapped(visible(diagnostic.message), width, len(f"{place}{name}: "), 4)
+    lines = []
+    if width is not None and _width(f"{place}{name}:") > width:  # a long path stands alone
+        lines.append(place.rstrip())
+        place = "    "
+    message = _wrapped(visible(diagnostic.message), width, _width(f"{place}{name}: "), 4)
     gap = "" if message.startswith("\n") else " "
-    lines = [f"{place}{paint[code.severity]}{name}{paint['reset']}:{gap}{message}"]
+    lines.append(f"{place}{paint[code.severity]}{name}{paint['reset']}:{gap}{message}")
     remarks = [("note", note) for note in diagnostic.notes]
     if diagnostic.hint is not None:
         remarks.insert(0, ("hint", diagnostic.hint))
@@ -372,7 +338,7 @@ def records(diagnostics: Iterable[Diagnostic]) -> list[dict[str, object]]:
     """Return diagnostics as plain data."""
     found = []
     for each in diagnostics:
-        code = CODES[each.code]
+        code = codes()[each.code]
         place: dict[str, object] = dict.fromkeys(("file", "line", "column", "end_line", "end_column"))
         span = each.span
         if span is not None:
@@ -385,7 +351,7 @@ def records(diagnostics: Iterable[Diagnostic]) -> list[dict[str, object]]:
 
 def _github(diagnostic: Diagnostic) -> str:
     """Return a workflow command `::error file=...,line=...::message`, escaped as GitHub requires."""
-    code = CODES[diagnostic.code]
+    code = codes()[diagnostic.code]
     span = diagnostic.span
     fields: dict[str, object] = {}
     if span is not None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from typing import Any
-from urllib.parse import quote, unquote
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.records import dataclass
@@ -27,6 +26,8 @@ class InstanceId:
     modifiers: tuple[str, ...] = ()
 
     def __str__(self) -> str:
+        from urllib.parse import quote
+
         values = "&".join(f"{name}={quote(shown(value), safe=_KEPT)}" for name, value in self.parameters.items())
         return "".join(
             (self.name, "?" * bool(values), values, *(f"+{quote(m, safe=_KEPT + '=')}" for m in self.modifiers))
@@ -47,9 +48,17 @@ def parse(text: str) -> InstanceId:
             raise spec_error("E713", f"'{part}' in '{text}' is not of the form name=value", _HINT)
         if name in values:
             raise spec_error("E713", f"'{text}' gives '{name}' twice")
-        values[name] = read_value(unquote(value))
-    modifiers = map(unquote, found["modifiers"].split("+")[1:])
+        values[name] = read_value(_unquoted(value))
+    modifiers = map(_unquoted, found["modifiers"].split("+")[1:])
     return InstanceId(found["name"], values, tuple(modifiers))
+
+
+def _unquoted(text: str) -> str:
+    if "%" not in text:
+        return text
+    from urllib.parse import unquote
+
+    return unquote(text)
 
 
 _HINT = "an id with parameters is written as derail/NoisyObs-v0?L=50&M=7"

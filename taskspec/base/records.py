@@ -1,4 +1,4 @@
-"""Frozen data classes like those of `dataclasses`, made in a fifth of the time; entries of tables by their names."""
+"""Data classes like those of `dataclasses`, made in a fifth of the time; entries of tables by their names."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass
 else:
 
-    def dataclass(cls=None, /, **options):
+    def dataclass(**options):
         """Make a data class, as `dataclasses.dataclass` does, for modules that the first `gym.make` imports.
 
-        `dataclasses` compiles six methods for each frozen class, and the ninety classes on that path took a third of its time.
-        Here `__init__` is compiled, and classes share the other methods.
+        `dataclasses` compiles six methods for each class, and the ninety classes on that path took a third of its time.
+        Here `__init__` is compiled when the class is first used, and classes share the other methods.
         """
-        if not options.get("frozen"):
-            return dataclasses.dataclass(cls, **options)
-        return lambda cls: _frozen(cls, options)
+        return lambda cls: _made(cls, options)
 
 
-def _frozen(cls: type, options: dict[str, Any]) -> Any:
-    methods: dict[str, Any] = {"__repr__": _repr, "__setattr__": _refuse, "__delattr__": _refuse}
+def _made(cls: type, options: dict[str, Any]) -> Any:
+    methods: dict[str, Any] = {"__repr__": _repr}
+    if options.get("frozen"):
+        methods |= {"__setattr__": _refuse, "__delattr__": _refuse}
     if options.get("slots"):
         methods |= {"__getstate__": _values, "__setstate__": _set_state}
     if options.get("eq", True):
-        methods |= {"__eq__": _equal, "__hash__": _hash}
+        methods |= {"__eq__": _equal, "__hash__": _hash if options.get("frozen") else None}
     missing = [name for name in methods if vars(cls).get(name) is None]
     if cls.__doc__ is None:
         cls.__doc__ = cls.__name__  # `dataclasses` would work out the signature for it
@@ -40,7 +40,17 @@ def _frozen(cls: type, options: dict[str, Any]) -> Any:
     return made
 
 
-def _initializer(cls: type, kw_only: bool) -> Any:
+def _initializer(cls: Any, kw_only: bool) -> Any:
+    """Return the `__init__` of a class, which is compiled on its first call: many classes are never used in a process."""
+
+    def first(self: Any, *values: Any, **named: Any) -> None:
+        cls.__init__ = _compiled(cls, kw_only)
+        cls.__init__(self, *values, **named)
+
+    return first
+
+
+def _compiled(cls: type, kw_only: bool) -> Any:
     """Compile the `__init__` of a class."""
     arguments = ["self, *"] if kw_only else ["self"]
     lines = ["pass"]

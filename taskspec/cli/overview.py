@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from taskspec.base.diagnostics import CLASSES, CODES, Code, SpecError, spec_error, suggest
+from taskspec.base.codes import Code, classes, codes
+from taskspec.base.diagnostics import SpecError, spec_error, suggest
 from taskspec.base.display import plural, visible
 from taskspec.cli import options
 from taskspec.cli.console import (
@@ -147,13 +148,13 @@ CodeArgument = Annotated[str | None, Argument(metavar="[CODE]", help="A code or 
 
 def explain(code: CodeArgument = None, json: options.Json = False) -> None:
     """Explain an error or a warning, such as E302, with an example."""
-    found = list(CODES.values()) if code is None else [_find(code)]
+    found = list(codes().values()) if code is None else [_find(code)]
     if json:
         write_json([{name: getattr(each, name) for name in CODE_FIELDS} for each in found])
     elif code is None:
         table = Columns("", "", "", fold=(2,), styles=("name", "", "quiet"))
         for prefix, members in groupby(found, lambda each: each.code[:2]):
-            subject = VisibleText(CLASSES.get(prefix, ""), style="title")
+            subject = VisibleText(classes().get(prefix, ""), style="title")
             table.add_row(VisibleText(prefix + "xx", style="bold default"), subject)
             for each in members:
                 table.add_row(f"  {each.code}", each.slug, each.title)
@@ -165,10 +166,10 @@ def explain(code: CodeArgument = None, json: options.Json = False) -> None:
 def _find(text: str) -> Code:
     """Return the code with this number or name, however it is spelt."""
     wanted = text.strip("[]").split(" ")[0].lower()
-    for code in CODES.values():
+    for code in codes().values():
         if wanted in (code.code.lower(), code.slug):
             return code
-    near = suggest(wanted.upper(), CODES) or suggest(wanted, [c.slug for c in CODES.values()])
+    near = suggest(wanted.upper(), codes()) or suggest(wanted, [c.slug for c in codes().values()])
     raise spec_error("E713", f"there is no code '{text}'", near or "`taskspec explain` lists them all")
 
 

@@ -132,7 +132,7 @@ def _episodes(
 @contextmanager
 def _watching(kind: str | None, path: Path, episodes: int) -> Iterator[Watch | None]:
     """Yield the function that shows every state; None where nothing is shown."""
-    from taskspec.envs.window import Film
+    from taskspec.envs.recording import Film
 
     def show(env: Any, note: str, last: bool) -> None:
         remark = f"\n  {note}" if note else ""

@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Words = NDArray[np.uint32]
-Pair = tuple[ArrayLike, ArrayLike]
 
 STEP = 0
 POLICY = 1 << 30
@@ -124,15 +123,6 @@ def _pack(fields: Iterator[int]) -> int:
 
 
 # -- NumPy
-
-
-def threefry_arrays(key: Pair, counter: Pair) -> tuple[Words, Words]:
-    """Threefry-2x32-20 of arrays of keys and counters that broadcast together."""
-    shape = np.broadcast_shapes(*(np.shape(a) for a in (*key, *counter)))
-    k0, k1, c0, c1 = (np.broadcast_to(_uint32(a), shape).ravel() for a in (*key, *counter))
-    y0, y1 = np.empty((2, 1, k0.size), np.uint32)
-    _fill(_schedule(k0, k1), c0, c1, y0, y1)
-    return y0.reshape(shape), y1.reshape(shape)
 
 
 def block(seed: int, phase: int, first_n: int, how_many: int, count: int) -> Words:

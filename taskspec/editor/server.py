@@ -1,17 +1,14 @@
-"""A language server for specs: mistakes while typing, completion, meanings, places of names, fixes, and exact scores.
+"""A language server for specs: mistakes while typing, completion, meanings, places of names, layout, fixes, and exact scores.
 
-`taskspec.analysis` answers at once. Soundness, claims and scores of a saved file come from `taskspec check` and `taskspec solve`
-in processes of their own, which end when the file is saved again.
+`taskspec.analysis` answers at once. Soundness, claims and scores come from a process (`checks`) that ends when the text changes;
+its last results stay, at their lines, until there are new ones.
 """
 
 from __future__ import annotations
 
 import asyncio
-import json
 import re
-import sys
-from collections.abc import Iterable
-from pathlib import Path
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from lsprotocol import types as lsp
@@ -19,11 +16,13 @@ from pygls.lsp.server import LanguageServer
 from pygls.workspace import TextDocument
 from pygls.workspace.position_codec import ServerTextPosition, ServerTextRange
 
-from taskspec.analysis import Analysis, analyse, complete, definition, hover, references, rename
+from taskspec.analysis import Analysis, analyse, complete, definition, hover, references, rename, signature_at
+from taskspec.analysis.formatting import formatted
 from taskspec.analysis.tokens import TOKEN_KINDS, tokens
 from taskspec.base import __version__
-from taskspec.base.diagnostics import CODES, Diagnostic, Fix, Span
-from taskspec.base.display import setting
+from taskspec.base.codes import codes
+from taskspec.base.diagnostics import Diagnostic, Fix, Span, SpecError
+from taskspec.editor.checks import check
 
 _KINDS = {
     "key": lsp.CompletionItemKind.Property,
@@ -34,6 +33,8 @@ _KINDS = {
     "keyword": lsp.CompletionItemKind.Keyword,
     "variant": lsp.CompletionItemKind.Reference,
 }
+PAUSE = 0.4
+"""Seconds without a change after which a text is checked."""
 _IS_SPEC = re.compile(r"^taskspec *:", re.MULTILINE)
 _SEVERITIES = {"error": lsp.DiagnosticSeverity.Error, "warning": lsp.DiagnosticSeverity.Warning}
 
@@ -46,7 +47,7 @@ class Server(LanguageServer):
         self.analyses: dict[str, Analysis] = {}
         self.known: dict[str, Analysis] = {}
         """The last analysis of each document in which there were tasks."""
-        self.checked: dict[str, SavedFile] = {}
+        self.checked: dict[str, LastCheck] = {}
         self.checks: dict[str, asyncio.Task[None]] = {}
 
     def analysis(self, uri: str) -> tuple[Analysis, TextDocument]:
@@ -64,25 +65,54 @@ class Server(LanguageServer):
         return found, document
 
     def publish(self, uri: str) -> None:
-        """Send the mistakes of a document, with those that a check of the saved file found."""
+        """Send the mistakes of a document, with those that the last check found."""
         found, document = self.analysis(uri)
         problems = [_problem(each, document) for each in found.diagnostics if _is_here(each, found)]
-        checked = self.checked.get(uri)
-        if checked is not None and checked.text == found.text:
-            problems += checked.problems
-        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, problems))
+        if uri in self.checked:
+            known = {(each.code, each.message) for each in found.diagnostics}
+            reported = self.checked[uri].problems_in(found.text)
+            problems += [_reported(each, document) for each in reported if (each["code"], each["message"]) not in known]
+        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, problems, document.version))
 
 
-class SavedFile:
-    """The results of a check of a saved file: its text, warnings and failed claims, and the lines above its sections."""
+class LastCheck:
+    """The results of a check: its text, the problems that were found, and remarks by the path of what they stand above."""
 
     def __init__(self, text: str) -> None:
         self.text = text
-        self.problems: list[lsp.Diagnostic] = []
-        self.lenses: list[tuple[str, str]] = []
+        self.problems: list[dict[str, Any]] = []
+        self.lenses: list[tuple[list[str], str]] = []
+
+    def problems_in(self, text: str) -> Iterator[dict[str, Any]]:
+        """Yield the problems at their places in a later text, without those in lines that have changed since."""
+        old = self.text.split("\n")
+        new = text.split("\n")
+        above = _alike(old, new)
+        below = min(_alike(old[::-1], new[::-1]), len(old) - above)
+        for each in self.problems:
+            if each["end_line"] <= above:
+                yield each
+            elif each["line"] > len(old) - below:
+                moved = len(new) - len(old)
+                yield {**each, "line": each["line"] + moved, "end_line": each["end_line"] + moved}
+
+
+def _alike(old: list[str], new: list[str]) -> int:
+    """Return how many lines two texts begin with alike."""
+    pairs = zip(old, new, strict=False)
+    return next((at for at, (one, other) in enumerate(pairs) if one != other), min(len(old), len(new)))
 
 
 server = Server()
+
+
+def new_server() -> Server:
+    """Return a server with the features of `server`, for one more client."""
+    fresh = Server()
+    known = server.protocol.fm
+    for name, feature in known.features.items():
+        fresh.feature(name, known.feature_options.get(name))(feature.func)
+    return fresh
 
 
 # -- documents ----------------------------------------------------------------------------------------------------
@@ -90,21 +120,16 @@ server = Server()
 
 @server.feature(lsp.TEXT_DOCUMENT_DID_OPEN)
 def opened(ls: Server, params: lsp.DidOpenTextDocumentParams) -> None:
-    """Analyse a document, and check its file."""
+    """Analyse and check a document."""
     ls.publish(params.text_document.uri)
-    _start_check(ls, params.text_document.uri)
+    _start_check(ls, params.text_document.uri, 0)
 
 
 @server.feature(lsp.TEXT_DOCUMENT_DID_CHANGE)
 def changed(ls: Server, params: lsp.DidChangeTextDocumentParams) -> None:
-    """Analyse a document as it is now."""
+    """Analyse a document as it is now, and check it after a pause."""
     ls.publish(params.text_document.uri)
-
-
-@server.feature(lsp.TEXT_DOCUMENT_DID_SAVE)
-def saved(ls: Server, params: lsp.DidSaveTextDocumentParams) -> None:
-    """Check a file that was saved."""
-    _start_check(ls, params.text_document.uri)
+    _start_check(ls, params.text_document.uri, PAUSE)
 
 
 @server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
@@ -236,77 +261,100 @@ def coloured(ls: Server, params: lsp.SemanticTokensParams) -> lsp.SemanticTokens
 
 @server.feature(lsp.TEXT_DOCUMENT_CODE_LENS)
 def lenses(ls: Server, params: lsp.CodeLensParams) -> list[lsp.CodeLens]:
-    """Return exact scores above the name of the task, and verdicts above the claims."""
+    """Return exact scores above the names of tasks, and verdicts above the claims."""
     uri = params.text_document.uri
     found, document = ls.analysis(uri)
-    checked = ls.checked.get(uri)
-    if checked is None or found.document is None:
-        return []
-    shown = []
-    for section, text in checked.lenses:
-        if section in found.document.data:
-            place = _range(found.document.key_span((section,)), document)
+    shown: list[lsp.CodeLens] = []
+    if uri not in ls.checked or found.document is None:
+        return shown
+    for path, text in ls.checked[uri].lenses:
+        inner: Any = found.document.data
+        for step in path[:-1]:
+            inner = inner.get(step) if isinstance(inner, dict) else None
+        if isinstance(inner, dict) and path[-1] in inner:
+            place = _range(found.document.key_span(tuple(path)), document)
             shown.append(lsp.CodeLens(place, lsp.Command(text, "")))
     return shown
 
 
-# -- checks of saved files ----------------------------------------------------------------------------------------
+@server.feature(lsp.TEXT_DOCUMENT_SIGNATURE_HELP, lsp.SignatureHelpOptions(trigger_characters=["(", ","]))
+def signature(ls: Server, params: lsp.SignatureHelpParams) -> lsp.SignatureHelp | None:
+    """Return how the function is called whose arguments are being written."""
+    found, document = ls.analysis(params.text_document.uri)
+    call = signature_at(found, document.offset_at_position(params.position))
+    if call is None:
+        return None
+    written, doc, argument = call
+    inside = written.partition("(")[2].rstrip(")")
+    arguments = [lsp.ParameterInformation(each) for each in inside.split(", ")]
+    return lsp.SignatureHelp([lsp.SignatureInformation(written, doc or None, arguments)], 0, argument)
 
 
-def _start_check(ls: Server, uri: str) -> None:
+@server.feature(lsp.TEXT_DOCUMENT_FORMATTING)
+def laid_out(ls: Server, params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit]:
+    """Return the change that gives a document its usual layout."""
+    found, document = ls.analysis(params.text_document.uri)
+    try:
+        new = formatted(found.text, found.name) if _IS_SPEC.search(found.text) else found.text
+    except SpecError:
+        return []
+    if new == found.text:
+        return []
+    whole = lsp.Range(lsp.Position(0, 0), document.client_position_at_offset(len(found.text)))
+    return [lsp.TextEdit(whole, new)]
+
+
+@server.feature(lsp.TEXT_DOCUMENT_FOLDING_RANGE)
+def folds(ls: Server, params: lsp.FoldingRangeParams) -> list[lsp.FoldingRange]:
+    """Return the lines of each entry that has several, without its first."""
+    found, _ = ls.analysis(params.text_document.uri)
+    if found.document is None:
+        return []
+    ranges = []
+    for path in _entries(found.document.data, ()):
+        first = found.document.key_span(path).line
+        value = found.document.span(path)
+        last = value.end_line - (value.end_column == 1)
+        if last > first:
+            ranges.append(lsp.FoldingRange(first - 1, last - 1))
+    return ranges
+
+
+def _entries(data: Any, path: tuple[str | int, ...]) -> Iterator[tuple[str | int, ...]]:
+    """Yield the paths of all entries of mappings and lists."""
+    inner = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in inner:
+        yield (*path, key)
+        yield from _entries(value, (*path, key))
+
+
+# -- checks -------------------------------------------------------------------------------------------------------
+
+
+def _start_check(ls: Server, uri: str, pause: float) -> None:
     running = ls.checks.get(uri)
     if running is not None:
         running.cancel()
-    ls.checks[uri] = asyncio.get_running_loop().create_task(_check(ls, uri))
+    ls.checks[uri] = asyncio.get_running_loop().create_task(_check(ls, uri, pause))
 
 
-async def _check(ls: Server, uri: str) -> None:
-    """Check and solve a saved file in other processes, and send what they find."""
+async def _check(ls: Server, uri: str, pause: float) -> None:
+    """Check a text without mistakes, and send what is found."""
+    await asyncio.sleep(pause)
     found, document = ls.analysis(uri)
-    if not _IS_SPEC.search(found.text) or not Path(document.path).is_file():
+    if not found.attempts or any(each.severity == "error" for each in found.diagnostics):
         return
-    checked = SavedFile(found.text)
-    ls.checked[uri] = checked
-    report = await _output("check", "--json", document.path)
-    if report is None:
-        return
-    known = {(each.code, each.message) for each in found.diagnostics}
-    for each in report["diagnostics"]:
-        if each["line"] is not None and (each["code"], each["message"]) not in known:
-            checked.problems.append(_reported(each, document))
-    proved = sum(task["claims_proved"] for task in report["tasks"])
-    total = sum(len(task["claims"]) for task in report["tasks"])
-    if total:
-        checked.lenses.append(("claims", f"{proved} of {total} claims proved"))
-    ls.publish(uri)
-    scores = await _output("solve", "--json", document.path)
-    if scores is not None:
-        words = []
-        for name in ("optimal", "expert", "random", "worst"):
-            result = scores.get(name)
-            if result and result["value"] is not None:
-                words.append(
-                    f"{name} {setting(result['value'])}{'' if result['status'] == 'exact' else ' (estimated)'}"
-                )
-        checked.lenses.append(("name", ", ".join(words)))
+    checked = LastCheck(found.text)
+
+    def take(part: dict[str, Any]) -> None:
+        checked.lenses += part["lenses"]
+        if "problems" in part:
+            checked.problems = [each for each in part["problems"] if each["line"] and each["file"] == document.path]
+            ls.checked[uri] = checked
+            ls.publish(uri)
+
+    await check(found.text, document.path, take)
     ls.workspace_code_lens_refresh(None)
-
-
-async def _output(*command: str) -> Any:
-    """Return what a command of taskspec prints as JSON; None where it prints none. The process ends with its task."""
-    process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "taskspec", *command,
-        stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL,
-    )  # fmt: skip
-    try:
-        printed, _ = await process.communicate()
-    except asyncio.CancelledError:
-        process.kill()
-        raise
-    try:
-        return json.loads(printed)
-    except ValueError:
-        return None
 
 
 # -- places -------------------------------------------------------------------------------------------------------
@@ -343,7 +391,7 @@ def _reported(found: dict[str, Any], document: TextDocument) -> lsp.Diagnostic:
 
 def _as_shown(code: str, place: lsp.Range, message: str, remarks: Iterable[str | None]) -> lsp.Diagnostic:
     text = "\n".join([message, *(remark for remark in remarks if remark)])
-    return lsp.Diagnostic(place, text, severity=_SEVERITIES[CODES[code].severity], code=code, source="taskspec")
+    return lsp.Diagnostic(place, text, severity=_SEVERITIES[codes()[code].severity], code=code, source="taskspec")
 
 
 def _symbol(found: Analysis, path: tuple[str, ...], kind: lsp.SymbolKind, document: TextDocument) -> lsp.DocumentSymbol:

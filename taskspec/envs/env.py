@@ -13,14 +13,13 @@ from typing import Any, ClassVar, get_args
 
 import gymnasium
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
 
 from taskspec import draws
 from taskspec.backends.scalar import Clock, Lane, ScalarProgram, compile_scalar
 from taskspec.base.arrays import Array
 from taskspec.envs import window
-from taskspec.envs.options import ENDINGS, ActionError, NotRunningError, one_of, seed_of, with_horizon
-from taskspec.envs.state import flat_state, overridden, plain_state, require_legal
+from taskspec.envs.options import ENDINGS, ActionError, HasSpec, NotRunningError, one_of, reset_option, seed_of
+from taskspec.envs.state import flat_state, plain_state, require_legal
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.lang.variates import sampler
@@ -32,7 +31,7 @@ from taskspec.task.task import Task, TaskLike
 Reset = Callable[..., tuple[Any, dict[str, Any]]]
 
 
-class Environment(gymnasium.Env[Any, Any]):
+class Environment(HasSpec, gymnasium.Env[Any, Any]):
     """One environment of a task.
 
     Observations and actions follow the rules of the language (`observation_space`, `action_space`). `reset(seed=s)` starts
@@ -55,13 +54,9 @@ class Environment(gymnasium.Env[Any, Any]):
     metadata: ClassVar[dict[str, Any]] = {"render_modes": list(get_args(RenderMode)), "render_fps": 4}  # type: ignore[misc]
 
     def __init__(
-        self,
-        task: TaskLike,
-        *,
-        render_mode: RenderMode | None = None,
-        ending: Ending = "terminate",
+        self, task: TaskLike, *, render_mode: RenderMode | None = None, ending: Ending = "terminate",
         observe_time: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
         one_of("ending", ending, ENDINGS)
@@ -80,10 +75,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self.observation_space: gymnasium.Space[Any] = space(self._program.observation)
         self.action_space: gymnasium.Space[Any] = space(self._program.action)
         self._seed: int | None = None
-        self._spec: EnvSpec | None = None
         self._start(0, Clock())
-
-    # -- Gymnasium ------------------------------------------------------------------------------------------------
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode.
@@ -93,10 +85,10 @@ class Environment(gymnasium.Env[Any, Any]):
             options: `{"state": {name: value}}` overrides components of the first state.
 
         Raises:
-            StateError: when an overridden component has no such value, or for another option.
-            SpecError: E713, when the seed is none.
+            StateError: when an overridden component has no such value.
+            SpecError: E713, when the seed is none, or for another option.
         """
-        override = None if options is None else overridden(options)
+        override = reset_option(options, "state")
         if seed is not None:
             seed = seed_of(seed)
             super().reset(seed=seed)
@@ -179,19 +171,8 @@ class Environment(gymnasium.Env[Any, Any]):
         """
         return window.keys_to_action(self.task)
 
-    @property
-    def spec(self) -> EnvSpec | None:
-        """Gymnasium's spec of it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, value: EnvSpec | None) -> None:
-        self._spec = with_horizon(value, self.task)
-
     def __repr__(self) -> str:
         return f"<Environment of {self.task!r}>"
-
-    # -- state ----------------------------------------------------------------------------------------------------
 
     @property
     def state(self) -> dict[str, Any]:
@@ -236,8 +217,6 @@ class Environment(gymnasium.Env[Any, Any]):
             reads[c.read] = tuple(value) if c.type.shape else (value,)
         flats = evaluate(self.task.observation.nodes, reads, sampler(layout, words))
         return self._program.pack(flats)
-
-    # -- starting, copying ----------------------------------------------------------------------------------------
 
     def _restart(self, seed: int) -> None:
         self._seed = seed

@@ -46,18 +46,13 @@ class TaskFuncEnv(_FuncEnv):
 
     def initial(self, rng: Any, params: Any = None) -> FuncState:
         seen, state = self._functional.reset(rng, params)
-        return FuncState(state, seen, np.float32(0), np.False_, {}, self._mask(state, params))
+        mask = self._functional.action_mask(state, params) if self._functional.task.mask else ()
+        return FuncState(state, seen, np.float32(0), np.False_, {}, mask)
 
     def transition(self, state: FuncState, action: Any, rng: Any, params: Any = None) -> FuncState:
         seen, following, reward, _, info = self._functional.step_env(state.state, action, params)
         mask = info.get("action_mask", ())
         return FuncState(following, seen, reward, info["terminated"], info.get("measures", {}), mask)
-
-    def _mask(self, state: State, params: Any) -> Any:
-        """Return the legal actions of a state; nothing, where all are."""
-        if not self._functional.task.mask:
-            return ()
-        return self._functional.action_mask(state, params)
 
     def get_default_params(self, **changes: Any) -> Any:
         """Return the parameters in `varying`, as the task was loaded with them or with other values (see `Functional`)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import operator
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias, get_args
 
 import gymnasium.error
@@ -34,8 +34,6 @@ class StateError(TaskspecError, ValueError):
     """A state that the task does not have (E709)."""
 
 
-# -- options ------------------------------------------------------------------------------------------------------
-
 ENDINGS = get_args(Ending)
 Autoreset: TypeAlias = Literal["NextStep", "SameStep", "Disabled"]
 """Values of Gymnasium's `AutoresetMode`: when an episode that has ended begins anew."""
@@ -58,21 +56,46 @@ def one_of(name: str, value: Any, options: Iterable[str]) -> None:
         raise invalid(f"{name} must be one of {listed}, not {value!r}", suggest(str(value), known))
 
 
-def with_horizon(spec: EnvSpec | None, task: Task) -> EnvSpec | None:
-    """Gymnasium's account of how an environment was made, with the horizon, which it leaves out where no wrapper enforces it.
+class HasSpec:
+    """An environment that says how it was made, with the horizon, which Gymnasium leaves out where no wrapper enforces it.
 
     Whoever makes another from it also gets Gymnasium's limit of as many steps. So the horizon is among the keywords as well:
     with other parameters it may not hold, and is refused then.
     """
-    if spec is None or spec.max_episode_steps is not None or task.horizon is None:
-        return spec
-    kwargs = {**spec.kwargs, "max_episode_steps": task.horizon}
-    return dataclasses.replace(spec, max_episode_steps=task.horizon, kwargs=kwargs)
+
+    task: Task
+    _spec: EnvSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """Gymnasium's spec of it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, value: EnvSpec | None) -> None:
+        steps = self.task.horizon
+        if value is not None and value.max_episode_steps is None and steps is not None:
+            kwargs = {**value.kwargs, "max_episode_steps": steps}
+            value = dataclasses.replace(value, max_episode_steps=steps, kwargs=kwargs)
+        self._spec = value
 
 
 def uncopied(env: object) -> NoReturn:
     """Refuse to copy or pickle lanes: generated code is bound to their arrays, so a copy would step the original."""
     raise TypeError(f"{type(env).__name__} is not copied or pickled; make another, and reset it with the same seed")
+
+
+def reset_option(options: Any, name: str) -> Any:
+    """Return the value of the only option that a reset takes; None where it is left out.
+
+    Raises:
+        SpecError: E713 for other options.
+    """
+    if options is None:
+        return None
+    if not isinstance(options, Mapping) or set(options) - {name}:
+        raise invalid(f"the options of reset are {{'{name}': ...}}, not {options!r}")
+    return options.get(name)
 
 
 def positive(name: str, value: Any) -> int:
@@ -81,11 +104,8 @@ def positive(name: str, value: Any) -> int:
     Raises:
         SpecError: E713 for anything else.
     """
-    try:
-        number = 0 if isinstance(value, bool) else operator.index(value)
-    except TypeError:
-        number = 0
-    if number < 1:
+    number = _whole(value)
+    if number is None or number < 1:
         raise invalid(f"{name} must be a positive int, not {value!r}")
     return number
 
@@ -113,10 +133,15 @@ def seed_of(value: Any) -> int:
     Raises:
         SpecError: E713 for anything else.
     """
-    try:
-        seed = -1 if isinstance(value, bool) else operator.index(value)
-    except TypeError:
-        seed = -1
-    if not 0 <= seed < 2**64:
+    seed = _whole(value)
+    if seed is None or not 0 <= seed < 2**64:
         raise invalid(f"a seed is an int between 0 and 2**64 - 1, not {value!r}")
     return seed
+
+
+def _whole(value: Any) -> int | None:
+    """Return an int of any kind; None for anything else."""
+    try:
+        return None if isinstance(value, bool) else operator.index(value)
+    except TypeError:
+        return None

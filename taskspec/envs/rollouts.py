@@ -63,14 +63,9 @@ def policy_for(name: str, env: Environment, seed: int) -> Act:
 _RUNNING = np.ones(1, np.bool_)
 
 
-def _row(part: Any) -> Array:
-    """Return an observation, or a part of it, as a batch of one."""
-    return np.asarray(part)[None]
-
-
 def _by_observation(policy: ObservationPolicy, env: Environment, draws: SharedDraws) -> Act:
     def act(observation: Any) -> Any:
-        observations = map_parts(_row, observation)
+        observations = map_parts(lambda part: np.asarray(part)[None], observation)
         batch = EpisodeBatch(env.time, _states(env) if env.task.mask else {}, observations, draws, _RUNNING)
         return observation_of(np.asarray(policy.act(batch)), 0)
 
@@ -118,9 +113,6 @@ def _action_words(task: Task) -> str:
 
     listed = ", ".join(f"{c.name}: {domain_words(c)}" for c in task.action)
     return f"{listed} ({space_words(task.action_layout)})"
-
-
-# -- episodes -----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,9 +184,6 @@ def _value_words(c: Component, flat: Flat) -> str:
     if c.type.is_scalar:
         return items[0]
     return f"[{', '.join(items)}]"
-
-
-# -- summary ------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,12 +18,12 @@ from taskspec import draws
 from taskspec.backends import backend_table
 from taskspec.backends.backend_table import BackendName
 from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Options
-from taskspec.base.arrays import part_at
+from taskspec.base.arrays import map_parts, part_at
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import need
 from taskspec.envs.options import ActionError, NotRunningError, positive, seed_of, uncopied
-from taskspec.envs.state import RENDER_MODES, LaneView, ask_lane, lane_render_mode, refuse_to_set
+from taskspec.envs.state import RENDER_MODES, LaneView, lane_render_mode, refuse_to_set
 from taskspec.envs.window import Frames
-from taskspec.model.model import misused
 from taskspec.policies.experts import Expert
 from taskspec.registry import load
 from taskspec.task.parts import RenderMode
@@ -48,15 +48,9 @@ class Sb3VecEnv(VecEnv):
     """
 
     def __init__(
-        self,
-        task: TaskLike,
-        num_envs: int,
-        *,
-        seed: int = 0,
-        backend: BackendName = "auto",
-        num_threads: int = 1,
+        self, task: TaskLike, num_envs: int, *, seed: int = 0, backend: BackendName = "auto", num_threads: int = 1,
         render_mode: RenderMode | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.task: Task = load(task)
         num_envs = positive("num_envs", num_envs)
         num_threads = positive("num_threads", num_threads)
@@ -103,12 +97,7 @@ class Sb3VecEnv(VecEnv):
         if ended:
             final = b.final.view(copy=True)
             for lane in np.flatnonzero(b.ended).tolist():
-                last = part_at(final, lane)
-                if isinstance(last, dict):
-                    last = {name: np.asarray(part) for name, part in last.items()}
-                else:
-                    last = np.asarray(last)
-                infos[lane]["terminal_observation"] = last
+                infos[lane]["terminal_observation"] = map_parts(np.asarray, part_at(final, lane))
                 infos[lane]["TimeLimit.truncated"] = bool(b.truncated[lane] and not b.terminated[lane])
         return self._seen(), b.reward.astype(np.float32), b.ended.copy(), infos
 
@@ -126,8 +115,6 @@ class Sb3VecEnv(VecEnv):
         if self.render_mode != "rgb_array":
             return [None] * self.num_envs
         return self.env_method("render")
-
-    # -- what SB3 asks of environments one by one -----------------------------------------------------------------
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Return an attribute of lanes ("state", "time", "task", ...).
@@ -150,7 +137,7 @@ class Sb3VecEnv(VecEnv):
         found = []
         for i in self._get_indices(indices):
             lane = LaneView(self.task, self._engine, i, self.render_mode, self._started, self._drawings[i])
-            found.append(ask_lane(lane, method_name, *args, **kwargs))
+            found.append(lane.ask(method_name, *args, **kwargs))
         return found
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
@@ -182,4 +169,4 @@ class Sb3Expert(BasePolicy):
 
     def _predict(self, observation: Any, deterministic: bool = False) -> Any:
         """Refused (E713): the steps taken so far go through `predict` alone."""
-        misused("an expert is asked with `predict`, which is told how many steps were taken")
+        raise spec_error("E713", "an expert is asked with `predict`, which is told how many steps were taken")

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import gymnasium
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import suggest
-from taskspec.base.records import all_names
+from taskspec.base.diagnostics import spec_error, suggest
+from taskspec.base.records import all_names, dataclass
 from taskspec.envs import window
 from taskspec.envs.options import LaneError, NotRunningError, StateError, one_of
 from taskspec.lang.ir import Role
 from taskspec.lang.types import Domain, Kind
-from taskspec.model.model import misused
-from taskspec.model.space import Space
 from taskspec.task.legal import action_mask
 from taskspec.task.parts import Component, RenderMode, are_finite
 from taskspec.task.spaces import single, space
@@ -108,19 +105,6 @@ def _needs(c: Component) -> str:
     return f"{kind}{shape} between {c.least:g} and {c.most:g}"
 
 
-def overridden(options: Any) -> Mapping[str, Any] | None:
-    """Return the components that the options of a reset override."""
-    if not isinstance(options, Mapping):
-        raise StateError(f"E713: options are a mapping such as {{'state': {{...}}}}, not {options!r}")
-    for name in options:
-        if name != "state":
-            raise StateError(f"E713: {name!r} is not an option of reset; the only one is 'state'")
-    state = options.get("state")
-    if state is not None and not isinstance(state, Mapping):
-        raise StateError(f"E709: the option 'state' gives values by component, as in {{'x': 1}}, not {state!r}")
-    return state
-
-
 # -- the state in infos of many environments ----------------------------------------------------------------------
 
 
@@ -171,6 +155,8 @@ class Masks:
         self._task = task
         self._state = {c.name: part for c, part in zip(task.state, state, strict=True)}
         self._table: Array | None = None
+        from taskspec.model.space import Space
+
         space = Space(task.state, Role.STATE)
         if are_finite(task.state) and space.size * task.action_layout.counts[0] <= LOOKED_UP:
             every = {name: values for (_, name), values in space.decode(np.arange(space.size)).items()}
@@ -261,6 +247,17 @@ class LaneView:
     def get_keys_to_action(self) -> dict[tuple[int, ...], Any]:
         return window.keys_to_action(self.task)
 
+    def ask(self, name: str, *args: Any, **options: Any) -> Any:
+        """Return an attribute of the lane, or what a method of it gives.
+
+        Raises:
+            LaneError: lanes have nothing of that name.
+        """
+        if name not in KNOWN:
+            raise LaneError(f"E713: a lane has no {name!r}; it has {', '.join(KNOWN)}")
+        found = getattr(self, name)
+        return found(*args, **options) if callable(found) else found
+
 
 KNOWN = (
     "task", "state", "time", "observation_space", "action_space", "render_mode", "render", "action_masks", "get_keys_to_action",
@@ -274,21 +271,7 @@ def require_legal(task: Task) -> None:
         SpecError: E713.
     """
     if not task.mask:
-        misused(f"{task.id} has no `legal:`; all its actions are legal")
-
-
-def ask_lane(lane: LaneView, name: str, *args: Any, **options: Any) -> Any:
-    """Return an attribute of a lane, or what a method of it gives.
-
-    Raises:
-        LaneError: lanes have nothing of that name.
-    """
-    if name not in KNOWN:
-        raise LaneError(f"E713: a lane has no {name!r}; it has {', '.join(KNOWN)}")
-    found = getattr(lane, name)
-    if callable(found):
-        return found(*args, **options)
-    return found
+        raise spec_error("E713", f"{task.id} has no `legal:`; all its actions are legal")
 
 
 def refuse_to_set(name: str) -> NoReturn:

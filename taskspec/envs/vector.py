@@ -11,7 +11,6 @@ from typing import Any
 import gymnasium
 import gymnasium.vector
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector.utils import batch_space
 
 from taskspec import draws
@@ -26,20 +25,20 @@ from taskspec.envs.options import (
     ENDINGS,
     ActionError,
     Autoreset,
+    HasSpec,
     NotRunningError,
     invalid,
     lanes_of,
     one_of,
     positive,
+    reset_option,
     seed_of,
     uncopied,
-    with_horizon,
 )
 from taskspec.envs.state import (
     RENDER_MODES,
     LaneView,
     Masks,
-    ask_lane,
     lane_render_mode,
     masked,
     refuse_to_set,
@@ -66,7 +65,7 @@ AutoresetMode = gymnasium.vector.AutoresetMode
 _MODES: dict[str, Mode] = {"NextStep": "next_step", "SameStep": "same_step", "Disabled": "disabled"}
 
 
-class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
+class VectorEnvironment(HasSpec, gymnasium.vector.VectorEnv[Any, Any, Any]):
     """Environments of one task, stepped together.
 
     Args:
@@ -90,18 +89,11 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
     """
 
     def __init__(
-        self,
-        task: TaskLike,
-        num_envs: int = 1,
-        *,
-        backend: BackendName = "auto",
-        autoreset_mode: AutoresetMode | Autoreset = AutoresetMode.NEXT_STEP,
-        reuse: bool = False,
-        num_threads: int = 1,
-        ending: Ending = "terminate",
-        observe_time: bool = False,
+        self, task: TaskLike, num_envs: int = 1, *, backend: BackendName = "auto",
+        autoreset_mode: AutoresetMode | Autoreset = AutoresetMode.NEXT_STEP, reuse: bool = False,
+        num_threads: int = 1, ending: Ending = "terminate", observe_time: bool = False,
         render_mode: RenderMode | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         num_envs = positive("num_envs", num_envs)
         num_threads = positive("num_threads", num_threads)
         one_of("ending", ending, ENDINGS)
@@ -117,7 +109,6 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             "autoreset_mode": self.autoreset_mode,
         }
         self.render_mode: str | None = lane_render_mode(render_mode)
-        self._spec: EnvSpec | None = None
         options = Options(_MODES[self.autoreset_mode.value], num_threads)
         self._engine = backend_table.engine(self.task, self.num_envs, self.backend, options)
         self._same_step = self.autoreset_mode == AutoresetMode.SAME_STEP
@@ -146,8 +137,6 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Bytes of the arrays that hold state, counters and results."""
         return sum(array.nbytes for array in self._engine.buffers.arrays())
 
-    # -- Gymnasium ------------------------------------------------------------------------------------------------
-
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
@@ -158,7 +147,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
                 seed all streams go on; the first time, they start from a random one.
             options: `{"reset_mask": array}`.
         """
-        mask = None if options is None else _reset_mask(options)
+        mask = reset_option(options, "reset_mask")
         lanes = None if mask is None else self._lanes(mask)
         self._seed_streams(seed, lanes)
         self._engine.reset(lanes)
@@ -208,7 +197,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         Raises:
             LaneError: lanes have nothing of that name.
         """
-        return tuple(ask_lane(self._lane(i), name, *args, **options) for i in range(self.num_envs))
+        return tuple(self._lane(i).ask(name, *args, **options) for i in range(self.num_envs))
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """Return an attribute of every lane; see `call`."""
@@ -224,15 +213,6 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def _lane(self, number: int) -> LaneView:
         return LaneView(self.task, self._engine, number, self.render_mode, self._seeded, self._drawings[number])
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """Gymnasium's spec of it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, value: EnvSpec | None) -> None:
-        self._spec = with_horizon(value, self.task)
 
     def __reduce_ex__(self, protocol: Any) -> Any:
         uncopied(self)
@@ -273,8 +253,6 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             infos["final_info"] = masked(values, b.ended)
         return infos
 
-    # -- seeds ----------------------------------------------------------------------------------------------------
-
     def _lanes(self, mask: Any) -> Array:
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
             raise invalid(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
@@ -283,9 +261,10 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return np.flatnonzero(mask)
 
     def _seed_streams(self, seed: int | Sequence[int | None] | None, lanes: Array | None) -> None:
+        if not self._seeded:
+            self._engine.seed(draws.lane_seeds(int.from_bytes(os.urandom(8), "little"), self.num_envs))
         if seed is None:
-            if not self._seeded:
-                self._engine.seed(draws.lane_seeds(int.from_bytes(os.urandom(8), "little"), self.num_envs))
+            pass
         elif not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str | bytes):
             every = draws.lane_seeds(seed_of(seed), self.num_envs)
             self._engine.seed(every if lanes is None else every[lanes], lanes)
@@ -296,16 +275,12 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def _seed_each(self, seeds: list[int | None], lanes: Array | None) -> None:
         if len(seeds) != self.num_envs:
             raise invalid(f"{len(seeds)} seeds for {self.num_envs} lanes")
-        if not self._seeded and None in seeds:
-            self._engine.seed(draws.lane_seeds(int.from_bytes(os.urandom(8), "little"), self.num_envs))
         allowed = set(range(self.num_envs) if lanes is None else lanes.tolist())
         given = {i: seed_of(s) for i, s in enumerate(seeds) if s is not None and i in allowed}
         if len(given) == self.num_envs:
             self._engine.seed(np.array(list(given.values()), np.uint64))
         elif given:
             self._engine.seed(np.array(list(given.values()), np.uint64), np.array(list(given)))
-
-    # -- state ----------------------------------------------------------------------------------------------------
 
     @property
     def time(self) -> Array:
@@ -323,15 +298,6 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return NotRunningError(
             f"E708: the episodes of lanes {lanes} are over; call reset(options={{'reset_mask': ...}}) first"
         )
-
-
-def _reset_mask(options: Any) -> Any:
-    if not isinstance(options, Mapping):
-        raise invalid(f"options are a mapping such as {{'reset_mask': ...}}, not {options!r}")
-    for name in options:
-        if name != "reset_mask":
-            raise invalid(f"{name!r} is not an option of reset; the only one is 'reset_mask'")
-    return options.get("reset_mask")
 
 
 class InstanceLanes(gymnasium.vector.SyncVectorEnv):

@@ -6,12 +6,10 @@ import importlib
 import itertools
 import math
 import re
-import string
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -19,8 +17,6 @@ import numpy as np
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import visible
 from taskspec.base.extras import install_package, need
-from taskspec.base.files import Unfinished, refused
-from taskspec.base.limits import tell
 from taskspec.envs.options import invalid
 from taskspec.lang.types import Kind
 from taskspec.task.parts import Component
@@ -95,12 +91,9 @@ class Frames:
 
 
 def frame(
-    task: Task,
-    state: dict[str, Any],
-    time: int,
-    note: str | None = None,
+    task: Task, state: dict[str, Any], time: int, note: str | None = None,
     seen: Mapping[int, dict[str, Any]] | None = None,
-) -> Frame:
+) -> Frame:  # fmt: skip
     """Return a state as pixels: (height, width, 3), uint8; a note stands above it, cut to what has room.
 
     `seen` are the states of the episode by time, the present one included.
@@ -140,7 +133,7 @@ class Window:
         """Replace the picture. A window that its user has closed stays closed."""
         if self._figure is None:
             self._open(pixels)
-        if not self._is_open:
+        if not _pyplot().fignum_exists(self._figure.number):
             return
         self._image.set_data(pixels)
         canvas = self._figure.canvas
@@ -151,10 +144,6 @@ class Window:
     def close(self) -> None:
         if self._figure is not None:
             _pyplot().close(self._figure)
-
-    @property
-    def _is_open(self) -> bool:
-        return bool(_pyplot().fignum_exists(self._figure.number))
 
     def _open(self, pixels: Frame) -> None:
         height, width, _ = pixels.shape
@@ -176,7 +165,7 @@ def _pyplot() -> Any:
 #
 # Needs finitely many actions, and no more of them than there are digits and letters.
 
-KEYS = string.digits + string.ascii_lowercase
+KEYS = "0123456789abcdefghijklmnopqrstuvwxyz"
 _ARROWS = {"right": 1073741903, "left": 1073741904, "down": 1073741905, "up": 1073741906}
 """Arrow keys, by the numbers that SDL gives them."""
 _DIRECTIONS = _ARROWS | dict(zip(("east", "west", "south", "north"), _ARROWS.values(), strict=True))
@@ -265,88 +254,3 @@ def play(env: gymnasium.Env[Any, Any], callback: Step | None = None, fps: int | 
         warnings.simplefilter("ignore", UserWarning)
         window = need("gymnasium.utils.play", "play")
     window.play(env, callback=callback, fps=fps, wait_on_player=True)
-
-
-HOLD = 1.0
-"""Seconds for which a film shows the last state of an episode."""
-
-
-class Film:
-    """A context manager that writes what an environment renders to a file, which exists when all went well.
-
-    Args:
-        path: the file.
-        kind: of the file.
-        episodes: the number of episodes, for progress.
-
-    Raises:
-        SpecError: E705 without imageio, or without ffmpeg for MP4; E716 where the file cannot be written.
-    """
-
-    def __init__(self, path: Path, kind: Literal["gif", "mp4"], episodes: int) -> None:
-        self._path = path
-        self._kind = kind
-        self.frames = 0
-        self._episodes = episodes
-        self._begun = 0
-        self._writer: Any = None
-        self._drawing = Frames()
-        self._file: Unfinished | None = None
-        self._imageio = need("imageio.v2", "figures")
-        if kind == "mp4":
-            self._ffmpeg = need("imageio_ffmpeg", "figures")
-            try:
-                self._ffmpeg.get_ffmpeg_exe()
-            except RuntimeError as error:
-                hint = "install ffmpeg, or make a GIF"
-                raise spec_error("E705", "an MP4 needs ffmpeg, which was not found", hint) from error
-
-    def __enter__(self) -> Film:
-        return self
-
-    def __call__(self, env: Any, note: str, last: bool) -> None:
-        """Add the state of the environment; the last state of an episode stays for a second."""
-        horizon = env.task.horizon  # progress without one: which episode is shown
-        self._begun += env.time == 0
-        part = 0.0 if horizon is None else env.time / horizon
-        what = f"{self._path}, episode {self._begun:,} of {self._episodes:,}, step {env.time:,}"
-        tell(what, (self._begun - 1 + part) / self._episodes)
-        fps = env.metadata["render_fps"]
-        writer = self._writer or self._open(fps)
-        picture = self._drawing.draw(env.task, env.state, env.time, note or "start")
-        for _ in range(1 + round(HOLD * fps) if last else 1):
-            with refused(self._path):
-                writer.append_data(picture)
-            self.frames += 1
-
-    def _open(self, fps: float) -> Any:
-        options: dict[str, Any] = {"fps": fps}
-        if self._kind == "gif":
-            options = {"format": "GIF", "duration": 1000 / fps, "loop": 0}
-        with refused(self._path):
-            self._file = Unfinished(self._path)
-            self._writer = self._imageio.get_writer(self._file.path, mode="I", **options)
-        return self._writer
-
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        if self._file is None:
-            return
-        try:
-            with refused(self._path):
-                if self._writer is not None:
-                    self._writer.close()
-                if error is None:
-                    self._check(self._file.path)
-                    self._file.finish()
-        finally:
-            self._file.discard()
-
-    def _check(self, path: Path) -> None:
-        """Count the frames of an MP4: ffmpeg does not report failures."""
-        if self._kind == "gif":
-            return
-        frames = 0
-        with suppress(RuntimeError):
-            frames, _ = self._ffmpeg.count_frames_and_secs(str(path))
-        if frames != self.frames:
-            raise OSError(f"ffmpeg wrote {frames} of {self.frames} frames")

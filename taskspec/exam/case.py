@@ -290,7 +290,8 @@ class Case:
     def shown_to(self, i: int) -> Demonstrations | None:
         """Return the demonstrations that one seed of the block has used; None if it used none."""
         known: Any = vars(self.each[i]) if "each" in vars(self) else {}
-        return known.get("demonstrations", vars(self).get("demonstrations"))
+        found: Demonstrations | None = known.get("demonstrations", vars(self).get("demonstrations"))
+        return found
 
     def spent_by(self, i: int) -> Spent:
         """Return what one seed of the block has used: what all of them did together, and what it did alone."""

@@ -56,6 +56,10 @@ class Dynamics:
         """Return the expected value (A, S) of the next state, 0 where the episode ends."""
         return action_values(self.P, np.zeros_like(self.R), 1.0, self.learned(V))
 
+    def first(self, V: Array) -> float:
+        """Return the expected value of the first state."""
+        return float(self.model.start @ V)
+
     @cached_property
     def going_on(self) -> Array:
         """Probabilities (A, S) that the episode goes on."""
@@ -165,7 +169,7 @@ class Behaviour:
         """The mean reward (A, S) of the step after; at an end, of the first step of an episode."""
         s = self.dynamics
         paid = (self.pi * s.R).sum(axis=0)
-        first = float(s.model.start @ paid)
+        first = s.first(paid)
         following = action_values(s.P, np.zeros_like(s.R), 1.0, paid)
         found: Array = (1 - self.last) * following + first * (1 - (1 - self.last) * s.going_on)
         return found

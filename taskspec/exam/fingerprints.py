@@ -98,7 +98,7 @@ def way(dynamics: Dynamics, operator: BellmanOperator, acts: Acts, is_critic: bo
         behaviour = behaviours.setdefault(pi.tobytes(), Behaviour(dynamics, pi))
         V = _reduced(dynamics, operator, Q, behaviour, is_critic)
         points.append(V if is_critic else Q)
-        error = operator.backup(dynamics, Q, V, behaviour) - Q
+        error = operator.targets(dynamics, behaviour, Q, V) - Q
         rates = behaviour.rates
         if is_critic:
             rates = rates.sum(axis=0)
@@ -122,7 +122,7 @@ def way(dynamics: Dynamics, operator: BellmanOperator, acts: Acts, is_critic: bo
 def _reduced(dynamics: Dynamics, operator: BellmanOperator, Q: Array, behaviour: Behaviour, is_critic: bool) -> Array:
     """Return V (S,) of Q (A, S)."""
     if operator.reduce is not None:
-        return operator.reduce(dynamics, Q, behaviour)
+        return operator.reduce(dynamics, behaviour, Q)
     if is_critic:
         return behaviour.expected(Q)
     best: Array = Q.max(axis=0)

@@ -6,20 +6,18 @@ import itertools
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from statistics import NormalDist
-from typing import Literal, TypeVar
+from typing import Any, Literal
 
-import numpy as np
-
-from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam.curves import area
 from taskspec.exam.results import Exam, Examined, Flag, Score
 from taskspec.exam.verdicts import ROUNDING, best_score, by_seed
-from taskspec.rollout.statistics import ALARM, CONFIDENCE, Difference, differences
+from taskspec.rollout.statistics import ALARM, CONFIDENCE, Difference, compared
 from taskspec.rules.score_rules import side
 
-Name = TypeVar("Name", str, tuple[str, str, str])
 Number = Callable[[Score], float | None]
+Column = tuple[str, str, str]
+"""A number that is compared: its task, its side and its name."""
 
 
 def _drawn(score: Score) -> float | None:
@@ -28,30 +26,14 @@ def _drawn(score: Score) -> float | None:
     return score["stochastic"]
 
 
-def _area(score: Score) -> float | None:
-    return area(score["curve"])
-
-
-def _value(score: Score) -> float | None:
-    return score.get("value")
-
-
-def _starc(score: Score) -> float | None:
-    return score["starc"]
-
-
-def _longer(score: Score) -> float | None:
-    return score.get("longer")
-
-
 SCORE = "score"
 COMPARED: dict[str, Number] = {
     SCORE: best_score,
     "score of drawn actions": _drawn,
-    "mean of the learning curve": _area,
-    "value of the first states": _value,
-    "distance of the learned reward": _starc,
-    "score on a longer horizon": _longer,
+    "mean of the learning curve": lambda score: area(score["curve"]),
+    "value of the first states": lambda score: score.get("value"),
+    "distance of the learned reward": lambda score: score["starc"],
+    "score on a longer horizon": lambda score: score.get("longer"),
 }
 """Numbers that are compared with those of an earlier exam, by name: the score must not be lower, the others not differ."""
 
@@ -115,22 +97,22 @@ def _apart(
     tasks: Mapping[str, Examined], scores: Sequence[Score], kind: Literal["twin", "peeks"], which: str
 ) -> Iterable[Flag]:
     """Flag tasks whose scores as printed differ from those of another side, on the seeds of both."""
-    names = [task for task in tasks if by_seed(scores, task, "printed").keys() & by_seed(scores, task, which).keys()]
-    rows: dict[tuple[int, str | None, int], dict[str, float]] = defaultdict(dict)
-    for task in names:
-        seeds = by_seed(scores, task, "printed").keys() & by_seed(scores, task, which).keys()
-        twins = list(dict.fromkeys(score["twin"] for score in scores if score["task"] == task))
-        for score in scores:
+    rows: dict[tuple[bool, Any], dict[str, float]] = defaultdict(dict)
+    names = []
+    for task in tasks:
+        own = [score for score in scores if score["task"] == task]
+        seeds = by_seed(own, task, "printed").keys() & by_seed(own, task, which).keys()
+        if seeds:
+            names.append(task)
+        twins = list(dict.fromkeys(score["twin"] for score in own))
+        for score in own:
             value = score["deterministic"]
-            if (
-                score["task"] == task
-                and score["seed"] in seeds
-                and value is not None
-                and side(score) in ("printed", which)
-            ):
-                rows[score["seed"], score["peek"], twins.index(score["twin"])][task] = value
-    is_first = np.array([peek is None and twin == 0 for _, peek, twin in rows])
-    for task, d in _differences(names, list(rows.values()), is_first, [False] * len(names)):
+            if value is not None and score["seed"] in seeds and side(score) in ("printed", which):
+                place = (score["seed"], score["peek"], twins.index(score["twin"]))
+                rows[side(score) == "printed", place][task] = value
+    for task, d in compared(rows, names).items():
+        if not d.is_real:
+            continue
         size = f"{abs(d.effect):.2f}"
         message = f"the score changes by {size} when a reward is negated that the learner is not to see: it looks at it"
         if kind == "twin":
@@ -140,17 +122,6 @@ def _apart(
                 "actions are called"
             )
         yield _difference_flag(kind, task, message, d, len(names))
-
-
-def _differences(
-    names: Sequence[Name], rows: Sequence[Mapping[Name, float]], is_first: Array, only_below: Sequence[bool]
-) -> list[tuple[Name, Difference]]:
-    """Return the comparisons in which two samples of rows differ, each with its difference."""
-    if not names:
-        return []
-    table = np.array([[row.get(name, np.nan) for name in names] for row in rows])
-    found = differences(table, is_first, only_below)
-    return [(name, d) for name, d in zip(names, found, strict=True) if d.is_real]
 
 
 def _difference_flag(
@@ -168,8 +139,8 @@ def _difference_flag(
 
 def differs(exam: Exam, against: Exam, tasks: Iterable[str]) -> bool:
     """Return whether any of the numbers that are compared differs from that of an earlier exam, on some tasks."""
-    columns, rows, is_now = _compared({task: exam["tasks"][task] for task in tasks}, exam["scores"], against)
-    return bool(_differences(columns, rows, is_now, [False] * len(columns)))
+    columns, rows = _numbers({task: exam["tasks"][task] for task in tasks}, exam["scores"], against)
+    return any(d.is_real for d in compared(rows, columns).values())
 
 
 def _changes(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam) -> list[Flag]:
@@ -177,15 +148,15 @@ def _changes(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Ex
 
     All numbers on all tasks are tested together, then each of them. A task gets one flag for its score, and one for the rest.
     """
-    columns, rows, is_now = _compared(tasks, scores, against)
+    columns, rows = _numbers(tasks, scores, against)
     only_below = [name == SCORE for _, _, name in columns]
     found: dict[tuple[str, bool], list[tuple[str, Difference]]] = defaultdict(list)
-    for (task, which, name), d in _differences(columns, rows, is_now, only_below):
-        is_regression = name == SCORE
-        where = " on twins" if which == "twin" else ""
-        way = "below" if d.effect < 0 else "above"
-        message = f"the {name}{where} is {abs(d.effect):.2f} {way} that of the baseline"
-        found[task, is_regression].append((message, d))
+    for (task, which, name), d in compared(rows, columns, only_below).items():
+        if d.is_real:
+            where = " on twins" if which == "twin" else ""
+            way = "below" if d.effect < 0 else "above"
+            message = f"the {name}{where} is {abs(d.effect):.2f} {way} that of the baseline"
+            found[task, name == SCORE].append((message, d))
     flagged = []
     for (task, is_regression), changes in found.items():
         message = "; ".join(message for message, _ in changes)
@@ -195,36 +166,28 @@ def _changes(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Ex
     return flagged
 
 
-def _compared(
+def _numbers(
     tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam
-) -> tuple[list[tuple[str, str, str]], list[dict[tuple[str, str, str], float]], Array]:
-    """Return what is compared with an earlier exam, (task, side, name of the number).
-
-    Also a row of its values for each exam and seed, and which of the rows are those of this exam.
-    """
+) -> tuple[list[Column], dict[tuple[bool, Any], dict[Column, float]]]:
+    """Return what is compared with an earlier exam, and its values by exam (True: this one) and seed."""
     places = set(map(_place, scores)) & set(map(_place, against["scores"]))
-    now = [each for each in scores if _place(each) in places]
-    before = [each for each in against["scores"] if _place(each) in places]
+    both = {True: scores, False: against["scores"]}
     columns = []
-    rows: dict[tuple[bool, int], dict[tuple[str, str, str], float]] = defaultdict(dict)
+    rows: dict[tuple[bool, Any], dict[Column, float]] = defaultdict(dict)
     for task, about in tasks.items():
         known = against["tasks"].get(task)
         if known is None or known["content_hash"] != about["content_hash"]:
             continue
-        of_task = {True: _of(task, now), False: _of(task, before)}
+        own = {is_now: [s for s in both[is_now] if s["task"] == task and _place(s) in places] for is_now in both}
         for which, (name, number) in itertools.product(("printed", "twin"), COMPARED.items()):
-            values = {is_now: by_seed(of_task[is_now], task, which, number) for is_now in (True, False)}
-            if not values[True] or not values[False]:
-                continue
-            columns.append((task, which, name))
-            for is_now in (True, False):
-                for seed, value in values[is_now].items():
-                    rows[is_now, seed][task, which, name] = value
-    return columns, list(rows.values()), np.array([is_now for is_now, _ in rows])
-
-
-def _of(task: str, scores: Sequence[Score]) -> list[Score]:
-    return [score for score in scores if score["task"] == task]
+            values = {is_now: by_seed(own[is_now], task, which, number) for is_now in both}
+            if values[True] and values[False]:
+                column = (task, which, name)
+                columns.append(column)
+                for is_now, by_exam in values.items():
+                    for seed, value in by_exam.items():
+                        rows[is_now, seed][column] = value
+    return columns, rows
 
 
 def _place(score: Score) -> tuple[str, str | None]:

@@ -14,7 +14,7 @@ from taskspec.exam.results import Exam, Flag, LawScore, Score
 from taskspec.exam.verdicts import by_seed
 from taskspec.modifiers import MODIFIERS, modify
 from taskspec.modifiers.entry import Kept
-from taskspec.rollout.statistics import Difference, differences
+from taskspec.rollout.statistics import compared
 from taskspec.task.task import Task
 
 __all__ = ["LAWS", "Law", "obeys"]
@@ -144,7 +144,7 @@ def law_scores(changed: Sequence[Changed], as_written: Exam, others: Exam) -> li
             for is_changed, values in ((True, after), (False, before)):
                 for seed, value in values.items():
                     rows[is_changed, seed][place] = value
-    known = _differences(list(means), rows)
+    known = compared(rows, list(means))
     found = []
     for place, each in places.items():
         score = LawScore(law=each.law, task=each.task, modifier=str(each.changed.modifiers[-1]), error=None)
@@ -157,17 +157,6 @@ def law_scores(changed: Sequence[Changed], as_written: Exam, others: Exam) -> li
             score["error"] = _why_not(others, each.name)
         found.append(score)
     return found
-
-
-def _differences(
-    places: Sequence[tuple[str, str]], rows: Mapping[tuple[bool, int], Mapping[tuple[str, str], float]]
-) -> dict[tuple[str, str], Difference]:
-    """Return the difference that each change makes."""
-    if not places:
-        return {}
-    table = np.array([[row.get(place, np.nan) for place in places] for row in rows.values()])
-    is_changed = np.array([key[0] for key in rows])
-    return dict(zip(places, differences(table, is_changed, [False] * len(places)), strict=True))
 
 
 def _why_not(others: Exam, task: str) -> str:

@@ -19,155 +19,65 @@ from taskspec.exam.dynamics import Behaviour, Dynamics
 TRACE = 0.95
 """The weight of later errors in advantages that is assumed."""
 
-Backup = Callable[[Dynamics, Array, Array, Behaviour], Array]
-"""From dynamics, Q (A, S), V (S,) and behaviour to the next Q (A, S)."""
-
 
 @dataclass(frozen=True)
 class BellmanOperator:
-    """A Bellman operator.
+    """A Bellman operator: Q = reward + gamma * ahead, unless `backup` says otherwise.
 
     Attributes:
-        backup: from Q and V to the next Q.
-        reduce: the reduction of Q to V, where it is part of the mistake.
+        reward: of each step, (A, S).
+        ahead: the value of what follows each step, (A, S), from V (S,).
+        backup: from Q (A, S) and V to the next Q.
+        reduce: from Q to V, where this is part of the mistake.
         of: whether it is about Q-values, or the values of a critic; of both if None.
         recognise: the distance of learned values (A, S), or (S,), where the mistake has no fixed point; None if they say nothing.
     """
 
-    backup: Backup
-    reduce: Callable[[Dynamics, Array, Behaviour], Array] | None = None
+    reward: Callable[[Dynamics, Behaviour], Array] = lambda s, acts: s.R
+    ahead: Callable[[Dynamics, Behaviour, Array], Array] = lambda s, acts, V: s.following(V)
+    backup: Callable[[Dynamics, Behaviour, Array, Array], Array] | None = None
+    reduce: Callable[[Dynamics, Behaviour, Array], Array] | None = None
     of: Literal["q", "values"] | None = None
     recognise: Callable[[Dynamics, Array], float | None] | None = None
 
+    def targets(self, s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
+        """Return the next Q (A, S)."""
+        if self.backup is not None:
+            found: Array = self.backup(s, acts, Q, V)
+        else:
+            found = self.reward(s, acts) + s.gamma * self.ahead(s, acts, V)
+        return found
 
-def _right(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return s.R + s.gamma * s.following(V)
 
-
-def _ends_ignored(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return s.R + s.gamma * (s.following(V) + s.ending(V))
-
-
-def _next_episode(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    first = float(s.model.start @ V)
+def _next_episode(s: Dynamics, acts: Behaviour, V: Array) -> Array:
     goes_on = (1 - acts.last) * s.following(V)
     starts_again = s.ending(np.ones_like(V)) + acts.last * s.going_on
-    found: Array = s.R + s.gamma * (goes_on + first * starts_again)
-    return found
+    return goes_on + s.first(V) * starts_again
 
 
-def _reset_at_end(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    first = float(s.model.start @ V)
-    found: Array = s.R + s.gamma * (s.following(V) + first * (1 - s.going_on))
-    return found
+def _reset_at_limit(s: Dynamics, acts: Behaviour, V: Array) -> Array:
+    return (1 - acts.last) * s.following(V) + s.first(V) * acts.last * s.going_on
 
 
-def _reset_at_limit(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    first = float(s.model.start @ V)
-    found: Array = s.R + s.gamma * ((1 - acts.last) * s.following(V) + first * acts.last * s.going_on)
-    return found
-
-
-def _limit_is_end(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return s.R + s.gamma * (1 - acts.last) * s.following(V)
-
-
-def _mask_inverted(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return s.R + s.gamma * s.ending(V)
-
-
-def _mask_late(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    found: Array = s.R + s.gamma * (1 - acts.after_end) * (s.following(V) + s.ending(V))
-    return found
-
-
-def _last_reward_masked(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return s.changed["unfinished"] + s.gamma * s.following(V)
-
-
-def _same_state(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    found: Array = s.R + s.gamma * s.going_on * V
-    return found
-
-
-def _reward_discounted(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return s.gamma * (s.R + s.following(V))
-
-
-def _discounted_twice(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return s.R + s.gamma**2 * s.following(V)
-
-
-def _undiscounted(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return s.R + s.following(V)
-
-
-def _immediate(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return s.R
-
-
-def _clipped(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return s.changed["clipped"] + s.gamma * s.following(V)
-
-
-def _signs(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return s.changed["signs"] + s.gamma * s.following(V)
-
-
-def _negated(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return -s.R + s.gamma * s.following(V)
-
-
-def _centred(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return s.R - acts.mean_reward + s.gamma * s.following(V)
-
-
-def _reward_before(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return acts.reward_before + s.gamma * s.following(V)
-
-
-def _reward_after(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    return acts.reward_after + s.gamma * s.following(V)
-
-
-def _advantages(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+def _advantages(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
     """Return the targets for V = E[sum of (gamma * trace)^k * errors], multiplied by (1 - gamma * trace * P) and solved for V."""
     return (s.R + s.gamma * (1 + TRACE) * s.following(V)) / 2
 
 
-def _action_before(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
+def _action_before(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
     n = s.model.n_states
     following = np.stack([s.P[a * n : (a + 1) * n] @ s.learned(Q[a]) for a in range(s.model.n_actions)])
     return s.R + s.gamma * following
 
 
-def _stale_action(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    """Return the targets of the state, for the actions that may come before it."""
-    target = acts.expected(_right(s, Q, V, acts))
-    return np.where(acts.comes_before, target, s.initial)
+def _any_action(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
+    """Return the mean of the targets over actions, for each action."""
+    return np.broadcast_to(acts.expected(OPERATORS["right"].targets(s, acts, Q, V)), Q.shape)
 
 
-def _any_action(s: Dynamics, Q: Array, V: Array, acts: Behaviour) -> Array:
-    target = acts.expected(_right(s, Q, V, acts))
-    return np.broadcast_to(target, Q.shape)
-
-
-def _mean(s: Dynamics, Q: Array, acts: Behaviour) -> Array:
-    found: Array = Q.mean(axis=0)
-    return found
-
-
-def _least(s: Dynamics, Q: Array, acts: Behaviour) -> Array:
-    found: Array = Q.min(axis=0)
-    return found
-
-
-def _all_states(s: Dynamics, Q: Array, acts: Behaviour) -> Array:
-    return np.full(Q.shape[1], Q[:, s.acted].max())
-
-
-def _on_policy(s: Dynamics, Q: Array, acts: Behaviour) -> Array:
-    return acts.expected(Q)
+def _stale_action(s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
+    """Return the same for the actions that may come before a state."""
+    return np.where(acts.comes_before, _any_action(s, acts, Q, V), s.initial)
 
 
 def _grows(s: Dynamics, learned: Array) -> float | None:
@@ -185,36 +95,41 @@ def _one_pair(s: Dynamics, learned: Array) -> float:
 
 
 OPERATORS = {
-    "right": BellmanOperator(_right),
-    "on policy": BellmanOperator(_right, reduce=_on_policy, of="q"),
-    "ends ignored": BellmanOperator(_ends_ignored),
-    "next episode": BellmanOperator(_next_episode),
-    "limit is an end": BellmanOperator(_limit_is_end),
-    "reset at the end": BellmanOperator(_reset_at_end),
-    "reset at the limit": BellmanOperator(_reset_at_limit),
-    "mask inverted": BellmanOperator(_mask_inverted),
-    "mask late": BellmanOperator(_mask_late),
-    "last reward masked": BellmanOperator(_last_reward_masked),
-    "same state": BellmanOperator(_same_state),
-    "mean of actions": BellmanOperator(_right, reduce=_mean, of="q"),
-    "least action": BellmanOperator(_right, reduce=_least, of="q"),
-    "all states": BellmanOperator(_right, reduce=_all_states, of="q"),
-    "action before": BellmanOperator(_action_before, of="q"),
-    "reward discounted": BellmanOperator(_reward_discounted),
-    "discounted twice": BellmanOperator(_discounted_twice),
-    "undiscounted": BellmanOperator(_undiscounted),
-    "immediate reward": BellmanOperator(_immediate),
-    "rewards clipped": BellmanOperator(_clipped),
-    "signs of rewards": BellmanOperator(_signs),
-    "reward negated": BellmanOperator(_negated),
-    "rewards centred": BellmanOperator(_centred),
-    "reward before": BellmanOperator(_reward_before),
-    "reward after": BellmanOperator(_reward_after),
-    "stale action": BellmanOperator(_stale_action, of="q"),
-    "any action": BellmanOperator(_any_action, of="q"),
-    "advantages": BellmanOperator(_advantages, of="values"),
-    "grows": BellmanOperator(_right, recognise=_grows),
-    "one pair": BellmanOperator(_right, of="q", recognise=_one_pair),
+    "right": BellmanOperator(),
+    "on policy": BellmanOperator(reduce=lambda s, acts, Q: acts.expected(Q), of="q"),
+    # -- ends and limits
+    "ends ignored": BellmanOperator(ahead=lambda s, acts, V: s.following(V) + s.ending(V)),
+    "next episode": BellmanOperator(ahead=_next_episode),
+    "limit is an end": BellmanOperator(ahead=lambda s, acts, V: (1 - acts.last) * s.following(V)),
+    "reset at the end": BellmanOperator(ahead=lambda s, acts, V: s.following(V) + s.first(V) * (1 - s.going_on)),
+    "reset at the limit": BellmanOperator(ahead=_reset_at_limit),
+    "mask inverted": BellmanOperator(ahead=lambda s, acts, V: s.ending(V)),
+    "mask late": BellmanOperator(ahead=lambda s, acts, V: (1 - acts.after_end) * (s.following(V) + s.ending(V))),
+    "last reward masked": BellmanOperator(reward=lambda s, acts: s.changed["unfinished"]),
+    # -- what follows
+    "same state": BellmanOperator(ahead=lambda s, acts, V: s.going_on * V),
+    "mean of actions": BellmanOperator(reduce=lambda s, acts, Q: Q.mean(axis=0), of="q"),
+    "least action": BellmanOperator(reduce=lambda s, acts, Q: Q.min(axis=0), of="q"),
+    "all states": BellmanOperator(reduce=lambda s, acts, Q: np.full(Q.shape[1], Q[:, s.acted].max()), of="q"),
+    "action before": BellmanOperator(backup=_action_before, of="q"),
+    # -- discounts
+    "reward discounted": BellmanOperator(reward=lambda s, acts: s.gamma * s.R),
+    "discounted twice": BellmanOperator(ahead=lambda s, acts, V: s.gamma * s.following(V)),
+    "undiscounted": BellmanOperator(backup=lambda s, acts, Q, V: s.R + s.following(V)),
+    "immediate reward": BellmanOperator(ahead=lambda s, acts, V: np.zeros_like(s.R)),
+    # -- rewards
+    "rewards clipped": BellmanOperator(reward=lambda s, acts: s.changed["clipped"]),
+    "signs of rewards": BellmanOperator(reward=lambda s, acts: s.changed["signs"]),
+    "reward negated": BellmanOperator(reward=lambda s, acts: -s.R),
+    "rewards centred": BellmanOperator(reward=lambda s, acts: s.R - acts.mean_reward),
+    "reward before": BellmanOperator(reward=lambda s, acts: np.broadcast_to(acts.reward_before, s.R.shape)),
+    "reward after": BellmanOperator(reward=lambda s, acts: acts.reward_after),
+    # -- what is updated
+    "stale action": BellmanOperator(backup=_stale_action, of="q"),
+    "any action": BellmanOperator(backup=_any_action, of="q"),
+    "advantages": BellmanOperator(backup=_advantages, of="values"),
+    "grows": BellmanOperator(recognise=_grows),
+    "one pair": BellmanOperator(of="q", recognise=_one_pair),
 }
 """Operators by the name of the mistake that makes a learner apply them; the right one first."""
 GOOD = ("right", "on policy")

@@ -30,10 +30,10 @@ class Shown:
     starts: Array
     shape: tuple[int, int]
 
-    def frequencies(self, obs: Array, acts: Array) -> Array:
+    def frequencies(self, obs: Array, acts: Array, counts_if: Array | bool = True) -> Array:
         """Return the frequencies (O, A) of actions after each observation; equal ones after those that do not occur."""
         counts = np.zeros(self.shape)
-        np.add.at(counts, (obs, acts), 1.0)
+        np.add.at(counts, (obs, acts), np.float64(counts_if))
         counts[counts.sum(axis=1) == 0] = 1.0
         found: Array = counts / counts.sum(axis=1, keepdims=True)
         return found
@@ -60,54 +60,16 @@ class Shown:
         return float(apart[self.obs].mean())
 
 
-def _right(shown: Shown) -> Array:
-    return shown.right
-
-
-def _stale_action(shown: Shown) -> Array:
-    return shown.frequencies(shown.next_obs, shown.acts)
-
-
-def _action_after(shown: Shown) -> Array:
-    goes_on = ~shown.is_last[:-1]
-    return shown.frequencies(shown.obs[:-1][goes_on], shown.acts[1:][goes_on])
-
-
-def _shuffled(shown: Shown) -> Array:
-    return np.tile(np.bincount(shown.acts, minlength=shown.shape[1]) / len(shown.acts), (shown.shape[0], 1))
-
-
-def _order_reversed(shown: Shown) -> Array:
-    return shown.frequencies(shown.obs, shown.reversed_acts)
-
-
-def _first_episode(shown: Shown) -> Array:
-    end = int(shown.is_last.argmax()) + 1
-    return shown.frequencies(shown.obs[:end], shown.acts[:end])
-
-
-def _last_steps_missing(shown: Shown) -> Array:
-    return shown.frequencies(shown.obs[~shown.is_last], shown.acts[~shown.is_last])
-
-
-def _avoided(shown: Shown) -> Array:
-    return (1 - shown.right) / (shown.shape[1] - 1)
-
-
-def _at_random(shown: Shown) -> Array:
-    return np.full(shown.shape, 1 / shown.shape[1])
-
-
 PAIRINGS: dict[str, Callable[[Shown], Array]] = {
-    "right": _right,
-    "stale action": _stale_action,
-    "action after": _action_after,
-    "shuffled": _shuffled,
-    "order reversed": _order_reversed,
-    "first episode": _first_episode,
-    "last steps missing": _last_steps_missing,
-    "avoided": _avoided,
-    "at random": _at_random,
+    "right": lambda shown: shown.right,
+    "stale action": lambda shown: shown.frequencies(shown.next_obs, shown.acts),
+    "action after": lambda shown: shown.frequencies(shown.obs[:-1], shown.acts[1:], ~shown.is_last[:-1]),
+    "shuffled": lambda shown: np.tile(shown.right[shown.obs].mean(axis=0), (shown.shape[0], 1)),
+    "order reversed": lambda shown: shown.frequencies(shown.obs, shown.reversed_acts),
+    "first episode": lambda shown: shown.frequencies(shown.obs, shown.acts, shown.is_last.cumsum() <= shown.is_last),
+    "last steps missing": lambda shown: shown.frequencies(shown.obs, shown.acts, ~shown.is_last),
+    "avoided": lambda shown: (1 - shown.right) / (shown.shape[1] - 1),
+    "at random": lambda shown: np.full(shown.shape, 1 / shown.shape[1]),
 }
 """Policies (O, A) by the name of the mistake that makes a learner converge to them; the right one first."""
 

@@ -16,7 +16,7 @@ from taskspec.data.datasets import write_table
 from taskspec.exam.results import Grade
 from taskspec.exam.verdicts import MASTERED, WORST_FIRST, mean_score, worst
 from taskspec.rollout.statistics import seeds_interval
-from taskspec.rules.score_rules import side
+from taskspec.rules.score_rules import seed_means, side
 
 COLUMNS = (
     "task", "twin", "peek", "seed", "deterministic", "stochastic", "half", "return", "error", "steps", "demonstrations",
@@ -200,15 +200,10 @@ def rows(exam: Mapping[str, Any]) -> list[TaskRow]:
     return found
 
 
-def _cell(records: Iterable[Mapping[str, Any]], entry: str) -> SeedCell:
-    by_seed: dict[int, list[float]] = {}
-    failed = set()
-    for record in records:
-        if record.get("error") is not None:
-            failed.add(record["seed"])
-        elif record.get(entry) is not None:
-            by_seed.setdefault(record["seed"], []).append(float(record[entry]))
-    return SeedCell(tuple(float(np.mean(by_seed[seed])) for seed in sorted(by_seed)), len(failed - by_seed.keys()))
+def _cell(records: Sequence[Mapping[str, Any]], entry: str) -> SeedCell:
+    failed = {record["seed"] for record in records if record.get("error") is not None}
+    by_seed = seed_means([r for r in records if r.get("error") is None], lambda record: record.get(entry))
+    return SeedCell(tuple(by_seed.values()), len(failed - by_seed.keys()))
 
 
 # -- words ------------------------------------------------------------------------------------------------

@@ -259,14 +259,6 @@ def half_distance(one: Array, other: Array) -> float:
 # -- rewards that are learned by mistake ------------------------------------------------------------------------------
 
 
-def _constant(mdp: RewardMdp) -> Array:
-    return np.zeros_like(mdp.true)
-
-
-def _negated(mdp: RewardMdp) -> Array:
-    return -mdp.true
-
-
 def _step_before(mdp: RewardMdp) -> Array:
     """Return the mean reward of the steps that lead to a state."""
     weights = np.tile(mdp.visits / mdp.model.n_actions, mdp.model.n_actions)
@@ -290,27 +282,15 @@ def _state_mean(mdp: RewardMdp) -> Array:
     return np.where(mdp.model.absorbed[:, None], 0.0, mean)
 
 
-def _clipped(mdp: RewardMdp) -> Array:
-    return mdp.changed("clipped")
-
-
-def _signs(mdp: RewardMdp) -> Array:
-    return mdp.changed("signs")
-
-
-def _true(mdp: RewardMdp) -> Array:
-    return mdp.true
-
-
 REWARDS: dict[str, Callable[[RewardMdp], Array]] = {
-    "right": _true,
-    "constant": _constant,
-    "reward negated": _negated,
+    "right": lambda mdp: mdp.true,
+    "constant": lambda mdp: np.zeros_like(mdp.true),
+    "reward negated": lambda mdp: -mdp.true,
     "reward before": _step_before,
     "reward after": _step_after,
     "action unseen": _action_mean,
     "state unseen": _state_mean,
-    "rewards clipped": _clipped,
-    "signs of rewards": _signs,
+    "rewards clipped": lambda mdp: mdp.changed("clipped"),
+    "signs of rewards": lambda mdp: mdp.changed("signs"),
 }
 """Rewards (S, A) of a task by the name of the mistake, the true one first; averages are of uniformly random episodes."""

@@ -240,13 +240,18 @@ def _add_curves(rows: Sequence[Row], case: Case, results: Results) -> None:
 def _add_longer(rows: Sequence[Row], policies: Sequence[Any], trial: Trial) -> None:
     """Add the score on a longer horizon to each row; None where the task or the policy does not allow for one."""
     try:
-        results = results_of(modify(trial.about, f"horizon={trial.longer}"), trial.episodes)
+        results = results_of(_longer(trial.about, trial.longer), trial.episodes)
         expert = results.expert or results.optimal
         for row, policy in zip(rows, policies, strict=True):
             value = _value(policy, results, row["seed"]).deterministic.value
             row["longer"] = score(value, _number(results.random), _number(expert))
     except SpecError:
         return
+
+
+@lru_cache(maxsize=16)
+def _longer(task: Task, horizon: int | None) -> Task:
+    return modify(task, f"horizon={horizon}")
 
 
 def _number(value: Return | None) -> float | None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 
 from taskspec.exam.results import CapabilityVerdict, Examined, Grade, MeanScore, Score
 from taskspec.rollout.statistics import CONFIDENCE, rate_interval, seeds_interval
-from taskspec.rules.score_rules import side
+from taskspec.rules.score_rules import seed_means, side
 
 MASTERED = 0.9
 """The score from which a seed passes a task."""
@@ -30,12 +29,7 @@ def by_seed(
     scores: Sequence[Score], task: str, which: str, number: Callable[[Score], float | None] = best_score
 ) -> dict[int, float]:
     """Return a number of each seed on a task, or its mean over the twins; without the seeds that have none."""
-    found = defaultdict[int, list[float]](list)
-    for score in scores:
-        value = number(score)
-        if score["task"] == task and side(score) == which and value is not None:
-            found[score["seed"]].append(value)
-    return {seed: sum(values) / len(values) for seed, values in sorted(found.items())}
+    return seed_means((score for score in scores if score["task"] == task and side(score) == which), number)
 
 
 def mean_score(values: Sequence[float], fixed: float | None, looks: int = 1) -> MeanScore:

@@ -25,9 +25,6 @@ COLUMNS = {
 """Arrays with an entry for each outcome, and their types."""
 
 
-# -- Gymnasium's P ----------------------------------------------------------------------------------------------------
-
-
 def write_p(task: FrozenTask) -> bytes:
     """Return JSON: under `P` lists `[probability, next state, reward, terminated]` by state and action.
 
@@ -97,9 +94,6 @@ def _of_p(source: ForeignFile, P: Any, other: Mapping[str, Any]) -> FrozenTask:
 
 def _steps(task: FrozenTask) -> int | None:
     return task.horizon if task.last is None else task.last + 1
-
-
-# -- NumPy ------------------------------------------------------------------------------------------------------------
 
 
 def write_npz(task: FrozenTask) -> bytes:

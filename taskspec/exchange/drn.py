@@ -15,7 +15,6 @@ from taskspec.exchange.tables import FrozenOutcome, FrozenTask
 
 TYPES = ("MDP", "DTMC", "POMDP")
 
-_HEADER = re.compile(r"@(\w+)(?::\s*(.*))?$")
 _STATE = re.compile(r"state\s+(\d+)(?:\s*\{\d+\})?(?:\s*!\s*(?P<rate>\S+))?(?:\s*\[(?P<paid>[^\]]*)\])?(?P<labels>.*)$")
 _ACTION = re.compile(r"action\s+(?P<name>\"[^\"]*\"|\S+)(?:\s*\[(?P<paid>[^\]]*)\])?$")
 _OUTCOME = re.compile(r"(\d+)\s*:\s*(\S+)$")

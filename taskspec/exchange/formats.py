@@ -56,9 +56,6 @@ FORMATS: dict[str, ModelFormat] = entries_by_name((
 ))  # fmt: skip
 
 
-# -- writing ----------------------------------------------------------------------------------------------------------
-
-
 def exported(task: Task, format: ModelFormat = FORMATS["umb"]) -> tuple[Model, FrozenTask]:
     """Return the exact model of a finite task, or of its abstraction, and its tables.
 
@@ -126,9 +123,6 @@ def _has_rewards_of_next_states(found: FrozenTask) -> bool:
             if len({outcome.reward for outcome in outcomes}) > 1:
                 return True
     return False
-
-
-# -- reading ----------------------------------------------------------------------------------------------------------
 
 
 def read(place: str, format: str | None = None) -> FrozenTask:

@@ -92,17 +92,12 @@ def tables(model: Model, most: int) -> FrozenTask:
         outcomes.append(tuple(moved) if any(moved) else stays)
     values = tuple(_values(model, places, is_timed))
     return FrozenTask(
-        name=f"Frozen{model.task.name}",
-        states=_names([model.state(s) for _, s in places], values, "s"),
+        name=f"Frozen{model.task.name}", states=_names([model.state(s) for _, s in places], values, "s"),
         actions=_names([model.action(a) for a in range(model.n_actions)], (), "a"),
-        start=tuple(start[s] if t == 0 else 0 for t, s in places),
-        outcomes=tuple(outcomes),
-        horizon=model.horizon,
-        discount=discount,
-        last=last,
-        values=values,
+        start=tuple(start[s] if t == 0 else 0 for t, s in places), outcomes=tuple(outcomes), horizon=model.horizon,
+        discount=discount, last=last, values=values,
         labels={name: frozenset(index[p] for p in places if holds[p[1]]) for name, holds in _conditions(model)},
-    )
+    )  # fmt: skip
 
 
 def _last_step(model: Model) -> int | None:
@@ -118,9 +113,6 @@ def _last_step(model: Model) -> int | None:
             return t
         return None
     return None
-
-
-# -- numbers ----------------------------------------------------------------------------------------------------------
 
 
 def _numbers(model: Model) -> tuple[list[Number], Number, Chances]:
@@ -177,9 +169,6 @@ def _explored(model: Model, chances: Chances, is_timed: bool, most: int) -> dict
         if len(found) > most:
             refuse(f"{model.task.id} has more than {most:,} states; tables have {most:,} at most")
     return found
-
-
-# -- names ------------------------------------------------------------------------------------------------------------
 
 
 def _values(model: Model, places: Sequence[Place], is_timed: bool) -> Iterator[dict[str, int]]:

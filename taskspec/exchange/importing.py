@@ -6,25 +6,20 @@ import re
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.limits import limits
 from taskspec.exchange.formats import read
 from taskspec.exchange.settled import PHASE
 from taskspec.exchange.tables import FrozenTask, Number, plain_names, separated, visited
 from taskspec.model.extract import OVERHEAD, SWEEP
-from taskspec.model.model import NoModel, scipy_sparse
-from taskspec.solve.backward import action_values, backward, first_values
-from taskspec.solve.infinite_horizon import chain_values
+from taskspec.model.model import NoModel
+from taskspec.model.tabulated import tabulated
+from taskspec.solve.backward import Greedy, Uniform
+from taskspec.solve.solve import Solvers
 
-MOST_ROUNDS = 200
-"""Rounds of policy iteration, for tasks without a horizon."""
-CLOSE = 1e-10
-"""A difference of Q-values that may be rounding."""
 NAME = re.compile(r"[A-Z][A-Za-z0-9]{0,59}")
 
 
@@ -97,81 +92,23 @@ def _width(task: FrozenTask) -> int | None:
     return width
 
 
-# -- returns ----------------------------------------------------------------------------------------------------------
-
-
 def _returns(task: FrozenTask) -> dict[str, Number]:
     """Return the optimal and random return of the tables themselves, without the spec.
 
-    Both are left out where they would take too long; the optimal one where some policy never ends an episode, as no claim
-    about it can be proved then.
+    Both are left out where they would take too long, and those of endless tasks where some policy never ends an episode.
     """
-    P, R = _arrays(task)
+    outcomes = []
+    for s, a, o in task.steps():
+        if s in task.acting:
+            outcomes.append((s, a, o.state, float(o.probability), float(o.reward), o.ends))
+    if (task.horizon or 0) * (len(outcomes) + OVERHEAD) > limits().seconds * SWEEP:
+        return {}
     start = np.array([float(p) for p in task.start])
-    gamma = float(task.discount)
     legal = np.array([[bool(outcomes) for outcomes in by_action] for by_action in task.outcomes]).T
-    uniform = legal / legal.sum(axis=0)
+    model = tabulated(outcomes, start, len(task.actions), task.horizon, float(task.discount), legal)
+    solver = Solvers(model).in_floats
     found: dict[str, Number] = {}
-    if task.horizon is not None:
-        if task.horizon * (P.nnz + OVERHEAD) > limits().seconds * SWEEP:
-            return {}
-
-        def backup(t: int, V: Array) -> Array:
-            return action_values(P, R, gamma, V)
-
-        zero = np.zeros(len(start))
-        best = first_values(backward(backup, lambda t, Q: np.where(legal, Q, -np.inf).max(axis=0), zero, task.horizon))
-        random = first_values(backward(backup, lambda t, Q: (uniform * Q).sum(axis=0), zero, task.horizon))
-        return {"optimal_return": float(start @ best), "random_return": float(start @ random)}
-    if gamma < 1 or _always_ends(task):
-        policy = np.eye(len(R))[legal.argmax(axis=0)].T
-        for _ in range(MOST_ROUNDS):
-            Q = action_values(P, R, gamma, _values_of(policy, P, R, gamma))
-            better = np.eye(len(R))[np.where(legal, Q + CLOSE * policy, -np.inf).argmax(axis=0)].T
-            if np.array_equal(better, policy):
-                found["optimal_return"] = float(start @ (policy * Q).sum(axis=0))
-                break
-            policy = better
-    with suppress(NoModel):
-        found["random_return"] = float(start @ _values_of(uniform, P, R, gamma))
+    for name, rule in (("optimal_return", Greedy()), ("random_return", Uniform())):
+        with suppress(NoModel):
+            found[name] = solver.value(rule).value
     return found
-
-
-def _values_of(policy: Array, P: Any, R: Array, gamma: float) -> Array:
-    """Return V (S,) of a policy (A, S) without a horizon."""
-    n = R.shape[1]
-    columns = np.tile(np.arange(n), len(R))
-    chosen = scipy_sparse().csr_array((policy.reshape(-1), (columns, np.arange(len(columns)))))
-    return chain_values(gamma * (chosen @ P).tocsr(), (policy * R).sum(axis=0), np.ones(n, np.bool_))
-
-
-def _always_ends(task: FrozenTask) -> bool:
-    """Return whether every policy ends every episode: no set of states can be stayed in."""
-    inside = set(task.acting)
-    while inside:
-        staying = set()
-        for s in inside:
-            for outcomes in task.outcomes[s]:
-                if outcomes and all(not outcome.ends and outcome.state in inside for outcome in outcomes):
-                    staying.add(s)
-        if staying == inside:
-            return False
-        inside = staying
-    return True
-
-
-def _arrays(task: FrozenTask) -> tuple[Any, Array]:
-    """Return the probabilities (A*S, S) of going on in each state, and expected rewards (A, S)."""
-    n = len(task.states)
-    R = np.zeros((len(task.actions), n))
-    rows, columns, weights = [], [], []
-    for s, a, outcome in task.steps():
-        if s not in task.acting:
-            continue
-        R[a, s] += float(outcome.probability * outcome.reward)
-        if not outcome.ends:
-            rows.append(a * n + s)
-            columns.append(outcome.state)
-            weights.append(float(outcome.probability))
-    P = scipy_sparse().csr_array((weights, (rows, columns)), shape=(n * len(task.actions), n))
-    return P, R

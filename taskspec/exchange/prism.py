@@ -73,14 +73,12 @@ def _guard(values: Mapping[str, int]) -> str:
     return " & ".join(f"{name}={value}" for name, value in values.items())
 
 
-# -- PRISM ------------------------------------------------------------------------------------------------------------
-
-
 def prism(task: FrozenTask) -> bytes:
     """Return the program of a settled task; rewards are those expected of an action."""
     variables = _variables(task)
     actions = plain_words(task.actions, "a")
-    lines = [f"// {task.name}, by taskspec", *_properties(task), "mdp", "", "module task"]
+    lines = [f"// {task.name}, by taskspec", f"// {property_of(task, 'max')}", f"// {property_of(task, 'min')}"]
+    lines += ["mdp", "", "module task"]
     lines += [f"  {v.name} : [{v.low}..{v.high}] init {v.first};" for v in variables]
     paid = []
     for s, by_action in enumerate(task.outcomes):
@@ -117,19 +115,10 @@ def _updates(task: FrozenTask, variables: Sequence[Variable], s: int, target: in
     return " & ".join(changed) or "true"
 
 
-def _properties(task: FrozenTask) -> Iterator[str]:
-    """Yield comments with the properties that give the returns."""
-    for extreme in ("max", "min"):
-        yield f"// {property_of(task, extreme)}"
-
-
 def property_of(task: FrozenTask, extreme: str) -> str:
     """Return the property whose value is the largest (`max`) or smallest (`min`) expected return of a settled task."""
     until = f"C<={task.horizon}" if task.horizon is not None else 'F "end"'
     return f'R{{"reward"}}{extreme}=? [{until}]'
-
-
-# -- JANI -------------------------------------------------------------------------------------------------------------
 
 
 def jani(task: FrozenTask) -> bytes:

@@ -76,20 +76,12 @@ def _fraction(text: str) -> Fraction:
         sys.set_int_max_str_digits(limit)
 
 
-def _of_jani(stormpy: Any, path: str) -> Any:
-    model, _ = stormpy.parse_jani_model(path)
-    return stormpy.build_model[stormpy.Rational](model)
-
-
 _READERS: dict[str, Callable[[Any, str], Any]] = {
     ".umb": lambda stormpy, path: stormpy.build_model_from_umb(path),
     ".prism": lambda stormpy, path: stormpy.build_model[stormpy.Rational](stormpy.parse_prism_program(path)),
-    ".jani": _of_jani,
+    ".jani": lambda stormpy, path: stormpy.build_model[stormpy.Rational](stormpy.parse_jani_model(path)[0]),
     ".drn": lambda stormpy, path: stormpy.build_model_from_drn[stormpy.Rational](path),
 }
-
-
-# -- comparison -------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -247,7 +247,9 @@ def _lines(task: FrozenTask) -> Iterator[str]:
     yield "expert: optimal"
     if task.claims:
         yield "claims:"
-        yield from (_claim(name, value) for name, value in task.claims.items())
+        for name, value in task.claims.items():
+            near = small_fraction(value, SIMPLE, EXACT * abs(float(value)))
+            yield f"  - {name} == {repr(value) if near is None else near}"
     yield from _figure(task)
 
 
@@ -410,11 +412,6 @@ def _distribution(pairs: Iterable[tuple[str, Number]]) -> str:
     if len(likely) == 1:
         return next(iter(likely))
     return f"{{{', '.join(f'{name}: {written(probability)}' for name, probability in likely.items())}}}"
-
-
-def _claim(name: str, value: Number) -> str:
-    near = small_fraction(value, SIMPLE, EXACT * abs(float(value)))
-    return f"  - {name} == {repr(value) if near is None else near}"
 
 
 def _quoted(text: str) -> str:

@@ -38,9 +38,6 @@ _RATIONAL = 128
 """The least number of bits of a rational; longer ones have a multiple of it."""
 
 
-# -- writing ----------------------------------------------------------------------------------------------------------
-
-
 def write(task: FrozenTask) -> bytes:
     """Return the file of a settled task."""
     legal = [list(legal_choices(by_action)) for by_action in task.outcomes]
@@ -115,9 +112,6 @@ def _rationals(values: Sequence[Number]) -> tuple[bytes, dict[str, Any]]:
     for v in exact:
         parts.append(v.numerator.to_bytes(half, "little", signed=True) + v.denominator.to_bytes(half, "little"))
     return b"".join(parts), {"type": "rational", "size": 16 * half}
-
-
-# -- reading ----------------------------------------------------------------------------------------------------------
 
 
 def read(source: ForeignFile) -> FrozenTask:

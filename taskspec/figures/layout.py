@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Iterable, Iterator
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,29 +99,33 @@ def _arcs(machine: Machine) -> list[Arc]:
     for t in machine.transitions:
         outcomes.setdefault((t.source, t.action), []).append(t)
     direct: dict[tuple[int, int], list[Transition]] = {}
-    alike: dict[tuple[int, tuple[tuple[int, float, float], ...]], list[int]] = {}
+    alike: dict[tuple[int, tuple[tuple[int, float, float | None], ...]], dict[int, float | None]] = {}
     for (source, action), found in outcomes.items():
         if len(found) == 1:
             direct.setdefault((source, found[0].target), []).append(found[0])
         else:
-            drawn = tuple((t.target, t.probability, t.reward) for t in found)
-            alike.setdefault((source, drawn), []).append(action)
+            rewards = {t.reward for t in found}
+            paid = found[0].reward if len(rewards) == 1 else None  # by the action, whatever its outcome is
+            drawn = tuple((t.target, t.probability, t.reward if paid is None else None) for t in found)
+            alike.setdefault((source, drawn), {})[action] = paid
     arcs: list[tuple[int, Arc]] = []  # with the state that they come from
-    for (source, drawn), actions in alike.items():
-        chance = ("chance", source, actions[0])
-        arcs.append((source, Arc(source, chance, tuple(actions))))
+    for (source, drawn), paid_by in alike.items():
+        chance = ("chance", source, next(iter(paid_by)))
+        arcs.append((source, _merged(source, chance, paid_by)))
         arcs += [(source, Arc(chance, target, (), probability, reward)) for target, probability, reward in drawn]
     for (source, target), found in direct.items():
-        actions = [t.action for t in found]
-        rewards = tuple(t.reward for t in found)
-        if len(set(rewards)) == 1:
-            arc = Arc(source, target, tuple(actions), None, rewards[0])
-        else:
-            arc = Arc(source, target, tuple(actions), rewards=rewards)
-        arcs.append((source, arc))
+        arcs.append((source, _merged(source, target, {t.action: t.reward for t in found})))
     order = {v: i for i, v in enumerate(machine.states)}
     arcs.sort(key=lambda found: (order.get(found[0], 0), found[1].actions[:1] or (-1,)))
     return [arc for _, arc in arcs]
+
+
+def _merged(source: Vertex, target: Vertex, paid_by: Mapping[int, float | None]) -> Arc:
+    """Return the arrow of several actions, by which rewards are paid."""
+    rewards = tuple(paid_by.values())
+    if len(set(rewards)) == 1:
+        return Arc(source, target, tuple(paid_by), None, rewards[0])
+    return Arc(source, target, tuple(paid_by), rewards=tuple(r for r in rewards if r is not None))
 
 
 def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:

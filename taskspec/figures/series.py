@@ -26,6 +26,7 @@ from taskspec.task.parts import Component
 from taskspec.task.task import Task
 
 MOST = 6  # numbers that are followed
+FEW_STEPS = 12  # each is marked
 SHORT = 4
 SEEDS = 8  # of an episode of as few states, the longest one of several is shown
 PANEL = 1.0  # height of the picture of one, in centimetres
@@ -62,7 +63,9 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
         return None
     items: list[Item] = []
     for i, number in enumerate(found[:MOST]):
-        ends = _wide(min(number.values), max(number.values))
+        ends = (min(number.values), max(number.values))
+        if ends[0] == ends[1]:
+            ends = _scale(number)
         items += _panel(number, number.symbol, ends, steps, i * APART, range(len(path)))
     items += _time(0, steps, len(found[:MOST]))
     return fitted(items, f"An episode of {whose} in {task.name} over time, {plural(steps, 'step')}")
@@ -127,6 +130,9 @@ def _panel(
     yield Box((0.0, top), WIDTH, PANEL, None, "faint")
     for run in runs([(v,) for v in number.values], (number.turn,)):
         yield Line(tuple(points[run]), color="accent", width=0.05)
+    if len(points) <= FEW_STEPS and not is_frame:
+        for point in points:
+            yield Circle(point, 0.06, "accent", None)
     if is_frame:
         yield Circle(points[-1], 0.08, "ink", None)
     yield Label((WIDTH + 0.2, top + PANEL / 2), label, SYMBOL, "start")

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from queue import Empty, Queue
-from threading import Lock, Thread
+from threading import Lock, Thread, local
 from typing import Any, NamedTuple
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
@@ -108,28 +108,6 @@ def _invalid(message: str, hint: str) -> SpecError:
     return SpecError([Diagnostic("E713", None, message, hint)])
 
 
-class _Site(NamedTuple):
-    """A place where calls are done.
-
-    Args:
-        attempt: does a call, there (see `Crew.attempt`).
-        capacity: how many calls to hand out at a time.
-        explain: the ending of a call whose future has an error; some errors end the run.
-    """
-
-    executor: Executor
-    attempt: Callable[[bytes, float | None], Ending]
-    capacity: Callable[[], int]
-    explain: Callable[[Exception], Ending]
-
-    def ending(self, future: Future[Ending]) -> Ending:
-        """Return how a call ended that is over."""
-        try:
-            return future.result()
-        except Exception as error:
-            return self.explain(error)
-
-
 @dataclass
 class _Run:
     store: Store
@@ -141,7 +119,7 @@ class _Run:
     deaths: Counter[str] = field(default_factory=Counter)
     suspects: list[Job] = field(default_factory=list)
 
-    def do(self, jobs: list[Job], site: _Site) -> None:
+    def do(self, jobs: list[Job], site: Workers | _Cluster) -> None:
         """Do jobs, many at a time."""
         waiting = deque(jobs)
         pending: dict[Future[Ending], Job] = {}
@@ -151,7 +129,7 @@ class _Run:
                     job = waiting.popleft()
                     self.attempts[job.key] += 1
                     call = pack(job.function, job.arguments)
-                    pending[site.executor.submit(site.attempt, call, self.seconds)] = job
+                    pending[site.submit(call, self.seconds)] = job
                 wait(pending, HEARTBEAT, FIRST_COMPLETED)
                 self._harvest(pending, site)
         except KeyboardInterrupt:
@@ -159,7 +137,7 @@ class _Run:
             kept = f"{self.statuses.total()} of {self.total} jobs are over and kept in {str(self.store.path)!r}"
             raise Interrupted(f"interrupted: {kept}; the same run goes on from there") from None
 
-    def _harvest(self, pending: dict[Future[Ending], Job], site: _Site) -> None:
+    def _harvest(self, pending: dict[Future[Ending], Job], site: Workers | _Cluster) -> None:
         """Record what has ended, in one transaction, and only then forget about it."""
         over = [future for future in pending if future.done()]
         rows = []
@@ -216,42 +194,38 @@ _FRAME = re.compile(r'File "(.*)", line (\d+) in (.*)')
 
 
 class Crew:
-    """Processes, made as they are needed: as many as there are threads that ask for something to be done."""
+    """Processes, made as they are needed: one for each thread that asks for something to be done."""
 
     def __init__(self) -> None:
         self._lock = Lock()
         self._has_ended = False
-        self._idle: list[_Process] = []
-        self._busy: set[_Process] = set()
+        self._own = local()
+        self._all: set[_Process] = set()
 
     def attempt(self, call: bytes, seconds: float | None) -> Ending:
         """Do a call in a process, and wait for it (see `perform`); if its process dies, the status is `died`."""
+        process: _Process | None = getattr(self._own, "process", None)
+        if process is None or not process.is_alive:
+            process = self._renewed(process)
+            self._own.process = process
+        return process.attempt(call, seconds)
+
+    def _renewed(self, dead: _Process | None) -> _Process:
         with self._lock:
             if self._has_ended:
                 raise RuntimeError("the run has ended")
-            process = self._ready()
-            self._busy.add(process)
-        ending = process.attempt(call, seconds)
-        with self._lock:
-            self._busy.discard(process)
-            if process.is_alive:
-                self._idle.append(process)
-        return ending
-
-    def _ready(self) -> _Process:
-        while self._idle:
-            process = self._idle.pop()
-            if process.is_alive:
-                return process
-            process.end()
-        return _Process()
+            if dead is not None:
+                dead.end()
+                self._all.remove(dead)
+            process = _Process()
+            self._all.add(process)
+        return process
 
     def end(self) -> None:
         """End all processes, busy ones included."""
         with self._lock:
             self._has_ended = True
-            everyone = [*self._idle, *self._busy]
-        for process in everyone:
+        for process in self._all:
             process.end()
 
 
@@ -366,16 +340,17 @@ class Workers:
         self._crew.end()
         self._executor.shutdown()
 
-    def site(self) -> _Site:
-        """Return these processes as a place where calls are done."""
+    def submit(self, call: bytes, seconds: float | None) -> Future[Ending]:
+        """Do a packed call as soon as a process is free."""
+        return self._executor.submit(self._crew.attempt, call, seconds)
 
-        def capacity() -> int:
-            return self.count * AHEAD
+    def capacity(self) -> int:
+        """Return how many calls to hand out at a time."""
+        return self.count * AHEAD
 
-        def explain(error: Exception) -> Ending:
-            raise error
-
-        return _Site(self._executor, self._crew.attempt, capacity, explain)
+    def ending(self, future: Future[Ending]) -> Ending:
+        """Return how a call ended that is over."""
+        return future.result()
 
     def map(
         self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]], seconds: float | None
@@ -385,8 +360,7 @@ class Workers:
         Args:
             seconds: that a call may take.
         """
-        packed = [pack(function, arguments) for arguments in calls]
-        futures = [self._executor.submit(self._crew.attempt, each, seconds) for each in packed]
+        futures = [self.submit(pack(function, arguments), seconds) for arguments in calls]
         while wait(futures, HEARTBEAT).not_done:  # Ctrl-C is heard in between
             pass
         return [future.result() for future in futures]
@@ -399,43 +373,58 @@ PATIENCE = 20
 
 
 @contextmanager
-def _site(running: Running, workers: Workers | None) -> Iterator[_Site]:
+def _site(running: Running, workers: Workers | None) -> Iterator[Workers | _Cluster]:
     if workers is not None:
-        yield workers.site()
+        yield workers
     elif running.cluster is not None:
-        with _cluster(running.cluster) as site:
-            yield site
+        with _cluster(running.cluster) as cluster:
+            yield cluster
     else:
-        with Workers(running.workers) as workers:
-            yield workers.site()
+        with Workers(running.workers) as own:
+            yield own
 
 
 @contextmanager
-def _cluster(address: str) -> Iterator[_Site]:
+def _cluster(address: str) -> Iterator[_Cluster]:
     distributed = need("distributed", "cluster", "a Dask cluster")
     try:
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
         client.wait_for_workers(1, timeout=PATIENCE)
     except (OSError, TimeoutError, ValueError) as error:
         raise _no_cluster(f"the cluster at {address!r} does not answer: {error}") from error
-
-    def explain(error: Exception) -> Ending:
-        if isinstance(error, distributed.KilledWorker):
-            return Ending("died", message=f"{error.allowed_failures + 1} workers of the cluster died with it")
-        raise _no_cluster(f"the cluster at {address!r} gave a job up: {type(error).__name__}: {error}") from error
-
-    def capacity() -> int:
-        try:
-            threads = client.nthreads()
-        except OSError as error:
-            raise _no_cluster(f"the cluster at {address!r} does not answer any more: {error}") from error
-        return AHEAD * max(1, sum(map(int, threads.values())))
-
     with _quiet(), client, client.get_executor(pure=False) as executor:
         try:
-            yield _Site(executor, attempt, capacity, explain)
+            yield _Cluster(address, client, executor, distributed.KilledWorker)
         finally:
             executor.shutdown(wait=False)
+
+
+class _Cluster(NamedTuple):
+    """A cluster as a place where calls are done, as `Workers` are; some errors end the run."""
+
+    address: str
+    client: Any
+    executor: Executor
+    killed: Any
+
+    def submit(self, call: bytes, seconds: float | None) -> Future[Ending]:
+        return self.executor.submit(attempt, call, seconds)
+
+    def capacity(self) -> int:
+        try:
+            threads = self.client.nthreads()
+        except OSError as error:
+            raise _no_cluster(f"the cluster at {self.address!r} does not answer any more: {error}") from error
+        return AHEAD * max(1, sum(map(int, threads.values())))
+
+    def ending(self, future: Future[Ending]) -> Ending:
+        try:
+            return future.result()
+        except self.killed as error:
+            return Ending("died", message=f"{error.allowed_failures + 1} workers of the cluster died with it")
+        except Exception as error:
+            words = f"the cluster at {self.address!r} gave a job up: {type(error).__name__}: {error}"
+            raise _no_cluster(words) from error
 
 
 @contextmanager

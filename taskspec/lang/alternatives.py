@@ -376,10 +376,9 @@ class _Table:
             if cell is None:
                 missing = []
                 for c, v in zip(self.columns, values, strict=True):
+                    name = "the column"
                     if isinstance(c.expr, s.Name):
                         name = c.expr.written
-                    else:
-                        name = "the column"
                     missing.append(f"{name} = {c.shown(v)}")
                 message = f"this table has no row for {', '.join(missing)}"
                 checker.fail("E410", expr, message, "add the row, or `else:`")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
 from itertools import chain
@@ -72,19 +72,13 @@ def power(base: Const, exponent: Const) -> tuple[Any, Type] | None:
 N = TypeVar("N", bound=Node)
 
 
-def _moves(node: Apply) -> bool:
-    return entry_of(node.op).elements is Elements.MOVED
-
-
-def _const_key(items: tuple[Any, ...], type: Type) -> tuple[Any, ...]:
-    return (Const, type, tuple(map(repr, items)) if type.kind is Kind.REAL else items)
-
-
 def _key(node: Node) -> tuple[Any, ...]:
     """Return what nodes are interned by."""
     match node:
-        case Const(type=type):
-            return _const_key(node.flat, type)
+        case Const(type=type) if type.kind is Kind.REAL:
+            return (Const, type, *map(repr, node.flat))
+        case Const(value=value, type=type):
+            return (Const, type, value)
         case Read(role, name, type, low, high):
             return (Read, role, name, type, low, high)
         case Draw(base=base, args=args, site=site):
@@ -133,7 +127,11 @@ class Builder:
             items = tuple(exact(v, type.kind) for v in flat)
         if type.kind is Kind.INT and items and max(max(items), -min(items)).bit_length() > Limits.bits:
             raise Refused(f"this integer has more than {Limits.bits} bits", "E314")
-        return self._intern(_const_key(items, type), lambda: Const(items[0] if type.is_scalar else items, type))
+        return self._intern(Const(items[0] if type.is_scalar else items, type))
+
+    def constant(self, flat: Sequence[Any], type: Type) -> Const:
+        """Return a constant from its elements, a single one for a scalar."""
+        return self.const(flat[0] if type.is_scalar else flat, type)
 
     def scalar(self, value: Any) -> Const:
         """Return a Python number as a constant of its own kind."""
@@ -147,16 +145,16 @@ class Builder:
         """Return the present value of something; nothing is left to read of what has no elements."""
         if not type.size:
             return self.const((), type)
-        return self._intern((Read, role, name, type, low, high), lambda: Read(role, name, type, low, high))
+        return self._intern(Read(role, name, type, low, high))
 
     def draw(self, base: str, args: Sequence[Node], type: Type) -> Node:
         """Return a new draw: never shared with another."""
         self.check_size(type.shape)
         if not type.size:
             return self.const((), type)  # which takes no words
-        site = self._sites = self._sites + 1
+        self._sites += 1
         # Kept, as all nodes are: what is known of a node is filed under its id, which must not be given to another.
-        made = self._intern((Draw, site), lambda: Draw(base, tuple(args), type, site))
+        made = self._intern(Draw(base, tuple(args), type, self._sites))
         self.name_draws([made])
         return made
 
@@ -201,12 +199,12 @@ class Builder:
             return self.const((), result)
         rational = fold_rational(op, args, result)
         if rational is not None:
-            return self._of(rational, result)
+            return self.constant(rational, result)
         kinds = op.promote([a.type.kind for a in args], result.kind)
         args = tuple(map(self._operand, args, kinds))
         if are_constant(args):
-            return self._of(folded(name, args, (), result), result)
-        return self._identity(name, args, result) or self._apply(name, args, result, ())
+            return self.constant(folded(name, args, (), result), result)
+        return self._identity(name, args, result) or self._intern(Apply(name, args, result))
 
     def structure(self, name: str, args: Sequence[Node], static: tuple[int, ...] = ()) -> Node:
         """Return an operator of `lang.operators.structure`; elements of mixed kinds are promoted."""
@@ -226,23 +224,21 @@ class Builder:
         if not result.size:
             return self.const((), result)
         if are_constant(args):
-            return self._of(folded(name, args, static, result), result)
-        return self._rearranged(name, args, static) or self._apply(name, tuple(args), result, static)
+            return self.constant(folded(name, args, static, result), result)
+        return self._rearranged(name, args, static) or self._intern(Apply(name, tuple(args), result, static))
 
     def cast(self, node: Node, kind: Kind) -> Node:
         """Return the node promoted to a kind (never demoted)."""
         if node.type.kind >= kind:
             return node
         if isinstance(node, Const):
-            return self._of(node.flat, Type(kind, node.type.shape))
-        if kind is Kind.INT:
-            return self._apply("to_int", (node,), Type(kind, node.type.shape), ())
-        return self._apply("to_real", (node,), Type(kind, node.type.shape), ())
+            return self.constant(node.flat, Type(kind, node.type.shape))
+        return self._intern(Apply(f"to_{kind}", (node,), Type(kind, node.type.shape)))
 
     def _operand(self, node: Node, kind: Kind) -> Node:
         """Return the same for an operand: a whole number among reals stays exact, as a fraction does."""
         if isinstance(node, Const) and kind is Kind.REAL > node.type.kind:
-            return self._of(tuple(map(Fraction, node.flat)), Type(kind, node.type.shape))
+            return self.constant(tuple(map(Fraction, node.flat)), Type(kind, node.type.shape))
         return self.cast(node, kind)
 
     def held(self, node: Node) -> Node:
@@ -250,8 +246,8 @@ class Builder:
         replacements: dict[int, Node] = {}
         for part in walk([node]):
             if isinstance(part, Const) and part.type.kind is Kind.REAL:
-                replacements[id(part)] = self._of(part.numbers, part.type)
-            elif not (isinstance(part, Apply) and _moves(part)):
+                replacements[id(part)] = self.constant(part.numbers, part.type)
+            elif not (isinstance(part, Apply) and entry_of(part.op).elements is Elements.MOVED):
                 replacements[id(part)] = part
         return rewrite([node], replacements, self.remake)[0]
 
@@ -277,8 +273,7 @@ class Builder:
     def position(self, index: Node, length: int) -> Node:
         """Return an index (int) brought into range(length): a constant counts from the end when it is negative."""
         if isinstance(index, Const):
-            flat = tuple(i + length if i < 0 else i for i in index.flat)
-            index = self.const(flat if index.type.shape else flat[0], index.type)
+            index = self.constant([i + length * (i < 0) for i in index.flat], index.type)
         return self.within(index, 0, length - 1)
 
     def power(self, base: Node, exponent: Node) -> Node:
@@ -287,11 +282,12 @@ class Builder:
             folded = power(base, exponent)
             if folded is not None:
                 return self.const(*folded)
-        if isinstance(exponent, Const) and exponent.type == INT and 0 <= exponent.value <= 16:
-            return self._repeated(base, exponent.value)
-        if isinstance(exponent, Const) and exponent.type == INT and -16 <= exponent.value < 0:
-            return self.apply("div", self.scalar(1), self._repeated(base, -exponent.value))
-        return self.apply("pow", base, exponent)
+        if not isinstance(exponent, Const) or exponent.type != INT or abs(exponent.value) > 16:
+            return self.apply("pow", base, exponent)
+        product = self._repeated(base, abs(exponent.value))
+        if exponent.value >= 0:
+            return product
+        return self.apply("div", self.scalar(1), product)
 
     def bounds(self, node: Node) -> Interval:
         """Return an interval that holds every element of the node's value, in float64."""
@@ -313,7 +309,7 @@ class Builder:
                     return self.apply(op, *args)
                 return self.structure(op, args, static)
             case Draw(base=base, type=type, site=site):
-                return self._intern((Draw, base, site, *map(id, args)), lambda: Draw(base, args, type, site))
+                return self._intern(Draw(base, args, type, site))
             case _:
                 return node
 
@@ -345,20 +341,16 @@ class Builder:
             self._folded[key] = result
         return result
 
-    def _of(self, flat: Sequence[Any], type: Type) -> Const:
-        return self.const(flat[0] if type.is_scalar else flat, type)
-
-    def _intern(self, key: Any, make: Callable[[], N]) -> N:
-        if key not in self._nodes:
+    def _intern(self, node: N) -> N:
+        """Return the node that equals a new one; the new one itself where there is none."""
+        key = _key(node)
+        known = self._nodes.get(key)
+        if known is None:
             if len(self._nodes) >= self._most:
                 message = f"the task expands to more than {self._most:,} operations"
                 raise Refused(message, "E314", how_to_raise("operations", 2 * self._most))
-            self._nodes[key] = make()
-        return cast("N", self._nodes[key])
-
-    def _apply(self, name: str, args: tuple[Node, ...], type: Type, static: tuple[int, ...]) -> Node:
-        key = (name, static, type, *map(id, args))
-        return self._intern(key, lambda: Apply(name, args, type, static))
+            self._nodes[key] = known = node
+        return cast("N", known)
 
     def check_size(self, shape: Shape) -> None:
         """Refuse (E314) a vector too large to hold, before it is made."""
@@ -403,18 +395,13 @@ class Builder:
                 return self.scalar(False)
             case ("or", (Const(value=True), _)) | ("or", (_, Const(value=True))) if type == BOOL:
                 return self.scalar(True)
-            case _, (Apply(op="to_real", args=(inner,)),) if OPERATORS[name].rounds and self._is_narrow(inner):
-                return self.cast(inner, Kind.INT)
+            case _, (Apply(op="to_real", args=(inner,)),) if OPERATORS[name].rounds:
+                low, high = self.certain(inner)
+                if low >= -INT_MAX and high <= INT_MAX:  # rounding moves other reals to the nearest such int
+                    return self.cast(inner, Kind.INT)
             case "lt" | "le", _ if all(a.type.kind is not Kind.REAL for a in args) and type == BOOL:
                 return self._decided(name == "lt", *args)
         return None
-
-    def _is_narrow(self, node: Node) -> bool:
-        """Return whether an int fits 32 bits, so that rounding, which moves reals to the nearest that does, leaves
-        it as it is.
-        """
-        low, high = self.certain(node)
-        return low >= -INT_MAX and high <= INT_MAX
 
     def _decided(self, strict: bool, a: Node, b: Node) -> Node | None:
         """Return `a < b`, or `a <= b`, where the bounds of both already settle it."""

@@ -59,7 +59,7 @@ def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) 
 
 def no_function(collector: Collector, expr: s.Call, scope: Scope) -> None:
     """Report a function that does not exist."""
-    known = advice(expr.function)
+    known = advice(expr.function, len(expr.args))
     hint = known or suggest(expr.function, (*FUNCTIONS, *dists.DISTS, dists.CATEGORICAL.name, *_definitions(scope)))
     collector.add("E303", expr.name_place, f"there is no function '{expr.function}'", hint)
 
@@ -135,8 +135,7 @@ def _applied(
     checker: BaseChecker, function: FunctionDef, expr: s.Call, given: list[Value], want: Domain | None = None
 ) -> Value:
     """Return a definition with these values for its arguments."""
-    leave = function.enter(expr)
-    try:
+    with function.enter(expr):
         for name, value in zip(function.arguments, given, strict=True):
             axes = len(types.shape(value.node.type, value.domain))
             known = checker.argument_axes.get((function.name, name), 0)
@@ -144,8 +143,6 @@ def _applied(
         inner = function.scope.child(dict(zip(function.arguments, given, strict=True)))
         inner.draws = NO_DRAWS
         return checker.value(function.body, inner, want)
-    finally:
-        leave()
 
 
 def _fold(checker: BaseChecker, expr: s.Call, scope: Scope) -> Value:
@@ -305,10 +302,9 @@ def subscript(checker: BaseChecker, expr: s.Subscript, scope: Scope) -> Node:
     b = checker.builder
     node = checker.numeric(expr.value, scope)
     if len(expr.indices) > len(node.type.shape):
+        what = f"a vector of {len(node.type.shape)} axis"
         if node.type.is_scalar:
             what = "a single value"
-        else:
-            what = f"a vector of {len(node.type.shape)} axis"
         checker.fail("E307", expr, f"{what} cannot take {len(expr.indices)} indices")
     if len(expr.indices) > 1:
         return _block(checker, node, expr, scope)

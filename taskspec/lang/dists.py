@@ -161,14 +161,6 @@ def _truncated_normal(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     return b.apply("min2", b.apply("max2", value, low), high)
 
 
-def _bernoulli(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    return b.draw("bernoulli", (b.cast(a["p"], Kind.REAL),), Type(Kind.BOOL, shape))
-
-
-def _exponential(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    return b.apply("div", b.draw("exponential", (), Type(Kind.REAL, shape)), a["rate"])
-
-
 def _gamma(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     return b.apply("div", b.draw("gamma", (b.cast(a["a"], Kind.REAL),), Type(Kind.REAL, shape)), a["rate"])
 
@@ -216,11 +208,6 @@ def _poisson(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
         )  # fmt: skip
     args = (rate,) if isinstance(rate, Const) else (rate, b.const(high, Type(Kind.REAL)))
     return b.draw("poisson", args, Type(Kind.INT, shape))
-
-
-def _dirichlet(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    alpha = b.cast(a["alpha"], Kind.REAL)
-    return b.draw("dirichlet", (alpha,), alpha.type)
 
 
 def _permutation(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
@@ -314,13 +301,16 @@ DISTS: dict[str, Dist] = entries_by_name((
          r"\mathcal{N}_{[{low}, {high}]}({mean}, {std}^2)",
          samples=({"mean": 1, "std": 2, "low": 0, "high": 2}, {"mean": 0, "std": 1, "low": 3, "high": 5}),
          brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM, Level.SCOPE, Level.SCOPE))),
-    Dist("Bernoulli", (_P,), _bernoulli, "A condition that holds with probability `p`.",
+    Dist("Bernoulli", (_P,), lambda b, a, shape: b.draw("bernoulli", (b.cast(a["p"], Kind.REAL),), Type(Kind.BOOL, shape)),
+         "A condition that holds with probability `p`.",
          r"\operatorname{Bernoulli}({p})", samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
     Dist("Binomial", (Argument("n", static=True, low=0), _P), _binomial,
          "Number of successes in `n` trials that each succeed with probability `p`.",
          r"\operatorname{Binomial}({n}, {p})",
          samples=({"n": 6, "p": 0.3}, {"n": 1, "p": 0.5}, {"n": 4, "p": 0}, {"n": 40, "p": 0.9})),
-    Dist("Exponential", (Argument("rate", 1, low=0, open=True),), _exponential, "Exponential real with mean 1/`rate`.",
+    Dist("Exponential", (Argument("rate", 1, low=0, open=True),),
+         lambda b, a, shape: b.apply("div", b.draw("exponential", (), Type(Kind.REAL, shape)), a["rate"]),
+         "Exponential real with mean 1/`rate`.",
          r"\operatorname{Exp}({rate})", samples=({"rate": 2},)),
     Dist("Gamma", (Argument("a", low=0, open=True), Argument("rate", 1, low=0, open=True)), _gamma,
          "A positive real with mean `a / rate` and variance `a / rate**2`.", r"\operatorname{Gamma}({a}, {rate})",
@@ -330,7 +320,8 @@ DISTS: dict[str, Dist] = entries_by_name((
          r"\operatorname{Geometric}({p})", samples=({"p": 0.5}, {"p": 0.2}, {"p": 1})),
     Dist("Poisson", (Argument("rate", low=0),), _poisson, "Number of events, with mean `rate`.",
          r"\operatorname{Poisson}({rate})", samples=({"rate": 4}, {"rate": 0}, {"rate": 0.25})),
-    Dist("Dirichlet", (Argument("alpha", vector=True, low=0, open=True),), _dirichlet,
+    Dist("Dirichlet", (Argument("alpha", vector=True, low=0, open=True),),
+         lambda b, a, shape: b.draw("dirichlet", (b.cast(a["alpha"], Kind.REAL),), Type(Kind.REAL, a["alpha"].type.shape)),
          "A vector of probabilities with concentrations `alpha`.", r"\operatorname{Dirichlet}({alpha})",
          shaped=False, samples=({"alpha": (1.0, 0.5, 3.0)},)),
     Dist("Beta", (Argument("a", low=0, open=True), Argument("b", low=0, open=True)), _beta,

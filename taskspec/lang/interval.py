@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -139,17 +139,9 @@ def _tidy(edge: Interval, kind: Kind) -> Interval:
     return low, high
 
 
-_OF_CONSTANTS: WeakKeyDictionary[Const, Range] = WeakKeyDictionary()
-
-
+@lru_cache(maxsize=4096)
 def _constant(node: Const) -> Range:
     """Return what is known of a constant; kept, as tables are asked about often and may have a million elements."""
-    if node not in _OF_CONSTANTS:
-        _OF_CONSTANTS[node] = _looked_at(node)
-    return _OF_CONSTANTS[node]
-
-
-def _looked_at(node: Const) -> Range:
     if not node.type.size:
         return Range(*_tidy((0, 0), node.type.kind))
     if node.type.kind is not Kind.REAL:
@@ -194,8 +186,9 @@ def _key(node: Node, numbers: dict[int, int], rank: dict[int, int], edges: dict[
         case Draw(base=base, args=args, site=site):
             return ("draw", base, node.type, rank[site], tuple(numbers[id(a)] for a in args))
         case Apply(op=op, args=args, static=static):
-            if op == "le" and _only_equal(args, edges):
-                op = "eq"
+            are_ints = all(a.type.kind is not Kind.REAL for a in args)
+            if op == "le" and are_ints and bounds(args[0], edges)[0] >= bounds(args[1], edges)[1]:
+                op = "eq"  # it can hold by equality alone
             return ("apply", op, node.type, static, _operands(op, args, numbers))
 
 
@@ -203,7 +196,11 @@ def _operands(op: str, args: tuple[Node, ...], numbers: dict[int, int]) -> tuple
     """Return the numbers of operands, in ascending order where their order does not matter."""
     operands = tuple(numbers[id(a)] for a in args)
     entry = entry_of(op)
-    if not entry.commutative or (entry.elements is Elements.CHOSEN and _may_be_zeros(args)):
+    if not entry.commutative:
+        return operands
+    # Of 0 and -0 the first is taken, so that the order of two reals that may both be zero matters.
+    may_be_zeros = all(a.type.kind is Kind.REAL and not (isinstance(a, Const) and all(a.flat)) for a in args)
+    if entry.elements is Elements.CHOSEN and may_be_zeros:
         return operands
     first = min(entry.indices, default=0)
     return (*operands[:first], *sorted(operands[first:]))
@@ -214,15 +211,3 @@ def _number(value: Any) -> str:
     if isinstance(value, Fraction) and abs(value) < 2**1000 and value == float(value):
         value = float(value)
     return repr(value)
-
-
-def _may_be_zeros(args: tuple[Node, ...]) -> bool:
-    """Return whether two reals may both be zero: then the first of 0 and -0 is taken, and their order matters."""
-    return all(a.type.kind is Kind.REAL and not (isinstance(a, Const) and all(a.flat)) for a in args)
-
-
-def _only_equal(args: tuple[Node, ...], edges: dict[int, Range]) -> bool:
-    """Return whether `a <= b` between ints can hold by equality alone, because a is never below b."""
-    if any(a.type.kind is Kind.REAL for a in args):
-        return False
-    return bounds(args[0], edges)[0] >= bounds(args[1], edges)[1]

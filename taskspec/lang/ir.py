@@ -27,7 +27,7 @@ class Role(enum.Enum):
     VARIABLE = "variable"  # of a comprehension or a function, while it is being expanded
 
 
-@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Const:
     """A literal: a Python scalar (bool, int, float, Fraction), or a flat row-major tuple of them."""
 

@@ -16,7 +16,7 @@ from itertools import chain
 from keyword import iskeyword
 from typing import NoReturn
 
-from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
+from taskspec.base.diagnostics import Advice, Collector, Diagnostic, SpecError
 from taskspec.base.limits import Limits, how_to_raise, limits
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import DISTS
@@ -25,17 +25,19 @@ from taskspec.lang.operators import FUNCTIONS
 # -- advice -------------------------------------------------------------------------------------------------------
 
 _CONFUSIONS = (
-    (r"&&", "write `and`"),
-    (r"\|\|", "write `or`"),
-    (r"(?<![=!<>])=(?!=)", "`==` compares; `=` is only for keyword arguments"),
-    (r"!(?!=)", "write `not x`"),
-    (r"\?", "write `x if condition else y`"),
+    (r"&&", "write `and`", "and"),
+    (r"\|\|", "write `or`", "or"),
+    (r"(?<![=!<>])=(?!=)", "`==` compares; `=` is only for keyword arguments", "=="),
+    (r"!(?!=)", "write `not x`", "not"),
+    (r"\?", "write `x if condition else y`", None),
 )
+"""Operators of other languages, what to say about them, and what is written here in their place."""
+_SPACE = "an ordinary space"
 _CHARACTERS = {
     "−": "`-`", "–": "`-`", "×": "`*`", "·": "`*`", "⋅": "`*`", "÷": "`/`", "≤": "`<=`", "≥": "`>=`", "≠": "`!=`", "∧": "`and`",
     "∨": "`or`", "¬": "`not`", "∈": "`in`", "∞": "`inf`", "′": "`'`", "’": "`'`", "‘": "`'`", "“": '`"`', "”": '`"`', "„": '`"`',
     "²": "`**2`", "√": "`sqrt(x)`", "∑": "`sum(x)`", "∏": "`prod(x)`", "‖": "`norm2(x)`", "π": "`pi`",
-    **dict.fromkeys("\u00a0\u2002\u2003\u2009\u200a\u202f\u3000", "an ordinary space"),
+    **dict.fromkeys("\u00a0\u2002\u2003\u2009\u200a\u202f\u3000", _SPACE),
 }  # fmt: skip
 """What to write for characters of mathematics and of typography, the likeliest ones."""
 _PRODUCT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)([^\W\d]\w*)")
@@ -54,10 +56,7 @@ class SyntaxFailure(Exception):
 
 def explain(value: str, error: Exception) -> NoReturn:
     """Say what Python's parser stumbled over, in the terms of this language."""
-    for pattern, hint in _CONFUSIONS:
-        found = re.search(pattern, value)
-        if found:
-            raise SyntaxFailure(found.start(), found.end(), f"'{found[0]}' is not an operator here", hint)
+    _refuse_operators(value)
     if not isinstance(error, SyntaxError):
         raise SyntaxFailure(0, len(value), "this expression is nested too deeply", code="E314")
     if "integer string conversion" in (error.msg or ""):
@@ -72,16 +71,46 @@ def explain(value: str, error: Exception) -> NoReturn:
     message = (error.msg or "invalid syntax").split(". Perhaps")[0]
     product = _PRODUCT.search(value) if message.endswith("literal") else None
     if product:
-        hint = f"a product is written `{product[1]} * {product[2]}`"
-        raise SyntaxFailure(product.start(), product.end(), f"'{product[0]}' is neither a number nor a name", hint)
-    hint = None
+        written = f"{product[1]} * {product[2]}"
+        said = f"'{product[0]}' is neither a number nor a name"
+        advised = Advice(f"a product is written `{written}`", product[0], written)
+        raise SyntaxFailure(product.start(), product.end(), said, advised)
+    hint = ""
     if message.startswith("invalid ") and value[start] in _CHARACTERS:
-        hint = f"write {_CHARACTERS[value[start]]}"
+        hint = _of_character(value, start)
     elif message.startswith("expected 'else'") or value.startswith(("if ", "if(")):
         hint = "write `x if condition else y`"
     if message.startswith("invalid syntax"):
         message = "this cannot be read as an expression"
-    raise SyntaxFailure(start, max(end, start + 1), message, hint)
+    raise SyntaxFailure(start, max(end, start + 1), message, hint or None)
+
+
+def _refuse_operators(value: str) -> None:
+    """Refuse the first operator of another language."""
+    for pattern, hint, word in _CONFUSIONS:
+        found = re.search(pattern, value)
+        if found and word is not None:
+            hint = Advice(hint, found[0], _apart(word, value[: found.start()], value[found.end() :]))
+        if found:
+            raise SyntaxFailure(found.start(), found.end(), f"'{found[0]}' is not an operator here", hint)
+
+
+def _of_character(value: str, at: int) -> str:
+    """Return what to write for a character of mathematics."""
+    written = _CHARACTERS[value[at]]
+    if "x" in written:
+        return f"write {written}"
+    word = " " if written == _SPACE else written.strip("`")
+    return Advice(f"write {written}", value[at], _apart(word, value[:at], value[at + 1 :]))
+
+
+def _apart(word: str, before: str, after: str) -> str:
+    """Return a word with a space between it and a word beside it."""
+    if word[:1].isalpha() and before[-1:].isalnum():
+        word = f" {word}"
+    if word[-1:].isalpha() and not after.startswith((" ", ")")):
+        word = f"{word} "
+    return word
 
 
 def _offset(value: str, line: int, column: int) -> int:
@@ -119,10 +148,15 @@ FOREIGN: Mapping[str, str] = {
 """How a function is written here, by its name elsewhere in small letters."""
 
 
-def advice(name: str) -> str | None:
-    """Return what to write for a function of another language; None where nothing is known of it."""
+def advice(name: str, arguments: int) -> str | None:
+    """Return what to write for a function of another language that is given so many arguments; None if nothing is known of it."""
     found = FOREIGN.get(name.lower())
-    return found and f"write `{found}`"
+    if found is None:
+        return None
+    same = re.fullmatch(r"(\w+)\((\w+(?:, \w+)*)\)", found)
+    if same is not None and same[2].count(",") + 1 == arguments:
+        return Advice(f"write `{found}`", name, same[1])
+    return f"write `{found}`"
 
 
 # -- text -> Python's tree ----------------------------------------------------------------------------------------
@@ -270,9 +304,9 @@ def _balance(value: str, at: int, brackets: list[int]) -> None:
 _BITS = ("bit operators are not part of the language", "write `and`, `or`, `not`")
 _REFUSED: dict[str, tuple[str, str | None]] = {
     "Lambda": ("`lambda` is not part of the language", "write a definition with arguments: `f(x): ...`"),
-    "BitXor": ("`^` is not an operator here", "a power is written `x**2`"),
-    "BitAnd": _BITS,
-    "BitOr": _BITS,
+    "BitXor": ("`^` is not an operator here", Advice("a power is written `x**2`", "^", "**")),
+    "BitAnd": (_BITS[0], Advice(_BITS[1], " & ", " and ")),
+    "BitOr": (_BITS[0], Advice(_BITS[1], " | ", " or ")),
     "Invert": _BITS,
     "MatMult": ("`@` is not an operator here", "write `dot(a, b)`"),
     "Compare": ("`is` is not part of the language", "write `==`"),
@@ -377,7 +411,7 @@ class _Reader:
         shown = self.text.value[place.start : place.end]
         if isinstance(node.func, ast.Attribute):
             name = node.func.attr
-            hint = advice(name) or "functions are written `f(x)`"
+            hint = advice(name, 0) or "functions are written `f(x)`"
             if name in FUNCTIONS:
                 hint = f"write `{FUNCTIONS[name].signature}`"
             self.fail(node.func, "methods and functions of modules (`x.f()`) are not part of the language", hint)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import field, replace
 from fractions import Fraction
 from typing import Any, NoReturn, TypeVar
@@ -61,7 +61,7 @@ class FunctionDef:
     arguments: tuple[str, ...]
     body: s.Expr
     scope: Scope
-    enter: Callable[[s.Call], Callable[[], None]] = field(compare=False)
+    enter: Callable[[s.Call], AbstractContextManager[None]] = field(compare=False)
 
     @property
     def signature(self) -> str:
@@ -231,8 +231,10 @@ class BaseChecker(ABC):
             SpecError: (E314) when there have been too many expressions by now.
         """
 
-    def check(self, expr: s.Expr, scope: Scope, want: Domain | None = None) -> Value | None:
-        """Return the value of an expression, or None when it is broken (and reported)."""
+    def check(self, expr: s.Expr | None, scope: Scope, want: Domain | None = None) -> Value | None:
+        """Return the value of an expression, or None for none, and for one that is broken (and reported)."""
+        if expr is None:
+            return None
         try:
             return self.value(expr, scope, want)
         except Poisoned:

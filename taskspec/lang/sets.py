@@ -366,10 +366,9 @@ def _alike(left: _Side, right: _Side) -> tuple[Value, Value]:
     try:
         one = left.value()
     except Poisoned:
+        word = right.expr.place.written
         if isinstance(right.expr, s.Quoted):
             word = right.expr.value
-        else:
-            word = right.expr.place.written
         if not (right.may_be_label and right.scope.is_label(word)):
             right.checker.check(right.expr, right.scope)
         raise
@@ -386,10 +385,9 @@ def _member(left: _Side, right: _Side) -> Node:
     checker = left.checker
     if isinstance(right.expr, s.Comprehension) and right.expr.is_set and left.has_choices:
         return _member_of_many(left, right.expr, right.scope)
+    items: tuple[s.Expr, ...] = ()
     if isinstance(right.expr, s.SetOf | s.Vector):
         items = right.expr.items
-    else:
-        items = ()
     sides = [_Side(checker, item, right.scope) for item in items]
     if not sides or not all(_of_choices(left, side) for side in sides):
         return _member_of_values(checker, left.value(), left.expr, right.expr, right.scope)
@@ -403,10 +401,9 @@ def _member_of_many(left: _Side, right: s.Comprehension, scope: Scope) -> Node:
     b = checker.builder
     element = right.element
     parts = left.parts or [left]
+    items: tuple[s.Expr, ...] = (element,)
     if left.parts and isinstance(element, s.Vector):
         items = element.items
-    else:
-        items = (element,)
     if len(items) != len(parts):
         return _member_of_values(checker, left.value(), left.expr, right, scope)
     domains = [alternatives.domain_of(part.expr, scope) for part in parts]

@@ -263,6 +263,7 @@ def targets(root: Any) -> Iterator[str]:
 
 
 def below(root: Any) -> Iterator[Any]:
+    """Yield a node, or those of a tuple, and all nodes below, in written order."""
     stack = [root]
     while stack:
         node = stack.pop()
@@ -271,3 +272,14 @@ def below(root: Any) -> Iterator[Any]:
         elif hasattr(node, "__dataclass_fields__") and not isinstance(node, Place):
             yield node
             stack.extend(reversed([getattr(node, f.name) for f in fields(node)]))
+
+
+def parts(expr: Expr | Slice) -> Iterator[Expr | Slice]:
+    """Yield the expressions directly inside one."""
+    rest: list[Any] = [getattr(expr, f.name) for f in reversed(fields(expr))]
+    while rest:
+        part = rest.pop()
+        if isinstance(part, tuple):
+            rest.extend(reversed(part))
+        elif isinstance(part, Expr | Slice):
+            yield part

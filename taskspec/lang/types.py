@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from taskspec.base.records import dataclass
 
@@ -138,13 +138,6 @@ class Refused(Exception):
         self.hint = hint
 
 
-class Sized(Protocol):
-    """A component, a node, or anything else that has a type."""
-
-    @property
-    def type(self) -> Type: ...
-
-
-def total_size(items: Iterable[Sized]) -> int:
-    """Return how many elements some values have together."""
+def total_size(items: Iterable[Any]) -> int:
+    """Return how many elements some components, nodes or other typed values have together."""
     return sum(item.type.size for item in items)

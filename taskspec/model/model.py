@@ -101,7 +101,8 @@ class Model:
     """A finite task as arrays.
 
     `codes` (S,) are the states' codes in `states`, sorted; `start` (S,) their probabilities at the
-    beginning. `steps` has one entry if the time does not matter, else one for each time.
+    beginning. `steps` has one entry if the time does not matter, else one for each time. `given_legal` (A, S) are the legal
+    actions of a model without a spec.
     """
 
     task: Task
@@ -110,6 +111,7 @@ class Model:
     codes: Array
     start: Array
     steps: tuple[Step, ...]
+    given_legal: Array | None = None
 
     @property
     def n_states(self) -> int:
@@ -145,13 +147,11 @@ class Model:
         """Return a model whose time does not matter with another expected reward (A*S,), and bounds of that of all outcomes."""
         return replace(self, steps=(self.step(0).with_reward(R, lowest, highest),))
 
-    # -- legal actions ----------------------------------------------------------------------------
-
     @cached_property
     def legal(self) -> Array | None:
         """The actions (A, S) that policies choose from in each state; None where these are all."""
         if not self.task.mask:
-            return None
+            return self.given_legal
         return choices(self.task, {name: value for (_, name), value in self.states.decode(self.codes).items()})
 
     def among_legal(self, values: Array, other: Any) -> Array:
@@ -168,8 +168,6 @@ class Model:
         if self.legal is None:
             return np.broadcast_to(1 / self.n_actions, shape)
         return np.asarray(self.legal / self.legal.sum(axis=0))
-
-    # -- names both ways --------------------------------------------------------------------------
 
     def state(self, index: int) -> dict[str, Any]:
         """Return the state with an index, by component."""
@@ -216,8 +214,6 @@ class Model:
             words = ", ".join(f"{c.name} = {shown(c, state[c.name])}" for c in self.states.components)
             refuse(f"nothing is planned for {words}: no episode of {self.task.name} comes there")
         return np.asarray(found)
-
-    # -- where episodes go ------------------------------------------------------------------------
 
     def levels(self) -> Iterator[tuple[int, Array]]:
         """For each time at which an action may be taken, which states (S,) it may be taken in."""
@@ -283,8 +279,6 @@ class Model:
             seen |= level
             level = self.successors(self.step(0).P, level) & ~seen
             t += 1
-
-    # -- reads ------------------------------------------------------------------------------------
 
     def reads(self, t: int = 0, some: slice = slice(None)) -> dict[tuple[Role, str], Array]:
         """Return what expressions read in every state (S,), or some of them, at a time."""

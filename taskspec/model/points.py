@@ -172,8 +172,6 @@ def columns(parts: Iterable[Reads]) -> Reads:
     return {}
 
 
-# -- cost -------------------------------------------------------------------------------------------------------------
-
 RATE = 3e8
 """Nominal number of operations on single numbers that NumPy does in a second."""
 CALL = 1e-5

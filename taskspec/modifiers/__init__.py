@@ -5,11 +5,11 @@ from __future__ import annotations
 import copyreg
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NoReturn, TypeAlias
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.records import all_names, entries_by_name
 from taskspec.lang.types import Refused
 from taskspec.modifiers import actions, observations, rewards, symmetries
@@ -17,8 +17,7 @@ from taskspec.modifiers.core import forgetting
 from taskspec.modifiers.entry import KEPT, Inapplicable
 from taskspec.modifiers.entry import ModifierArgument as ModifierArgument
 from taskspec.modifiers.entry import ModifierEntry as ModifierEntry
-from taskspec.source import Packed, packed, unpacked
-from taskspec.task.build import build, reduce_task
+from taskspec.task.build import reduce_task
 from taskspec.task.parts import Ending, Modifier
 from taskspec.task.task import Task
 
@@ -49,7 +48,7 @@ def modifier(written: Written) -> Modifier:
     entry = MODIFIERS.get(name)
     if entry is None:
         hint = suggest(name, MODIFIERS) or f"there are {', '.join(MODIFIERS)}"
-        raise SpecError([Diagnostic("E718", None, f"there is no modifier '{name}'", hint)])
+        raise spec_error("E718", f"there is no modifier '{name}'", hint)
     return Modifier(name, tuple(_bound(entry, given)))
 
 
@@ -73,7 +72,7 @@ def _taken_apart(written: Written) -> tuple[str, dict[str, Any]]:
             return str(name), {} if value is None else {_FIRST: value}
         case _:
             hint = 'for example "sticky=0.25" or {"sticky": 0.25}'
-            raise SpecError([Diagnostic("E718", None, f"this is not a modifier: {written!r}", hint)])
+            raise spec_error("E718", f"this is not a modifier: {written!r}", hint)
 
 
 def _texts(written: str, rest: str) -> dict[str, str]:
@@ -101,11 +100,8 @@ def _bound(entry: ModifierEntry, given: dict[str, Any]) -> Iterator[tuple[str, A
     given = {name or names[0]: value for name, value in given.items()}
     for name in given:
         if name not in names:
-            if names:
-                known = f"it has {', '.join(names)}"
-            else:
-                known = "it has no arguments"
-            _refuse(entry.name, f"it has no argument '{name}'", suggest(str(name), names) or known)
+            known = ", ".join(names) or "no arguments"
+            _refuse(entry.name, f"it has no argument '{name}'", suggest(str(name), names) or f"it has {known}")
     for i, argument in enumerate(entry.arguments):
         if argument.name not in given and argument.default is None:
             _refuse(entry.name, f"'{argument.name}' is missing: {argument.doc}", f"it is {argument.range}")
@@ -119,7 +115,7 @@ def _bound(entry: ModifierEntry, given: dict[str, Any]) -> Iterator[tuple[str, A
 
 
 def _refuse(name: str, message: str, hint: str | None = None) -> NoReturn:
-    raise SpecError([Diagnostic("E719", None, f"the modifier {name}: {message}", hint)])
+    raise spec_error("E719", f"the modifier {name}: {message}", hint)
 
 
 # Tasks with modifiers.
@@ -140,7 +136,7 @@ def modify(task: Task, *modifiers: Written) -> Task:
         SpecError: E718 for an unknown modifier, E719 for wrong arguments, E720 for one that the task cannot be given.
     """
     if not isinstance(task, Task):
-        raise SpecError([Diagnostic("E701", None, f"`modify` takes a task, not {task!r}", "`taskspec.load` gives one")])
+        raise spec_error("E701", f"`modify` takes a task, not {task!r}", "`taskspec.load` gives one")
     for written in modifiers:
         task = _modified(task, modifier(written))
     return task
@@ -193,16 +189,15 @@ def sentences(task: Task) -> Iterator[tuple[Modifier, str]]:
 def _modified(task: Task, given: Modifier) -> Task:
     entry = MODIFIERS[given.name]
     values = arguments(entry, given)
-    for earlier in task.modifiers if entry.time_limit == "changed" else ():
-        if MODIFIERS[earlier.name].time_limit == "read":
-            reason = f"'{earlier}' depends on when episodes end"
-            raise _inapplicable(task, given, reason, "give the horizon before other modifiers")
     try:
+        for earlier in task.modifiers:
+            if entry.time_limit == "changed" and MODIFIERS[earlier.name].time_limit == "read":
+                reason = f"'{earlier}' depends on when episodes end"
+                raise Inapplicable(reason, "give the horizon before other modifiers")
         changed = entry.change(task.new_builder(), task, values)
-    except Inapplicable as found:
-        raise _inapplicable(task, given, found.reason, found.hint) from None
-    except Refused as refused:  # a limit of vectors or of ints
-        raise _inapplicable(task, given, refused.message, refused.hint) from None
+    except Refused as found:  # by the modifier, or by a limit of vectors or of ints
+        message = f"{task.id} cannot be given '{given}': {found.message}"
+        raise spec_error("E720", message, found.hint) from None
     if changed is task:  # it was as the modifier makes it
         return task
     if not entry.claims:
@@ -214,33 +209,17 @@ def _modified(task: Task, given: Modifier) -> Task:
     return replace(changed, source=source, modifiers=(*task.modifiers, given), written_as=task.unmodified)
 
 
-def _inapplicable(task: Task, given: Modifier, reason: str, hint: str | None) -> SpecError:
-    return SpecError([Diagnostic("E720", None, f"{task.id} cannot be given '{given}': {reason}", hint)])
-
-
 def _reduce(task: Task) -> tuple[Any, ...]:
     """Return a pickled task, with its modifiers, which are applied again when it is built."""
     if not task.modifiers:
         return reduce_task(task)
-    return _unpickled, (
-        packed(task.source.document),
-        task.source.variant,
-        task.values,
-        task.source.suite,
-        task.modifiers,
-        task.annotations.remembers,
-    )
+    return _unpickled, (*reduce_task(task.unmodified), task.modifiers, task.annotations.remembers)
 
 
 def _unpickled(
-    pack: Packed,
-    variant: str | None,
-    values: dict[str, Any],
-    suite: str,
-    modifiers: tuple[Modifier, ...],
-    remembers: bool,
+    unmodified: Callable[..., Task], given: tuple[Any, ...], modifiers: tuple[Modifier, ...], remembers: bool
 ) -> Task:
-    task = modify(build(unpacked(pack), variant, values, suite), *modifiers)
+    task = modify(unmodified(*given), *modifiers)
     if remembers:
         return task.remembering()
     return task

@@ -13,24 +13,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Const, Node, Role, reads
 from taskspec.lang.types import BOOL, Kind
-from taskspec.modifiers.core import (
-    MOST,
-    AddedState,
-    acting,
-    apart,
-    combinations,
-    drawing,
-    fresh,
-    inside,
-    joint,
-    meaning,
-    names_in,
-    paying,
-    present,
-    reads_time,
-    shows_the_state,
-    with_state,
-)
+from taskspec.modifiers import core
 from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, as_well
 from taskspec.task.parts import Component, by_name
 from taskspec.task.reach import Observed, reach, saturated
@@ -38,7 +21,7 @@ from taskspec.task.task import Task
 
 
 def _sticky(b: Builder, task: Task, given: Arguments) -> Task:
-    name, *names_kept = fresh(["acted", *(f"last_{c.name}" for c in task.action)], names_in(task))
+    name, *names_kept = core.fresh(["acted", *(f"last_{c.name}" for c in task.action)], core.names_in(task))
     begun = b.read(Role.STATE, name, BOOL, 0, 1)
     kept = []
     for c, last_name in zip(task.action, names_kept, strict=True):
@@ -49,11 +32,11 @@ def _sticky(b: Builder, task: Task, given: Arguments) -> Task:
     executed = {}
     added = []
     for c, old in zip(task.action, kept, strict=True):
-        executed[c.name] = b.apply("where", again, present(b, old), present(b, c, Role.ACTION))
-        added.append(AddedState(old, inside(b, c), executed[c.name]))
+        executed[c.name] = b.apply("where", again, core.present(b, old), core.present(b, c, Role.ACTION))
+        added.append(core.AddedState(old, core.inside(b, c), executed[c.name]))
     flag = Component(name, BOOL, (0,), (1,), doc="whether an action was taken before")
-    begins = AddedState(flag, b.scalar(False), b.scalar(True))
-    return drawing(with_state(acting(b, task, executed), [*added, begins]), drawn)
+    begins = core.AddedState(flag, b.scalar(False), b.scalar(True))
+    return core.drawing(core.with_state(core.acting(b, task, executed), [*added, begins]), drawn)
 
 
 def _random(b: Builder, task: Task, given: Arguments) -> Task:
@@ -63,47 +46,43 @@ def _random(b: Builder, task: Task, given: Arguments) -> Task:
     with b.written(apart=True) as drawn:
         slipped = DISTS["Bernoulli"].build(b, {"p": b.scalar(given["probability"])}, ())
         values = {c.name: _any(b, c) for c in task.action}
-    executed = {c.name: b.apply("where", slipped, values[c.name], present(b, c, Role.ACTION)) for c in task.action}
-    return drawing(acting(b, task, executed), drawn)
+    executed = {c.name: b.apply("where", slipped, values[c.name], core.present(b, c, Role.ACTION)) for c in task.action}
+    return core.drawing(core.acting(b, task, executed), drawn)
 
 
 def _any(b: Builder, c: Component) -> Node:
     """Return a uniformly random value of a component."""
     if c.type.kind is Kind.BOOL:
         return DISTS["Bernoulli"].build(b, {"p": b.scalar(0.5)}, c.type.shape)
-    given: dict[str, Node] = {}
-    for name, ends in (("low", c.low), ("high", c.high)):
-        values: list[float] = list(ends if c.type.kind is Kind.REAL else map(int, ends))
-        given[name] = b.const(values if c.type.shape else values[0], c.type)
+    given = {"low": b.constant(c.low, c.type), "high": b.constant(c.high, c.type)}
     dist = "Uniform" if c.type.kind is Kind.REAL else "UniformInt"
     return DISTS[dist].build(b, given, c.type.shape)
 
 
 def _permuted(b: Builder, task: Task, given: Arguments) -> Task:
     """Return the table has a row of actions for every state, or one row for all."""
-    count = combinations(task.action, "the actions")
+    count = core.combinations(task.action, "the actions")
+    states = 1
     if given["per_state"]:
-        states = combinations(task.state, "the states", max(1, MOST // count))
-    else:
-        states = 1
+        states = core.combinations(task.state, "the states", max(1, core.MOST // count))
     table = permutations(given["seed"], states, count)
     if states > 1:
-        row = joint(b, task.state, [present(b, c) for c in task.state])
+        row = core.joint(b, task.state, [core.present(b, c) for c in task.state])
     else:
         row = b.scalar(0)
     start = b.apply("mul", row, b.scalar(count))
 
     def through(codes: np.ndarray[tuple[int, ...], np.dtype[np.int64]], actions: list[Node]) -> list[Node]:
-        at = b.apply("add", start, joint(b, task.action, actions))
-        return apart(b, task.action, codes.reshape(-1).tolist(), at)
+        at = b.apply("add", start, core.joint(b, task.action, actions))
+        return core.apart(b, task.action, codes.reshape(-1).tolist(), at)
 
-    meant = through(table, [present(b, c, Role.ACTION) for c in task.action])
+    meant = through(table, [core.present(b, c, Role.ACTION) for c in task.action])
     expert = task.annotations.expert
     if isinstance(expert, tuple):
         expert = tuple(through(np.argsort(table, axis=1), list(expert)))
     plain = tuple(replace(c, domain=None) for c in task.action)  # a label would say what an action no longer does
     changed = replace(task, action=plain).with_annotations(expert=expert)
-    return meaning(b, changed, by_name(task.action, meant))
+    return core.meaning(b, changed, by_name(task.action, meant))
 
 
 def permutations(seed: int, rows: int, count: int) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
@@ -117,10 +96,9 @@ def permutations(seed: int, rows: int, count: int) -> np.ndarray[tuple[int, ...]
 
 
 def _says_permuted(task: Task, given: Arguments) -> str:
+    where = "in all states alike"
     if given["per_state"]:
         where = "in each state anew"
-    else:
-        where = "in all states alike"
     return f"what the actions do is permuted by the seed {given['seed']}, {where}"
 
 
@@ -146,7 +124,7 @@ TABLE = (
         ),
         "The effects of the actions are permuted at random: once for all states, or separately in each state.",
         _permuted, _says_permuted, keeps="all returns",
-        observed=lambda task, given: not given["per_state"] or shows_the_state(task),
+        observed=lambda task, given: not given["per_state"] or core.shows_the_state(task),
         observed_condition="each state has no permutation of its own, or no two states look alike",
         abstraction=lambda given: "lost" if given["per_state"] else "modified as well",
         needs="finite actions; finite states as well where each has its own",
@@ -161,11 +139,11 @@ def _absorbing(b: Builder, task: Task, given: Arguments) -> Task:
     """Terminal states are kept until the horizon, and pay the absorbing reward."""
     if task.ending == "absorb":
         return task
-    (name,) = fresh(["absorbed"], names_in(task))
+    (name,) = core.fresh(["absorbed"], core.names_in(task))
     over = b.read(Role.STATE, name, BOOL, 0, 1)
 
     def held(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-        reads = (present(b, c) for c in task.state)
+        reads = (core.present(b, c) for c in task.state)
         return tuple(b.apply("where", over, read, node) for read, node in zip(reads, nodes, strict=True))
 
     flag = Component(name, BOOL, (0,), (1,), doc="whether the episode has ended")
@@ -177,8 +155,10 @@ def _absorbing(b: Builder, task: Task, given: Arguments) -> Task:
     )
     if task.process.legal is not None:
         changed = changed.with_process(legal=b.apply("or", over, task.process.legal))
-    changed = paying(b, changed, b.apply("where", over, task.process.absorbing_reward, task.process.reward))
-    ended = with_state(changed, [AddedState(flag, b.scalar(False), b.apply("or", over, task.process.terminal))])
+    changed = core.paying(b, changed, b.apply("where", over, task.process.absorbing_reward, task.process.reward))
+    ended = core.with_state(
+        changed, [core.AddedState(flag, b.scalar(False), b.apply("or", over, task.process.terminal))]
+    )
     return replace(ended, observation=task.observation)  # an absorbed state is observed as what it is
 
 
@@ -190,11 +170,10 @@ def absorbing_pays_nothing(task: Task, given: Arguments) -> bool:
 def _horizon(b: Builder, task: Task, given: Arguments) -> Task:
     steps = given["steps"]
     longer = task.horizon is not None and steps > task.horizon
-    if reads_time(task) and (longer or task.modifiers or task.horizon is None):
+    if core.reads_time(task) and (longer or task.modifiers or task.horizon is None):
+        hint = "a parameter of the task may decide it"
         if task.modifiers:
             hint = "give the horizon before other modifiers"
-        else:
-            hint = "a parameter of the task may decide it"
         raise Inapplicable("it depends on the time, and so on its horizon", hint)
     if longer:
         return _longer(b, task, steps)
@@ -219,10 +198,9 @@ def _longer(b: Builder, task: Task, steps: int) -> Task:
 
 
 def _says_horizon(task: Task, given: Arguments) -> str:
+    before = f"of ${task.horizon}$ steps"
     if task.horizon is None:
         before = "without a time limit"
-    else:
-        before = f"of ${task.horizon}$ steps"
     return f"the horizon is ${given['steps']}$, in place of one {before}"
 
 

@@ -74,8 +74,7 @@ def present(b: Builder, c: Component, role: Role = Role.STATE) -> Node:
 def inside(b: Builder, c: Component) -> Node:
     """Return a fixed value of a component: the one nearest to 0."""
     flat = [min(max(0, low), high) for low, high in zip(c.low, c.high, strict=True)]
-    numbers = flat if c.type.kind is Kind.REAL else list(map(int, flat))
-    return b.const(numbers if c.type.shape else numbers[0], c.type)
+    return b.constant(flat, c.type)
 
 
 def noisy(b: Builder, node: Node, std: float) -> Node:

@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeAlias, get_args
 from taskspec.base.display import decimal
 from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
+from taskspec.lang.types import Refused
 from taskspec.task.task import Task
 
 Arguments: TypeAlias = Mapping[str, Any]
@@ -19,13 +20,11 @@ return; which policies are best."""
 KEPT = get_args(Kept)
 
 
-class Inapplicable(Exception):
+class Inapplicable(Refused):
     """A modifier that a task cannot be given: the reason, as a sentence, and maybe a hint."""
 
-    def __init__(self, reason: str, hint: str | None = None) -> None:
-        super().__init__(reason)
-        self.reason = reason
-        self.hint = hint
+    def __init__(self, message: str, hint: str | None = None) -> None:
+        super().__init__(message, "E720", hint)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,8 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Role
 from taskspec.lang.types import INT, Kind, Type
+from taskspec.modifiers import core
 from taskspec.modifiers.actions import SEED, permutations
-from taskspec.modifiers.core import apart, combinations, fresh, joint, looked_up, names_in, noisy, observing, real_space
 from taskspec.modifiers.entry import STD, Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, unaffected
 from taskspec.task.parts import FINITE_SPACES, Component, Observation, by_name
 from taskspec.task.task import Task
@@ -23,15 +23,15 @@ from taskspec.task.task import Task
 
 def _relabelled(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
-    count = combinations(seen.components, "what is observed")
+    count = core.combinations(seen.components, "what is observed")
     labels = permutations(given["seed"], 1, count)[0]
-    label = looked_up(b, labels.tolist(), joint(b, seen.components, seen.nodes))
-    (name,) = fresh(["label"], names_in(task))
+    label = core.looked_up(b, labels.tolist(), core.joint(b, seen.components, seen.nodes))
+    (name,) = core.fresh(["label"], core.names_in(task))
     c = Component(name, INT, (0,), (count - 1,), doc="a number for what is observed")
     shown = b.read(Role.NEXT, name, INT, 0, count - 1)
-    behind = apart(b, seen.components, np.argsort(labels).tolist(), shown)
+    behind = core.apart(b, seen.components, np.argsort(labels).tolist(), shown)
     meant = by_name(seen.components, behind)
-    return observing(b, task, [c], [label], "discrete", {}, meant)
+    return core.observing(b, task, [c], [label], "discrete", {}, meant)
 
 
 def _distractors(b: Builder, task: Task, given: Arguments) -> Task:
@@ -45,24 +45,26 @@ def _distractors(b: Builder, task: Task, given: Arguments) -> Task:
         low, high = (-1.0, 1.0)
     else:
         low, high = (-math.inf, math.inf)
-    (name,) = fresh(["distractor"], names_in(task))
+    (name,) = core.fresh(["distractor"], core.names_in(task))
     c = Component(
         name, Type(Kind.REAL, shape), (low,) * shape[0], (high,) * shape[0],
         doc="numbers that mean nothing",
     )  # fmt: skip
-    return observing(b, task, [*seen.components, c], [*seen.nodes, b.cast(node, Kind.REAL)], real_space(task), drawn)
+    return core.observing(
+        b, task, [*seen.components, c], [*seen.nodes, b.cast(node, Kind.REAL)], core.real_space(task), drawn
+    )
 
 
 def _noise(b: Builder, task: Task, given: Arguments) -> Task:
     seen = task.observation
     with b.written(apart=True) as drawn:
-        nodes = [noisy(b, node, given["std"]) for node in seen.nodes]
+        nodes = [core.noisy(b, node, given["std"]) for node in seen.nodes]
     components = []
     for c in seen.components:
         size = c.type.size
         type_ = Type(Kind.REAL, c.type.shape)
         components.append(replace(c, type=type_, domain=None, low=(-math.inf,) * size, high=(math.inf,) * size))
-    return observing(b, task, components, nodes, real_space(task), drawn)
+    return core.observing(b, task, components, nodes, core.real_space(task), drawn)
 
 
 def _dropout(b: Builder, task: Task, given: Arguments) -> Task:
@@ -79,7 +81,7 @@ def _dropout(b: Builder, task: Task, given: Arguments) -> Task:
         low = tuple(min(v, 0) for v in c.low)
         high = tuple(max(v, 0) for v in c.high)
         components.append(replace(c, low=low, high=high))
-    return observing(b, task, components, nodes, seen.space, drawn)
+    return core.observing(b, task, components, nodes, seen.space, drawn)
 
 
 def _hidden(b: Builder, task: Task, given: Arguments) -> Task:
@@ -93,7 +95,7 @@ def _hidden(b: Builder, task: Task, given: Arguments) -> Task:
     if len(names) == 1:
         raise Inapplicable(f"'{name}' is the only observed component")
     kept = [(c, n) for c, n in zip(seen.components, seen.nodes, strict=True) if c.name != name]
-    return observing(b, task, [c for c, _ in kept], [n for _, n in kept], seen.space, {})
+    return core.observing(b, task, [c for c, _ in kept], [n for _, n in kept], seen.space, {})
 
 
 def _timed(b: Builder, task: Task, given: Arguments) -> Task:
@@ -104,14 +106,14 @@ def _timed(b: Builder, task: Task, given: Arguments) -> Task:
         raise Inapplicable(f"without a horizon the time does not fit into a `{seen.space}` observation")
     high = float(task.horizon) if task.horizon is not None else math.inf
     time = b.read(Role.TIME, "t", INT, 0, high)
-    (name,) = fresh(["t"], names_in(task))
+    (name,) = core.fresh(["t"], core.names_in(task))
     clock = Component(name, INT, (0,), (high,), doc="steps taken")
     space = "multi_discrete" if seen.space == "discrete" else seen.space
     return replace(task, observation=Observation((*seen.components, clock), (*seen.nodes, time), space))
 
 
 def _says_relabelled(task: Task, given: Arguments) -> str:
-    count = combinations(task.observation.components, "what is observed")
+    count = core.combinations(task.observation.components, "what is observed")
     return f"what is observed is one of ${count}$ numbers, which are dealt out by the seed {given['seed']}"
 
 

@@ -18,18 +18,7 @@ from taskspec.lang.operators import OPERATORS, Elements, entry_of
 from taskspec.lang.parse import parse
 from taskspec.lang.scope import Unavailable
 from taskspec.lang.types import INT, REAL, Kind, Refused, Type
-from taskspec.modifiers.core import (
-    AddedState,
-    after_step,
-    drawing,
-    fresh,
-    last,
-    looked_up,
-    names_in,
-    noisy,
-    paying,
-    with_state,
-)
+from taskspec.modifiers import core
 from taskspec.modifiers.entry import STD, Arguments, ModifierArgument, ModifierEntry, always, as_well
 from taskspec.task.parts import Component
 from taskspec.task.task import Task
@@ -148,7 +137,7 @@ def _values(b: Builder, node: Node, args: list[Values]) -> Values:
 def _delayed(b: Builder, task: Task, given: Arguments) -> Task:
     few = few_rewards(b, task)
     steps = given["steps"]
-    (name,) = fresh(["outstanding"], names_in(task))
+    (name,) = core.fresh(["outstanding"], core.names_in(task))
     if few is None:
         c = Component(name, Type(Kind.REAL, (steps,)), (-math.inf,) * steps, (math.inf,) * steps, doc=_QUEUE)
         queue = b.read(Role.STATE, name, c.type)
@@ -163,10 +152,10 @@ def _delayed(b: Builder, task: Task, given: Arguments) -> Task:
         amounts = b.structure("index", [table, queue])
         entry = few.number
         nothing = b.const([few.values.index(0.0)] * steps, c.type)
-    added = AddedState(c, nothing, _moved_up(b, queue, entry))
+    added = core.AddedState(c, nothing, _moved_up(b, queue, entry))
     everything = b.apply("add", b.apply("sum", amounts), task.process.reward)
-    paid = b.apply("where", last(b, task), everything, b.structure("element", [amounts], (0,)))
-    return with_state(paying(b, task, paid), [added])
+    paid = b.apply("where", core.last(b, task), everything, b.structure("element", [amounts], (0,)))
+    return core.with_state(core.paying(b, task, paid), [added])
 
 
 _QUEUE = "rewards not paid yet, the oldest first"
@@ -186,19 +175,19 @@ def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
 
 def _at_end(b: Builder, task: Task, given: Arguments) -> Task:
     few = few_rewards(b, task)
-    (name,) = fresh(["earned"], names_in(task))
+    (name,) = core.fresh(["earned"], core.names_in(task))
     counted = None if few is None else _in_units(b, task, few, name)
     if counted is None:
         c = Component(name, REAL, (-math.inf,), (math.inf,), doc="the sum of the rewards so far")
         total = b.apply("add", b.read(Role.STATE, name, REAL), task.process.reward)
-        added = AddedState(c, b.scalar(0.0), total)
+        added = core.AddedState(c, b.scalar(0.0), total)
         paid = total
     else:
         added, paid = counted
-    return with_state(paying(b, task, b.apply("where", last(b, task), paid, b.scalar(0.0))), [added])
+    return core.with_state(core.paying(b, task, b.apply("where", core.last(b, task), paid, b.scalar(0.0))), [added])
 
 
-def _in_units(b: Builder, task: Task, few: FewRewards, name: str) -> tuple[AddedState, Node] | None:
+def _in_units(b: Builder, task: Task, few: FewRewards, name: str) -> tuple[core.AddedState, Node] | None:
     """Return the sum as a multiple of what all rewards are multiples of; None where that may be too many."""
     exact = [Fraction(repr(v)) for v in few.values]
     unit = reduce(_common, exact) or Fraction(1)
@@ -210,9 +199,9 @@ def _in_units(b: Builder, task: Task, few: FewRewards, name: str) -> tuple[Added
     if high - low >= MOST_SUMS:
         return None
     c = Component(name, INT, (low,), (high,), doc=f"the sum of the rewards so far, in units of {float(unit):g}")
-    total = b.apply("add", b.read(Role.STATE, name, INT, low, high), looked_up(b, times, few.number))
+    total = b.apply("add", b.read(Role.STATE, name, INT, low, high), core.looked_up(b, times, few.number))
     following = b.within(total, low, high)
-    return AddedState(c, b.scalar(0), following), b.apply("mul", b.const(unit, REAL), following)
+    return core.AddedState(c, b.scalar(0), following), b.apply("mul", b.const(unit, REAL), following)
 
 
 def _common(a: Fraction, b: Fraction) -> Fraction:
@@ -255,20 +244,20 @@ def _changed(b: Builder, task: Task, op: str, given: float) -> Task:
     number = b.scalar(float(given))
     reward = b.apply(op, number, task.process.reward)
     absorbing = b.apply(op, number, task.process.absorbing_reward)
-    return paying(b, task.with_process(absorbing_reward=absorbing), reward)
+    return core.paying(b, task.with_process(absorbing_reward=absorbing), reward)
 
 
 def _noise(b: Builder, task: Task, given: Arguments) -> Task:
     with b.written(apart=True) as drawn:
-        reward = noisy(b, task.process.reward, given["std"])
-    return drawing(paying(b, task, reward), drawn)
+        reward = core.noisy(b, task.process.reward, given["std"])
+    return core.drawing(core.paying(b, task, reward), drawn)
 
 
 def _shaped(b: Builder, task: Task, given: Arguments) -> Task:
     here = potential(b, task, given["of"])
-    there = b.apply("where", last(b, task), b.scalar(0.0), after_step(b, task, here))
+    there = b.apply("where", core.last(b, task), b.scalar(0.0), core.after_step(b, task, here))
     gained = b.apply("sub", b.apply("mul", b.scalar(float(task.discount)), there), here)
-    return paying(b, task, b.apply("add", task.process.reward, gained))
+    return core.paying(b, task, b.apply("add", task.process.reward, gained))
 
 
 def _some_state(task: Task) -> str:

@@ -12,19 +12,7 @@ from taskspec.base.records import all_names, entries_by_name
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Read, Role
 from taskspec.lang.types import Kind
-from taskspec.modifiers.core import (
-    MOST,
-    apart,
-    combinations,
-    elements,
-    fresh,
-    joint,
-    meaning,
-    names_in,
-    observing,
-    present,
-    shaped,
-)
+from taskspec.modifiers import core
 from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, as_well
 from taskspec.task.bijection import MapPart, Moves, bounds, codes, outside, parts
 from taskspec.task.parts import FINITE_SPACES, Component, Symmetry, are_finite, by_read
@@ -44,10 +32,9 @@ def _declared(task: Task, name: str) -> Symmetry:
     """Return a symmetry by its name."""
     known = entries_by_name(task.unmodified.annotations.symmetries)
     if name not in known:
+        reason = "it declares no symmetries"
         if known:
             reason = f"it declares no symmetry '{name}'"
-        else:
-            reason = "it declares no symmetries"
         raise Inapplicable(reason, suggest(name, known) or (f"it has {', '.join(known)}" if known else None))
     return known[name]
 
@@ -70,14 +57,14 @@ def _seen(b: Builder, task: Task, symmetry: Symmetry) -> Task:
     _check_space(task, components)
     shown = by_read(Role.NEXT, task.observation.components, task.observation.nodes)
     nodes = b.substitute(symmetry.observation, shown)
-    taken = (names_in(task) - set(now)) | set(all_names(components))
-    other_names = fresh(list(now), taken)
+    taken = (core.names_in(task) - set(now)) | set(all_names(components))
+    other_names = core.fresh(list(now), taken)
     every = list(components)
     values = list(nodes)
     for name, (c, node) in zip(other_names, now.values(), strict=True):
         every.append(replace(c, name=name))
         values.append(node)
-    return observing(b, task, every, values, task.observation.space, {})
+    return core.observing(b, task, every, values, task.observation.space, {})
 
 
 def _bounded(components: Sequence[Component], found: Sequence[MapPart]) -> list[Component]:
@@ -126,24 +113,24 @@ def _steered(b: Builder, task: Task, symmetry: Symmetry) -> Task:
     expert = task.annotations.expert
     if isinstance(expert, tuple):
         expert = b.substitute(symmetry.action, by_read(Role.ACTION, task.action, expert))
-    every = {c.name: executed.get(c.name) or present(b, c, Role.ACTION) for c in task.action}
+    every = {c.name: executed.get(c.name) or core.present(b, c, Role.ACTION) for c in task.action}
     plain = tuple(replace(c, domain=None) if c.name in executed else c for c in task.action)
     changed = replace(task, action=plain).with_annotations(expert=expert)
-    return meaning(b, changed, every)
+    return core.meaning(b, changed, every)
 
 
 def _undone(b: Builder, part: MapPart) -> list[Node]:
     """Return the original of a part of an action, by component."""
-    given = [present(b, c, Role.ACTION) for c in part.inputs]
+    given = [core.present(b, c, Role.ACTION) for c in part.inputs]
     if part.moves is not None:
         return _moved_back(b, part.inputs, given, part.moves)
-    combinations(part.inputs, "the actions of a symmetry", MOST)
+    core.combinations(part.inputs, "the actions of a symmetry", core.MOST)
     back = np.argsort(codes(part)).tolist()
-    return apart(b, part.inputs, back, joint(b, part.inputs, given))
+    return core.apart(b, part.inputs, back, core.joint(b, part.inputs, given))
 
 
 def _moved_back(b: Builder, components: Sequence[Component], given: Sequence[Node], moves: Moves) -> list[Node]:
-    flat = [element for node in given for element in elements(b, node)]
+    flat = [element for node in given for element in core.elements(b, node)]
     own: dict[int, Node] = {}
     for node, source, sign, shift in zip(flat, moves.source, moves.sign, moves.shift, strict=True):
         moved = b.apply("sub", node, b.scalar(int(shift))) if shift else node
@@ -154,7 +141,7 @@ def _moved_back(b: Builder, components: Sequence[Component], given: Sequence[Nod
         values = [own[at + i] for i in range(c.type.size)]
         if c.type.kind is Kind.INT:
             values = [b.within(v, low, high) for v, low, high in zip(values, c.low, c.high, strict=True)]
-        found.append(shaped(b, values, c.type))
+        found.append(core.shaped(b, values, c.type))
         at += c.type.size
     return found
 

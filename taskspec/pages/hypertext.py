@@ -20,6 +20,7 @@ from taskspec.printers.markup import mathml
 from taskspec.printers.text import plain
 
 BREAK_AFTER = 34.0  # letters of a formula that is longer than a line on small screens
+FITS = 24.0  # letters of a formula that small screens have room for
 SPLIT_AFTER = 44.0  # letters of a formula that is decided case by case, and wider than small screens
 _SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
 
@@ -126,9 +127,15 @@ class HtmlWriter:
                 return Markup("<pre>{}</pre>").format(block.text)
 
 
-def article(heading: str, summary: p.Inlines, description: Iterable[p.Block], sections: Iterable[Section]) -> str:
-    """Return a page for notebooks, without style, figure or references."""
-    words = HtmlWriter({}).words(summary, description, sections)
+def article(
+    heading: str,
+    summary: p.Inlines,
+    description: Iterable[p.Block],
+    sections: Iterable[Section],
+    writer: HtmlWriter | None = None,
+) -> str:
+    """Return a page without style and figure, for notebooks and the studio; without references unless a writer knows some."""
+    words = (writer or HtmlWriter({})).words(summary, description, sections)
     return visible(html_environment().get_template("article.html").render(heading=heading, **words), ON_PAGES)
 
 
@@ -147,14 +154,26 @@ def formula(math: m.Math, display: bool = False) -> Markup:
         pieces = _pieces(_flat(math, inside=True))
     if len(pieces) == 1:
         kind = "rigid" if m.width(math) > BREAK_AFTER else "formula"
-        return Markup(f'<span class="{kind}">{mathml(math)}</span>')
-    alt = escape(plain(math), quote=True)
+        return Markup(f'<span class="{kind}"{_letters(math)}>{mathml(math)}</span>')
     infix = (
         r"^(<math[^>]*><mrow><mo)>",
         r'\1 form="infix">',
     )  # a piece that starts with a sign keeps the space around it
-    inner = " ".join(re.sub(*infix, mathml(piece)) for piece in pieces)
-    return Markup(f'<span class="formula long" role="math" aria-label="{alt}">{inner}</span>')
+    written = []
+    for piece in pieces:
+        part = re.sub(*infix, mathml(piece))
+        letters = _letters(piece)
+        written.append(f"<span{letters}>{part}</span>" if letters else part)
+    inner = " ".join(written)
+    return Markup(
+        f'<span class="formula long" role="math" aria-label="{escape(plain(math), quote=True)}">{inner}</span>'
+    )
+
+
+def _letters(math: m.Math) -> str:
+    """Return how many letters wide mathematics is, where small screens need smaller letters for it."""
+    letters = m.width(math)
+    return f' style="--letters: {letters:.0f}"' if letters > FITS else ""
 
 
 def origin_of(content: p.Inlines) -> str:

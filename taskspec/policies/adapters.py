@@ -110,7 +110,8 @@ class ObservationPolicy(TaskPolicy):
             values = rows[:, segment.first : segment.first + segment.size]
             if segment.starts:
                 values = values + np.array(segment.starts)
-            found[c.name] = _of_kind(values, c.type.kind).T.reshape(*c.type.shape, lanes)
+            whole = values.astype(np.float64) if c.type.kind is Kind.REAL else np.rint(values).astype(np.int64)
+            found[c.name] = whole.T.reshape(*c.type.shape, lanes)
         return found
 
     def probabilities(self, observations: Any, legal: Array | None = None) -> Array | None:
@@ -165,12 +166,6 @@ class ObservationPolicy(TaskPolicy):
         if self.memory is not None:
             return None
         return found
-
-
-def _of_kind(values: Array, kind: Kind) -> Array:
-    if kind is Kind.REAL:
-        return values.astype(np.float64)
-    return np.rint(values).astype(np.int64)
 
 
 class Predictor(ObservationPolicy):
@@ -315,11 +310,7 @@ class StateFunction(TaskPolicy):
         answer = self.function(batch.states, batch.t)
         if isinstance(answer, Mapping) and all(name in answer for name in self.names):
             return answer
-        given = f"a value of type {type(answer).__name__}"
-        if isinstance(answer, Mapping):
-            given = ", ".join(map(str, answer)) or "nothing"
-        names = ", ".join(self.names)
-        misused(f"a function that is a policy gives the action by component, {names}, not {given}", self.hint)
+        misused(f"a function that is a policy gives the action by component, {', '.join(self.names)}", self.hint)
 
     def tabulate(self, model: Model) -> Tabulated:
         """Return its actions in all states; the plan raises `Varies` if they are not always the same."""

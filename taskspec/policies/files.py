@@ -20,8 +20,6 @@ from taskspec.policies.policy import Actions, EpisodeBatch, TaskPolicy
 from taskspec.task.parts import Component
 from taskspec.task.task import Task
 
-# -- functions of Python files ----------------------------------------------------------------------------------------
-
 
 def is_function(name: str) -> bool:
     """Return whether a policy's name means a function of a file."""
@@ -69,8 +67,6 @@ def _module(path: Path) -> Any:
         sys.path.pop(0)
     return module
 
-
-# -- scripts ----------------------------------------------------------------------------------------------------------
 
 SCRIPTS = (".json", ".csv")
 

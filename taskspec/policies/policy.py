@@ -393,9 +393,6 @@ class EpsilonPolicy(NamedPolicy):
         return Return(solve.policy_return(model, self.plan(model)))
 
 
-# -- on the exact model -----------------------------------------------------------------------------------------------
-
-
 def probabilities_of(results: Results, plan: Plan, states: State, t: int) -> Array:
     """Return the probabilities (A, N) of a plan on the model of some results, in states of their task, (*shape, N)."""
     model = results.model

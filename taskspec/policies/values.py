@@ -30,6 +30,8 @@ from taskspec.solve.plans import stationary, timed
 from taskspec.task.legal import restricted
 from taskspec.task.task import Task, TaskLike
 
+LAST_AXIS = "actions are the last axis of a table; `table.T` turns one round"
+
 
 @dataclass(frozen=True, slots=True)
 class PolicyValue:
@@ -113,10 +115,7 @@ def plan_of_table(model: Model, table: Array) -> Plan:
     """Return the plan of a table: actions (S,) or (T, S), or probabilities (S, A) or (T, S, A)."""
     table = _by_row(table, model.n_states, model.n_actions)
     if not are_probabilities(table):
-        hint = None
-        if model.n_actions == model.n_states and np.allclose(table.sum(axis=-2), 1):
-            hint = _transposed(table)
-        misused("the probabilities of the actions in a state are at least 0, and sum to 1", hint)
+        misused("the probabilities of the actions in a state are at least 0, and sum to 1", LAST_AXIS)
     by_action = np.moveaxis(table, -1, -2)
     if table.ndim == 2:
         return stationary(by_action)
@@ -131,25 +130,15 @@ def _by_row(table: Array, rows: int, actions: int, first: int = 0) -> Array:
         table = np.eye(actions)[table - first]
     if table.ndim not in (2, 3) or table.shape[-2:] != (rows, actions):
         forms = f"({rows},) for actions, ({rows}, {actions}) for their probabilities or values"
-        hint = None
-        if table.shape[-2:] == (actions, rows):
-            hint = _transposed(table)
-        misused(f"a table has shape {forms}; maybe with the time in front; not {table.shape}", hint)
+        misused(f"a table has shape {forms}; maybe with the time in front; not {table.shape}", LAST_AXIS)
     if not np.isfinite(table).all():
-        what = "NaN" if np.isnan(table).any() else "an infinite number"
-        misused(f"the table of probabilities or values of actions has {what} in it", "every entry is a finite number")
+        misused("an entry of the table is no finite number")
     return table.astype(np.float64)
 
 
 def are_probabilities(table: Array) -> bool:
     """Return whether the rows of a table are probabilities."""
     return bool((table >= 0).all() and np.allclose(table.sum(axis=-1), 1))
-
-
-def _transposed(table: Array) -> str:
-    """Return the hint for a table whose actions come before its states or observations."""
-    way = "table.T" if table.ndim == 2 else "np.moveaxis(table, -1, -2)"
-    return f"this table is transposed: actions are its last axis, as in {way}"
 
 
 # -- policies of observations, greedy and stochastic ------------------------------------------------------------------
@@ -268,9 +257,6 @@ def _timed_value(results: Results, table: Array, is_greedy: bool) -> Return:
     return _table_value(results, rows).value
 
 
-# -- scores -----------------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Score:
     """A policy's return and its place between random actions (0) and the expert (1).
@@ -291,15 +277,9 @@ class Score:
 
 
 def score(
-    task: TaskLike,
-    policy: Any = None,
-    *,
-    returns: Sequence[float] | None = None,
-    deterministic: bool | None = None,
-    episodes: int = EPISODES,
-    seed: int = 0,
-    known: Scores | None = None,
-) -> Score:
+    task: TaskLike, policy: Any = None, *, returns: Sequence[float] | None = None, deterministic: bool | None = None,
+    episodes: int = EPISODES, seed: int = 0, known: Scores | None = None,
+) -> Score:  # fmt: skip
     """Return the score of a policy, or of the returns of its episodes.
 
     Args:

@@ -301,15 +301,31 @@ def less_one(w: Writer, n: s.Expr) -> m.Math:
             return w.number(s.Binary("-", n, one, n.place)).tree
 
 
+WRITTEN_OUT = 4
+
+
 def interval(low: m.Math, high: m.Math) -> m.Math:
     """Return the integers from low to high; few of them are written out."""
-    match low, high:
-        case m.Num(text=first), m.Num(text=last) if (
-            first.isdecimal() and last.isdecimal() and int(last) <= int(first) + 3
-        ):
-            return m.braces(m.joined(m.Num(str(i)) for i in range(int(first), int(last) + 1)))
-        case _:
-            return m.braces(m.joined((low, m.Sym("…"), high)))
+    first = _int(low)
+    last = _int(high)
+    if first is not None and last is not None and last - first < WRITTEN_OUT:
+        return m.braces(m.joined(_integer(i) for i in range(first, last + 1)))
+    return m.braces(m.joined((low, m.Sym("…"), high)))
+
+
+def _integer(value: int) -> m.Math:
+    number = m.Num(str(abs(value)))
+    return m.Row((m.Sym("−"), number)) if value < 0 else number
+
+
+def _int(tree: m.Math) -> int | None:
+    """Return the integer that is written, with or without a sign."""
+    match tree:
+        case m.Num(text=text) if text.isdecimal():
+            return int(text)
+        case m.Row(items=(m.Sym(text="−"), m.Num(text=text))) if text.isdecimal():
+            return -int(text)
+    return None
 
 
 def comprehension(w: Writer, expr: s.Comprehension) -> m.Math:

@@ -11,16 +11,18 @@ from __future__ import annotations
 import itertools
 import math
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.extras import need
 from taskspec.solve.enclosure import Enclosure
+
+Name = TypeVar("Name", bound=Hashable)
 
 
 def mean_interval(mean: float, error: float, count: int, low: float, high: float, confidence: float) -> Enclosure:
@@ -283,6 +285,25 @@ def differences(scores: Array, is_first: Array, only_below: bool | Sequence[bool
     if largest_one.p_value > ALARM >= together:
         found[order[0]] = replace(largest_one, p_value=together, is_together=True)
     return [found[j] for j in range(scores.shape[1])]
+
+
+def compared(
+    rows: Mapping[tuple[bool, Any], Mapping[Name, float]],
+    names: Sequence[Name],
+    only_below: Sequence[bool] | bool = False,
+) -> dict[Name, Difference]:
+    """Return the same differences by name.
+
+    Args:
+        rows: numbers by name, for each row; its key says whether it is in the first sample, and which one it is.
+        names: of the comparisons.
+        only_below: as of `differences`.
+    """
+    if not names:
+        return {}
+    scores = np.array([[row.get(name, np.nan) for name in names] for row in rows.values()])
+    is_first = np.array([first for first, _ in rows])
+    return dict(zip(names, differences(scores, is_first, only_below), strict=True))
 
 
 def _permutations(is_first: Array) -> Array:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.base.diagnostics import Collector, SpecError, suggest
+from taskspec.base.diagnostics import Advice, Collector, SpecError, suggest
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
@@ -302,7 +302,8 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
                 message = f"`{name}(...)` is a condition by itself: it is true or false, and no number"
                 raise InvalidClaim(message, part, hint)
             if isinstance(part, s.Call) and name in RESULTS:
-                raise InvalidClaim(f"'{name}' is a number, not a function", part, f"write `{name}`, without brackets")
+                hint = Advice(f"write `{name}`, without brackets", part.place.written, name)
+                raise InvalidClaim(f"'{name}' is a number, not a function", part, hint)
             if part is not expr:
                 raise InvalidClaim(NO_FUNCTION, part, "for `max` and `min`, compare each part in a claim of its own")
 

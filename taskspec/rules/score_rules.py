@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, NoReturn
@@ -117,6 +117,16 @@ def side(score: Mapping[str, Any]) -> str:
     return "twin"
 
 
+def seed_means(records: Iterable[Mapping[str, Any]], number: Callable[[Any], float | None]) -> dict[int, float]:
+    """Return a number for each seed, in order: the mean over its records that have one."""
+    found: dict[int, list[float]] = defaultdict(list)
+    for record in records:
+        value = number(record)
+        if value is not None:
+            found[record["seed"]].append(float(value))
+    return {seed: float(np.mean(found[seed])) for seed in sorted(found)}
+
+
 def short_name(task: str) -> str:
     """Return the name of a task in rules: `NoisyObs?L=50` for `derail/NoisyObs-v0?L=50`."""
     found = _VERSIONED.fullmatch(task)
@@ -164,15 +174,13 @@ class SeedScores:
         """Return one number for each seed (n,), seeds in order; the mean over twins if there are several."""
         if self.drawn and entry == "deterministic":
             entry = "stochastic"
-        by_seed: dict[int, list[float]] = defaultdict(list)
-        for record in self.records.get((learner, task, side), ()):
-            if record.get("error") is None and record.get(entry) is not None:
-                by_seed[record["seed"]].append(float(record[entry]))
+        records = [r for r in self.records.get((learner, task, side), ()) if r.get("error") is None]
+        by_seed = seed_means(records, lambda record: record.get(entry))
         if not by_seed:
             of = f"{learner} on " * bool(learner)
             sides = {"printed": task, "twin": f"twins of {task}"}
             raise Undecidable(f"there are no results of {of}{sides.get(side, f'{task} with the reward {side}')}")
-        found = np.array([np.mean(by_seed[seed]) for seed in sorted(by_seed)])
+        found = np.array(list(by_seed.values()))
         if entry in ("deterministic", "stochastic") and self.floor is not None:
             found = np.maximum(found, self.floor)
         return found

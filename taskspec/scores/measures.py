@@ -77,8 +77,6 @@ def _pays(model: Model, t: int) -> Array:
     return np.asarray(model.among_legal(paid.reshape(model.n_actions, model.n_states), False), np.float64)
 
 
-# -- outcomes of one step ---------------------------------------------------------------------------------------------
-
 LISTING_RATE = 1_000_000
 """Nominal number of outcomes that are listed in a second."""
 
@@ -134,9 +132,6 @@ class RandomSteps:
         return StepOutcomes(state, target, reward, ends, weight / number[state], first)
 
 
-# -- probability of a reward ------------------------------------------------------------------------------------------
-
-
 def reward_chance(model: Model) -> float:
     """Return the probability that an episode of random actions has a reward other than 0."""
     steps = RandomSteps(model)
@@ -158,8 +153,6 @@ def reward_chance(model: Model) -> float:
     now = backup(0, np.zeros(n))
     return float(model.start @ chain_values(matrix, now, leading_to(matrix, now > 0)))
 
-
-# -- probability of a best episode ------------------------------------------------------------------------------------
 
 RATE = 2_000_000
 """Nominal number of outcomes of pairs of a state and a return so far in a second."""

@@ -18,14 +18,12 @@ from taskspec.model.transitions import TIME, count, joint_outcomes, picked
 from taskspec.scores.measures import mean_length, undiscounted
 from taskspec.scores.returns import Results
 from taskspec.solve.enclosure import Enclosure
-from taskspec.solve.infinite_horizon import chain_values
+from taskspec.solve.infinite_horizon import chain_values, followed
 from taskspec.solve.plans import uniform_plan
 from taskspec.solve.pomdp import BeliefSearch, ReactiveSearch, hides, observation_classes
 from taskspec.solve.rational import Rational
 from taskspec.solve.solve import occupancy
 from taskspec.task.task import Task
-
-# -- best returns -----------------------------------------------------------------------------------------------------
 
 SEARCHES = {"remembering": BeliefSearch, "memoryless": ReactiveSearch}
 """The search for the best policy of beliefs, and for the best memoryless policy."""
@@ -80,8 +78,6 @@ def best_observing(results: Results, which: str, as_written: bool = False) -> En
         results.searched[key] = Enclosure(found.low, min(found.high, solver.best().high))
     return results.searched[key]
 
-
-# -- hidden information -----------------------------------------------------------------------------------------------
 
 RATE = 5_000_000
 """Numbers in observations that are listed in a second, nominally."""
@@ -140,10 +136,7 @@ def _visits(model: Model) -> Array:
     if model.horizon is not None:
         return occupancy(undiscounted(model), plan)
     mean_length(model, plan)  # refuses where episodes may never end
-    n = model.n_states
-    going = model.step(0).P
-    matrix = sum(going[a * n : (a + 1) * n].multiply(plan(0)[a, :, None]) for a in range(model.n_actions))
-    return chain_values(matrix.T.tocsr(), model.start, model.acting)
+    return chain_values(followed(model.step(0).P, plan(0)).T.tocsr(), model.start, model.acting)
 
 
 def _visits_by_time(model: Model) -> list[Array]:

@@ -29,9 +29,6 @@ from taskspec.task.task import Task, TaskLike
 
 Given: TypeAlias = Literal["optimal"] | Soft | None
 
-
-# -- words for results ------------------------------------------------------------------------------------------------
-
 OfClaim = Literal["proved", "tested", "undecided", "false", "contradicted", "broken"]
 OfNumber = Literal["exact", "estimated"]
 
@@ -66,9 +63,6 @@ NUMBERS: dict[OfNumber, Status] = {
     "estimated": Status("estimated", "The mean of simulated episodes, with a 95 % confidence interval.",
                         "from {episodes} episodes"),
 }  # fmt: skip
-
-
-# -- returns ----------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,8 +220,6 @@ class Results:
             return None  # the expert of the task looks at more than the abstraction has
         return rule_of(self.model, self.given)
 
-    # -- measures ---------------------------------------------------------------------------------
-
     def measure_under(self, name: str, rule: Rule, as_written: bool = False) -> Enclosure:
         """Return the expected (discounted) sum of a measure under a policy rule of the model.
 
@@ -279,8 +271,6 @@ class Results:
         paid = self.task.with_process(reward=self.task.process.measures[name])
         return Results(paid, self.episodes, self.seed, self.limit, self.given).sample(which)
 
-    # -- returns ----------------------------------------------------------------------------------
-
     @cached_property
     def optimal(self) -> Return | None:
         return self._return("optimal")
@@ -316,10 +306,7 @@ class Results:
             try:
                 found = self._enclosed(which, as_written)
             except (SpecError, NoNumber) as error:
-                if isinstance(error, SpecError):
-                    self.unsettled = error.diagnostics[0].message
-                else:
-                    self.unsettled = str(error)
+                self.unsettled = error.diagnostics[0].message if isinstance(error, SpecError) else str(error)
                 found = None
             self._enclosures[key] = found
         return self._enclosures[key]
@@ -351,10 +338,7 @@ class Results:
                 choose = by_expert(self.task)
             elif which == "random" and is_bounded(self.task):
                 choose = at_random(self.task)
-            if choose is None:
-                self._samples[key] = None
-            else:
-                self._samples[key] = self.estimated(choose, episodes)
+            self._samples[key] = None if choose is None else self.estimated(choose, episodes)
         return self._samples[key]
 
     def interval(self, sample: Return, confidence: float, soundly: bool) -> Enclosure:

@@ -53,11 +53,6 @@ def gamma(n: float) -> float:
     return n * UNIT / (1 - n * UNIT)
 
 
-def _has_faint(weights: Array) -> bool:
-    """Return whether some probability is below `FAINT`, and not 0."""
-    return bool(np.min(weights, where=weights > 0, initial=1.0) < FAINT)
-
-
 @dataclass(frozen=True, slots=True)
 class Bound:
     """Floats `value` near numbers x of the same shape: |value - x| <= relative * |x| + absolute.
@@ -229,8 +224,6 @@ class Bounded:
         """Return the errors of discounted expectations over the outcomes of a step."""
         return ExpectationError.of(step.rounding.terms, self.slack, self.may_underflow)
 
-    # -- values -------------------------------------------------------------------------------------------------------
-
     def zero(self) -> Bound:
         return Bound(np.zeros(self.model.n_states), is_signed=self.is_signed)
 
@@ -320,8 +313,6 @@ class Bounded:
             error = float(self.start_error.expectation(np.array(mean), some).error)
         return Enclosure.around(mean, error)
 
-    # -- policies -----------------------------------------------------------------------------------------------------
-
     @cached_property
     def uniform(self) -> Policy:
         return Policy(self.model.uniform)
@@ -382,7 +373,7 @@ class Bounded:
         slack = Slack.of(drawn)
         terms = int(count(drawn, {}))
         absolute = slack.absolute * terms + slack.missing
-        if _has_faint(table):
+        if np.min(table, where=table > 0, initial=1.0) < FAINT:
             absolute += UNDERFLOW
         return Policy(table, slack.relative + gamma(8 + terms), absolute)
 

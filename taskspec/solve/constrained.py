@@ -158,17 +158,15 @@ class Occupancies:
         steps = self.model.horizon or 1
         if self.model.entries / len(self.model.steps) * steps > MOST_ENTRIES:
             refuse(f"the linear program would have more than {MOST_ENTRIES:,} entries", "choose smaller parameters")
-        self.levels = self._levels()
+        self.levels = [
+            np.flatnonzero(self.model.acting)
+        ]  # states that act at each time; without a horizon, as one time
+        if self.model.horizon is not None:
+            self.levels = [np.flatnonzero(states) for _, states in self.model.levels()]
         self.flow, self.start = self._flow()
         self.gains = {name: self._gain(model) for name, model in self.paid.items()}
         self.gain = self._gain(self.model)
         self.solved = 0
-
-    def _levels(self) -> list[Array]:
-        """Return the states in which episodes act at each time; all of them as one time, without a horizon."""
-        if self.model.horizon is None:
-            return [np.flatnonzero(self.model.acting)]
-        return [np.flatnonzero(states) for _, states in self.model.levels()]
 
     def _rows(self, t: int) -> Array:
         """Return the rows a * S + s of what may be done at a time."""

@@ -85,6 +85,13 @@ def fixed_point(image: Callable[[Array], Array], value: Array, cost: int) -> Arr
     return value
 
 
+def followed(P: Any, policy: Array) -> Any:
+    """Return the transitions (S, S) of a policy (A, S), from those of all actions (A*S, S)."""
+    columns = np.tile(np.arange(policy.shape[1]), len(policy))
+    choice = scipy_sparse().csr_array((policy.reshape(-1), (columns, np.arange(len(columns)))))
+    return (choice @ P).tocsr()
+
+
 def leading_to(matrix: Any, targets: Array) -> Array:
     """Return the states (S,) from which targets can be reached, these included, by a matrix (S, S) or rows (A*S, S)."""
     found = targets.copy()
@@ -162,20 +169,13 @@ class InfiniteHorizon(Bounded):
 
     def _chain(self, policy: Policy, image: Callable[[Bound], Bound], inside: Array, discount: float) -> Bound:
         """Return the fixed point of the affine operator of a policy over the states `inside`; 0 elsewhere."""
-        matrix = self._followed_matrix(policy) * discount
+        matrix = followed(self.only.P, policy.table) * discount
         candidate = chain_values(matrix, image(Bound(np.zeros(len(inside)))).value, inside)
         weight = inside.astype(np.float64)
         if discount == 1:
             weight = np.maximum(chain_values(matrix, weight, inside), 0.0)
         later = self.follow(policy, self._expected(weight, discount))
         return self._contracted(candidate, image, weight, later, inside)
-
-    def _followed_matrix(self, policy: Policy) -> Any:
-        """Return the transitions (S, S) of a policy."""
-        n = self.model.n_states
-        columns = np.tile(np.arange(n), self.model.n_actions)
-        choice = scipy_sparse().csr_array((policy.table.reshape(-1), (columns, np.arange(len(columns)))))
-        return (choice @ self.only.P).tocsr()
 
     def _expected(self, w: Array, discount: float) -> Bound:
         """Return discount * P w (A, S)."""
@@ -218,8 +218,6 @@ class InfiniteHorizon(Bounded):
         if self.only.rounding.highest <= 0:
             return Enclosure(min(found.low, zero), min(found.high, zero))
         return found
-
-    # -- the best policy ----------------------------------------------------------------------------------------------
 
     @cached_property
     def live(self) -> Array:
@@ -280,8 +278,6 @@ class InfiniteHorizon(Bounded):
             choice = better
         return value
 
-    # -- soft values --------------------------------------------------------------------------------------------------
-
     @QUIET
     def soft_q_values(self, beta: float) -> Bound:
         """Return Q (A, S) of the causal maximum-entropy policy.
@@ -295,7 +291,7 @@ class InfiniteHorizon(Bounded):
             policy = self.boltzmann(self.backup(0, Bound(value)), beta)
             pi = policy.table
             gain = (pi * (self.only.R.reshape(self.shape) - np.log(np.maximum(pi, 1e-300)) / beta)).sum(axis=0)
-            better = chain_values(self.model.discount * self._followed_matrix(policy), gain, live)
+            better = chain_values(self.model.discount * followed(self.only.P, pi), gain, live)
             gap = float(np.max(np.abs(better - value)))
             value = better
             if gap <= 1e-15 * float(np.max(np.abs(value))) or not np.isfinite(gap):

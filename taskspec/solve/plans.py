@@ -97,9 +97,6 @@ def expert_plan(model: Model) -> Plan | None:
     return tables(model, rule)
 
 
-# -- non-causal maximum entropy ---------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class MaxEnt(PlannedRule):
     """The policy of trajectories in proportion to their likelihood times the exponential of their return.

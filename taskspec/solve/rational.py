@@ -184,8 +184,6 @@ class Rational:
     def step(self, t: int) -> RationalStep:
         return self.steps[t if len(self.steps) > 1 else 0]
 
-    # -- values -------------------------------------------------------------------------------------------------------
-
     def zero(self) -> Scaled:
         return Scaled(_objects([0] * self.model.n_states), 1)
 
@@ -228,8 +226,6 @@ class Rational:
     def at_start(self, V: Scaled) -> Enclosure:
         return Enclosure.exactly(Fraction(int((self.start.parts * V.parts).sum()), self.start.over * V.over))
 
-    # -- outcomes -----------------------------------------------------------------------------------------------------
-
     def goes_on(self, t: int, row: int) -> Iterator[tuple[int, int]]:
         """Yield states in which the episode goes on after a row, action * S + state, with their weights over `weights.over`."""
         step = self.step(t)
@@ -248,8 +244,6 @@ class Rational:
         found = np.zeros(self.model.n_states, np.bool_)
         found[step.columns[rows & ~step.ends & (step.weights.parts > 0)]] = True
         return found
-
-    # -- policies -----------------------------------------------------------------------------------------------------
 
     @cached_property
     def uniform(self) -> Scaled:

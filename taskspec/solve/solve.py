@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -26,7 +25,6 @@ from taskspec.solve.backward import (
     Plan,
     PlannedRule,
     Rule,
-    Uniform,
     backward,
     first_values,
 )
@@ -39,22 +37,18 @@ LONG = 100_000_000
 """Entries times steps from which compiled sweeps pay: NumPy takes four seconds for as many, and compiling may take six."""
 MOST_STEPS = 1_000_000
 
-# -- solvers ----------------------------------------------------------------------------------------------------------
-
 
 class Finite:
     """Answers for models with a horizon, by backward induction; `numbers` is `Rational` or `Bounded` arithmetic."""
 
     def __init__(self, numbers: Any) -> None:
         self.numbers = numbers
+        self._best: Enclosure | None = None
 
     def best(self) -> Enclosure:
+        if self._best is None:
+            self._best = self.numbers.at_start(extreme(self.numbers, True))
         return self._best
-
-    @cached_property
-    def _best(self) -> Enclosure:
-        found: Enclosure = self.numbers.at_start(extreme(self.numbers, True))
-        return found
 
     def worst(self) -> Enclosure:
         found: Enclosure = self.numbers.at_start(extreme(self.numbers, False))
@@ -188,35 +182,12 @@ def why_endless(solver: Solver) -> str:
     return "it has no finite value that floats could hold"
 
 
-# -- values (S,) at the first time, as floats with bounds -------------------------------------------------------------
-
-
 def best(model: Model) -> Bound:
+    """Return the best values (S,) at the first time, as floats with bounds."""
     if model.horizon is None:
         return InfiniteHorizon(model).stationary_values()
     found: Bound = extreme(Bounded(model), True)
     return found
-
-
-def worst(model: Model) -> Bound:
-    if model.horizon is None:
-        found = InfiniteHorizon(model).negated().stationary_values()
-        return replace(found, value=-found.value)
-    value: Bound = extreme(Bounded(model), False)
-    return value
-
-
-# -- returns as floats ------------------------------------------------------------------------------------------------
-
-
-def optimal_return(model: Model) -> float:
-    """Return the expected return of the best policy."""
-    return Solvers(model).of().best().value
-
-
-def random_return(model: Model) -> float:
-    """Return the expected return of uniformly random actions."""
-    return Solvers(model).of().value(Uniform()).value
 
 
 def policy_return(model: Model, plan: Plan) -> float:

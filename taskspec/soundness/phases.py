@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from taskspec.lang.batch import evaluate
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
 from taskspec.lang.interval import ranges
-from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
+from taskspec.lang.ir import Const, Draw, Node, Role, are_constant, draws, reads
 from taskspec.lang.types import INF, Interval, Kind, Range, total_size
 from taskspec.lang.variates import WordLayout, batch_sampler
 from taskspec.model.extract import Visits, successors, visits
@@ -109,11 +108,8 @@ class CheckPhase:
 def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
     """Yield the phases of a task, with the checks that bounds do not prove."""
     phase = PhaseBuilder(task, limit).phase
-    yield phase(
-        "start",
-        _values("E404", "initial", task.state, task.process.raw_initial)
-        + _drawn(task, "initial", task.process.initial),
-    )
+    start = _values("E404", "initial", task.state, task.process.raw_initial)
+    yield phase("start", start + _drawn(task, "initial", task.process.initial))
     seen = task.observation
     observation = []
     if not seen.is_state:
@@ -175,16 +171,11 @@ class PhaseBuilder:
         outcomes = count(draws(nodes), {})
         read = reads(nodes)
         if name == "start":
-            if outcomes <= self.limit and not read:
-                return CheckPhase(task, name, merged, Samples({}, {}), True)
-            return CheckPhase(task, name, left, Samples({}, {}), False)
+            is_exact = outcomes <= self.limit and not read
+            return CheckPhase(task, name, merged if is_exact else left, Samples({}, {}), is_exact)
         if task.is_finite and outcomes <= MOST_OUTCOMES:
-            actions = None
-            times = None
-            if name == "step":
-                actions = Space(task.action, Role.ACTION)
-            if (Role.TIME, "t") in read:
-                times = self._times(name)
+            actions = Space(task.action, Role.ACTION) if name == "step" else None
+            times = self._times(name) if (Role.TIME, "t") in read else None
             grid = Grid(Space(task.state, Role.STATE), actions, times)
             if grid.size * outcomes <= min(self.limit, Cost(nodes).affordable()):
                 return CheckPhase(task, name, merged, grid, True)
@@ -289,14 +280,12 @@ class _Parameters:
 
     def _probabilities(self, exprs: list[s.Expr]) -> Iterator[Check]:
         """Yield checks that probabilities are between 0 and 1, and sum to 1."""
-        nodes = list(map(self.where.number, exprs))
-        if any(n is None or draws([n]) for n in nodes) or all(isinstance(n, Const) for n in nodes):
-            return
         b = self.where.builder
-        found = [b.cast(n, Kind.REAL) for n in nodes if n is not None]
-        if found[0].type.shape:
-            terms = found[0]
-        else:
+        found = [b.cast(n, Kind.REAL) for n in map(self.where.number, exprs) if n is not None]
+        if len(found) < len(exprs) or draws(found) or are_constant(found):
+            return
+        terms = found[0]
+        if not terms.type.shape:
             terms = b.structure("vector", found)
         for expr, node in zip(exprs, found, strict=True):
             yield self._check("E402", node, 0.0, 1.0, "a probability", expr)
@@ -304,19 +293,19 @@ class _Parameters:
 
     def _of_call(self, call: s.Call) -> Iterator[Check]:
         arguments = entries_by_name(DISTS[call.function].arguments)
-        given = dict(zip(arguments, call.args, strict=False)) | dict(call.keywords)
         nodes = {}
-        for name, expr in given.items():
-            if name in arguments and not isinstance(expr, s.SetOf | s.Comprehension):
-                node = self.where.number(expr)
-                if node is not None and not draws([node]):
-                    nodes[name] = node
-        for name, node in nodes.items():
+        for name, expr in (dict(zip(arguments, call.args, strict=False)) | dict(call.keywords)).items():
+            if name not in arguments or isinstance(expr, s.SetOf | s.Comprehension):
+                continue
+            node = self.where.number(expr)
+            if node is None or draws([node]):
+                continue
+            nodes[name] = node
             if not isinstance(node, Const):
                 argument = arguments[name]
                 code = "E402" if argument.is_probability else "E408"
                 low = argument.low + argument.open * LEAST
-                yield self._check(code, node, low, argument.high, f"'{name}' of {call.function}", given[name])
+                yield self._check(code, node, low, argument.high, f"'{name}' of {call.function}", expr)
         if {"low", "high"} <= nodes.keys():
             width = self.where.builder.apply("sub", nodes["high"], nodes["low"])
             if not isinstance(width, Const):
@@ -363,12 +352,8 @@ class Examination:
         if self.phase.exact and outcomes < INF:
             most = max(most, int(outcomes))
         for draw in self.draws:
-            known = {d.site for d in chosen}
-            if (
-                is_finite(draw)
-                and all(d.site in known for d in draws(draw.args))
-                and count([*chosen, draw], {}) <= most
-            ):
+            is_ready = set(draws(draw.args)) <= set(chosen)
+            if is_finite(draw) and is_ready and count([*chosen, draw], {}) <= most:
                 chosen.append(draw)
         return tuple(chosen)
 
@@ -397,7 +382,7 @@ class Examination:
         words = self.rng.integers(0, 2**32, (self.layout.count, batch.lanes), dtype=np.uint32)
         for branch in branches(self.enumerated, batch.reads, batch.lanes):
             here = words if branch.origin is None else words[:, branch.origin]
-            values = iter(evaluate(self.roots, branch.place(batch.reads), self._sample(branch, here)))
+            values = iter(evaluate(self.roots, branch.place(batch.reads), partial(self._sample, branch, here)))
             for check in self.phase.checks:
                 guards = [next(values) for _ in check.guards]
                 value = next(values)
@@ -407,16 +392,11 @@ class Examination:
                     if flags.any():
                         yield check, branch, flags, value
 
-    def _sample(self, branch: Branch, words: Array) -> Any:
-        sampler = batch_sampler(self.layout, words)
-
-        def sample(draw: Draw, args: list[Array]) -> Array:
-            known = branch.drawn.get(draw.site)
-            if known is None:
-                return sampler(draw, args)
-            return known
-
-        return sample
+    def _sample(self, branch: Branch, words: Array, draw: Draw, args: list[Array]) -> Array:
+        known = branch.drawn.get(draw.site)
+        if known is None:
+            return batch_sampler(self.layout, words)(draw, args)
+        return known
 
     def violations(self) -> Iterator[Violation]:
         """Yield the best counterexample to each check that fails: in a state in which episodes act, if there is one."""

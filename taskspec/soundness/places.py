@@ -7,7 +7,7 @@ on their surroundings are checked here.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -72,9 +72,7 @@ class SectionScope:
             return None
 
     def negated(self, condition: Node | None) -> Node | None:
-        if condition is None:
-            return None
-        return self.builder.apply("not", condition)
+        return condition and self.builder.apply("not", condition)
 
 
 def narrow(expr: s.Expr, section: SectionScope, reads: Reads) -> s.Expr:
@@ -82,9 +80,7 @@ def narrow(expr: s.Expr, section: SectionScope, reads: Reads) -> s.Expr:
     for part, conditions in _alternatives(expr, section):
         known = [c for c in conditions if c is not None and not draws([c])]
         if all(value.reshape(-1)[0] for value in evaluate(known, reads)):
-            if len(known) == len(conditions):
-                return narrow(part, section, reads)
-            return expr
+            return narrow(part, section, reads) if len(known) == len(conditions) else expr
     return expr
 
 
@@ -94,22 +90,22 @@ Alternative = tuple[s.Expr, tuple[Node | None, ...]]
 
 def _alternatives(expr: s.Expr, section: SectionScope) -> Iterator[Alternative]:
     """Yield the branches of an expression, or the cells of a table; nothing for other expressions."""
-    pieces: Sequence[tuple[s.Expr, s.Expr]] = ()
     match expr:
         case s.Table(by=by, rows=rows):
             yield from _cells(by, rows, section)
             return
         case s.IfElse(condition=condition, then=then):
-            pieces = [(condition, then)]
+            pieces: Sequence[tuple[s.Expr, s.Expr]] = [(condition, then)]
         case s.Piecewise(branches=branches):
             pieces = branches
+        case _:
+            return
     before: tuple[Node | None, ...] = ()
     for condition, then in pieces:
         node = section.number(condition)
         yield then, (*before, node)
         before = (*before, section.negated(node))
-    if isinstance(expr, s.IfElse | s.Piecewise):
-        yield expr.otherwise, before
+    yield expr.otherwise, before
 
 
 def _cells(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], section: SectionScope) -> Iterator[Alternative]:
@@ -133,15 +129,17 @@ class Written:
     guards: tuple[Node, ...]
 
 
-def distributions(expr: s.Expr, section: SectionScope, guards: tuple[Node, ...] = ()) -> Iterator[Written]:  # noqa: C901
+def distributions(  # noqa: C901
+    expr: s.Expr | s.Slice, section: SectionScope, guards: tuple[Node, ...] = ()
+) -> Iterator[Written]:
     """Yield the distributions in an expression whose parameters have a meaning of their own."""
     match expr:
         case s.IfElse() | s.Piecewise() | s.Table():
             for part, conditions in _alternatives(expr, section):
                 known = (condition for condition in conditions if condition is not None)
                 yield from distributions(part, section, (*guards, *known))
-        case s.Comprehension():
-            return  # its parameters depend on the comprehension's own variables
+        case s.Comprehension() | s.SetOf() | s.Slice():
+            return  # parameters may depend on the comprehension's own variables; sets and slices are constants
         case s.Weights(pairs=pairs):
             yield Written(expr, guards)
             for value, _ in pairs:
@@ -153,22 +151,5 @@ def distributions(expr: s.Expr, section: SectionScope, guards: tuple[Node, ...] 
                 if not (is_distribution(name) and isinstance(part, s.Weights)):
                     yield from distributions(part, section, guards)
         case _:
-            for part in _parts(expr):
-                yield from distributions(part, section, guards)
-
-
-def _parts(expr: s.Expr) -> Iterable[s.Expr]:
-    """Return the expressions directly inside one that always evaluates all its parts."""
-    match expr:
-        case s.Unary(operand=operand):
-            return (operand,)
-        case s.Binary(left=left, right=right):
-            return (left, right)
-        case s.Logical(operands=parts) | s.Vector(items=parts):
-            return parts
-        case s.Compare(first=first, rest=rest):
-            return (first, *(side for _, side in rest if not isinstance(side, s.SetOf | s.Comprehension)))
-        case s.Subscript(value=value, indices=indices):
-            return (value, *(i for i in indices if not isinstance(i, s.Slice)))
-        case _:
-            return ()
+            for inner in s.parts(expr):
+                yield from distributions(inner, section, guards)

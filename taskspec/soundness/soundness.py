@@ -263,13 +263,7 @@ def _ends(p: Parameter) -> list[Any]:
         return list(p.values or ())
     if p.kind == "int":
         far = 2 * abs(int(p.default)) + 3
-        low = p.default - far
-        high = p.default + far
-        if p.low is not None:
-            low = max(low, p.low)
-        if p.high is not None:
-            high = min(high, p.high)
-        return sorted({int(low), int(high)})
+        return sorted({int(max(p.default - far, p.ends[0])), int(min(p.default + far, p.ends[1]))})
     reach = 4 * abs(float(p.default)) + 1
     ends = []
     if p.low is not None:

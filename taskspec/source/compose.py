@@ -11,30 +11,20 @@ from typing import Any
 import yaml
 
 from taskspec.base.limits import Limits, how_to_raise, limits
-from taskspec.source.nodes import (
-    Composed,
-    MappingNode,
-    Node,
-    ScalarNode,
-    SequenceNode,
-    Style,
-    Syntax,
-    TextProblem,
-    special_start,
-)
+from taskspec.source import nodes
 
-_STYLES: dict[str | None, Style] = {"'": "'", '"': '"', "|": "|", ">": ">"}
+_STYLES: dict[str | None, nodes.Style] = {"'": "'", '"': '"', "|": "|", ">": ">"}
 
 
 class RefusedError(Exception):
     """The text cannot be read any further; the finding says why."""
 
-    def __init__(self, finding: TextProblem) -> None:
+    def __init__(self, finding: nodes.TextProblem) -> None:
         super().__init__(finding.message)
         self.finding = finding
 
 
-def compose(text: str) -> Composed:
+def compose(text: str) -> nodes.Composed:
     """Return the tree of a YAML text. Never raises for a bad text: what was wrong is in the result."""
     builder = _Builder(text)
     result = builder.result
@@ -48,9 +38,11 @@ def compose(text: str) -> Composed:
         if "maximum nesting depth" in str(error.problem):  # libyaml has a bound of its own
             result.stop = _too_deep(at)
         else:
-            result.syntax = Syntax(error.problem or "", error.context or "", at, since, builder.open, builder.last)
+            result.syntax = nodes.Syntax(
+                error.problem or "", error.context or "", at, since, builder.open, builder.last
+            )
     except yaml.YAMLError as error:
-        result.stop = TextProblem("E112", 0, 0, f"YAML cannot read this: {error}")
+        result.stop = nodes.TextProblem("E112", 0, 0, f"YAML cannot read this: {error}")
     except RefusedError as refused:
         result.stop = refused.finding
     finally:
@@ -58,8 +50,8 @@ def compose(text: str) -> Composed:
     return result
 
 
-def _too_deep(at: int) -> TextProblem:
-    return TextProblem("E114", at, at + 1, f"values are nested more than {Limits.depth} deep")
+def _too_deep(at: int) -> nodes.TextProblem:
+    return nodes.TextProblem("E114", at, at + 1, f"values are nested more than {Limits.depth} deep")
 
 
 class _Builder:
@@ -67,10 +59,10 @@ class _Builder:
 
     def __init__(self, text: str) -> None:
         self.text = text
-        self.result = Composed()
-        self.open: list[MappingNode | SequenceNode] = []
-        self.keys: list[Node | None] = []  # the key whose value comes next, per open collection
-        self.last: Node | None = None
+        self.result = nodes.Composed()
+        self.open: list[nodes.MappingNode | nodes.SequenceNode] = []
+        self.keys: list[nodes.Node | None] = []  # the key whose value comes next, per open collection
+        self.last: nodes.Node | None = None
         self.count = 0
         self.most = limits().values
 
@@ -81,10 +73,10 @@ class _Builder:
             case yaml.ScalarEvent():
                 self._refuse_properties(event)
                 style = _STYLES.get(event.style, "plain")
-                self._place(ScalarNode(event.value, start.index, end.index, style))
+                self._place(nodes.ScalarNode(event.value, start.index, end.index, style))
             case yaml.MappingStartEvent() | yaml.SequenceStartEvent():
                 self._refuse_properties(event)
-                kind = MappingNode if isinstance(event, yaml.MappingStartEvent) else SequenceNode
+                kind = nodes.MappingNode if isinstance(event, yaml.MappingStartEvent) else nodes.SequenceNode
                 self._begin(kind(start.index, bool(event.flow_style)))
             case yaml.MappingEndEvent() | yaml.SequenceEndEvent():
                 self._end(end.index)
@@ -94,15 +86,15 @@ class _Builder:
                 where = start.index
                 message = "a second YAML document begins here"
                 hint = "one file holds one task: remove the `---`, or use `variants`"
-                raise RefusedError(TextProblem("E116", where, where + 3, message, hint))
+                raise RefusedError(nodes.TextProblem("E116", where, where + 3, message, hint))
 
     def _refuse_properties(self, event: Any) -> None:
         """Refuse anchors, aliases and tags: not part of specs, and nearly always an unquoted operator."""
         if event.anchor is not None or getattr(event, "tag", None) is not None:
             in_flow = bool(self.open) and self.open[-1].flow
-            raise RefusedError(special_start(self.text, event.start_mark.index, in_flow))
+            raise RefusedError(nodes.special_start(self.text, event.start_mark.index, in_flow))
 
-    def _begin(self, node: MappingNode | SequenceNode) -> None:
+    def _begin(self, node: nodes.MappingNode | nodes.SequenceNode) -> None:
         if len(self.open) >= Limits.depth:
             raise RefusedError(_too_deep(node.start))
         self._place(node)
@@ -115,35 +107,35 @@ class _Builder:
         node.end = end if node.flow else _last_end(node)
         self.last = node
 
-    def _place(self, node: Node) -> None:
+    def _place(self, node: nodes.Node) -> None:
         self.count += 1
         if self.count > self.most:
             message = f"the file holds more than {self.most:,} values"
             hint = how_to_raise("values", 2 * self.most)
-            raise RefusedError(TextProblem("E114", node.start, node.start + 1, message, hint))
+            raise RefusedError(nodes.TextProblem("E114", node.start, node.start + 1, message, hint))
         self.last = node
         match self.open[-1] if self.open else None:
             case None:
                 self.result.root = node
-            case SequenceNode() as parent:
+            case nodes.SequenceNode() as parent:
                 parent.items.append(node)
-            case MappingNode() as parent:
+            case nodes.MappingNode() as parent:
                 self._enter(parent, node)
 
-    def _enter(self, parent: MappingNode, node: Node) -> None:
+    def _enter(self, parent: nodes.MappingNode, node: nodes.Node) -> None:
         key = self.keys[-1]
         if key is None:
             self.keys[-1] = node
-            if not isinstance(node, ScalarNode) or (node.style == "plain" and not node.value):
+            if not isinstance(node, nodes.ScalarNode) or (node.style == "plain" and not node.value):
                 self.result.bad_keys.append(node)
             return
         self.keys[-1] = None
-        if isinstance(key, ScalarNode):
+        if isinstance(key, nodes.ScalarNode):
             parent.entries.append((key, node))
             parent.index.setdefault(key.value, (key, node))
 
 
-def _last_end(node: MappingNode | SequenceNode) -> int:
+def _last_end(node: nodes.MappingNode | nodes.SequenceNode) -> int:
     """Return where a block collection ends: with its last value, not with the blank lines below."""
-    children = node.items if isinstance(node, SequenceNode) else [each for _, each in node.entries]
+    children = node.items if isinstance(node, nodes.SequenceNode) else [each for _, each in node.entries]
     return max(node.start + 1, children[-1].end if children else 0)

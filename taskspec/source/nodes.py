@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import itertools
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal, NamedTuple, TypeAlias
 
 from taskspec.base.diagnostics import Advice
 from taskspec.base.limits import Limits
+from taskspec.base.records import dataclass
 
 Style = Literal["plain", "'", '"', "|", ">"]
 

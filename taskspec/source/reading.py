@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import islice
-from pathlib import Path as FilePath
 from typing import Any, TypeAlias
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Origin, SpecError, spec_error
@@ -47,7 +46,7 @@ def read_file(path: str | os.PathLike[str], name: str | None = None) -> Document
 def _read_file(path: str | os.PathLike[str], name: str, chain: tuple[str, ...], known: _Known) -> Document:
     most = limits().file
     try:
-        with FilePath(path).open("rb") as file:
+        with open(path, "rb") as file:
             content = file.read(most + 1)
     except FileNotFoundError:
         raise spec_error("E710", f"there is no file {name!r}") from None
@@ -86,9 +85,9 @@ def _with_others(document: Document, chain: tuple[str, ...], known: _Known) -> D
         try:
             if not name.endswith((".yaml", ".yml")):
                 raise spec_error("E711", f"`{EXTENDS}` names the file of a spec, which ends in .yaml, not {name!r}")
-            other = os.path.normpath(FilePath(document.origin.name).parent / name)
+            other = os.path.normpath(os.path.join(os.path.dirname(document.origin.name), name))
             if other in here:
-                circle = [FilePath(each).name for each in (*here[here.index(other) :], other)]
+                circle = [os.path.basename(each) for each in (*here[here.index(other) :], other)]
                 raise spec_error("E212", f"these specs extend each other: {' -> '.join(circle)}")
             if other not in known:
                 known[other] = _read_file(other, other, here, known)
@@ -133,9 +132,8 @@ def _compose(text: str) -> tuple[Node | None, list[TextProblem]]:
     composed, stops = compose_all(text)
     if stops and stops[-1].code == "E114":
         return composed.root, stops[-1:]  # a text past the bounds is not looked at any further
-    if composed.root is None:
-        traps = []
-    else:
+    traps: list[TextProblem] = []
+    if composed.root is not None:
         traps = list(find(text, composed.root, composed.bad_keys))
     findings = [each for each in traps if not any(stop.covers(each) for stop in stops)]
     findings += [stop for stop in stops if not any(each.covers(stop) for each in findings)]
@@ -221,8 +219,7 @@ def compose_all(text: str) -> tuple[Composed, list[TextProblem]]:
 
 
 def _cover(text: str, stop: TextProblem) -> str:
+    letter = "x"
     if stop.code in _TOO_MUCH or text.startswith(FENCE, stop.start):
         letter = " "
-    else:
-        letter = "x"
     return text[: stop.start] + re.sub(r"\S", letter, text[stop.start : stop.end]) + text[stop.end :]

@@ -15,8 +15,8 @@ from taskspec.source.document import EXTENDS as EXTENDS
 REQUIRED = ("state", "action", "initial", "dynamics", "reward", "horizon")
 """Sections without which a spec, or a variant of it, is not a task."""
 
-_ENTRY = re.compile(r" *([^\W\d]\w*):(?: +(.*))?$")
-_AT_MARGIN = re.compile(r"^[^ \t#\r\n].*", re.MULTILINE)
+_AT_MARGIN = re.compile(r"\n([^ \t#\r\n].*)")
+"""A line that is not indented, in a text that begins with a line break: without one, the search takes four times as long."""
 _NOTHING = re.compile(r"\s*(?:#.*)?$")
 _COMMENT = re.compile(r"(?:^|\s)#.*$")
 _CLOSED = {"{": "}", "[": "]", '"': '"', "'": "'"}
@@ -25,12 +25,12 @@ _CLOSED = {"{": "}", "[": "]", '"': '"', "'": "'"}
 
 Kind: TypeAlias = Literal["taskspec", "experiment", "exam", "findings"]
 """What a YAML file holds, by the key that says so: a spec, or something that goes with specs."""
-_OTHERS = re.compile(r"^(experiment|exam|findings) *:", re.MULTILINE)
+_OTHERS = re.compile(r"\n(experiment|exam|findings) *:")
 
 
 def kind(text: str) -> Kind:
     """Return what a file's text is; a spec unless it says otherwise."""
-    found = _OTHERS.search(text)
+    found = _OTHERS.search("\n" + text)
     if found:
         return cast(Kind, found[1])
     return "taskspec"
@@ -57,13 +57,14 @@ def scan(text: str) -> Scanned:
 
 
 def _scanned(text: str) -> Scanned:
+    text = "\n" + text
+    top: dict[str, str] = {}
+    variants: list[str] = []
     lines = list(_AT_MARGIN.finditer(text))
     ends = [line.start() for line in lines[1:]]
     ends.append(len(text))
-    top: dict[str, str] = {}
-    variants: list[str] = []
     for line, end in zip(lines, ends, strict=True):
-        section, value = _entry(line[0])
+        section, value = _entry(line[1])
         top[section] = value
         if end < len(text) and not _is_whole(value):
             raise _UnclearError
@@ -81,7 +82,7 @@ def _keys(block: str) -> list[str]:
     indent = min((len(line) - len(line.lstrip(" ")) for line in lines[:1]), default=0)
     for line in lines:
         if line[indent : indent + 1] != " ":
-            key, value = _entry(line)
+            key, value = _entry(line.lstrip(" "))
             if not _is_whole(value):
                 raise _UnclearError
             keys.append(key)
@@ -90,13 +91,12 @@ def _keys(block: str) -> list[str]:
 
 def _entry(line: str) -> tuple[str, str]:
     """Key and value of a line, the comment behind them left out."""
-    found = _ENTRY.match(line.rstrip())
-    if not found:
+    key, colon, value = line.partition(":")
+    if not colon or not key.isidentifier() or value[:1].strip():
         raise _UnclearError
-    value = found[2] or ""
     if "#" in value:
         value = _COMMENT.sub("", value)
-    return found[1], value.strip()
+    return key, value.strip()
 
 
 def _is_whole(value: str) -> bool:

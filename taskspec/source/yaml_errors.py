@@ -9,24 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 
-from taskspec.source.nodes import (
-    SPECIAL,
-    MappingNode,
-    Node,
-    ScalarNode,
-    SequenceNode,
-    Syntax,
-    TextProblem,
-    in_quotes,
-    is_closed,
-    is_overlong_number,
-    line_end,
-    line_start,
-    resolve,
-    shown,
-    special_start,
-    value_end,
-)
+from taskspec.source import nodes
 
 _WORD_LINE = re.compile(r"""[\w']+$|"[^"]*"$""")
 _SPECIAL_CONTEXTS = ("anchor", "alias", "tag", "block scalar", "directive")
@@ -39,82 +22,88 @@ _SPECIAL_PROBLEMS = (
 )
 
 
-def explain(text: str, syntax: Syntax) -> TextProblem:
+def explain(text: str, syntax: nodes.Syntax) -> nodes.TextProblem:
     """Return the finding for a text that the YAML parser refused."""
     for rule in _RULES:
         if finding := rule(text, syntax):
             return finding
     at = min(syntax.at, max(len(text.rstrip()) - 1, 0))
     words = " ".join(filter(None, (syntax.context, syntax.problem)))
-    return TextProblem("E112", at, at + 1, f"YAML cannot read on from here ({words})")
+    return nodes.TextProblem("E112", at, at + 1, f"YAML cannot read on from here ({words})")
 
 
-def _tab(text: str, syntax: Syntax) -> TextProblem | None:
+def _tab(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
     if text[syntax.at : syntax.at + 1] != "\t" and "tab" not in syntax.problem.split():
         return None
-    tab = text.find("\t", line_start(text, syntax.at))
-    return TextProblem("E105", tab, tab + 1, "a tab where YAML wants spaces", "replace each tab by spaces")
+    tab = text.find("\t", nodes.line_start(text, syntax.at))
+    return nodes.TextProblem("E105", tab, tab + 1, "a tab where YAML wants spaces", "replace each tab by spaces")
 
 
-def _escape(text: str, syntax: Syntax) -> TextProblem | None:
+def _escape(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
     is_escape = "escape" in syntax.problem or "hexdecimal" in syntax.problem
     at = text.rfind("\\", 0, syntax.at + 1)
     if not is_escape or "quoted" not in syntax.context or at + 1 == len(text):
         return None  # tags have escapes of their own; and after the last character, the quote is never closed
     message = f"`{text[at : at + 2]}` means nothing between double quotes"
-    return TextProblem("E117", at, at + 2, message, "use single quotes, or write the backslash twice")
+    return nodes.TextProblem("E117", at, at + 2, message, "use single quotes, or write the backslash twice")
 
 
-def _open_quote(text: str, syntax: Syntax) -> TextProblem | None:
+def _open_quote(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
     """Return the finding for a quote that is not closed, or only by a quote or a prime in a later line."""
     start = syntax.since
     last = syntax.last
     if "quoted" in syntax.context and start is not None:
-        return TextProblem(
-            "E111", start, line_end(text, start), f"this text begins with {text[start]} and is never closed"
+        return nodes.TextProblem(
+            "E111", start, nodes.line_end(text, start), f"this text begins with {text[start]} and is never closed"
         )
-    if not isinstance(last, ScalarNode) or last.style not in ("'", '"') or "\n" not in text[last.start : last.end]:
+    if (
+        not isinstance(last, nodes.ScalarNode)
+        or last.style not in ("'", '"')
+        or "\n" not in text[last.start : last.end]
+    ):
         return None
     if text[last.end : syntax.at].strip():
         return None
     line = text.count("\n", 0, last.end) + 1
     message = f"this text begins with {last.style} and is not closed before line {line}"
-    return TextProblem("E111", last.start, line_end(text, last.start), message, f"close it with another {last.style}")
+    return nodes.TextProblem(
+        "E111", last.start, nodes.line_end(text, last.start), message, f"close it with another {last.style}"
+    )
 
 
-def _no_colon(text: str, syntax: Syntax) -> TextProblem | None:
+def _no_colon(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
     if "could not find expected ':'" not in syntax.problem or syntax.since is None:
         return None
     return _colon_missing(text, syntax.since)
 
 
-def _colon_missing(text: str, start: int) -> TextProblem:
-    end = value_end(text, start, in_flow=False)
-    message = f"`{shown(text[start:end])}` is not of the form `key: value`"
-    return TextProblem("E112", start, end, message, "write a colon and a space after the key")
+def _colon_missing(text: str, start: int) -> nodes.TextProblem:
+    end = nodes.value_end(text, start, in_flow=False)
+    message = f"`{nodes.shown(text[start:end])}` is not of the form `key: value`"
+    return nodes.TextProblem("E112", start, end, message, "write a colon and a space after the key")
 
 
-def _split_by_bracket(text: str, syntax: Syntax) -> TextProblem | None:
+def _split_by_bracket(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
     """Return the finding for an index or a call between braces or brackets: `{x: p[0]}`."""
     last = syntax.last
     if not syntax.in_flow or text[syntax.at : syntax.at + 1] not in ("[", "{"):
         return None
-    if not isinstance(last, ScalarNode) or last.style != "plain":
+    if not isinstance(last, nodes.ScalarNode) or last.style != "plain":
         return None
     return _cut(text, last.start, syntax.open)
 
 
-def _not_closed(text: str, syntax: Syntax) -> TextProblem | None:
+def _not_closed(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
     """Return the finding for a bracket without its partner: the parser ran into the end, or into the next key."""
     if syntax.in_flow:
         for node in syntax.open:
-            if node.flow and not is_closed(text, node.start):
+            if node.flow and not nodes.is_closed(text, node.start):
                 message = f"this `{text[node.start]}` is never closed"
-                return TextProblem("E111", node.start, node.start + 1, message)
+                return nodes.TextProblem("E111", node.start, node.start + 1, message)
     return None
 
 
-def _special(text: str, syntax: Syntax) -> TextProblem | None:
+def _special(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
     at = syntax.at
     if any(word in syntax.context for word in _SPECIAL_CONTEXTS):
         if syntax.since is not None:
@@ -122,67 +111,67 @@ def _special(text: str, syntax: Syntax) -> TextProblem | None:
     elif not any(word in syntax.problem for word in _SPECIAL_PROBLEMS):
         return None
     char = text[at : at + 1]
-    if char not in SPECIAL or (syntax.in_flow and char in ",]}"):
+    if char not in nodes.SPECIAL or (syntax.in_flow and char in ",]}"):
         return None
-    return special_start(text, at, syntax.in_flow)
+    return nodes.special_start(text, at, syntax.in_flow)
 
 
-def _colon(text: str, syntax: Syntax) -> TextProblem | None:
+def _colon(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
     if "mapping values are not allowed" not in syntax.problem:
         return None
     last = syntax.last
     at = syntax.at
-    if isinstance(last, MappingNode) and text[last.start] == "{":
+    if isinstance(last, nodes.MappingNode) and text[last.start] == "{":
         return _brace(text, last)
-    begin = last.start if isinstance(last, ScalarNode) else line_start(text, at)
+    begin = last.start if isinstance(last, nodes.ScalarNode) else nodes.line_start(text, at)
     if not syntax.open:
         return _colon_missing(text, begin)
-    this_line = line_start(text, at)
+    this_line = nodes.line_start(text, at)
     if begin < this_line and _WORD_LINE.match(text[this_line:at].strip()):
         start = at - len(text[this_line:at].lstrip())
-        message = f"`{shown(text[start:at])}` is indented as if it belonged to the value above"
-        return TextProblem("E110", start, at, message, "align it with the keys next to it")
-    advice = in_quotes(text[begin : value_end(text, at, in_flow=False)])
-    return TextProblem("E104", at, at + 1, "a colon followed by a space inside a value", advice)
+        message = f"`{nodes.shown(text[start:at])}` is indented as if it belonged to the value above"
+        return nodes.TextProblem("E110", start, at, message, "align it with the keys next to it")
+    advice = nodes.in_quotes(text[begin : nodes.value_end(text, at, in_flow=False)])
+    return nodes.TextProblem("E104", at, at + 1, "a colon followed by a space inside a value", advice)
 
 
-def _after_value(text: str, syntax: Syntax) -> TextProblem | None:
+def _after_value(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
     """Return the finding for something that follows, on the same line, a value that was already complete."""
     last = syntax.last
     at = syntax.at
     if last is None or text[last.end : at].strip(" \t") or last.end > at or at == len(text):
         return None
-    if isinstance(last, MappingNode) and text[last.start] == "{":
+    if isinstance(last, nodes.MappingNode) and text[last.start] == "{":
         return _brace(text, last)
-    is_quoted = isinstance(last, ScalarNode) and last.style in "\"'"
-    if not is_quoted and not (isinstance(last, SequenceNode) and last.flow):
+    is_quoted = isinstance(last, nodes.ScalarNode) and last.style in "\"'"
+    if not is_quoted and not (isinstance(last, nodes.SequenceNode) and last.flow):
         return None
-    end = max(at + 1, value_end(text, at, syntax.in_flow))
+    end = max(at + 1, nodes.value_end(text, at, syntax.in_flow))
     ended = "quote" if is_quoted else "bracket"
-    message = f"`{shown(text[at:end])}` follows the {ended} that ends the value"
-    return TextProblem("E109", at, end, message, in_quotes(text[last.start : end]))
+    message = f"`{nodes.shown(text[at:end])}` follows the {ended} that ends the value"
+    return nodes.TextProblem("E109", at, end, message, nodes.in_quotes(text[last.start : end]))
 
 
-def _brace(text: str, node: MappingNode, in_flow: bool = False) -> TextProblem:
+def _brace(text: str, node: nodes.MappingNode, in_flow: bool = False) -> nodes.TextProblem:
     """Return the finding for an expression that YAML takes for a mapping."""
-    end = max(node.end, value_end(text, node.start, in_flow))
+    end = max(node.end, nodes.value_end(text, node.start, in_flow))
     message = "an expression cannot start with `{`: YAML reads a mapping"
-    return TextProblem("E103", node.start, end, message, in_quotes(text[node.start : end]))
+    return nodes.TextProblem("E103", node.start, end, message, nodes.in_quotes(text[node.start : end]))
 
 
-def _indentation(text: str, syntax: Syntax) -> TextProblem | None:
+def _indentation(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
     at = syntax.at
-    if text[line_start(text, at) : at].strip(" -") or at >= len(text.rstrip()):
+    if text[nodes.line_start(text, at) : at].strip(" -") or at >= len(text.rstrip()):
         return None
     if text[at] == ":":
-        return TextProblem("E108", at, at + 1, "there is nothing before this `:`")
-    end = value_end(text, at, in_flow=False)
-    message = f"`{shown(text[at:end])}` does not line up with the lines above"
+        return nodes.TextProblem("E108", at, at + 1, "there is nothing before this `:`")
+    end = nodes.value_end(text, at, in_flow=False)
+    message = f"`{nodes.shown(text[at:end])}` does not line up with the lines above"
     hint = "keys of one mapping, and the dashes of one list, start in the same column"
-    return TextProblem("E110", at, end, message, hint)
+    return nodes.TextProblem("E110", at, end, message, hint)
 
 
-_RULES: tuple[Callable[[str, Syntax], TextProblem | None], ...] = (
+_RULES: tuple[Callable[[str, nodes.Syntax], nodes.TextProblem | None], ...] = (
     _tab, _escape, _open_quote, _no_colon, _split_by_bracket, _not_closed, _special, _colon, _after_value, _indentation,
 )  # fmt: skip
 
@@ -198,7 +187,7 @@ _LISTS = frozenset({"values", "symbols", "shape", "by"})
 """Keys whose value may be a list of words or numbers."""
 
 
-def find(text: str, root: Node, bad_keys: list[Node]) -> Iterator[TextProblem]:
+def find(text: str, root: nodes.Node, bad_keys: list[nodes.Node]) -> Iterator[nodes.TextProblem]:
     """Yield every trap in a tree, in no particular order."""
     for node in bad_keys:
         yield from _bad_key(text, node)
@@ -206,9 +195,9 @@ def find(text: str, root: Node, bad_keys: list[Node]) -> Iterator[TextProblem]:
     while stack:
         node = stack.pop()
         match node:
-            case ScalarNode():
+            case nodes.ScalarNode():
                 yield from _scalar(text, node)
-            case MappingNode():
+            case nodes.MappingNode():
                 for entry in node.entries:
                     stack += entry
                 cuts = list(_flow_mapping(text, node)) if node.flow else []
@@ -216,42 +205,44 @@ def find(text: str, root: Node, bad_keys: list[Node]) -> Iterator[TextProblem]:
                 for each in _duplicates(node):
                     if not any(cut.covers(each) for cut in cuts):
                         yield each
-            case SequenceNode():
+            case nodes.SequenceNode():
                 stack += node.items
                 if node.flow:
                     yield from _cut_items(text, node)
 
 
-def _bad_key(text: str, node: Node) -> Iterator[TextProblem]:
-    if not isinstance(node, ScalarNode):
-        yield TextProblem("E108", node.start, node.end, "a key is text", in_quotes(text[node.start : node.end]))
+def _bad_key(text: str, node: nodes.Node) -> Iterator[nodes.TextProblem]:
+    if not isinstance(node, nodes.ScalarNode):
+        yield nodes.TextProblem(
+            "E108", node.start, node.end, "a key is text", nodes.in_quotes(text[node.start : node.end])
+        )
     elif text[node.start : node.start + 1] not in (",", "}"):  # else it is left over from a comma: that is the problem
-        yield TextProblem("E108", node.start, node.start + 1, "there is nothing before this `:`")
+        yield nodes.TextProblem("E108", node.start, node.start + 1, "there is nothing before this `:`")
 
 
-def _scalar(text: str, node: ScalarNode) -> Iterator[TextProblem]:
-    if node.style == "plain" and is_overlong_number(node.value):
+def _scalar(text: str, node: nodes.ScalarNode) -> Iterator[nodes.TextProblem]:
+    if node.style == "plain" and nodes.is_overlong_number(node.value):
         message = f"a number of {len(node.value)} digits"
-        yield TextProblem("E114", node.start, node.end, message, "a float keeps about 16 digits")
+        yield nodes.TextProblem("E114", node.start, node.end, message, "a float keeps about 16 digits")
     if node.style == '"':
         for found in _TEX.finditer(text, node.start, node.end):
             if found.group(1):
                 message = f"`\\{found.group(1)[0]}` between double quotes is a control character"
                 hint = "use single quotes, or write the backslash twice"
-                yield TextProblem("E117", found.start(), found.start() + 2, message, hint)
+                yield nodes.TextProblem("E117", found.start(), found.start() + 2, message, hint)
 
 
-def _duplicates(node: MappingNode) -> Iterator[TextProblem]:
+def _duplicates(node: nodes.MappingNode) -> Iterator[nodes.TextProblem]:
     for key, _ in node.entries:
         if node.index[key.value][0] is not key:
-            message = f"the key `{shown(key.value)}` occurs twice in this mapping"
-            yield TextProblem("E101", key.start, key.end, message, "remove one, or rename it")
+            message = f"the key `{nodes.shown(key.value)}` occurs twice in this mapping"
+            yield nodes.TextProblem("E101", key.start, key.end, message, "remove one, or rename it")
 
 
 # Texts between braces or brackets that YAML cuts in pieces, put together again: what to write in quotes.
 
 
-def _cut_items(text: str, node: SequenceNode) -> Iterator[TextProblem]:
+def _cut_items(text: str, node: nodes.SequenceNode) -> Iterator[nodes.TextProblem]:
     """Yield items of a list that were one text: a call with a comma in it, or all of a comprehension."""
     done = 0
     for item in node.items:
@@ -261,7 +252,7 @@ def _cut_items(text: str, node: SequenceNode) -> Iterator[TextProblem]:
             yield finding
 
 
-def _flow_mapping(text: str, node: MappingNode) -> Iterator[TextProblem]:
+def _flow_mapping(text: str, node: nodes.MappingNode) -> Iterator[nodes.TextProblem]:
     """Yield entries of a mapping that were one text, and keys that have no value for another reason."""
     if text[node.start] != "{":
         return  # one pair in a list: `[a: b]`
@@ -272,23 +263,25 @@ def _flow_mapping(text: str, node: MappingNode) -> Iterator[TextProblem]:
     for key, value in node.entries:
         if key.start < done:
             continue
-        finding: TextProblem | None = None
+        finding: nodes.TextProblem | None = None
         if _opens(text, key):
             finding = _cut(text, key.start)
         elif _is_absent(value):
             hint = "write a space after the colon" if ":" in key.value else None
-            finding = TextProblem("E107", key.start, key.end, f"the key `{shown(key.value)}` has no value", hint)
-        elif isinstance(value, ScalarNode) and value.style == "plain":
+            finding = nodes.TextProblem(
+                "E107", key.start, key.end, f"the key `{nodes.shown(key.value)}` has no value", hint
+            )
+        elif isinstance(value, nodes.ScalarNode) and value.style == "plain":
             finding = _cut_value(text, node, value, key.value in _LISTS)
         if finding:
             done = finding.end
             yield finding
 
 
-def _cut_value(text: str, node: MappingNode, value: ScalarNode, is_list: bool) -> TextProblem | None:
+def _cut_value(text: str, node: nodes.MappingNode, value: nodes.ScalarNode, is_list: bool) -> nodes.TextProblem | None:
     """Return the finding for a value that went on behind its comma, if it did; it takes all keys that came of that."""
     end = _piece_end(text, value)
-    is_word = isinstance(resolve(value.value), str)
+    is_word = isinstance(nodes.resolve(value.value), str)
     for key, other in node.entries:
         if key.start < end:
             continue
@@ -298,43 +291,46 @@ def _cut_value(text: str, node: MappingNode, value: ScalarNode, is_list: bool) -
     if end == value.end:
         return None
     return _pieces(
-        text, value.start, end, f"a list goes in brackets: [{shown(text[value.start : end])}]" if is_list else None
+        text,
+        value.start,
+        end,
+        f"a list goes in brackets: [{nodes.shown(text[value.start : end])}]" if is_list else None,
     )
 
 
-def _piece_end(text: str, node: Node) -> int:
+def _piece_end(text: str, node: nodes.Node) -> int:
     if _opens(text, node):
-        return value_end(text, node.start, in_flow=True)
+        return nodes.value_end(text, node.start, in_flow=True)
     return node.end
 
 
-def _is_absent(value: Node) -> bool:
-    return isinstance(value, ScalarNode) and value.style == "plain" and not value.value
+def _is_absent(value: nodes.Node) -> bool:
+    return isinstance(value, nodes.ScalarNode) and value.style == "plain" and not value.value
 
 
-def _is_key(text: str, key: ScalarNode) -> bool:
+def _is_key(text: str, key: nodes.ScalarNode) -> bool:
     """Return whether a text between braces without a value was meant as a key, and not as part of something else."""
     is_glued = key.style == "plain" and re.fullmatch(r"\w+:[^:]+", key.value) is not None
     return is_glued or _THEN_COLON.match(text, key.end) is not None
 
 
-def _opens(text: str, node: Node) -> bool:
+def _opens(text: str, node: nodes.Node) -> bool:
     """Return whether a piece of text opens more brackets than it closes."""
-    is_plain = isinstance(node, ScalarNode) and node.style == "plain"
+    is_plain = isinstance(node, nodes.ScalarNode) and node.style == "plain"
     return is_plain and text.count("(", node.start, node.end) > text.count(")", node.start, node.end)
 
 
-def _cut(text: str, start: int, within: Sequence[Node] = ()) -> TextProblem:
+def _cut(text: str, start: int, within: Sequence[nodes.Node] = ()) -> nodes.TextProblem:
     """Return the finding for an expression that YAML cuts in pieces; of a comprehension, all of the list that it is.
 
     `within` are the collections around it, the innermost last.
     """
-    end = value_end(text, start, in_flow=True)
+    end = nodes.value_end(text, start, in_flow=True)
     for parent in reversed(within):
-        if not (isinstance(parent, SequenceNode) and parent.flow and _is_comprehension(text[start:end])):
+        if not (isinstance(parent, nodes.SequenceNode) and parent.flow and _is_comprehension(text[start:end])):
             break
         start = parent.start
-        end = value_end(text, parent.start, in_flow=True)
+        end = nodes.value_end(text, parent.start, in_flow=True)
     return _pieces(text, start, end)
 
 
@@ -345,6 +341,6 @@ def _is_comprehension(written: str) -> bool:
     return _FOR.search(written) is not None
 
 
-def _pieces(text: str, start: int, end: int, hint: str | None = None) -> TextProblem:
-    message = f"YAML splits `{shown(text[start:end])}`, because it is between braces or brackets"
-    return TextProblem("E106", start, end, message, hint or in_quotes(text[start:end]))
+def _pieces(text: str, start: int, end: int, hint: str | None = None) -> nodes.TextProblem:
+    message = f"YAML splits `{nodes.shown(text[start:end])}`, because it is between braces or brackets"
+    return nodes.TextProblem("E106", start, end, message, hint or nodes.in_quotes(text[start:end]))

@@ -78,8 +78,8 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
 
 def _number_of(context: Context, expr: s.Expr | None, scope: Scope) -> Node | None:
     """Return an expression as a node, a choice as its number; None where it is broken (and reported)."""
-    value = None if expr is None else context.checker.check(expr, scope)
-    if expr is None or value is None:
+    value = context.checker.check(expr, scope)
+    if value is None:
         return None
     return context.checker.number_of(value)
 
@@ -89,13 +89,10 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
     constants = context.data.get("constants") or {}
     if name is None:
         return ()
-    if isinstance(constants.get(name), dict):
-        grid = constants[name].get("grid")
-    else:
-        grid = None
+    grid = isinstance(constants.get(name), dict) and constants[name].get("grid")
     if name not in constants:
         context.report("E302", ("figure", "map"), f"there is no constant '{name}'", suggest(name, constants))
-    elif grid is None:
+    elif not grid:
         value = context.constant(name)
         rows = _digits(value)
         if rows is None and value is not None:
@@ -108,7 +105,7 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
 
 def _digits(value: Value | None) -> tuple[str, ...] | None:
     """Return a matrix as rows of characters, `#` for a condition that holds; None where it has other numbers, or is no matrix."""
-    node = None if value is None else value.node
+    node = value and value.node
     if not isinstance(node, Const) or len(node.type.shape) != 2 or not node.type.size:
         return None
     if node.type.kind is Kind.BOOL:
@@ -207,26 +204,19 @@ def symmetries(context: Context, names: Names, observation: Observation) -> tupl
     context.exprs["symmetries"] = exprs
     found = []
     for name, maps in exprs.items():
-        values = {
-            n: None if e is None else context.checker.check(e, scope_of[SEEN]) for n, e in maps.get(SEEN, {}).items()
-        }
+        values = {n: context.checker.check(e, scope_of[SEEN]) for n, e in maps.get(SEEN, {}).items()}
         lines = maps.get(DONE, {})
         action: tuple[Node, ...] | None = ()
         if lines:
             action = by_component(context, ("symmetries", name, DONE), lines, scope_of[DONE], is_whole=False)
         if action is None or any(v is None for v in values.values()):
             continue
-        shown = list(_shown(context, observation, seen, {n: v for n, v in values.items() if v is not None}))
-        found.append(
-            Symmetry(
-                name, written[name].get("doc"), observation.components, tuple(c for c, _ in shown),
-                tuple(n for _, n in shown), action,
-            )
-        )  # fmt: skip
-    for each in found:
-        most = widest(each.nodes)
+        shown = dict(_shown(context, observation, seen, {n: v for n, v in values.items() if v is not None}))
+        doc = written[name].get("doc")
+        found.append(Symmetry(name, doc, observation.components, tuple(shown), tuple(shown.values()), action))
+        most = widest(found[-1].nodes)
         if most:
-            too_wide(context.collector, context.merged.key_span(("symmetries", each.name)), most)
+            too_wide(context.collector, context.merged.key_span(("symmetries", name)), most)
     return tuple(found)
 
 
@@ -279,11 +269,9 @@ def remembered(context: Context, names: Names, observation: Observation) -> Expe
         for key, nodes in found.items():
             expr = context.forms.expr(("memory", c.name, key))
             context.exprs.setdefault("memory", {})[c.name + "'" * (key == "next")] = expr
-            if expr is None:
-                node = None
-            else:
-                node = context.assign(expr, scopes[key], c)
-            nodes += [] if node is None else [node]
+            node = context.assign(expr, scopes[key], c)
+            if node is not None:
+                nodes.append(node)
     if not context.memory or any(len(nodes) < len(context.memory) for nodes in found.values()):
         return None
     raw_initial, raw_next = map(tuple, found.values())
@@ -293,8 +281,13 @@ def remembered(context: Context, names: Names, observation: Observation) -> Expe
 
 def _fitting(builder: Builder, components: tuple[Component, ...], nodes: tuple[Node, ...]) -> tuple[Node, ...]:
     """Return values with ints that keep to their ranges, and to 32 bits where these have no end."""
-    pairs = [(c, kept(builder, c, node)) for c, node in zip(components, nodes, strict=True)]
-    return tuple(builder.within(n, -INT_MAX, INT_MAX) if c.type.kind is Kind.INT else n for c, n in pairs)
+    found = []
+    for c, node in zip(components, nodes, strict=True):
+        node = kept(builder, c, node)
+        if c.type.kind is Kind.INT:
+            node = builder.within(node, -INT_MAX, INT_MAX)
+        found.append(node)
+    return tuple(found)
 
 
 def _check_names(context: Context, observation: Observation) -> None:

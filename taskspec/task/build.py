@@ -8,13 +8,13 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, in_order, raise_if_errors
+from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, in_order, raise_if_errors, spec_error
 from taskspec.base.limits import Limits, limits
-from taskspec.base.records import all_names
+from taskspec.base.records import dataclass, entries_by_name
 from taskspec.lang.check import check_uncalled
 from taskspec.lang.ir import Role, reads
 from taskspec.lang.scope import FunctionDef
@@ -268,13 +268,8 @@ def _bound(document: Document, variant: str | None, parameters: Mapping[str, Any
 
 def reduce_task(task: Task) -> tuple[Any, ...]:
     """Return a pickled task: its spec's text and its parameter values, from which it is built again."""
-    return _unpickled, (
-        packed(task.source.document),
-        task.source.variant,
-        task.values,
-        task.source.suite,
-        task.annotations.remembers,
-    )
+    source = task.source
+    return _unpickled, (packed(source.document), source.variant, task.values, source.suite, task.annotations.remembers)
 
 
 def _unpickled(pack: Packed, variant: str | None, values: dict[str, Any], suite: str, remembers: bool) -> Task:
@@ -330,8 +325,6 @@ def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str)
     context.action = declarations.bind_components(context, "action")
     if context.data.get("memory"):
         context.memory = declarations.bind_components(context, "memory")
-    else:
-        context.memory = ()
     context.collect_labels()
     context.horizon = declarations.bind_horizon(context)
     discount = declarations.bind_discount(context)
@@ -392,12 +385,13 @@ def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str)
 def check_unused(context: Context, names: Names) -> None:
     """Definitions and noise that nothing uses are checked all the same."""
     scope = names.scope("reward")
-    unused = [d for d in context.exprs["definitions"] if not any(signature(d)[0] in x.used for x in context.scopes)]
     for name in context.data.get("noise") or {}:
         context.resolve(scope.bindings[name], context.place("noise", name))
-    for written in unused:
+    for written in context.exprs["definitions"]:
         name = signature(written)[0]
-        binding = scope.bindings[signature(written)[0]]
+        binding = scope.bindings[name]
+        if any(name in each.used for each in context.scopes):
+            continue
         if isinstance(binding, FunctionDef):
             check_uncalled(context.collector, binding)
         else:
@@ -449,33 +443,30 @@ def build_varying(task: Task, names: Sequence[str]) -> Task:
     read = {name for role, name in reads(built.roots) if role is Role.PARAMETER}
     for name in names:
         if name not in read:
-            raise _error(f"parameter {name} has no effect on what a step gives, and cannot differ between lanes")
+            message = f"parameter {name} has no effect on what a step gives, and cannot differ between lanes"
+            raise spec_error("E713", message)
     shown = replace(built.observation, space=task.observation.space)
     source = replace(built.source, content_hash=f"{built.content_hash} with open {', '.join(sorted(names))}")
     return replace(built, observation=shown, source=source)
 
 
 def _check(task: Task, name: str) -> None:
-    found = next((p for p in task.parameters if p.name == name), None)
-    if found is None:
-        known = ", ".join(all_names(task.parameters)) or "none"
-        raise SpecError([Diagnostic("E702", None, f"{task.name} has no parameter '{name}'", f"it has {known}")])
-    if found.kind not in ("int", "real"):
-        raise _error(f"parameter {name} is not a number, and cannot differ between lanes")
+    parameters = entries_by_name(task.parameters)
+    if name not in parameters:
+        known = ", ".join(parameters) or "none"
+        raise spec_error("E702", f"{task.name} has no parameter '{name}'", f"it has {known}")
+    if parameters[name].kind not in ("int", "real"):
+        raise spec_error("E713", f"parameter {name} is not a number, and cannot differ between lanes")
     if task.modifiers:
-        raise _error(f"parameters of a task with modifiers, as {task.instance_id}, cannot differ between lanes")
-
-
-def _error(message: str) -> SpecError:
-    return SpecError([Diagnostic("E713", None, message)])
+        message = f"parameters of a task with modifiers, as {task.instance_id}, cannot differ between lanes"
+        raise spec_error("E713", message)
 
 
 def _refused(found: Diagnostic, names: Sequence[str]) -> Diagnostic:
     """Return a mistake that there is because parameters are open."""
+    subject = f"all of the parameters {', '.join(names)}"
     if len(names) == 1:
         subject = f"parameter {names[0]}"
-    else:
-        subject = f"all of the parameters {', '.join(names)}"
     why = found.message.partition(":")[0]
     hint = "what decides shapes, counts and bounds is bound when a task is loaded: `load(task, L=5)`"
     return Diagnostic("E713", found.span, f"{subject} cannot differ between lanes: {why}", hint)

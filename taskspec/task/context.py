@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from keyword import iskeyword
 from typing import Any, NoReturn
 
@@ -81,11 +82,9 @@ class Forms:
     def parsed(self, text: s.SourceText, path: Path) -> s.Expr | None:
         """Return the expression of a text; what is read without a mistake is read once for all builds of the spec."""
         key = (path, text.value, limits().characters)
-        found = self.merged.parsed.get(key)
-        if found is None:
-            found = parse_into(text, self.collector)
-            if found is not None:
-                self.merged.parsed[key] = found
+        found: s.Expr | None = self.merged.parsed.get(key) or parse_into(text, self.collector)
+        if found is not None:
+            self.merged.parsed[key] = found
         return found
 
     def _list(self, items: list[Any], path: Path) -> s.Expr | None:
@@ -169,7 +168,6 @@ class Forms:
 
     def _rows(self, rows: dict[str, Any], depth: int, path: Path) -> tuple[s.TableRow, ...] | None:
         result: list[s.TableRow] = []
-        broken = False
         for key, cell in rows.items():
             here = (*path, key)
             label = None if key == "else" else self.key(key, here)
@@ -178,11 +176,9 @@ class Forms:
                 body = self._rows(cell, depth - 1, here)
             else:
                 body = self.tree(cell, here)
-            if body is None or (label is None and key != "else"):
-                broken = True
-            else:
+            if body is not None and (label is not None or key == "else"):
                 result.append(s.TableRow(label, body, self.place(here)))
-        if broken:
+        if len(result) < len(rows):
             return None
         return tuple(result)
 
@@ -378,13 +374,17 @@ class Context:
 
     # -- names worked out on first use ----------------------------------------------------------------------------
 
-    def guard(self, name: str, at: s.Expr) -> Callable[[], None]:
-        """Enter the expansion of a name; entering it twice is a circle. Returns what leaves it."""
+    @contextmanager
+    def guard(self, name: str, at: s.Expr) -> Iterator[None]:
+        """Expand a name inside; expanding it there again is a circle."""
         if name in self._busy:
             circle = " -> ".join([*self._busy[self._busy.index(name) :], name])
             self.checker.fail("E310", at, f"'{name}' needs its own value: {circle}")
         self._busy.append(name)
-        return lambda: self._busy.remove(name)
+        try:
+            yield
+        finally:
+            self._busy.remove(name)
 
     def lazy(self, name: str, make: Callable[[], Value]) -> Lazy:
         """Return a binding worked out once, on first use; a circle is reported."""
@@ -392,13 +392,11 @@ class Context:
 
         def resolve(at: s.Name) -> Value:
             if not known:
-                leave = self.guard(name, at)
-                try:
-                    known.append(make())
-                except Poisoned:
-                    known.append(None)
-                finally:
-                    leave()
+                with self.guard(name, at):
+                    try:
+                        known.append(make())
+                    except Poisoned:
+                        known.append(None)
             if known[0] is None:
                 raise Poisoned
             return known[0]
@@ -424,9 +422,9 @@ class Context:
 
     # -- values of components -------------------------------------------------------------------------------------
 
-    def assign(self, expr: s.Expr, scope: Scope, component: Component) -> Node | None:
-        """Return an expression as a value of a component; None when either is broken (and reported)."""
-        if component.name in self.broken:
+    def assign(self, expr: s.Expr | None, scope: Scope, component: Component) -> Node | None:
+        """Return an expression as a value of a component; None when there is none, or either is broken (and reported)."""
+        if expr is None or component.name in self.broken:
             self.checker.check(expr, scope, component.domain)
             return None
         return assign(self.checker, expr, scope, component)

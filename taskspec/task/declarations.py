@@ -71,9 +71,8 @@ def _by_own_names(context: Context, given: dict[str, Any], aliases: dict[str, st
     for key, value in given.items():
         name = aliases.get(key, key)
         if name not in names:
-            known = f"its parameters are {', '.join(names)}" if names else "it has no parameters"
-            message = f"{context.merged.name} has no parameter '{key}'"
-            context.collector.add("E702", None, message, suggest(key, [*names, *aliases]) or known)
+            known = suggest(key, [*names, *aliases]) or f"its parameters are {', '.join(names) or 'none'}"
+            context.collector.add("E702", None, f"{context.merged.name} has no parameter '{key}'", known)
         elif name in found:
             context.collector.add("E702", None, f"'{name}' and '{key}' are one parameter; give it once")
         found[name] = value
@@ -94,7 +93,7 @@ def _check_option(context: Context, name: str) -> None:
 
 def _require(context: Context, path: Path, scope: Scope) -> None:
     expr = context.forms.expr((*path, "condition"))
-    value = None if expr is None else context.checker.check(expr, scope)
+    value = context.checker.check(expr, scope)
     if expr is None or value is None:
         return
     message = context.forms.value((*path, "message"))
@@ -120,28 +119,20 @@ def _bind_parameter(
         high = _parameter_bound(context, "high", path, scope)
         default = _default(context, entry, path, labels, scope)
         domain = _domain(context, entry, path, scope) if kind == "choice" else None
+        asked = given.get(name, default)
+        value = default
+        if name in given:
+            value = _converted(context, name, asked, kind, labels)
     except Poisoned:
         return None
-    asked = given.get(name, default)
-    value = default
-    if name in given:
-        value = _converted(context, name, asked.value if isinstance(asked, Varying) else asked, kind, labels)
-        if value is None:
-            return None
     if not _check_within(context, name, value, low, high, labels, name in given):
-        if name in given or labels is not None:
-            return None
-        nearest = low if low is not None and not value >= low else high
-        value = convert(nearest, kind)  # what reads the parameter can be checked with this one
-        if value is None or not math.isfinite(value):
-            return None
+        return None
     shown = {k: entry.get(k) for k in ("symbol", "doc", "alias")}
     parameter = Parameter(name, kind, value, default, low, high, labels, **shown)
     if labels is not None:
         return parameter, Value(context.builder.scalar(labels.index(value)), domain)
     if isinstance(asked, Varying):
-        ends = (-math.inf if low is None else low, math.inf if high is None else high)
-        return parameter, Value(context.builder.read(Role.PARAMETER, name, Type(KINDS[kind]), *ends))
+        return parameter, Value(context.builder.read(Role.PARAMETER, name, Type(KINDS[kind]), *parameter.ends))
     return parameter, Value(context.builder.const(value, Type(KINDS[kind])))
 
 
@@ -154,7 +145,9 @@ def _parameter_bound(context: Context, key: str, path: Path, scope: Scope) -> fl
         context.checker.fail("E307", expr, f"'{key}' of a parameter is a single number")
     if node.value != node.value:
         context.checker.fail("E407", expr, f"'{key}' of a parameter is not a number")
-    return None if node.value == _ENDLESS[key] else plain(node.value)
+    if node.value == _ENDLESS[key]:
+        return None
+    return plain(node.value)  # type: ignore[no-any-return]
 
 
 def _default(context: Context, entry: Mapping[str, Any], path: Path, labels: Any, scope: Scope) -> Any:
@@ -168,34 +161,35 @@ def _default(context: Context, entry: Mapping[str, Any], path: Path, labels: Any
         return value
     expr = context.expr((*path, "default"))
     node = context.checker.constant(expr, scope, "a default")
-    found = convert(node.value, kind) if node.type.is_scalar else None
+    found = convert(node.value, kind)
     if found is None:
-        shown = f"{node.value}" if node.type.is_scalar and node.type.kind is KINDS[kind] else str(node.type)
-        context.collector.add("E213", expr.place, f"the default is {shown}, but the parameter is {article(kind)}")
+        message = f"the default is {brief(node.value)} ({node.type}), but the parameter is {article(kind)}"
+        context.collector.add("E213", expr.place, message)
         raise Poisoned
     return found
 
 
 def _converted(context: Context, name: str, value: Any, kind: str, labels: Any) -> Any:
-    if kind == "choice":
-        found = value if isinstance(value, str) and value in labels else None
-        wanted = f"one of {', '.join(map(str, labels))}"
-    else:
-        found = convert(value, kind)
-        wanted = article(kind)
+    """Return a given value as one of the parameter's kind."""
+    if isinstance(value, Varying):
+        value = value.value
+    if kind == "choice" and isinstance(value, str) and value in labels:
+        return value
+    found = convert(value, kind)
     if found is None:
+        wanted = article(kind) if kind != "choice" else f"one of {', '.join(map(str, labels))}"
         context.collector.add("E703", None, f"parameter {name} must be {wanted}, not {brief(value)}")
+        raise Poisoned
     return found
 
 
 def _check_within(context: Context, name: str, value: Any, low: Any, high: Any, labels: Any, given: bool) -> bool:
-    if labels is not None or isinstance(value, bool):
-        return True
-    if low is not None and not value >= low:
+    problem = None
+    if labels is None and low is not None and not value >= low:
         problem = f"must be at least {low}"
-    elif high is not None and not value <= high:
+    elif labels is None and high is not None and not value <= high:
         problem = f"must be at most {high}"
-    else:
+    if problem is None:
         return True
     path = ("parameters", name)
     if given:
@@ -250,8 +244,7 @@ def _constant(context: Context, name: str, scope: Scope, seed: int | None) -> Va
     layout = WordLayout.dealt(written.values())
     words = draws.block(seed, INSTANCE, zlib.crc32(name.encode()), 1, layout.count)[0].tolist()
     (flat,) = evaluate([found.node], {}, sampler(layout, words))
-    type_ = found.node.type
-    return Value(context.builder.const(flat if type_.shape else flat[0], type_), found.domain)
+    return Value(context.builder.constant(flat, found.node.type), found.domain)
 
 
 def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> Const:
@@ -266,21 +259,20 @@ def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> 
     start = 0
     cells = []
     for row, line in enumerate(lines):
-        here: Path = (*path, "grid") if is_block else (*path, "grid", row)
-        first = start if is_block else 0
+        here: Path = (*path, "grid", row)
+        if is_block:
+            here = (*path, "grid")
         if not line or len(line) != len(lines[0]):
             message = f"this row has {len(line)} characters, the first has {len(lines[0])}"
-            context.collector.add("E307", context.merged.span(here, first, first + len(line)), message)
+            context.collector.add("E307", context.merged.span(here, start, start + len(line)), message)
             raise Poisoned
-        for at, char in enumerate(line, first):
+        for at, char in enumerate(line, start):
             if char not in legend:
-                message = f"the legend does not say what '{char}' stands for"
-                context.collector.add(
-                    "E203", context.merged.span(here, at, at + 1), message, f"it has {' '.join(legend)}"
-                )
+                message = f"the legend, which has {' '.join(legend)}, does not say what '{char}' stands for"
+                context.collector.add("E203", context.merged.span(here, at, at + 1), message)
                 raise Poisoned
-        cells += [legend[char] for char in line]
-        start += len(line) + 1
+            cells.append(legend[char])
+        start += (len(line) + 1) * is_block
     found = context.builder.structure("vector", cells)
     grid = context.builder.structure("reshape", [found], (len(lines), len(lines[0]), *found.type.shape[1:]))
     assert isinstance(grid, Const)
@@ -413,13 +405,10 @@ def bind_horizon(context: Context) -> int | None:
     """Return the horizon; None without one."""
     if context.data["horizon"] in (None, "none"):
         return None
-    expr = context.forms.expr(("horizon",))
-    scope = context.constant_scope("the horizon is fixed")
     try:
-        steps = None if expr is None else context.checker.integer(expr, scope, "the horizon")
+        expr = context.expr(("horizon",))
+        steps = context.checker.integer(expr, context.constant_scope("the horizon is fixed"), "the horizon")
     except Poisoned:
-        steps = None
-    if expr is None or steps is None:
         context.constants["T"] = Lazy(poison)
         return None
     if not 1 <= steps <= Limits.horizon:
@@ -430,14 +419,14 @@ def bind_horizon(context: Context) -> int | None:
 
 def bind_discount(context: Context) -> float:
     """Return the discount; 1 where it is not given, or broken (and reported)."""
-    expr = context.forms.expr(("discount",)) if "discount" in context.data else None
-    if expr is None:
+    if "discount" not in context.data:
         return 1.0
     try:
+        expr = context.expr(("discount",))
         node = context.checker.constant(expr, context.constant_scope("it is fixed"), "the discount")
     except Poisoned:
         return 1.0
-    value = float(node.value) if node.type.is_scalar else -1.0
-    if not 0 <= value <= 1:
-        context.collector.add("E703", expr.place, "the discount is a number between 0 and 1")
-    return value
+    if node.type.is_scalar and 0 <= node.value <= 1:
+        return float(node.value)
+    context.collector.add("E703", expr.place, "the discount is a number between 0 and 1")
+    return 1.0

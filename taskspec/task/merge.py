@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import field
 from typing import Any, TypeAlias
 
-from taskspec.base.diagnostics import Diagnostic, Span, SpecError, suggest
+from taskspec.base.diagnostics import Diagnostic, Span, SpecError, spec_error, suggest
 from taskspec.base.records import dataclass
 from taskspec.source import Document, Path
 from taskspec.source.scan import REQUIRED, task_name
@@ -25,17 +25,8 @@ _DROPPED = ("variants", "base", "extends")
 _OF_A_FILE = ("taskspec", "name", "version", "roles")
 """Sections that are about a file as a whole, which none takes over from another."""
 _BESIDE = (
-    "abstraction",
-    "absorbing_reward",
-    "accept",
-    "claims",
-    "examples",
-    "expert",
-    "figure",
-    "info",
-    "memory",
-    "symmetries",
-)
+    "abstraction", "absorbing_reward", "accept", "claims", "examples", "expert", "figure", "info", "memory", "symmetries",
+)  # fmt: skip
 """Sections that neither reset nor step a task."""
 _NOT_ABSTRACT = ("abstraction", "observation", "measures", "legal", "claims", "examples", "accept", "figure", "info")
 
@@ -69,8 +60,7 @@ class Merged:
 
     def is_own(self, path: Path) -> bool:
         """Return whether it was written by this variant, or this spec, and not by what it is based on."""
-        own = () if self.variant is None else ("variants", self.variant)
-        return self.origin(path) == (self.document, own)
+        return self.origin(path) == (self.document, _root(self.variant))
 
     def span(self, path: Path, start: int | None = None, end: int | None = None) -> Span:
         document, there = self.written(path)
@@ -95,9 +85,17 @@ def variant_names(data: dict[str, Any]) -> dict[str, str | None]:
     name = str(data.get("name", ""))
     names: dict[str, str | None] = {name: None}
     variants = data.get("variants")
-    for key in variants if isinstance(variants, dict) else ():
-        names[task_name(name, str(key))] = str(key)
+    if isinstance(variants, dict):
+        names |= {task_name(name, str(key)): str(key) for key in variants}
     return names
+
+
+def complete(document: Document) -> list[str | None]:
+    """Return the variants that are tasks, the spec itself (None) first unless it leaves sections to them."""
+    found = list(variant_names(document.data).values())
+    if len(found) > 1 and merge(document).missing:
+        return found[1:]
+    return found
 
 
 def merge(document: Document, variant: str | None = None) -> Merged:
@@ -130,8 +128,8 @@ def _overlaid(document: Document, variant: str | None, base: Merged | None) -> M
         data = {key: value for key, value in data.items() if key not in _OF_A_FILE}
         moved = {(key,): (base.document, (key,)) for key in data} | moved
         data |= {key: own[key] for key in _OF_A_FILE if key in own}
-    over = own if variant is None else document.data["variants"][variant] or {}
-    here: Place = (document, () if variant is None else ("variants", variant))
+    over = _sections(document, variant)
+    here: Place = (document, _root(variant))
     strays = [*base.strays]
     for section, value in over.items():
         if section in _DROPPED:
@@ -147,8 +145,22 @@ def _overlaid(document: Document, variant: str | None, base: Merged | None) -> M
             if value is not None:
                 data[section] = value
             _move(moved, (section,), here)
-    found = name if variant is None else task_name(name, variant)
-    return Merged(document, found, variant, data, moved, tuple(strays))
+    if variant is not None:
+        name = task_name(name, variant)
+    return Merged(document, name, variant, data, moved, tuple(strays))
+
+
+def _root(variant: str | None) -> Path:
+    """Return where the sections of a variant, or of the spec itself, stand."""
+    return () if variant is None else ("variants", variant)
+
+
+def _sections(document: Document, variant: str | None) -> dict[str, Any]:
+    """Return what a variant, or the spec itself, has at the top."""
+    found: dict[str, Any] = document.data
+    for step in _root(variant):
+        found = found[str(step)] or {}
+    return found
 
 
 def _entries(
@@ -233,19 +245,19 @@ def _key(document: Document, variant: str) -> str:
         return keys[variant]
     message = f"{name} has no variant '{variant}'; it has: {', '.join(variants) or 'none'}"
     hint = suggest(variant, [*variants, *keys])
-    raise SpecError([Diagnostic("E211", None, message, hint)])  # it was asked for from outside, not in the file
+    raise spec_error("E211", message, hint)  # it was asked for from outside, not in the file
 
 
 def _base(step: Step) -> Step | None:
     """Return what a variant, or a spec, says it is based on; None for a spec that extends no other."""
     document, variant = step
-    over = document.data if variant is None else document.data["variants"][variant] or {}
-    extends = over.get("extends")
-    base = over.get("base")
-    if extends is None and variant is None:
+    over = _sections(document, variant)
+    if "extends" not in over and variant is None:
         return None
-    other = document if extends is None else document.others[extends]
-    return other, None if base is None else _key(other, str(base))
+    other = document.others[over["extends"]] if "extends" in over else document
+    if over.get("base") is None:
+        return other, None
+    return other, _key(other, str(over["base"]))
 
 
 def lineage(step: Step) -> Iterator[Step]:

@@ -29,27 +29,21 @@ _PAYING = ("reward", "measures")
 
 _WITHOUT_ACTION = {
     "observation": "the agent observes before it acts",
-    "expert": "the action is not known yet",
-    "absorbing": "the action is not known yet",
-    "abstraction": "the action is not known yet",
+    **dict.fromkeys(("expert", "absorbing", "abstraction"), "the action is not known yet"),
     "figure": "a figure shows states",
 }
-_MAPS = ("seen", "done")
-"""Sections of a symmetry: the maps of what is observed, and of actions."""
-_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction", "figure", "legal", "first memory", "memory", *_MAPS)
-_OUTSIDE_STEPS = ("initial", "observation")
-"""Sections in which a noise may stand that depends on no step."""
 _NO_DRAWS = {
     "absorbing": "an absorbing reward is a fixed number",
     "claims": "a claim is a statement about exact results",
     "legal": "an action is legal in a state, or not",
-    "first memory": "a memory holds what was seen and done",
-    "memory": "a memory holds what was seen and done",
+    **dict.fromkeys(("first memory", "memory"), "a memory holds what was seen and done"),
     "abstraction": "an abstraction is a function of the state",
     "figure": "a figure shows states",
-    **dict.fromkeys(_MAPS, "a symmetry gives one value for each"),
+    **dict.fromkeys(("seen", "done"), "a symmetry gives one value for each"),
 }
-"""Sections in which nothing may be drawn, and why."""
+"""Sections in which nothing may be drawn, and why; `seen` and `done` are the maps of a symmetry."""
+_OUTSIDE_STEPS = ("initial", "observation")
+"""Sections in which a noise may stand that depends on no step."""
 
 
 class Names:
@@ -71,12 +65,7 @@ class Names:
             return known
         bindings: dict[str, Binding] = dict(self.context.constants)
         self._bind_components(bindings, section)
-        self._bind_memory(bindings, section)
         self._bind_time(bindings, section)
-        self._bind_noise(bindings, section)
-        self._bind_end(bindings, section)
-        if section == "expert":
-            self._bind_observed(bindings)
         return self._finished(section, bindings)
 
     def memory_scope(self, section: str, seen: Mapping[str, Value]) -> Scope:
@@ -90,8 +79,10 @@ class Names:
                 hint = f"`{name}'` is seen after it; memory keeps what was"
                 visible[name] = Unavailable("E302", f"'{name}' was seen before the step", hint)
                 visible[name + "'"] = value
-                hint = f"an observation after a step is written with a prime: `{name}'`"
+            hint = "an observation after a step is written with a prime"
             visible |= {c.name: self.context.bound(c, Role.ACTION) for c in self.context.action}
+            visible |= {c.name: self.context.bound(c, Role.STATE) for c in self.context.memory}
+            self._bind_time(visible, section)
         return self._restricted(section, visible, "a memory is computed from observations, and '{}' is not", hint)
 
     def map_scope(self, section: str, visible: Mapping[str, Binding]) -> Scope:
@@ -108,11 +99,6 @@ class Names:
         for name in context.exprs.get("observation", {}):
             if section != "done" and name not in visible:  # it is broken (and reported)
                 bindings[name] = bindings[name + "'"] = Lazy(poison)
-        if section == "memory":
-            self._bind_memory(bindings, section)
-            self._bind_time(bindings, section)
-        self._bind_noise(bindings, section)
-        self._bind_end(bindings, section)
         return self._finished(section, bindings)
 
     def initial_scope(self) -> Scope:
@@ -124,7 +110,6 @@ class Names:
             bindings[c.name] = Unavailable("E317", f"'{c.name}' has no value yet", hint)
         for c in context.action:
             bindings[c.name] = Unavailable("E302", f"the action '{c.name}' cannot be used in `initial`")
-        self._bind_noise(bindings, "initial")
         return self._finished("initial", bindings)
 
     def define(self, scope: Scope, name: str, binding: Binding) -> None:
@@ -133,6 +118,10 @@ class Names:
         self._bind_definitions(scope.bindings, scope)
 
     def _finished(self, section: str, bindings: dict[str, Binding]) -> Scope:
+        """Return the scope of a section, with noise, end and definitions beside the names that are its own."""
+        self._bind_noise(bindings, section)
+        if section != "initial":
+            self._bind_end(bindings, section)
         scope = Scope(bindings, self.context.domains, draws=_NO_DRAWS.get(section))
         self._bind_definitions(bindings, scope)
         self.context.scopes.append(scope)
@@ -151,23 +140,16 @@ class Names:
                 where = "the expert" if section == "expert" else f"`{section}`"
                 message = f"the action '{c.name}' cannot be used in {where}"
                 bindings[c.name] = Unavailable("E302", message, _WITHOUT_ACTION[section])
-
-    def _bind_observed(self, bindings: dict[str, Binding]) -> None:
-        """Say what an expert reads, where it names what is observed."""
-        known = Scope(bindings, self.context.domains)
-        for name in self.context.exprs.get("observation", {}):
+        for c in context.memory:
+            message = f"'{c.name}' is the expert's memory, which only `expert` and `memory` can use"
+            bindings[c.name] = Unavailable("E302", message)
+            if section == "expert":
+                bindings[c.name] = context.bound(c, Role.STATE)
+        known = Scope(bindings, context.domains)
+        for name in context.exprs.get("observation", {}) if section == "expert" else ():
             if not known.is_label(name):
                 message = f"'{name}' is an observation, and an expert reads the state"
-                hint = "only `memory` sees observations; what both use can be a definition"
-                bindings.setdefault(name, Unavailable("E302", message, hint))
-
-    def _bind_memory(self, bindings: dict[str, Binding], section: str) -> None:
-        for c in self.context.memory:
-            if section in ("expert", "memory"):
-                bindings[c.name] = self.context.bound(c, Role.STATE)
-            else:
-                message = f"'{c.name}' is the expert's memory, which only `expert` and `memory` can use"
-                bindings[c.name] = Unavailable("E302", message)
+                bindings.setdefault(name, Unavailable("E302", message, "only `memory` sees observations"))
 
     def _bind_time(self, bindings: dict[str, Binding], section: str) -> None:
         b = self.context.builder
@@ -176,10 +158,7 @@ class Names:
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0))
             bindings.setdefault("T", Unavailable("E302", "there is no horizon 'T': it is `none`"))
         else:
-            if section in ("observation", "claims"):
-                last = horizon
-            else:
-                last = horizon - 1
+            last = horizon - (section not in ("observation", "claims"))
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0, last))
             bindings["T"] = Value(b.scalar(horizon))
         if section == "legal":
@@ -218,7 +197,7 @@ class Names:
         for name in self.context.data.get("noise") or {}:
             if section in _OUTSIDE_STEPS:
                 bindings[name] = Lazy(lambda at, n=name: self._noise_of_reset(n, at, section))  # type: ignore[misc]
-            elif section in _WITHOUT_NOISE:
+            elif section in _NO_DRAWS or section == "expert":
                 bindings[name] = Unavailable("E302", f"the noise '{name}' is drawn in steps, not here")
             else:
                 bindings[name] = Lazy(lambda at, n=name: self._drawn(n))  # type: ignore[misc]
@@ -230,12 +209,8 @@ class Names:
             expr = self.context.exprs["noise"][name]
             if expr is None:
                 raise Poisoned
-            leave = self.context.guard(name, expr)
-            try:
-                with builder.written() as draws:
-                    value = self.context.shaped(name, self.context.checker.value(expr, self.scope("noise")))
-            finally:
-                leave()
+            with self.context.guard(name, expr), builder.written() as draws:
+                value = self.context.shaped(name, self.context.checker.value(expr, self.scope("noise")))
             self._noise[name] = replace(value, late=True), tuple(draws.values())
         value, made = self._noise[name]
         builder.name_draws(made)
@@ -291,14 +266,8 @@ class Names:
             self.raw_next[name] = value.node
             return Value(value.node, value.domain)
         expr = context.exprs["dynamics"][written]
-        leave = context.guard(written, at)
-        try:
-            if expr is None:
-                node = None
-            else:
-                node = context.assign(expr, self.scope("dynamics"), component)
-        finally:
-            leave()
+        with context.guard(written, at):
+            node = context.assign(expr, self.scope("dynamics"), component)
         if node is None:
             raise Poisoned
         self.raw_next[name] = node

@@ -77,12 +77,12 @@ Grid: TypeAlias = Mapping[str, Any] | Sequence[Mapping[str, Any]] | None
 def cases(grid: Grid) -> Iterator[dict[str, Any]]:
     """Yield every choice of values, the first parameter changing slowest; none without a grid."""
     for entry in _entries(grid):
-        yield from (dict(zip(entry, values, strict=True)) for values in product(*map(_values, entry.values())))
+        yield from (dict(zip(entry, values, strict=True)) for values in product(*map(as_list, entry.values())))
 
 
 def size(grid: Grid) -> int:
     """Return how many choices there are, without listing them."""
-    return sum(prod(len(_values(value)) for value in entry.values()) for entry in _entries(grid))
+    return sum(prod(len(as_list(value)) for value in entry.values()) for entry in _entries(grid))
 
 
 def _entries(grid: Grid) -> Sequence[Mapping[str, Any]]:
@@ -91,7 +91,8 @@ def _entries(grid: Grid) -> Sequence[Mapping[str, Any]]:
     return grid or ()
 
 
-def _values(value: Any) -> list[Any]:
+def as_list(value: Any) -> list[Any]:
+    """Return a list, that of a single value for one."""
     if isinstance(value, list):
         return value
     return [value]
@@ -304,6 +305,13 @@ class Parameter:
     symbol: str | None = None
     doc: str | None = None
     alias: str | None = None
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Its bounds, infinite where there are none."""
+        low = -math.inf if self.low is None else self.low
+        high = math.inf if self.high is None else self.high
+        return low, high
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ A space such as Z^2 is endless, but thirty steps from a bounded start do not lea
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from taskspec.base.diagnostics import Collector, Placed
 from taskspec.base.records import entries_by_name
@@ -44,12 +43,21 @@ def reached(
     declared = {c.name: (c.least, c.most) for c in state}
     first: dict[int, Range] = {}
     found = {c.name: _within(bounds(n, first), declared[c.name]) for c, n in zip(state, initial, strict=True)}
-    widening = _Widening(following, declared)
+
+    nodes = list(walk(following))
 
     def step(reached: dict[str, Interval]) -> dict[str, Interval]:
-        known = widening.from_(reached)
-        nexts = (_within(known[id(node)][:2], declared[c.name]) for c, node in zip(state, following, strict=True))
-        return {c.name: _union(reached[c.name], edge) for c, edge in zip(state, nexts, strict=True)}
+        wider = {}
+        known: dict[int, Range] = {}
+        for node in nodes:
+            if isinstance(node, Read) and node.role is Role.STATE:
+                known[id(node)] = Range(*reached[node.name])
+            else:
+                known[id(node)] = interval.step(node, [known[id(c)] for c in children(node)])
+        for c, node in zip(state, following, strict=True):
+            low, high = _within(known[id(node)][:2], declared[c.name])
+            wider[c.name] = (min(reached[c.name][0], low), max(reached[c.name][1], high))
+        return wider
 
     for _ in range(MAX_STEPS if horizon is None else min(horizon, MAX_STEPS)):
         wider = step(found)
@@ -63,44 +71,6 @@ def reached(
     return found
 
 
-class _Widening:
-    """Bounds of nodes while bounds of the state change: only what has changed is worked out again."""
-
-    def __init__(self, roots: Sequence[Node], state: Container[str]) -> None:
-        self.known: dict[int, Range] = {}
-        self.moving: list[tuple[Node, tuple[int, ...]]] = []
-        """The nodes that depend on the state, arguments first, with the ids of their arguments."""
-        moving: set[int] = set()
-        for node in walk(roots):
-            args = tuple(map(id, children(node)))
-            of_state = isinstance(node, Read) and node.role is Role.STATE and node.name in state
-            if of_state or not moving.isdisjoint(args):
-                moving.add(id(node))
-                self.moving.append((node, args))
-            else:
-                self.known[id(node)] = _range(node, self.known)
-
-    def from_(self, reached: Mapping[str, Interval]) -> Mapping[int, Range]:
-        """Return what is known of the nodes, by id, where components are within these intervals."""
-        known = self.known
-        changed = set[int]()
-        for node, args in self.moving:
-            if isinstance(node, Read):
-                found = Range(*reached[node.name])
-            elif id(node) in known and changed.isdisjoint(args):
-                continue
-            else:
-                found = _range(node, known)
-            if known.get(id(node)) != found:
-                known[id(node)] = found
-                changed.add(id(node))
-        return known
-
-
-def _range(node: Node, known: dict[int, Range]) -> Range:
-    return interval.step(node, [known[id(c)] for c in children(node)])
-
-
 def over(roots: Sequence[Node], reached: dict[str, Interval]) -> dict[int, Range]:
     """Return what is known of the state reads below some nodes, for `interval.bounds`."""
     reads = (n for n in walk(roots) if isinstance(n, Read) and n.role is Role.STATE)
@@ -109,14 +79,6 @@ def over(roots: Sequence[Node], reached: dict[str, Interval]) -> dict[int, Range
 
 def _within(edge: Interval, declared: Interval) -> Interval:
     return max(edge[0], declared[0]), min(edge[1], declared[1])
-
-
-def _union(a: Interval, b: Interval) -> Interval:
-    return min(a[0], b[0]), max(a[1], b[1])
-
-
-def finite(edge: Interval) -> bool:
-    return edge[0] > -INF and edge[1] < INF
 
 
 # Ints that fit: a state int keeps to its range, and an expression that may leave 64 bits is refused.
@@ -215,46 +177,32 @@ class Observed:
         self.reached = reached
         self.components = entries_by_name(state)
 
-    def state(self, c: Component) -> Component:
-        """Return a state component that is observed as it is."""
-        edges = self._tight(list(zip(c.low, c.high, strict=True)), self.reached.get(c.name))
-        return replace(c, low=tuple(a for a, _ in edges), high=tuple(b for _, b in edges))
-
     def expression(
-        self, name: str, value: Value, low: Sequence[float] | None, high: Sequence[float] | None
+        self, name: str, value: Value, low: Sequence[float] | None = None, high: Sequence[float] | None = None
     ) -> Component:
         """Return an observed expression; `low` and `high` are declared bounds, one for each element."""
-        node = value.node
-        edges = self.edges(node)
-        lows = [a for a, _ in edges] if low is None else list(low)
-        highs = [b for _, b in edges] if high is None else list(high)
-        original = self._original(node)
-        if original is not None and original.name == name:
-            symbol = original.symbol
-        else:
-            symbol = None
-        doc = original.doc if original is not None else None
-        return Component(name, node.type, tuple(lows), tuple(highs), value.domain, symbol, doc)
-
-    def _original(self, node: Node) -> Component | None:
-        if isinstance(node, Read) and node.role is Role.STATE:
-            return self.components[node.name]
-        return None
+        lows, highs = zip(*self.edges(value.node), strict=True) if value.node.type.size else ((), ())
+        symbol = None
+        doc = None
+        if isinstance(value.node, Read) and value.node.role is Role.STATE:
+            original = self.components[value.node.name]
+            doc = original.doc
+            symbol = original.symbol if original.name == name else None
+        return Component(name, value.node.type, tuple(low or lows), tuple(high or highs), value.domain, symbol, doc)
 
     def edges(self, node: Node) -> Edges:
         """Return bounds of every element: of a state component as declared, of a vector part by part."""
-        original = self._original(node)
-        if original is not None:
-            return self._tight(list(zip(original.low, original.high, strict=True)), self.reached.get(original.name))
         match node:
+            case Read(role=Role.STATE, name=name):
+                c = self.components[name]
+                return self._tight(list(zip(c.low, c.high, strict=True)), self.reached.get(name))
             case Apply(op="vector" | "concat", args=args):
                 return [edge for arg in args for edge in self.edges(arg)]
             case _:
                 # An int may come from reals, and JAX has others: the space has room for what any backend shows.
+                edge = self.builder.bounds(node)
                 if node.type.kind is Kind.INT:
                     edge = single(node)
-                else:
-                    edge = self.builder.bounds(node)
                 return self._tight([edge] * node.type.size, bounds(node, over([node], self.reached)))
 
     def _tight(self, edges: Edges, reached: Interval | None) -> Edges:

@@ -148,19 +148,17 @@ def space_words(layout: SpaceLayout) -> str:
         case {"space": "Dict", "keys": keys}:
             return f"Dict({', '.join(keys)})"
         case {"shape": shape, "low": low, "high": high}:
+            bounds = ""
             if not isinstance(low, list) and not isinstance(high, list):
                 bounds = f" in {interval(low, high)}"
-            else:
-                bounds = ""
             return f"Box({_listed(shape)}){bounds}"
     raise AssertionError(found)
 
 
 def _listed(items: Sequence[Any]) -> str:
+    shown = [*map(str, items[:5]), "…"]
     if len(items) <= 6:
         shown = list(map(str, items))
-    else:
-        shown = [*map(str, items[:5]), "…"]
     return ", ".join(shown)
 
 
@@ -178,8 +176,7 @@ def domain_words(c: Component | Parameter) -> str:
         labels = c.values
         kind = c.kind
         shape = ""
-        low = -math.inf if c.low is None else c.low
-        high = math.inf if c.high is None else c.high
+        low, high = c.ends
     else:
         labels = None if c.domain is None else label_words(c.domain)
         kind = str(c.type.kind)

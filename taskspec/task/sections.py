@@ -11,7 +11,7 @@ from taskspec.base.records import all_names, entries_by_name
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.scope import Lazy, Poisoned, Scope, Value
-from taskspec.lang.types import REAL, Kind, Type
+from taskspec.lang.types import REAL, Type
 from taskspec.source import Path
 from taskspec.task import declarations
 from taskspec.task import parts as parameters
@@ -26,16 +26,13 @@ Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
 def parse_sections(context: Context) -> None:
     """Read the expressions of every section, reporting all syntax errors."""
     for section in ("definitions", "noise", "initial", "dynamics", "observation", "measures"):
-        entries = context.data.get(section) or {}
         exprs = context.exprs[section] = {}
-        for name, value in entries.items():
-            if section == "measures" and isinstance(value, dict) and "value" in value:
+        for name, value in (context.data.get(section) or {}).items():
+            is_measure = section == "measures" and isinstance(value, dict) and "value" in value
+            if is_measure or (section == "observation" and is_bounded(value)):
                 exprs[name] = context.forms.expr((section, name, "value"))
-            elif section != "observation":
+            elif (section, name) != ("observation", "space"):
                 exprs[name] = context.forms.expr((section, name))
-            elif name != "space":
-                path: Path = (section, name, "value") if is_bounded(value) else (section, name)
-                exprs[name] = context.forms.expr(path)
     for section in ("reward", "terminal", "absorbing_reward", "legal"):
         if section in context.data:
             context.exprs[section] = context.forms.expr((section,))
@@ -54,7 +51,7 @@ def initial_values(context: Context, names: Names) -> list[Node]:
         c = components.get(name)
         if c is None:
             continue
-        node = None if expr is None else context.assign(expr, scope, c)
+        node = context.assign(expr, scope, c)
         if node is None:
             names.define(scope, name, Lazy(poison))
             continue
@@ -65,9 +62,7 @@ def initial_values(context: Context, names: Names) -> list[Node]:
         if c.name in context.exprs["initial"]:
             continue
         if c.low == c.high:  # there is nothing to choose
-            flat = c.low if c.type.kind is Kind.REAL else tuple(map(int, c.low))
-            constant = context.builder.const(flat if c.type.shape else flat[0], c.type)
-            found[c.name] = context.raw_initial[c.name] = constant
+            found[c.name] = context.raw_initial[c.name] = context.builder.constant(c.low, c.type)
             continue
         # Reported at `initial`, unless a variant declares the component beside the spec's `initial`.
         declared: Path = ("state", c.name)
@@ -103,7 +98,7 @@ def next_values(context: Context, names: Names) -> list[Node]:
 
 
 def saturate(context: Context, names: Names, initial: list[Node], following: list[Node]) -> list[Node]:
-    """Return next states with ints that fit (`spec.widths`); what reads a next value later reads that."""
+    """Return next states with ints that fit; what reads a next value later reads that."""
     if not len(initial) == len(following) == len(context.state):
         return following
     found = saturated(context.builder, context.state, initial, following, context.horizon)
@@ -118,14 +113,13 @@ def check_widths(context: Context, **sections: Sequence[Node]) -> None:
     for section, nodes in sections.items():
         exprs = context.exprs.get(section)
         lines = list(exprs.values()) if isinstance(exprs, dict) else [exprs]
-        wide = [(number, most) for number, most in enumerate(widest([n]) for n in nodes) if most]
-        if not wide:
-            continue
-        place = context.place(section)
-        line = lines[wide[0][0]] if len(lines) == len(nodes) else None
-        if line is not None:
-            place = line.place
-        too_wide(context.collector, place, wide[0][1])
+        for number, node in enumerate(nodes):
+            most = widest([node])
+            if not most:
+                continue
+            line = lines[number] if len(lines) == len(nodes) else None
+            too_wide(context.collector, line.place if line else context.place(section), most)
+            break
 
 
 # -- single values --------------------------------------------------------------------------------------------
@@ -188,20 +182,17 @@ def observed(context: Context, names: Names, initial: list[Node], following: lis
     """Return what the agent sees: the declared expressions, or else the state."""
     space = (context.data.get("observation") or {}).get("space", "auto")
     whole = len(initial) == len(following) == len(context.state)
-    if whole:
-        reached = reach(context.state, initial, following, context.horizon)
-    else:
-        reached = {}
+    reached = reach(context.state, initial, following, context.horizon) if whole else {}
     makes = Observed(context.builder, context.state, reached)
     declared = context.exprs["observation"]
     if not declared:
-        nodes = tuple(context.read(c, Role.STATE).node for c in context.state)
-        components = tuple(map(makes.state, context.state))
+        present = [context.read(c, Role.STATE) for c in context.state]
+        components = tuple(makes.expression(c.name, value) for c, value in zip(context.state, present, strict=True))
         if whole:
             _check_space(context, components, space)
-        return Observation(components, nodes, space, is_state=True)
+        return Observation(components, tuple(value.node for value in present), space, is_state=True)
     scope = names.scope("observation")
-    values = {name: None if expr is None else context.checker.check(expr, scope) for name, expr in declared.items()}
+    values = {name: context.checker.check(expr, scope) for name, expr in declared.items()}
     found = {name: value for name, value in values.items() if value is not None}
     is_sound = len(found) == len(declared)
     size = sum(v.node.type.size for v in found.values())
@@ -265,8 +256,6 @@ def expert_action(context: Context, names: Names) -> Expert:
         return by_component(context, ("expert",), exprs, scope, is_whole=True)
     expr = context.exprs["expert"] = context.forms.expr(("expert",))
     match expr:
-        case None:
-            return None
         case s.Name(id="optimal"):
             return "optimal"
         case s.Call(function="soft", args=(beta,)):
@@ -274,7 +263,7 @@ def expert_action(context: Context, names: Names) -> Expert:
                 return Soft(float(context.checker.constant(beta, scope, "the inverse temperature").value))
             except Poisoned:
                 return None
-    if len(components) != 1:
+    if expr is not None and len(components) != 1:
         every = ", ".join(f"{c.name}: ..." for c in components)
         context.collector.add("E216", expr.place, f"an expert gives every action component: {{{every}}}")
         return None
@@ -295,11 +284,8 @@ def by_component(
             context.report_key("E216", (*path, name), message, suggest(name, known))
     nodes = []
     for c in context.action:
-        expr = exprs.get(c.name)
-        node = None
-        if expr is not None:
-            node = context.assign(expr, scope, c)
-        elif c.name not in exprs and is_whole:
+        node = context.assign(exprs.get(c.name), scope, c)
+        if c.name not in exprs and is_whole:
             context.report_key("E216", path, f"the expert gives no '{c.name}'")
         elif c.name not in exprs:
             node = context.read(c, Role.ACTION).node
@@ -330,9 +316,9 @@ def abstraction_map(context: Context, names: Names) -> list[Node]:
             context.report_key("E216", (*path, name), message, suggest(name, components))
             continue
         c = declarations.component(context, ("abstraction", "state", name), fixed)
-        node = None if expr is None or c is None else context.assign(expr, scope, c)
-        if node is not None:
-            nodes.append(node)
+        if c is not None:
+            node = context.assign(expr, scope, c)
+            nodes += [] if node is None else [node]
     for name in components:
         if name not in written:
             context.report_key("E216", path, f"the map does not say what '{name}' is", f"add `{name}: ...`")
@@ -346,9 +332,7 @@ def claims(context: Context) -> Iterator[Claim]:
     number = sum(parameters.size(entry.get("for")) or 1 for entry in entries)
     too_many = number > limits().claims
     if too_many:
-        message = (
-            f"{number:,} claims, counted for all their parameter values, are too many; the limit is {limits().claims:,}"
-        )
+        message = f"{number:,} claims, with all their parameter values, are too many; the limit is {limits().claims:,}"
         context.report_key("E314", ("claims",), message, how_to_raise("claims", number))
     for i, entry in enumerate(entries):
         path: Path = ("claims", i) if isinstance(written[i], str) else ("claims", i, "claim")

@@ -8,7 +8,7 @@ says `shape: []`. The author may choose otherwise for observations. Gymnasium it
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -56,21 +56,13 @@ class Segment:
     element: int = 0
     values: range | None = None
 
-    def numbers(self, flat: tuple[Any, ...]) -> tuple[Any, ...]:
-        """Return the numbers, from the elements of the component."""
-        if self.values is not None:
-            return tuple(float(flat[self.element] == value) for value in self.values)
-        if self.starts:
-            return tuple(item - start for item, start in zip(flat, self.starts, strict=True))
-        return flat
-
     def columns(self, rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
         """Return the numbers (N, size) of many values at once, from the elements (N, elements) of the component."""
         if self.values is not None:
-            found: np.ndarray[Any, Any] = rows[:, self.element, None] == np.array(self.values)
-            return found
-        less: np.ndarray[Any, Any] = rows - np.array(self.starts) if self.starts else rows
-        return less
+            return np.asarray(rows[:, self.element, None] == np.array(self.values))
+        if self.starts:
+            return np.asarray(rows - np.array(self.starts))
+        return rows
 
 
 @dataclass(frozen=True)
@@ -125,10 +117,9 @@ class SpaceLayout:
         found: list[Segment] = []
         first = 0
         for i, c in enumerate(self.components):
+            starts: tuple[int, ...] = ()
             if self.form in ("multi_discrete", "one_hot"):
                 starts = tuple(map(int, c.low))
-            else:
-                starts = ()
             if self.form == "dict":
                 found.append(Segment(i, 0, i, c.type.size))
             elif self.form == "one_hot":
@@ -172,37 +163,25 @@ def action_layout(action: tuple[Component, ...], is_number: bool) -> SpaceLayout
 
 
 def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) -> SpaceLayout:
-    form: Form = _automatic(components, several) if space == "auto" else space
+    form: Form = "box"
+    if space != "auto":
+        form = space
+    elif are_finite(components):
+        form = several
+        if len(components) == 1 and components[0].type.is_scalar:
+            form = "discrete"
     match form:
-        case "discrete":
+        case "discrete" | "dict":
             return SpaceLayout(form, components)
         case "multi_discrete":
             return SpaceLayout(form, components, (total_size(components),))
         case "one_hot":
             return SpaceLayout(form, components, (sum(counts_of(components)),))
-        case "dict":
-            return SpaceLayout(form, components)
         case "box":
-            return _box(components)
-
-
-def _automatic(components: tuple[Component, ...], several: Form) -> Form:
-    finite = are_finite(components)
-    if finite and len(components) == 1 and components[0].type.is_scalar:
-        return "discrete"
-    if finite:
-        return several
-    return "box"
-
-
-def _box(components: tuple[Component, ...]) -> SpaceLayout:
-    if len(components) == 1:
-        shape = components[0].type.shape
-    else:
-        shape = (total_size(components),)
-    low = tuple(single(v) for c in components for v in c.low)
-    high = tuple(single(v) for c in components for v in c.high)
-    return SpaceLayout("box", components, shape, low, high)
+            shape = components[0].type.shape if len(components) == 1 else (total_size(components),)
+            low = tuple(single(v) for c in components for v in c.low)
+            high = tuple(single(v) for c in components for v in c.high)
+            return SpaceLayout(form, components, shape, low, high)
 
 
 def space(layout: SpaceLayout) -> gymnasium.Space[Any]:
@@ -254,10 +233,16 @@ def singles(values: Any, shape: tuple[int, ...]) -> Any:
 
 def pack(layout: SpaceLayout, flats: Sequence[tuple[Any, ...]]) -> Any:
     """Component values, flat row-major, as one Gymnasium value."""
-    numbers: list[list[Any]] = [[] for _ in layout.parts]
-    for segment in layout.segments:
-        numbers[segment.part] += segment.numbers(flats[segment.component])
-    return _joined(layout, _held, numbers)
+    rows = pack_many(layout, [np.array([flat]) for flat in flats])
+    if layout.is_dict:
+        return {part.name: _first(part, rows[part.name]) for part in layout.parts}
+    return _first(layout.parts[0], rows)
+
+
+def _first(part: Part, rows: np.ndarray[Any, Any]) -> Any:
+    if part.is_whole and not part.shape:
+        return int(rows[0])
+    return np.asarray(rows[0])
 
 
 def pack_many(layout: SpaceLayout, rows: Sequence[np.ndarray[Any, Any]]) -> Any:
@@ -265,29 +250,15 @@ def pack_many(layout: SpaceLayout, rows: Sequence[np.ndarray[Any, Any]]) -> Any:
     blocks: list[list[np.ndarray[Any, Any]]] = [[] for _ in layout.parts]
     for segment in layout.segments:
         blocks[segment.part].append(segment.columns(rows[segment.component]))
-    return _joined(layout, _held_many, blocks)
-
-
-def _joined(layout: SpaceLayout, hold: Callable[[Part, Any], Any], numbers: Sequence[Any]) -> Any:
-    """Return the arrays of all parts by key, or the only one."""
-    held = {part.name: hold(part, items) for part, items in zip(layout.parts, numbers, strict=True)}
+    held = {}
+    with np.errstate(over="ignore"):
+        for part, columns in zip(layout.parts, blocks, strict=True):
+            kind = np.int64 if part.is_whole else np.float32
+            joined = np.concatenate(columns, axis=1).astype(kind)
+            held[part.name] = joined.reshape(len(joined), *part.shape)
     if layout.is_dict:
         return held
     return held[None]
-
-
-def _held_many(part: Part, blocks: Sequence[np.ndarray[Any, Any]]) -> Any:
-    kind = np.int64 if part.is_whole else np.float32
-    with np.errstate(over="ignore"):
-        return np.concatenate(blocks, axis=1).astype(kind).reshape(-1, *part.shape)
-
-
-def _held(part: Part, items: Sequence[Any]) -> Any:
-    if not part.is_whole:
-        return singles(items, part.shape)
-    if part.shape:
-        return np.array(items, np.int64)
-    return int(items[0])
 
 
 def unpack(layout: SpaceLayout, value: Any) -> list[tuple[Any, ...]]:

@@ -19,23 +19,8 @@ from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import WordLayout
 from taskspec.source import Document
+from taskspec.task import parts
 from taskspec.task.merge import Merged
-from taskspec.task.parts import (
-    Claim,
-    Component,
-    Ending,
-    Example,
-    ExpertMemory,
-    Figure,
-    Modifier,
-    Observation,
-    Parameter,
-    Soft,
-    Surface,
-    Symmetry,
-    are_finite,
-    by_read,
-)
 from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, space
 
 if TYPE_CHECKING:
@@ -54,8 +39,8 @@ class TaskSource:
 
     merged: Merged
     suite: str
-    parameters: tuple[Parameter, ...]
-    surface: Surface
+    parameters: tuple[parts.Parameter, ...]
+    surface: parts.Surface
     content_hash: str
     constants: Mapping[str, Const] = field(default_factory=dict, repr=False)
     """The values of the constants, those that are drawn as they are for this instance."""
@@ -127,14 +112,14 @@ class Annotations:
     An expert that is given by nodes reads STATE and TIME; where it has a `memory`, it reads that as STATE as well.
     """
 
-    expert: tuple[Node, ...] | Literal["optimal"] | Soft | None = None
-    memory: ExpertMemory | None = None
+    expert: tuple[Node, ...] | Literal["optimal"] | parts.Soft | None = None
+    memory: parts.ExpertMemory | None = None
     remembers: bool = False
     """Whether the expert's memory is part of the state (`Task.remembering`)."""
-    claims: tuple[Claim, ...] = ()
-    examples: tuple[Example, ...] = ()
-    figure: Figure | None = None
-    symmetries: tuple[Symmetry, ...] = ()
+    claims: tuple[parts.Claim, ...] = ()
+    examples: tuple[parts.Example, ...] = ()
+    figure: parts.Figure | None = None
+    symmetries: tuple[parts.Symmetry, ...] = ()
 
     @property
     def expert_nodes(self) -> tuple[Node, ...]:
@@ -166,15 +151,15 @@ class Task:
     """
 
     source: TaskSource
-    state: tuple[Component, ...]
-    action: tuple[Component, ...]
-    observation: Observation
+    state: tuple[parts.Component, ...]
+    action: tuple[parts.Component, ...]
+    observation: parts.Observation
     """Its nodes read STATE, the state that is observed, and TIME."""
     horizon: int | None
     discount: float
     process: Process
     annotations: Annotations
-    modifiers: tuple[Modifier, ...] = ()
+    modifiers: tuple[parts.Modifier, ...] = ()
     """What was changed since, in order (`taskspec.modify`)."""
     written_as: Task | None = field(default=None, repr=False)
 
@@ -192,7 +177,7 @@ class Task:
         return self.source.merged.name
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:
+    def parameters(self) -> tuple[parts.Parameter, ...]:
         """The parameters with their values, in the order of the spec."""
         return self.source.parameters
 
@@ -207,7 +192,7 @@ class Task:
         return self.written_as or self
 
     @property
-    def ending(self) -> Ending:
+    def ending(self) -> parts.Ending:
         """The fate of terminal states: the episode ends, or they absorb."""
         if self._has("absorbing"):
             return "absorb"
@@ -339,7 +324,7 @@ class Task:
     @property
     def is_finite(self) -> bool:
         """True if states and actions are finite in number by their declared domains."""
-        return are_finite((*self.state, *self.action))
+        return parts.are_finite((*self.state, *self.action))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Task) and self._identity == other._identity
@@ -391,7 +376,7 @@ class Task:
 
     def _seeing(self, nodes: Iterable[Node], observed: Iterable[Node]) -> tuple[Node, ...]:
         """Return nodes of a memory with an observation in the place of what it reads of it."""
-        return self.new_builder().substitute(nodes, by_read(Role.NEXT, self.observation.components, observed))
+        return self.new_builder().substitute(nodes, parts.by_read(Role.NEXT, self.observation.components, observed))
 
     @cached_property
     def reset_words(self) -> WordLayout:
@@ -440,8 +425,8 @@ class Task:
     @cached_property
     def _observations(self) -> tuple[tuple[Node, ...], tuple[Node, ...]]:
         b = Builder.of(self.nodes)
-        later = by_read(Role.STATE, self.state, self.process.next)
-        first = by_read(Role.STATE, self.state, self.process.initial)
+        later = parts.by_read(Role.STATE, self.state, self.process.next)
+        first = parts.by_read(Role.STATE, self.state, self.process.initial)
         first[TIME] = b.scalar(0)
         for node in walk(self.observation.nodes):
             if (
@@ -455,7 +440,7 @@ class Task:
 
 def recall(
     task: Task,
-    memory: ExpertMemory,
+    memory: parts.ExpertMemory,
     seen: Sequence[tuple[Any, ...]],
     before: Sequence[tuple[Any, ...]],
     action: Sequence[tuple[Any, ...]],
@@ -468,11 +453,11 @@ def recall(
         before, action: the memory and the action before that; not looked at when `t` is 0.
         t: steps taken.
     """
-    reads: dict[tuple[Role, str], Any] = by_read(Role.NEXT, task.observation.components, seen)
+    reads: dict[tuple[Role, str], Any] = parts.by_read(Role.NEXT, task.observation.components, seen)
     if t == 0:
         return evaluate(memory.initial, reads)
-    reads |= by_read(Role.STATE, memory.components, before)
-    reads |= by_read(Role.ACTION, task.action, action)
+    reads |= parts.by_read(Role.STATE, memory.components, before)
+    reads |= parts.by_read(Role.ACTION, task.action, action)
     reads[TIME] = (t - 1,)
     return evaluate(memory.next, reads)
 

@@ -12,6 +12,7 @@ import pytest
 from taskspec.analysis import analyse, complete
 from taskspec.analysis.analysis import own
 from taskspec.analysis.cursor import cursor
+from taskspec.analysis.fixes import fixed
 from taskspec.analysis.tokens import tokens
 
 ROOT = Path(__file__).parents[2]
@@ -104,3 +105,44 @@ def test_all_mistakes_are_found_and_fixed_in_their_places(tmp_path: Path) -> Non
     found = analyse(wrong, str(path))
     assert fix_files(found.diagnostics) == 2
     assert path.read_text(encoding="utf-8") == text
+
+
+SMALL = """taskspec: 1
+name: Small
+state:
+  s: {type: int, low: 0, high: 9}
+action:
+  a: {type: choice, values: [left, right]}
+horizon: 3
+initial: {s: 0}
+dynamics:
+  s': clip(s + 1, 0, 9)
+reward: 1
+terminal: false
+"""
+WRITTEN_ELSEWHERE = (
+    ("reward: 1", "reward: s == 1&&s == 2", "reward: s == 1 and s == 2"),
+    ("reward: 1", "reward: s == 1 || s == 2", "reward: s == 1 or s == 2"),
+    ("reward: 1", "reward: s = 1", "reward: s == 1"),
+    ("terminal: false", "terminal: s == 1 or !(s == 2)", "terminal: s == 1 or not (s == 2)"),
+    ("reward: 1", "reward: s ≤ 3", "reward: s <= 3"),
+    ("reward: 1", "reward: 2×s", "reward: 2*s"),
+    ("reward: 1", "reward: s == 1∧s == 2", "reward: s == 1 and s == 2"),
+    ("reward: 1", "reward: 2s + 1", "reward: 2 * s + 1"),
+    ("reward: 1", "reward: s^2", "reward: s**2"),
+    ("terminal: false", "terminal: (s == 1) & (s == 2)", "terminal: (s == 1) and (s == 2)"),
+    ("terminal: false", "terminal: (s == 1) | (s == 2)", "terminal: (s == 1) or (s == 2)"),
+    ("reward: 1", "reward: maximum(s, 2)", "reward: max(s, 2)"),
+    ("  s': clip", "  s: clip", "  s': clip"),
+    ("low: 0", "min: 0", "low: 0"),
+    ("taskspec: 1", "taskspec: 2", "taskspec: 1"),
+)
+
+
+@pytest.mark.parametrize(("right", "wrong", "fix"), WRITTEN_ELSEWHERE, ids=lambda text: text)
+def test_what_a_hint_says_to_write_is_written(right: str, wrong: str, fix: str) -> None:
+    mistaken = SMALL.replace(right, wrong, 1)
+    found = analyse(mistaken, "small.yaml")
+    fixes = [each.fix for each in found.diagnostics if each.fix is not None]
+    assert fixed(mistaken, fixes) == SMALL.replace(right, fix, 1)
+    assert analyse(SMALL.replace(right, fix, 1), "small.yaml").diagnostics == ()

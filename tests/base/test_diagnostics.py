@@ -8,17 +8,8 @@ import re
 
 import pytest
 
-from taskspec.base.diagnostics import (
-    CODES,
-    Collector,
-    Diagnostic,
-    Origin,
-    Span,
-    SpecError,
-    TaskspecError,
-    render,
-    suggest,
-)
+from taskspec.base.codes import codes
+from taskspec.base.diagnostics import Collector, Diagnostic, Origin, Span, SpecError, TaskspecError, render, suggest
 
 TEXT = "name: x\ndynamics:\n  s': paht + a\n"
 ORIGIN = Origin("tasks/x.yaml", TEXT)
@@ -44,6 +35,14 @@ def test_long_hints_and_notes_stand_below() -> None:
     assert lines[2] == "      |       ^^^^"
     assert lines[3].startswith("      = hint: word word")
     assert lines[4:] == ["      = note: first", "              second"]
+
+
+@pytest.mark.parametrize(("folders", "count"), [(1, 3), (4, 4)])
+def test_a_long_path_stands_alone(folders: int, count: int) -> None:
+    origin = Origin("a_long_folder/" * folders + "x.yaml", "s': paht + a")
+    lines = render([Diagnostic("E302", Span(origin, 1, 5, 1, 9), "'paht' is not defined here")], width=80).split("\n")
+    assert len(lines) == count and max(map(len, lines)) <= 80
+    assert lines[0].startswith(f"{origin.name}:1:5:")
 
 
 def test_no_place() -> None:
@@ -177,9 +176,9 @@ def test_suggest(name: str, candidates: list[str], expected: str | None) -> None
     assert suggest(name, candidates) == expected
 
 
-@pytest.mark.parametrize("code", CODES.values(), ids=lambda code: code.code)
+@pytest.mark.parametrize("code", codes().values(), ids=lambda code: code.code)
 def test_every_code_is_explained(code: object) -> None:
-    entry = CODES[code.code]  # type: ignore[attr-defined]
+    entry = codes()[code.code]  # type: ignore[attr-defined]
     assert re.fullmatch(r"[EW][1-7]\d\d", entry.code)
     assert re.fullmatch(r"[a-z]+(-[a-z0-9]+)*", entry.slug)
     assert entry.severity == ("warning" if entry.code[1] == "5" else "error")
@@ -191,7 +190,7 @@ def test_every_code_is_explained(code: object) -> None:
 
 
 def test_slugs_are_unique() -> None:
-    assert len({code.slug for code in CODES.values()}) == len(CODES)
+    assert len({code.slug for code in codes().values()}) == len(codes())
 
 
 @pytest.mark.parametrize("width", [70, 80, 120])

@@ -1,4 +1,4 @@
-"""Benchmarks, in a checkout: `python -m tests.benchmarks [seals|vector|exact|compare]`."""
+"""Benchmarks, in a checkout: `python -m tests.benchmarks [seals|vector|exact|studio|compare]`."""
 
 from __future__ import annotations
 
@@ -118,6 +118,17 @@ def exact(
     _end(benchmark.bench(rounds, json), strict)
 
 
+def studio(
+    edits: Annotated[int, typer.Option("--edits", min=1, help="Number of edits of each task.")] = 40,
+    strict: Strict = False,
+    json: Json = False,
+) -> None:
+    """How soon the page of the studio follows an edit, in Chromium."""
+    from tests.benchmarks import studio as benchmark
+
+    _end(benchmark.bench(edits, json), strict)
+
+
 def _end(met: bool, strict: bool) -> None:
     if strict and not met:
         raise typer.Exit(1)
@@ -133,7 +144,7 @@ def compare(context: typer.Context) -> None:
 app = typer.Typer(
     no_args_is_help=True, help=flowed(HELP), cls=Commands, pretty_exceptions_enable=False, add_completion=False
 )
-for _function in (seals, vector, exact):
+for _function in (seals, vector, exact, studio):
     app.command(help=flowed(_function.__doc__ or ""))(_function)
 _FORWARDED = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 app.command(help=compare.__doc__, context_settings=_FORWARDED)(compare)

@@ -23,10 +23,10 @@ from taskspec.base.extras import is_installed
 from taskspec.cli.console import say, write_json
 from taskspec.model.extract import extract
 from taskspec.model.model import Model
-from taskspec.solve import solve
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.solved import optimal_return
 
 SPEC = """
 taskspec: 1
@@ -103,7 +103,7 @@ def ours(n: int, steps: int = 100) -> Timing:
     start = time.perf_counter()
     model = extract(grid(n, steps))
     built = time.perf_counter()
-    value = solve.optimal_return(model)
+    value = optimal_return(model)
     return _timing("taskspec", n, steps, start, built, value)
 
 

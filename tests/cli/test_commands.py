@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rich.cells import cell_len
 
-from taskspec.base.diagnostics import CLASSES, CODES
+from taskspec.base.codes import classes, codes
 from taskspec.registry import shipped, task_ids
 from tests.shared.commands import Done, spec
 from tests.shared.sparse import sparse
@@ -263,18 +263,18 @@ def test_show_obeys_nothing_that_a_spec_says(tmp_path: Path) -> None:
 # -- explain, schema, new -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("code", sparse(CODES, 3))
+@pytest.mark.parametrize("code", sparse(codes(), 3))
 def test_explain_knows_every_code(code: str) -> None:
     done = Done("explain", code.lower())
-    assert CODES[code].slug in done.out
-    assert CODES[code].explanation.strip() in done.out
-    assert code[:2] in CLASSES
+    assert codes()[code].slug in done.out
+    assert codes()[code].explanation.strip() in done.out
+    assert code[:2] in classes()
 
 
 def test_explain_lists_all() -> None:
     listed = Done("explain").out
-    assert all(code in listed for code in CODES)
-    assert [entry["code"] for entry in Done("explain", "--json").data] == list(CODES)
+    assert all(code in listed for code in codes())
+    assert [entry["code"] for entry in Done("explain", "--json").data] == list(codes())
 
 
 def test_schema_is_json_on_the_terminal_and_in_a_file(tmp_path: Path) -> None:

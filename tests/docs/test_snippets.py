@@ -295,8 +295,8 @@ def test_the_files_that_the_architecture_names_are_there() -> None:
 
 def test_the_attributes_of_tasks_that_the_page_names_are_there() -> None:
     section = (DOCS / "api.md").read_text(encoding="utf-8").partition("\n## Tasks\n")[2].partition("\n## ")[0]
-    table = section.partition("| attribute |")[2]
-    named = [name for row in table.splitlines() for name in re.findall(r"`([\w.]+)`", row.split(" | ")[0])]
+    listed = re.findall(r"^- (.*?): ", section, re.MULTILINE)
+    named = [name for names in listed for name in re.findall(r"`([\w.]+)`", names)]
     assert len(named) > 20
     for name in named:
         attrgetter(name)(registry.load("derail/RiskyPath-v0"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import shutil
 import sys
 from collections.abc import Awaitable, Callable
@@ -15,6 +16,8 @@ pytest.importorskip("pygls")
 
 from lsprotocol import types as lsp
 from pygls.lsp.client import LanguageClient
+
+from taskspec.editor.checks import check
 
 SPEC = Path(__file__).parents[2] / "tasks" / "derail" / "risky_path.yaml"
 
@@ -129,15 +132,90 @@ def test_names_are_completed_explained_found_and_renamed(tmp_path: Path) -> None
     edited(tmp_path, script)
 
 
-def test_scores_and_verdicts_stand_above_the_sections_of_a_saved_file(tmp_path: Path) -> None:
+def test_scores_and_verdicts_follow_what_is_typed_and_stay_until_there_are_others(tmp_path: Path) -> None:
     async def script(editor: Editor) -> None:
         await editor.open()
         await editor.refreshed.wait()
         document = lsp.TextDocumentIdentifier(editor.uri)
-        lenses = await editor.client.text_document_code_lens_async(lsp.CodeLensParams(document))
-        titles = {lens.command.title for lens in lenses}
-        assert "optimal 4, expert 4, random -122.219, worst -247.5" in titles
-        assert "16 of 16 claims proved" in titles
+
+        async def lenses() -> dict[str, str]:
+            found = await editor.client.text_document_code_lens_async(lsp.CodeLensParams(document))
+            lines = editor.text.split("\n")
+            return {lines[lens.range.start.line].strip().partition(":")[0]: lens.command.title for lens in found}
+
+        assert await lenses() == {
+            "name": "optimal 4, expert 4, random -122.219, worst -247.5",
+            "claims": "16 of 16 claims proved",
+            "seals": "optimal 3, expert 3, random -97.9375, worst -198",
+        }
+        editor.refreshed.clear()
+        await editor.change("optimal_return == 4", "optimal_return == 5")
+        await editor.refreshed.wait()
+        assert (await lenses())["claims"] == "15 of 16 claims proved"
+        while not editor.problems.empty():
+            problems = editor.problems.get_nowait()
+        assert [each.code for each in problems] == ["E601"]
+        (problem,) = await editor.change(
+            "horizon: 5", "# a line more\nhorizon: 5"
+        )  # the claim stays marked, one line below
+        line = editor.text.split("\n")[problem.range.start.line]
+        assert line[problem.range.start.character : problem.range.end.character] == "optimal_return == 5"
+        mistakes = await editor.change("initial:", "intial:")
+        assert "E601" in {each.code for each in mistakes} and len(mistakes) > 1
+
+    edited(tmp_path, script)
+
+
+def test_a_check_ends_with_what_waits_for_it(tmp_path: Path) -> None:
+    name = str(tmp_path / "unlike_any_other.yaml")
+
+    def processes() -> list[Path]:
+        return [place for place in Path("/proc").glob("[0-9]*/cmdline") if name.encode() in _content(place)]
+
+    async def script() -> None:
+        running = asyncio.create_task(check(SPEC.read_text(encoding="utf-8"), name, lambda part: None))
+        while not processes():
+            await asyncio.sleep(0.01)
+        running.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await running
+        while processes():
+            await asyncio.sleep(0.01)
+
+    if not Path("/proc/self/cmdline").exists():
+        pytest.skip("this system does not show its processes as files")
+    asyncio.run(asyncio.wait_for(script(), timeout=30))
+
+
+def _content(place: Path) -> bytes:
+    try:
+        return place.read_bytes()
+    except OSError:  # it has ended
+        return b""
+
+
+def test_layout_folding_and_signatures(tmp_path: Path) -> None:
+    async def script(editor: Editor) -> None:
+        await editor.open()
+        document = lsp.TextDocumentIdentifier(editor.uri)
+        await editor.change("initial:\n  s: start", "initial:\n  s: start  if  true else detour")
+        options = lsp.FormattingOptions(tab_size=2, insert_spaces=True)
+        (edit,) = await editor.client.text_document_formatting_async(lsp.DocumentFormattingParams(document, options))
+        assert "s: start if true else detour\n" in edit.new_text
+        assert await editor.change(editor.text, edit.new_text) == []
+        assert not await editor.client.text_document_formatting_async(lsp.DocumentFormattingParams(document, options))
+        lines = editor.text.split("\n")
+        folds = await editor.client.text_document_folding_range_async(lsp.FoldingRangeParams(document))
+        folded = {lines[each.start_line].strip(): lines[each.end_line].strip() for each in folds}
+        assert folded["dynamics:"] == "trap: trap"
+        assert folded["variants:"] == "- prefers(maxent, a == risky, at=s == start)"
+        assert folded["description: |"] == "the expectation over outcomes is not."
+        await editor.change("goal: 1, trap: -100", "goal: 'clip(1, [0, 0], ', trap: -100")
+        call = await editor.client.text_document_signature_help_async(
+            lsp.SignatureHelpParams(**editor.place("'clip(1, [0, 0], "))
+        )
+        assert call.signatures[0].label == "clip(x, low, high)"
+        assert call.signatures[0].parameters[call.active_parameter].label == "high"
 
     edited(tmp_path, script)
 

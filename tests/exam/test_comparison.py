@@ -13,6 +13,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.data import tabular
 from taskspec.exam import Case, Learned, examine, learns_from
 from taskspec.exam.comparison import LEVELS, _estimated, compare
+from taskspec.exam.findings import diagnose, new_diagnoses
 from tests.shared.commands import Done
 from tests.shared.exams import exam
 
@@ -74,6 +75,36 @@ def values_of_a_walk(factor: float) -> Any:
         return Learned(q, q=factor * q, discount=0.9)
 
     return train
+
+
+BRANCHING = {"InitShiftLearner": 1.0, "Branching": 0.0}
+
+
+@pytest.mark.parametrize(("before", "is_new"), [([1.0, 1.0, 0.0, 0.0, 0.0, 0.0], False), ([1.0] * 6, True)])
+def test_a_diagnosis_is_new_where_the_scores_differ_by_more_than_chance(before: list[float], is_new: bool) -> None:
+    """No seed finds the path: that is news where all of them did, and chance where two of six did."""
+    now: Any = exam(BRANCHING, seeds=6, learns_from=["reward"])
+    earlier: Any = exam(BRANCHING | {"Branching": before}, seeds=6, learns_from=["reward"])
+    p_value = scipy.stats.fisher_exact([[0, 6], [sum(before), 6 - sum(before)]]).pvalue
+    assert bool(p_value < 0.01) is is_new
+    assert "never_finds" in [each["name"] for each in diagnose(now, "derail")]
+    assert ("never_finds" in [each["name"] for each in new_diagnoses(now, earlier, "derail")]) is is_new
+
+
+def test_the_exam_flags_a_new_diagnosis(tmp_path: Path) -> None:
+    def cloned(case: Case) -> Any:
+        counts = np.zeros((case.observation_space.n, case.action_space.n))
+        np.add.at(counts, (case.demonstrations.obs, case.demonstrations.acts), 1.0)
+        return counts
+
+    def lost(case: Case) -> Any:
+        return cloned(case) * (case.task.name != "Branching")
+
+    terms: dict[str, Any] = {"tasks": ["Branching", "EarlyTermPos", "RiskyPath"], "seeds": 6, "twins": 0}
+    examine(cloned, **terms, out=tmp_path)
+    found = examine(lost, **terms, against=tmp_path)
+    (flag,) = [flag for flag in found["flags"] if flag["kind"] == "diagnosis"]
+    assert flag["task"] == "derail/Branching-v0" and "Loses credit over ten steps" in flag["message"]
 
 
 def test_values_that_differ_are_flagged_although_scores_are_equal(tmp_path: Path) -> None:

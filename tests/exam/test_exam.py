@@ -269,9 +269,8 @@ def test_a_block_of_seeds_that_trains_together_is_scored_seed_by_seed() -> None:
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        (np.full((4, 2), np.nan), "has NaN in it"), (np.full((4, 2), -np.inf), "has an infinite number in it"),
-        (np.full((2, 4), 0.5), "transposed: actions are its last axis, as in table.T"),
-        (np.full((5, 2, 4), 0.5), "as in np.moveaxis(table, -1, -2)"), (np.full((4, 3), 0.5), "not (4, 3)"),
+        (np.full((4, 2), np.nan), "no finite number"), (np.full((4, 2), -np.inf), "no finite number"),
+        (np.full((2, 4), 0.5), "actions are the last axis"), (np.full((4, 3), 0.5), "not (4, 3)"),
     ],
 )  # fmt: skip
 def test_a_table_that_is_no_policy_is_told_what_is_wrong_with_it(table: np.ndarray, message: str) -> None:

@@ -96,6 +96,11 @@ def test_a_series_follows_the_components() -> None:
     assert drawn(task(SPRING, "{kind: series, values: x + v}")).alt.endswith("30 steps")
 
 
+def test_a_number_that_stays_is_shown_between_its_bounds() -> None:
+    found = drawn(task(SPRING.replace("v': ", "v': 0 * "), "{kind: series}"))
+    assert {"−1", "1"} <= set(words(found))
+
+
 def curves(found: Scene) -> list[list[tuple[float, float]]]:
     """Lines over time; points one by one where there are no lines yet."""
     lines = [list(x.points) for x in found.items if isinstance(x, Line) and x.color == "accent"]

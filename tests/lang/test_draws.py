@@ -20,11 +20,11 @@ import pytest
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.exact import extract
 from taskspec.lang.ir import draws
-from taskspec.solve import solve
 from taskspec.source import read
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.shared.conformance import Agreement, ReferenceEnv
+from tests.shared.solved import random_return
 
 HEAD = """
 taskspec: 1
@@ -124,7 +124,7 @@ def test_what_is_written_once_is_drawn_once(text: str, value: Callable[..., Any]
     assert len(draws([*task.process.next, task.process.reward])) == value.__code__.co_argcount + len(
         OTHERS.findall(text)
     )
-    assert solve.random_return(extract(task)) == pytest.approx(float(average(value)), rel=1e-12)
+    assert random_return(extract(task)) == pytest.approx(float(average(value)), rel=1e-12)
 
 
 TABLES = """
@@ -150,7 +150,7 @@ def test_tables_and_cases_draw_what_they_write() -> None:
     assert [len(found) for found in written] == [3, 1, 0, 1, 1, 4]
     # The first case holds with 1/2 and pays the square of another draw, 14/4 on average; the second with 1/4 of the rest.
     expected = Fraction(1, 2) * Fraction(14, 4) + Fraction(1, 2) * (Fraction(7, 4) + Fraction(3, 4) * Fraction(3, 2))
-    assert solve.random_return(extract(task)) == pytest.approx(float(expected), rel=1e-12)
+    assert random_return(extract(task)) == pytest.approx(float(expected), rel=1e-12)
 
 
 @pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])

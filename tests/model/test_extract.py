@@ -22,6 +22,7 @@ from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.shared.sections import text
+from tests.shared.solved import worst
 from tests.shared.tasks import Small, shipped, spec
 
 
@@ -105,7 +106,7 @@ def test_reachable_and_whole_models_agree(task: Task) -> None:
     whole, reached = extract(task, reachable=False), extract(task, reachable=True)
     assert reached.n_states == int(whole.entered.sum())
     assert list(whole.codes[whole.entered]) == list(reached.codes)
-    for rule in (solve.best, solve.worst):
+    for rule in (solve.best, worst):
         assert whole.start @ rule(whole).value == pytest.approx(reached.start @ rule(reached).value, abs=1e-12)
     for step in whole.steps:
         mass = np.asarray(step.P.sum(axis=1)).reshape(-1)

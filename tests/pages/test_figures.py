@@ -59,6 +59,12 @@ def test_risky_path_shows_chances_rewards_and_colours() -> None:
     assert {"good", "bad"} <= set(fills(found))
 
 
+def test_what_an_action_pays_stands_beside_it_and_not_at_its_outcomes() -> None:
+    found = labels(scene(registry.load("probes/Echo-v0")))
+    assert found.count("50%") == 4
+    assert {"left, r = 1; right, r = 0", "left, r = 0; right, r = 1"} <= set(found)
+
+
 def test_terminal_states_have_two_rims() -> None:
     found = drawn("EarlyTermPos")
     assert len([c for c in found.items if isinstance(c, Circle)]) == 4

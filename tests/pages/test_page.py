@@ -94,6 +94,18 @@ def test_a_bound_for_each_element_is_a_set_for_each() -> None:
     assert words(section.lines[0].content) == "S = {0, … , rows − 1} × {0, … , columns − 1}"
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [(-1, 1, "{−1, 0, 1}"), (-3, 0, "{−3, −2, −1, 0}"), (0, 4, "{0, … , 4}"), (-2, 2, "{−2, … , 2}")],
+)
+def test_sets_of_at_most_four_numbers_are_written_out(low: int, high: int, expected: str) -> None:
+    spec = f"""{{taskspec: 1, name: Few, state: {{s: {{type: int, low: {low}, high: {high}}}}},
+    action: {{a: {{type: bool}}}}, horizon: 3, initial: {{s: 0}}, dynamics: {{"s'": 0}}, reward: a}}"""
+    section = page(build(read_text(spec, "<test>"))).section("state")
+    assert section is not None
+    assert words(section.lines[0].content) == f"s ∈ S = {expected}"
+
+
 def test_pages_do_not_take_each_others_files(tmp_path: Path) -> None:
     text = "taskspec: 1\nname: NAME\nstate: {s: {type: bool}}\naction: {a: {type: bool}}\nhorizon: 3\ninitial: {s: false}\n"
     names = ["Ä", "Ö", "Index", "deepSea", "DeepSea"]

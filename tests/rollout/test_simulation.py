@@ -14,9 +14,9 @@ from taskspec.model.points import Cost
 from taskspec.registry import load
 from taskspec.rollout.rollout import _affordable, at_random, simulate
 from taskspec.scores.returns import Results
-from taskspec.solve import solve
 from taskspec.source import read_text
 from taskspec.task.build import build
+from tests.shared.solved import random_return
 from tests.shared.specs import spec_file
 from tests.shared.tasks import model_of, shipped, spec
 
@@ -34,7 +34,7 @@ def test_random_returns_by_simulation(name: str, variant: str | None) -> None:
     task = shipped(name, variant)
     returns = simulate(task, at_random(task), episodes=4000, seed=7)
     error = returns.std(ddof=1) / np.sqrt(len(returns))
-    assert abs(returns.mean() - solve.random_return(model_of(task))) <= 5 * error + 1e-9
+    assert abs(returns.mean() - random_return(model_of(task))) <= 5 * error + 1e-9
 
 
 @pytest.mark.parametrize(("name", "variant"), EVERY)
@@ -54,7 +54,7 @@ def test_other_specs_by_simulation(name: str) -> None:
     task = shipped(name, suite="seals") if name == "random_transition" else spec(name)
     returns = simulate(task, at_random(task), episodes=3000, seed=1)
     error = returns.std(ddof=1) / np.sqrt(len(returns))
-    assert abs(returns.mean() - solve.random_return(extract(task))) <= 5 * error + 1e-9
+    assert abs(returns.mean() - random_return(extract(task))) <= 5 * error + 1e-9
 
 
 def test_episodes_that_seldom_end_are_given_up_early(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from taskspec.solve.bounded import Bounded
 from taskspec.task.build import build
 from taskspec.task.legal import with_all_actions
 from tests.benchmarks import exact as benchmark
+from tests.shared.solved import worst
 from tests.shared.specs import spec_file
 from tests.shared.tasks import shipped
 
@@ -143,12 +144,12 @@ def test_a_table_a_function_and_returns_are_scored() -> None:
     assert exact.score(task, np.ma.masked_array(np.full((4, 2), 0.5, np.float32))).normalised == pytest.approx(0)
     for wrong, message in (
         (np.full((4, 2), 0.4), "sum to 1"),
-        (np.full((4, 2), np.nan), "has NaN in it"),
+        (np.full((4, 2), np.nan), "no finite number"),
         (np.full(4, 7), "not in 0 to 1"),
         (np.full(4, -1), "not in 0 to 1"),
         (np.full((4, 3), 1 / 3), r"\(4, 2\) for their .* not \(4, 3\)"),
-        (np.full((2, 4), 0.5), r"transposed: .*table\.T"),
-        (np.full((5, 2, 4), 0.5), r"transposed: .*moveaxis"),
+        (np.full((2, 4), 0.5), "actions are the last axis"),
+        (np.full((5, 2, 4), 0.5), "actions are the last axis"),
     ):
         with pytest.raises(SpecError, match=f"(?s)E713.*{message}"):
             exact.score(task, wrong)
@@ -156,8 +157,8 @@ def test_a_table_a_function_and_returns_are_scored() -> None:
         exact.score(task, lambda state, t: {"a": state["s"]})
     for function, message in (
         (lambda observation: 1, "takes the states and the time"),
-        (lambda state, t: 1, "gives the action by component, a, not a value of type int"),
-        (lambda state, t: {"b": 1}, "gives the action by component, a, not b"),
+        (lambda state, t: 1, "gives the action by component, a"),
+        (lambda state, t: {"b": 1}, "gives the action by component, a"),
     ):
         with pytest.raises(SpecError, match=f"E713 .*{message}"):
             exact.score(task, function)
@@ -310,7 +311,7 @@ def test_compiled_sweeps_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, t
     ):
         model = exact.extract(task)
         found = kernels.extreme_values(Bounded(model), largest)
-        plain = (solve.best if largest else solve.worst)(model)
+        plain = (solve.best if largest else worst)(model)
         assert (np.abs(found.value - plain.value) <= found.error + plain.error).all()
         np.testing.assert_allclose(found.value, plain.value, atol=1e-12)
         np.testing.assert_allclose(plain.error, found.error, rtol=1e-6)

@@ -13,6 +13,7 @@ from taskspec.solve.backward import Boltzmann, Given, action_values, backward, f
 from taskspec.solve.bounded import Bounded
 from taskspec.solve.enclosure import Reader
 from taskspec.solve.rational import Rational
+from tests.shared.solved import optimal_return, random_return
 from tests.shared.tasks import Array, Small, model_of, shipped
 
 # -- anchors --------------------------------------------------------------------------------------
@@ -37,8 +38,8 @@ ANCHORS = [
 @pytest.mark.parametrize(("name", "variant", "optimal", "random"), ANCHORS)
 def test_anchors(name: str, variant: str | None, optimal: float, random: float) -> None:
     model = model_of(shipped(name, variant))
-    assert solve.optimal_return(model) == pytest.approx(optimal, abs=1e-9)
-    assert solve.random_return(model) == pytest.approx(random, abs=1e-9)
+    assert optimal_return(model) == pytest.approx(optimal, abs=1e-9)
+    assert random_return(model) == pytest.approx(random, abs=1e-9)
 
 
 def test_backward_induction_is_the_same_in_floats_with_bounds_and_in_rationals() -> None:
@@ -69,7 +70,7 @@ def test_the_best_and_the_worst_of_all_policies(seed: int) -> None:
     for choice in itertools.product(range(2), repeat=len(free)):
         table = dict(zip(free, choice, strict=True))
         values.append(small.value(lambda t, s, table=table: np.eye(2)[table.get((t, s), 0)]))
-    assert solve.optimal_return(small.model) == pytest.approx(max(values), abs=1e-12)
+    assert optimal_return(small.model) == pytest.approx(max(values), abs=1e-12)
     assert solve.Solvers(small.model).of().worst().value == pytest.approx(min(values), abs=1e-12)
 
 
@@ -80,7 +81,7 @@ def test_a_given_policy_by_recursion(seed: int) -> None:
     value = solve.policy_return(small.model, lambda t: tables[t].T)
     assert value == pytest.approx(small.value(lambda t, s: tables[t, s]), abs=1e-12)
     uniform = small.value(lambda t, s: np.full(3, 1 / 3))
-    assert solve.random_return(small.model) == pytest.approx(uniform, abs=1e-12)
+    assert random_return(small.model) == pytest.approx(uniform, abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -191,4 +192,4 @@ def test_finite_horizon_by_linear_programming() -> None:
             rows.append(line)
             bounds.append(-model.step(t).R[row])
     found = linprog(np.ones(size), A_ub=np.array(rows), b_ub=bounds, bounds=[(None, None)] * size)
-    assert model.start @ found.x[:n] == pytest.approx(solve.optimal_return(model), abs=1e-7)
+    assert model.start @ found.x[:n] == pytest.approx(optimal_return(model), abs=1e-7)

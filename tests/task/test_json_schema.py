@@ -46,7 +46,7 @@ BEYOND_A_SCHEMA = {
 PARTLY = {
     "E208": "the depth of rows is compared with `by`; a table of the wrong shape is marked",
     "E209": "`else` comes last; that there is one is marked",
-    "E214": "labels are counted and compared, and bounds; keys that a type does not have are marked",
+    "E214": "labels are counted and compared; keys that a type does not have are marked",
 }
 
 SNIPPET = re.compile(r"(<!-- .*? -->\n+)?^```yaml\n(.*?)^```$", re.MULTILINE | re.DOTALL)

@@ -6,7 +6,7 @@ let client;
 exports.activate = () => {
   const command = vscode.workspace.getConfiguration("taskspec").get("command");
   const server = { command, args: ["lsp"] };
-  const documentSelector = [{ language: "yaml", scheme: "file" }];
+  const documentSelector = ["file", "untitled"].map((scheme) => ({ language: "yaml", scheme }));
   client = new LanguageClient("taskspec", "taskspec", server, { documentSelector });
   return client.start();
 };

@@ -212,19 +212,10 @@ class OpenParameters:
         for message, holds in zip(self.messages, self.conditions(*self.values(params)), strict=True):
             known = _known(holds)
             if known is not None and not known.all():
-                raise SpecError([Diagnostic("E704", None, f"{message} ({self._told(params, known)})")])
-
-    def _told(self, params: Any, holds: AnyArray) -> str:
-        """Return the first values for which a condition fails; each lane has values of its own."""
-        found = []
-        for p in self.varying:
-            value = _known(getattr(params, p.name))
-            if value is not None:
-                here = value
-                if value.size == holds.size:
-                    here = value.reshape(-1)[np.argmin(holds)]
-                found.append(f"{p.name}={here}")
-        return ", ".join(found)
+                first = np.argmin(known)
+                values = {p.name: np.asarray(_known(getattr(params, p.name))).reshape(-1) for p in self.varying}
+                told = (f"{name}={value[first % value.size]}" for name, value in values.items())
+                raise spec_error("E704", f"{message} ({', '.join(told)})")
 
 
 @lru_cache(maxsize=256)
@@ -254,9 +245,7 @@ def _params(opened: OpenParameters) -> Any:
 def _refused(name: str, opened: OpenParameters) -> Diagnostic:
     """Return why something cannot be replaced."""
     if name == "max_steps_in_episode":
-        return Diagnostic(
-            "E713", None, "max_steps_in_episode is the horizon of the task", "for another horizon, load another task"
-        )
+        return Diagnostic("E713", None, f"{name} is the horizon of the task", "for another horizon, load another task")
     if name not in opened.bound:
         known = [*all_names(opened.varying), *opened.bound]
         hint = suggest(name, known) or (f"it has {', '.join(known)}" if known else None)
@@ -294,19 +283,12 @@ def _check(parameter: Parameter, value: Any) -> None:
     if known is None:
         return
     given = known.astype(np.float64)
-    low = parameter.low
-    high = parameter.high
-    problem = ""
-    if np.isnan(given).any() or (low is not None and (given < low).any()):
-        problem = "must be a number"
-        if low is not None:
-            problem = f"must be at least {low}"
-    elif high is not None and (given > high).any():
-        problem = f"must be at most {high}"
-    elif parameter.kind == "int" and (given != np.rint(given)).any():
-        problem = "must be an int"
-    if problem:
-        raise spec_error("E703", f"parameter {parameter.name} {problem}, not {known}")
+    low = -math.inf if parameter.low is None else parameter.low
+    high = math.inf if parameter.high is None else parameter.high
+    is_whole = parameter.kind != "int" or (given == np.rint(given)).all()
+    if not (is_whole and ((given >= low) & (given <= high)).all()):
+        kind = "an int" if parameter.kind == "int" else "a number"
+        raise spec_error("E703", f"parameter {parameter.name} must be {kind} between {low} and {high}, not {known}")
 
 
 class Functional:
@@ -352,13 +334,8 @@ class Functional:
         task has some, and "action_mask" where it has `legal`, of the state that is returned.
         """
         observation, state, result = self.lanes_step(_lane(state), jnp.asarray(action)[..., None], params)
-        info = {
-            "terminated": result.terminated[0],
-            "truncated": result.truncated[0],
-            "final_observation": _single(observed(self.program.observation, result.observation)),
-            **self._measures(result),
-            **self._legal(state, params),
-        }
+        info = self._info(state, result, params)
+        info["final_observation"] = _single(observed(self.program.observation, result.observation))
         done = info["terminated"] | info["truncated"]
         return _single(observation), _single(state), result.reward[0], done, info
 
@@ -371,30 +348,21 @@ class Functional:
         after, result = self._stepped(_lane(state), action, self._open.values(params))
         seen = _single(observed(program.observation, result.observation))
         done = result.terminated[0] | result.truncated[0]
-        info = {
-            "terminated": result.terminated[0],
-            "truncated": result.truncated[0],
-            **self._measures(result),
-            **self._legal(after, params),
-        }
-        return seen, _single(after), result.reward[0], done, info
+        return seen, _single(after), result.reward[0], done, self._info(after, result, params)
 
-    def _measures(self, result: StepResult) -> dict[str, Any]:
-        """Return what the info of a step says of its measures: nothing, where the task has none."""
-        values = {name: value[0] for name, value in zip(self.task.process.measures, result.measures, strict=True)}
-        if not values:
-            return {}
-        return {"measures": values}
+    def _info(self, state: State, result: StepResult, params: Any) -> dict[str, Any]:
+        """Return the info of a step that leads to a state (lanes last)."""
+        info: dict[str, Any] = {"terminated": result.terminated[0], "truncated": result.truncated[0]}
+        if result.measures:
+            names = self.task.process.measures
+            info["measures"] = {name: value[0] for name, value in zip(names, result.measures, strict=True)}
+        if self.task.mask:
+            info["action_mask"] = self.program.mask(state, self._open.values(params))[:, 0]
+        return info
 
     def action_mask(self, state: State, params: Any = None) -> AnyArray:
         """Return the legal actions of a state, bool (n,), for a task with `legal`."""
         return self.program.mask(_lane(state), self._open.values(params))[:, 0]
-
-    def _legal(self, state: State, params: Any) -> dict[str, AnyArray]:
-        """Return what the info of a step says of legal actions in the state (lanes last) that it leads to."""
-        if not self.task.mask:
-            return {}
-        return {"action_mask": self.program.mask(state, self._open.values(params))[:, 0]}
 
     def gymnax(self, *, one_hot: bool = False, flat_actions: bool = False) -> Gymnax:
         """Return the same functions under gymnax's signatures, with its spaces.
@@ -406,9 +374,13 @@ class Functional:
         Raises:
             SpecError: E713, for observations or actions that are not finite.
         """
-        names = all_names(self._open.varying)
-        functions = Functional(_one_hot(self.task), names) if one_hot else self
-        return Gymnax(functions, flat_actions)
+        if not one_hot:
+            return Gymnax(self, flat_actions)
+        task = self.task
+        if not are_finite(task.observation.components):
+            raise spec_error("E713", f"the observations of {task.id} are not finite, and cannot be one-hot")
+        task = replace(task, observation=replace(task.observation, space="one_hot"))
+        return Gymnax(Functional(task, all_names(self._open.varying)), flat_actions)
 
     # -- many environments, lanes last ----------------------------------------------------------------------------
 
@@ -432,13 +404,6 @@ class Functional:
     def _stepped(self, state: State, action: Any, given: tuple[AnyArray, ...]) -> tuple[State, StepResult]:
         after, result = self.program.step(state, action, given)
         return after, result._replace(reward=self._open.paid(result.reward, given))
-
-
-def _one_hot(task: Task) -> Task:
-    """Return the same task with one-hot observations."""
-    if not are_finite(task.observation.components):
-        raise spec_error("E713", f"the observations of {task.id} are not finite, and cannot be one-hot")
-    return replace(task, observation=replace(task.observation, space="one_hot"))
 
 
 def key_words(key: AnyArray) -> AnyArray:

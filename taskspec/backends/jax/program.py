@@ -74,8 +74,6 @@ def acted(layout: SpaceLayout, action: AnyArray) -> tuple[AnyArray, ...]:
     return tuple(parts)
 
 
-# -- the program --------------------------------------------------------------------------------------------------
-
 LONG = 1 << 30
 """A count without bounds, and a Poisson draw, are taken to stay below this, unless they begin above."""
 
@@ -181,9 +179,6 @@ class JaxProgram:
 def _full(value: Any, c: Component, lanes: tuple[int, ...]) -> AnyArray:
     dtype = DTYPES[c.type.kind]
     return jnp.broadcast_to(jnp.asarray(value, dtype), (*c.type.shape, *lanes))
-
-
-# -- generating ---------------------------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=64)

@@ -79,8 +79,6 @@ class KernelLane(LaneEmitter):
         """Return every operation gets a name: what is shorter is folded by the compiler."""
         return self.assign(template.format(*list(map(self.assign, args))))
 
-    # -- reductions -----------------------------------------------------------------------------------------------
-
     def _reduction(self, node: Apply, entry: Operator) -> LaneValue:
         atoms = list(map(self.assign, self.atoms(node.args[0])))
         match node.op:
@@ -156,8 +154,6 @@ class KernelLane(LaneEmitter):
             kept = self.assign(f"(({a} <= {b}) | ({b} != {b}))" if real else f"({a} <= {b})")
             rows[i], rows[j] = self.assign(f"select({kept}, {a}, {b})"), self.assign(f"select({kept}, {b}, {a})")
         return rows
-
-    # -- structure ------------------------------------------------------------------------------------------------
 
     def _structure(self, node: Apply) -> LaneValue:
         match node.op:
@@ -236,8 +232,6 @@ class KernelLane(LaneEmitter):
             kept = self.assign(f"select({b} == {k // row}, {at_a[k % row]}, {v})")
             made.append(self.assign(f"select({a} == {k // row}, {at_b[k % row]}, {kept})"))
         return LaneValue(made)
-
-    # -- draws ----------------------------------------------------------------------------------------------------
 
     def _draw(self, node: Draw) -> LaneValue:
         entry = VARIATES[node.base]

@@ -267,25 +267,23 @@ def gather(n: Any, flags: Any, lanes: Any) -> Any:
     return m
 
 
-@inner
-def keep_reals(m: Any, lanes: Any, rows: Any, every: Any, first: Any, n: Any, seen: Any, final: Any) -> None:
-    """Copy rows of float32 observations of some lanes from `seen` to `final`."""
-    for k in range(rows):
-        a = f32s(seen, k * every + first)
-        b = f32s(final, k * every + first)
-        for i in range(m):
-            j = u64(lanes[i])
-            b[j] = a[j]
+def _keeper(numbers: Any) -> Any:
+    @inner
+    def keep(m: Any, lanes: Any, rows: Any, every: Any, first: Any, n: Any, seen: Any, final: Any) -> None:
+        for k in range(rows):
+            a = numbers(seen, k * every + first)
+            b = numbers(final, k * every + first)
+            for i in range(m):
+                j = u64(lanes[i])
+                b[j] = a[j]
+
+    return keep
 
 
-@inner
-def keep_ints(m: Any, lanes: Any, rows: Any, every: Any, first: Any, n: Any, seen: Any, final: Any) -> None:
-    for k in range(rows):
-        a = i64s(seen, k * every + first)
-        b = i64s(final, k * every + first)
-        for i in range(m):
-            j = u64(lanes[i])
-            b[j] = a[j]
+keep_reals = _keeper(f32s)
+"""Copy rows of float32 observations of some lanes from `seen` to `final`."""
+keep_ints = _keeper(i64s)
+"""Copy rows of int64 observations."""
 
 
 @inner
@@ -300,18 +298,9 @@ def show(n: Any, reals: Any, width: Any, number: Any, size: Any, seen: Any, row:
 
 @inner
 def show_some(
-    m: Any,
-    lanes: Any,
-    reals: Any,
-    width: Any,
-    number: Any,
-    size: Any,
-    seen: Any,
-    row: Any,
-    every: Any,
-    first: Any,
+    m: Any, lanes: Any, reals: Any, width: Any, number: Any, size: Any, seen: Any, row: Any, every: Any, first: Any,
     n: Any,
-) -> None:
+) -> None:  # fmt: skip
     for k in range(size):
         a = f32s(reals, (number + k) * width)
         b = f32s(seen, (row + k) * every + first)

@@ -286,18 +286,9 @@ class _Block:
         self._state_size = len(module.task.state)
         self._seen = buffers.seen.segments()
         self._step = module.bind(
-            self.lanes,
-            *buffers.state,
-            buffers.time,
-            *self._seen,
-            buffers.reward,
-            buffers.terminated,
-            buffers.truncated,
-            buffers.ended,
-            *buffers.measures,
-            *buffers.seen.parts,
-            *buffers.final.parts,
-        )
+            self.lanes, *buffers.state, buffers.time, *self._seen, buffers.reward, buffers.terminated,
+            buffers.truncated, buffers.ended, *buffers.measures, *buffers.seen.parts, *buffers.final.parts,
+        )  # fmt: skip
         self.episodes = Episodes(buffers, options.mode)
 
     def forget(self, lanes: Array | None) -> None:

@@ -146,25 +146,19 @@ def compile_scalar(task: Task) -> ScalarProgram:
 def _as_floats(action: Any, shape: tuple[int, ...]) -> Any:
     """Return an array-like action as an array of float64 of the given shape."""
     array = np.asarray(action)
-    if shape in _ONE and array.shape in _ONE:
+    if {shape, array.shape} <= {(), (1,)}:
         array = array.reshape(shape)
-    return _as_numbers(array, shape, "biuf").astype(np.float64)
+    return _as_ints(array, shape, "biuf", np.float64)
 
 
-def _as_ints(action: Any, shape: tuple[int, ...]) -> Any:
+def _as_ints(action: Any, shape: tuple[int, ...], kinds: str = "iu", dtype: Any = np.int64) -> Any:
     """Return the same of ints; reals are refused, as `MultiDiscrete.contains` refuses them."""
-    return _as_numbers(action, shape, "iu").astype(np.int64)
-
-
-def _as_numbers(action: Any, shape: tuple[int, ...], kinds: str) -> Any:
     array = np.asarray(action)
     if array.shape != shape or array.dtype.kind not in kinds:
         raise ValueError
-    return array
+    return array.astype(dtype)
 
 
-_ONE = ((), (1,))
-"""Shapes of one number."""
 _ACTIONS = {
     "as_floats": _as_floats, "as_ints": _as_ints, "int64": np.dtype(np.int64), "float32": np.dtype(np.float32),
     "float64": np.dtype(np.float64),

@@ -85,12 +85,9 @@ def _held(name: str, type_: Type) -> LaneValue:
 
 
 def _lane(
-    parts: Parts,
-    phase: Phase | None,
-    states: Sequence[str],
-    actions: Sequence[LaneValue],
+    parts: Parts, phase: Phase | None, states: Sequence[str], actions: Sequence[LaneValue],
     constants: dict[str, Any],
-) -> LaneEmitter:
+) -> LaneEmitter:  # fmt: skip
     """Return an emitter that knows the state, the action, the time, what is hoisted and what is invariant."""
     task = parts.task
     names = {(Role.TIME, "t"): LaneValue(["t"])}
@@ -112,9 +109,6 @@ def _unpack(phase: Phase, call: str) -> list[str]:
     if phase.names:
         return [f"{', '.join(phase.names)} = {call}()"]
     return []
-
-
-# -- reset and step -----------------------------------------------------------------------------------------------
 
 
 def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants: dict[str, Any]) -> list[str]:

@@ -42,14 +42,9 @@ class Phase:
 
     @classmethod
     def of(
-        cls,
-        b: Builder,
-        roots: Sequence[Node],
-        observation: Sequence[Node],
-        layout: SpaceLayout,
-        words: WordLayout,
+        cls, b: Builder, roots: Sequence[Node], observation: Sequence[Node], layout: SpaceLayout, words: WordLayout,
         row_count: int = 1,
-    ) -> Phase:
+    ) -> Phase:  # fmt: skip
         """Split a phase of a task; an observation that the block fills in wholly may come in `row_count` equal rows."""
         everything = (*roots, *observation)
         free = everywhere(everything, _block_can_compute)
@@ -68,16 +63,9 @@ class Phase:
         staying = [n for n in walk([*new_roots, *new_observation]) if isinstance(n, Draw)]
         named = {d.site: word_names(d) for d in staying}
         return cls(
-            new_roots,
-            new_observation,
-            tuple(hoisted),
-            tuple(names.values()),
-            named,
-            words,
-            layout.shape if rows else (),
-            parts,
-            row_count if rows and all(n is None for n in inner) else int(rows),
-        )
+            new_roots, new_observation, tuple(hoisted), tuple(names.values()), named, words,
+            layout.shape if rows else (), parts, row_count if rows and all(n is None for n in inner) else int(rows),
+        )  # fmt: skip
 
     @property
     def row_size(self) -> int:

@@ -28,19 +28,6 @@ from taskspec.lang.operators.entry import (
     Scalar,
     applies,
 )
-from taskspec.lang.operators.rules import (
-    arithmetic,
-    as_they_are,
-    but_the_first,
-    choose,
-    compare,
-    logical,
-    real,
-    to_common,
-    to_integer,
-    to_numbers,
-    truth,
-)
 from taskspec.lang.types import INF, INT_MAX, Args, Interval
 
 # -- arithmetic, minimum and maximum -------------------------------------------------------------------------------
@@ -118,7 +105,7 @@ def _extreme(
     pick: Callable[[float, float], float],
 ) -> Operator:
     return Operator(
-        name=name, rule=arithmetic, reference=reference, samples=PAIRS + NANS, elements=Elements.CHOSEN, commutative=True,
+        name=name, rule=rules.arithmetic, reference=reference, samples=PAIRS + NANS, elements=Elements.CHOSEN, commutative=True,
         scalar=Scalar(f"({{0}} if {{0}} {sign} {{1}} else {{1}})",
                       real=f"({{0}} if {{0}} {sign} {{1}} or {{1}} != {{1}} else {{1}})"),
         array=Array(f"xp.{whole}({{0}}, {{1}})", real=f"rt.{name}({{0}}, {{1}})", nonzero=f"xp.{nonzero}({{0}}, {{1}})"),
@@ -129,34 +116,35 @@ def _extreme(
 
 ARITHMETIC = (
     Operator(
-        name="add", commutative=True, rule=arithmetic, reference=lambda a, b: a + b, samples=PAIRS + NANS,
+        name="add", commutative=True, rule=rules.arithmetic, reference=lambda a, b: a + b, samples=PAIRS + NANS,
         scalar=Scalar("({0} + {1})"), array=Array("({0} + {1})"),
         bounds=lambda a, n: (a[0].low + a[1].low, a[0].high + a[1].high), finite=rules.bounded,
         linear=rules.every, rational=True, wraps=True,
         infix=Infix("+", "add", 5, "{0} + {1}", "Sum.", Brackets(Level.SUM, (Level.SUM,), lead=True)),
     ),
     Operator(
-        name="sub", rule=arithmetic, reference=lambda a, b: a - b, samples=PAIRS + NANS,
+        name="sub", rule=rules.arithmetic, reference=lambda a, b: a - b, samples=PAIRS + NANS,
         scalar=Scalar("({0} - {1})"), array=Array("({0} - {1})"),
         bounds=lambda a, n: (a[0].low - a[1].high, a[0].high - a[1].low), finite=rules.bounded,
         linear=rules.every, rational=True, wraps=True,
         infix=Infix("-", "sub", 5, "{0} - {1}", "Difference.", Brackets(Level.SUM, (Level.SUM, Level.BIG), lead=True)),
     ),
     Operator(
-        name="mul", commutative=True, rule=arithmetic, reference=lambda a, b: a * b, samples=PAIRS + NANS,
+        name="mul", commutative=True, rule=rules.arithmetic, reference=lambda a, b: a * b, samples=PAIRS + NANS,
         scalar=Scalar("({0} * {1})"), array=Array("({0} * {1})"),
-        bounds=rules.product, finite=rules.bounded, linear=rules.one, rational=True, wraps=True,
+        bounds=rules.product, finite=rules.bounded, linear=lambda below: sum(below) == 1,
+        rational=True, wraps=True,
         infix=Infix(
             "*", "mul", 6, r"{0} \cdot {1}", "Product.", Brackets(Level.PRODUCT, (Level.PRODUCT, Level.FACTOR), lead=True)
         ),
     ),
     Operator(
-        name="neg", rule=arithmetic, reference=lambda a: -a, samples=((3,), (-2.5,), (0,), (math.nan,)),
+        name="neg", rule=rules.arithmetic, reference=lambda a: -a, samples=((3,), (-2.5,), (0,), (math.nan,)),
         scalar=Scalar("(-{0})"), array=Array("(-{0})"),
         bounds=lambda a, n: (-a[0].high, -a[0].low), linear=rules.every, rational=True, wraps=True,
     ),
     Operator(
-        name="div", rule=real, reference=div, samples=PAIRS + ZEROS + NANS,
+        name="div", rule=rules.real, reference=div, samples=PAIRS + ZEROS + NANS,
         scalar=Scalar("({0} / {1} if {1} else div({0}, {1}))", divides="({0} / {1})", names={"div": div}),
         array=Array("({0} / {1})"), kernel=Kernel("({0} / {1})"),
         bounds=rules.quotient, finite=rules.divided, linear=rules.unless_second, rational=True,
@@ -166,7 +154,7 @@ ARITHMETIC = (
         ),
     ),
     Operator(
-        name="floordiv", rule=arithmetic, reference=floordiv,
+        name="floordiv", rule=rules.arithmetic, reference=floordiv,
         samples=PAIRS + ZEROS + NANS[:1],
         scalar=Scalar("({0} // {1} if {1} else 0)", real="floordiv({0}, {1})", divides="({0} // {1})",
                       names={"floordiv": floordiv}),
@@ -178,7 +166,7 @@ ARITHMETIC = (
         ),
     ),
     Operator(
-        name="mod", rule=arithmetic, reference=mod,
+        name="mod", rule=rules.arithmetic, reference=mod,
         samples=PAIRS + ZEROS + NANS[:1],
         scalar=Scalar("({0} % {1} if {1} else 0)", real="({0} % {1} if {1} else nan)", divides="({0} % {1})"),
         array=Array("rt.mod({0}, {1})"), kernel=Kernel(real="mod_real({0}, {1})", whole="mod_int({0}, {1})"),
@@ -189,14 +177,14 @@ ARITHMETIC = (
         ),
     ),
     Operator(
-        name="pow", rule=real, reference=pow_,
+        name="pow", rule=rules.real, reference=pow_,
         samples=((2.0, 0.5), (-8.0, 3.0), (-8.0, 0.5), (0.0, 0.0), (0.0, -1.0), (10.0, 400.0), (1.5, -2.0), (math.nan, 0.0)),
         scalar=Scalar("pow_({0}, {1})", names={"pow_": pow_}), array=Array("rt.pow({0}, {1})"),
         finite=rules.nowhere, precise=False,
         infix=Infix("**", "pow", 8, "{0}^{{1}}", "Power.", Brackets(Level.POWER, (Level.ATOM, Level.SCOPE))),
     ),
     Operator(
-        name="abs", rule=arithmetic, reference=abs, samples=((3,), (-3,), (-2.5,), (math.nan,)),
+        name="abs", rule=rules.arithmetic, reference=abs, samples=((3,), (-3,), (-2.5,), (math.nan,)),
         scalar=Scalar("abs({0})"), array=Array("xp.abs({0})"),
         kernel=Kernel("abs({0})", whole="select({0} < 0, -{0}, {0})"),
         bounds=rules.magnitude, wraps=True,
@@ -205,7 +193,7 @@ ARITHMETIC = (
         ),
     ),
     Operator(
-        name="sign", rule=arithmetic, reference=sign,
+        name="sign", rule=rules.arithmetic, reference=sign,
         samples=((3,), (-3,), (0,), (-2.5,), (0.0,), (math.nan,)),
         scalar=Scalar("sign({0})", names={"sign": sign}), array=Array("rt.sign({0})"),
         kernel=Kernel(real="(f64({0} > 0.0) - f64({0} < 0.0))", whole="(i32({0} > 0) - i32({0} < 0))"),
@@ -241,7 +229,7 @@ def _rounding(
 ) -> Operator:  # fmt: skip
     reference = _saturating(function)
     return Operator(
-        name=name, rule=to_integer, promote=as_they_are, reference=reference, samples=samples,
+        name=name, rule=rules.to_integer, promote=rules.as_they_are, reference=reference, samples=samples,
         scalar=Scalar(local + "({0})", names={local: reference}), array=Array(f"rt.to_int(xp.{name}({{0}}))"),
         bounds=rules.to_int(reference), rounds=True, function=Function(name, ("x",), latex, doc, examples, applies(name)),
     )  # fmt: skip
@@ -254,11 +242,11 @@ ROUNDING = (
     _rounding("round", round, r"\operatorname{round}({0})", "Nearest int, halves to even.",
               (*REALS, (0.5,), (1.5,), (-2.5,)), ((2.5,), (-2.6,)), "round_"),
     Operator(
-        name="to_int", rule=truth, promote=as_they_are, reference=int, samples=((True,), (False,)),
+        name="to_int", rule=rules.truth, promote=rules.as_they_are, reference=int, samples=((True,), (False,)),
         scalar=Scalar("(1 if {0} else 0)"), array=Array("rt.as_int({0})"), kernel=Kernel("i32({0})"), bounds=rules.same,
     ),
     Operator(
-        name="to_real", rule=real, promote=as_they_are, reference=float,
+        name="to_real", rule=rules.real, promote=rules.as_they_are, reference=float,
         samples=((True,), (False,), (3,), (-4,)),
         scalar=Scalar("float({0})"), array=Array("rt.as_real({0})"), kernel=Kernel("f64({0})"), bounds=rules.same,
         linear=rules.every,
@@ -315,7 +303,7 @@ def _elementary(
     """Return a function of one real; kernels take that of Python's `math`, or their own."""
     template = name + "({0})"
     return Operator(
-        name=name, rule=real, reference=reference, samples=(*REALS, *fields.pop("samples", ())),
+        name=name, rule=rules.real, reference=reference, samples=(*REALS, *fields.pop("samples", ())),
         scalar=Scalar(template, names={name: reference}), array=Array(array or f"xp.{template}"),
         kernel=Kernel(names=(name,) if in_kernels else ()),
         function=Function(name, ("x",), latex, doc, examples, applies(name), brackets=brackets), **fields,
@@ -339,7 +327,7 @@ ELEMENTARY = (
     _elementary("asinh", math.asinh, r"\operatorname{arsinh}({0})", "Inverse hyperbolic sine.", "xp.arcsinh({0})",
                 bounds=rules.increasing(math.asinh, ulps=4), precise=False),
     Operator(
-        name="atan2", rule=real, reference=math.atan2,
+        name="atan2", rule=rules.real, reference=math.atan2,
         samples=(*((float(a), float(b)) for a, b in PAIRS), (0.0, 0.0), (1.0, 0.0)),
         scalar=Scalar("atan2({0}, {1})", names={"atan2": math.atan2}), array=Array("xp.arctan2({0}, {1})"),
         kernel=Kernel(names=("atan2",)), bounds=rules.fixed(-math.pi, math.pi), precise=False,
@@ -359,7 +347,7 @@ def _comparison(
 ) -> Operator:
     template = f"({{0}} {symbol} {{1}})"
     return Operator(
-        name=name, rule=compare, promote=to_common if equality else to_numbers,
+        name=name, rule=rules.compare, promote=rules.to_common if equality else rules.to_numbers,
         reference=lambda a, b: bool(reference(a, b)), samples=PAIRS + NANS + LOGIC * equality,
         scalar=Scalar(template), array=Array(template), elements=Elements.RANKED, commutative=equality,
         infix=Infix(symbol, name, 4, latex, doc),
@@ -372,28 +360,28 @@ LOGICAL = (
     _comparison("<", "lt", operator.lt, "{0} < {1}", "Less."),
     _comparison("<=", "le", operator.le, r"{0} \leq {1}", "Less or equal."),
     Operator(
-        name="not", rule=logical, promote=as_they_are, reference=lambda a: not a,
+        name="not", rule=rules.logical, promote=rules.as_they_are, reference=lambda a: not a,
         samples=((True,), (False,)), scalar=Scalar("(not {0})"), array=Array("xp.logical_not({0})"),
         kernel=Kernel("({0} == False)"),
         infix=Infix("not", "not", 3, r"\lnot {0}", "The condition does not hold.", Brackets(Level.NOT, (Level.ATOM,))),
     ),
     Operator(
-        name="and", commutative=True, rule=logical, promote=as_they_are, reference=lambda a, b: bool(a and b),
+        name="and", commutative=True, rule=rules.logical, promote=rules.as_they_are, reference=lambda a, b: bool(a and b),
         samples=LOGIC, scalar=Scalar("({0} and {1})"), array=Array("xp.logical_and({0}, {1})"), kernel=Kernel("({0} & {1})"),
         infix=Infix("and", "and", 2, r"{0} \land {1}", "Both conditions hold.", Brackets(Level.AND, (Level.NOT,))),
     ),
     Operator(
-        name="or", commutative=True, rule=logical, promote=as_they_are, reference=lambda a, b: bool(a or b),
+        name="or", commutative=True, rule=rules.logical, promote=rules.as_they_are, reference=lambda a, b: bool(a or b),
         samples=LOGIC, scalar=Scalar("({0} or {1})"), array=Array("xp.logical_or({0}, {1})"), kernel=Kernel("({0} | {1})"),
         # Two different connectives side by side are easier to read with brackets.
         infix=Infix("or", "or", 1, r"{0} \lor {1}", "Either condition holds.", Brackets(Level.OR, (Level.NOT,))),
     ),
     Operator(
-        name="where", elements=Elements.MOVED, indices=(0,), rule=choose, promote=but_the_first,
+        name="where", elements=Elements.MOVED, indices=(0,), rule=rules.choose, promote=rules.but_the_first,
         reference=lambda condition, a, b: a if condition else b,
         samples=((True, 1, 2), (False, 1, 2), (True, 1.5, -2.0), (False, 1.5, -2.0)),
         scalar=Scalar("({1} if {0} else {2})"), array=Array("xp.where({0}, {1}, {2})"), kernel=Kernel("select({0}, {1}, {2})"),
-        bounds=lambda args, node: rules.union(args[1:], node), linear=rules.unless_first,
+        bounds=lambda args, node: rules.union(args[1:], node), linear=lambda below: not below[0],
         function=Function(
             "where", ("condition", "x", "y"), r"\begin{cases}{1} & \text{if } {0}\\ {2} & \text{otherwise}\end{cases}",
             "x where the condition holds, else y; element by element.", ((True, 1, 2.5), ((True, False, True), INTS, 0)),

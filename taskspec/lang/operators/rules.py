@@ -142,17 +142,8 @@ def every(below: Sequence[bool]) -> bool:
     return True
 
 
-def one(below: Sequence[bool]) -> bool:
-    """Hold for products of a single dependent factor: of two a square may come."""
-    return sum(below) == 1
-
-
 def unless_second(below: Sequence[bool]) -> bool:
     return not below[1]
-
-
-def unless_first(below: Sequence[bool]) -> bool:
-    return not below[0]
 
 
 # -- bounds -------------------------------------------------------------------------------------------------------

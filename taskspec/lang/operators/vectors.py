@@ -89,10 +89,6 @@ def _join(rows: Sequence[Flat]) -> Flat:
     return tuple(chain.from_iterable(rows))
 
 
-def _vector_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:
-    return Type(join(*(t.kind for t in types)), (len(types), *types[0].shape))
-
-
 def _concat_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:
     return Type(join(*(t.kind for t in types)), (sum(t.shape[0] for t in types), *types[0].shape[1:]))
 
@@ -106,18 +102,10 @@ def _index(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...
     return _join(_rows(args[0], types[0].shape, args[1]))
 
 
-def _index_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:
-    return Type(types[0].kind, types[1].shape + types[0].shape[1:])
-
-
 def _put_row(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...]) -> Flat:
     rows = _rows(args[0], types[0].shape)
     rows[args[1][0]] = args[2]
     return _join(rows)
-
-
-def _put_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:
-    return Type(join(types[0].kind, types[2].kind), types[0].shape)
 
 
 def _swap_rows(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...]) -> Flat:
@@ -136,7 +124,7 @@ _WIDE = tuple(tuple(range(i, i + 20)) for i in range(3))
 
 STRUCTURES: dict[str, Structure] = entries_by_name((
     # Arguments of one shape, stacked.
-    Structure("vector", _vector_type, lambda a, t, s: _join(a),
+    Structure("vector", lambda t, s: Type(join(*(x.kind for x in t)), (len(t), *t[0].shape)), lambda a, t, s: _join(a),
               (((1, 2, 3), ()), ((_V, _R), ()), ((_M, _M), ()), ((_LONG, _LONG), ()), ((True, 0.5), ())),
               rules.union),
     # Arguments laid end to end.
@@ -163,12 +151,12 @@ STRUCTURES: dict[str, Structure] = entries_by_name((
         (((2,), (3,)), ((math.nan,), (2, 2)), ((True,), (30,))),
     ),
     # Rows of the first argument at the indices of the second.
-    Structure("index", _index_type, _index,
+    Structure("index", lambda t, s: Type(t[0].kind, t[1].shape + t[0].shape[1:]), _index,
               (((_V, 3), ()), ((_R, 2), ()), ((_M, 1), ()), ((_V, (3, 0, 0)), ()), ((_M, (2, 0)), ()), ((_LONG, 19), ()),
                ((_LONG, (1, 19)), ()), ((_WIDE, 2), ()), ((_WIDE, (0, 2)), ()), ((_LONG, tuple(range(20))), ())),
               linear=rules.unless_second, indices=(1,)),
     # The vector with the element at an index replaced.
-    Structure("put", _put_type, _put_row,
+    Structure("put", lambda t, s: Type(join(t[0].kind, t[2].kind), t[0].shape), _put_row,
               (((_V, 1, 9), ()), ((_R, 0, math.nan), ()), ((_M, 2, (8, 9)), ()), ((_LONG, 19, -1), ()),
                ((_WIDE, 1, _LONG), ())), lambda args, node: rules.union((args[0], args[2]), node), rules.never,
               indices=(1,)),
@@ -189,10 +177,6 @@ def sort(x: Vector) -> list[Any]:
 
 def argsort(x: Vector) -> list[int]:
     return sorted(range(len(x)), key=lambda i: (x[i] != x[i], 0 if x[i] != x[i] else x[i]))
-
-
-def cumsum(x: Vector) -> list[Any]:
-    return list(accumulate(x))
 
 
 def _quick_sort(x: Vector) -> list[Any]:
@@ -334,16 +318,12 @@ SORTING = (
                   rule=vector(lambda k: Kind.INT), promote=as_they_are, reference=argsort, samples=VECTORS + NAN_VECTORS,
                   elements=Elements.RANKED, bounds=rules.place),
     _whole_vector("cumsum", r"\operatorname{cumsum}({0})", "Running sums.", ((INTS,), (MIXED,)), axes=of_first,
-                  rule=vector(number), reference=cumsum, bounds=rules.running, finite=rules.bounded, wraps=True),
+                  rule=vector(number), reference=lambda x: list(accumulate(x)), bounds=rules.running,
+                  finite=rules.bounded, wraps=True),
 )  # fmt: skip
 
 
 # -- functions that compose several operators ---------------------------------------------------------------------
-
-
-def _clip(b: NodeMaker, args: list[Node]) -> Node:
-    x, low, high = args
-    return b.apply("min2", b.apply("max2", x, low), high)
 
 
 def _product(b: NodeMaker, args: list[Node]) -> Node:
@@ -460,7 +440,8 @@ def _onehot(b: NodeMaker, args: list[Node]) -> Node:
 
 FUNCTIONS = (
     Function("clip", ("x", "low", "high"), r"\operatorname{clip}({0}, {1}, {2})", "x moved into [low, high].",
-             ((5, 0, 3), (-1.5, 0, 3), (MIXED, -1, 1)), _clip),
+             ((5, 0, 3), (-1.5, 0, 3), (MIXED, -1, 1)),
+             lambda b, args: b.apply("min2", b.apply("max2", args[0], args[1]), args[2])),
     Function("dot", ("x", "y"), r"{0} \cdot {1}", "Inner product of vectors; product of a matrix with a vector, or a matrix.",
              ((INTS, MIXED), (ROWS, (1, 1)), ((1, 2), ROWS), (ROWS, ROWS)), _product,
              brackets=Brackets(Level.PRODUCT, (Level.PRODUCT, Level.FACTOR), lead=True), axes=lambda axes: sum(axes) - 2,

@@ -17,19 +17,6 @@ from taskspec.lang.ir import Apply, Const, Draw, Node, plain
 from taskspec.lang.operators.entry import NodeMaker
 from taskspec.lang.types import Kind, Type
 from taskspec.lang.variates import entry
-from taskspec.lang.variates.entry import (
-    Bounds,
-    Draws,
-    Enumeration,
-    Flat,
-    KernelWriter,
-    LaneWriter,
-    Outcomes,
-    ProbabilityArithmetic,
-    Variate,
-    Words,
-    stretched,
-)
 
 COMPARED = 16
 """Constant categorical draws of up to this many outcomes become a sum of comparisons."""
@@ -45,18 +32,18 @@ def bernoulli_threshold(p: Fraction | float) -> int:
     return 0
 
 
-def _condition(draw: Draw, args: list[Flat], words: Words) -> Flat:
-    ps = stretched(args[0], draw.type.size)
+def _condition(draw: Draw, args: list[entry.Flat], words: entry.Words) -> entry.Flat:
+    ps = entry.stretched(args[0], draw.type.size)
     if isinstance(draw.args[0], Const):
         return tuple(w < bernoulli_threshold(p) for w, p in zip(words, ps, strict=False))
     return tuple(draws.bernoulli(w, float(p)) for w, p in zip(words, ps, strict=False))
 
 
-def _conditions(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
+def _conditions(x: entry.Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
     p = draw.args[0]
     if not isinstance(p, Const):
         return x.bernoullis(words, entry.rows(x, draw, args[0]))
-    limits = np.array(list(map(bernoulli_threshold, stretched(p.flat, draw.type.size))), np.uint64)
+    limits = np.array(list(map(bernoulli_threshold, entry.stretched(p.flat, draw.type.size))), np.uint64)
     return words.astype(np.uint64) < limits[:, None]
 
 
@@ -65,7 +52,7 @@ def _below(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) -> list[N
     if not isinstance(p, Const):
         return None
     found: list[Node] = []
-    for word, q in zip(words, stretched(p.flat, draw.type.size), strict=True):
+    for word, q in zip(words, entry.stretched(p.flat, draw.type.size), strict=True):
         limit = bernoulli_threshold(q)
         if limit >= draws.NEVER:
             found.append(b.scalar(True))
@@ -74,7 +61,7 @@ def _below(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) -> list[N
     return found
 
 
-def _condition_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> Outcomes:
+def _condition_outcomes(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmetic) -> entry.Outcomes:
     p = entry.within(numbers.argument(draw, args[0]))
     q = numbers.otherwise(draw, p)
     pairs = zip(entry.each(q, draw.type.size), entry.each(p, draw.type.size), strict=True)
@@ -99,7 +86,7 @@ def _table_rows(table: Const) -> list[tuple[Any, ...]]:
     return [table.flat[i : i + k] for i in range(0, len(table.flat), k)]
 
 
-def _outcome(draw: Draw, args: list[Flat], words: Words) -> Flat:
+def _outcome(draw: Draw, args: list[entry.Flat], words: entry.Words) -> entry.Flat:
     mine = words[: draw.type.size]
     p = draw.args[0]
     if isinstance(p, Const) or row_table(p) is not None:
@@ -110,7 +97,7 @@ def _outcome(draw: Draw, args: list[Flat], words: Words) -> Flat:
     return tuple(draws.weighted_categorical(w, weights) for w in mine)
 
 
-def _outcomes(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
+def _outcomes(x: entry.Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
     p = draw.args[0]
     if isinstance(p, Const):
         return x.categoricals(words, _limits(p))
@@ -179,7 +166,7 @@ def _column(b: NodeMaker, values: Sequence[int], row: Node) -> Node:
     return b.structure("index", [b.const(values, Type(Kind.INT, (len(values),))), row])
 
 
-def _in_lane(lane: LaneWriter, draw: Draw, words: Sequence[str]) -> list[str]:
+def _in_lane(lane: entry.LaneWriter, draw: Draw, words: Sequence[str]) -> list[str]:
     """Return words against the thresholds of the present row, or against weights known only now."""
     looked_up = row_table(draw.args[0])
     if looked_up is None:
@@ -191,7 +178,7 @@ def _in_lane(lane: LaneWriter, draw: Draw, words: Sequence[str]) -> list[str]:
     return [f"bisect_right({lane.constant(limits)}[{at}], {word})" for word in words]
 
 
-def _in_kernel(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
+def _in_kernel(k: entry.KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
     p = draw.args[0]
     if isinstance(p, Const):
         table = k.array(np.array(draws.thresholds(p.flat), np.int64))
@@ -203,12 +190,12 @@ def _in_kernel(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
 # -- one of a range -----------------------------------------------------------------------------------------------
 
 
-def _index(draw: Draw, args: list[Flat], words: Words) -> Flat:
-    counts = stretched(args[0], draw.type.size)
+def _index(draw: Draw, args: list[entry.Flat], words: entry.Words) -> entry.Flat:
+    counts = entry.stretched(args[0], draw.type.size)
     return tuple(draws.index(w, int(n)) for w, n in zip(words, counts, strict=False))
 
 
-def _index_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> Outcomes:
+def _index_outcomes(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmetic) -> entry.Outcomes:
     found = []
     for counts in entry.each(args[0], draw.type.size):
         k = np.arange(int(counts.max()))[:, None]
@@ -219,7 +206,7 @@ def _index_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithm
 # -- orders -------------------------------------------------------------------------------------------------------
 
 
-def _permutation(draw: Draw, args: list[Flat], words: Words) -> Flat:
+def _permutation(draw: Draw, args: list[entry.Flat], words: entry.Words) -> entry.Flat:
     n = draw.type.shape[-1]
     found: list[int] = []
     for k in range(0, draw.type.size, n):
@@ -227,17 +214,17 @@ def _permutation(draw: Draw, args: list[Flat], words: Words) -> Flat:
     return tuple(found)
 
 
-def _permutations(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
+def _permutations(x: entry.Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
     grouped = x.xp.moveaxis(words.reshape(-1, draw.type.shape[-1], words.shape[-1]), 1, 0)
     return x.xp.moveaxis(x.permutations(grouped), 0, 1)
 
 
-def _permutation_count(draw: Draw, bounds: Bounds) -> float:
+def _permutation_count(draw: Draw, bounds: entry.Bounds) -> float:
     n = draw.type.shape[-1]
     return entry.power(math.factorial(min(n, 170)), draw.type.size // n)
 
 
-def _permutation_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> Outcomes:
+def _permutation_outcomes(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmetic) -> entry.Outcomes:
     *outer, n = draw.type.shape
     one = np.array(list(itertools.permutations(range(n))), dtype=np.int64)
     every = list(itertools.product(range(len(one)), repeat=math.prod(outer)))
@@ -245,7 +232,7 @@ def _permutation_outcomes(draw: Draw, args: list[AnyArray], numbers: Probability
     return values, numbers.ratio(np.ones((len(values), 1), np.int64), np.full((len(values), 1), len(values)))
 
 
-def _permutation_kernel(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
+def _permutation_kernel(k: entry.KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
     n = draw.type.shape[-1]
     found: list[str] = []
     for first in range(0, len(words), n):
@@ -254,16 +241,16 @@ def _permutation_kernel(k: KernelWriter, draw: Draw, words: Sequence[str]) -> li
 
 
 TABLE = (
-    Variate(  # true with a given probability: a word below a threshold
+    entry.Variate(  # true with a given probability: a word below a threshold
         name="bernoulli", kind=Kind.BOOL, bounds=lambda draw, args: (0, 1),
-        outcomes=Enumeration(lambda draw, bounds: entry.power(2, draw.type.size), _condition_outcomes),
+        outcomes=entry.Enumeration(lambda draw, bounds: entry.power(2, draw.type.size), _condition_outcomes),
         one=_condition, many=_conditions, compared=_below,
         lane=lambda lane, draw, words: [f"bernoulli({w}, {p})" for w, p in zip(words, lane.argument(draw), strict=True)],
         kernel=lambda k, draw, words: [f"bernoulli({w}, {p})" for w, p in zip(words, k.argument(draw), strict=True)],
     ),
-    Variate(  # an index drawn with given probabilities: how many thresholds are at most the word
+    entry.Variate(  # an index drawn with given probabilities: how many thresholds are at most the word
         name="categorical", kind=Kind.INT, bounds=lambda draw, args: (0, draw.args[0].type.shape[-1] - 1),
-        outcomes=Enumeration(
+        outcomes=entry.Enumeration(
             lambda draw, bounds: entry.power(draw.args[0].type.shape[-1], draw.type.size),
             lambda draw, args, numbers: entry.product(
                 draw, [entry.clean(numbers.argument(draw, args[0]))] * draw.type.size, np.int64
@@ -272,9 +259,9 @@ TABLE = (
         ),
         one=_outcome, many=_outcomes, compared=_reached_limits, lane=_in_lane, kernel=_in_kernel,
     ),
-    Variate(  # uniform on range(n)
+    entry.Variate(  # uniform on range(n)
         name="index", kind=Kind.INT, bounds=lambda draw, args: (0, max(0, args[0].high - 1)),
-        outcomes=Enumeration(
+        outcomes=entry.Enumeration(
             lambda draw, bounds: entry.power(max(1.0, bounds(draw.args[0])[1]), draw.type.size), _index_outcomes,
             weighted=False,
         ),
@@ -282,9 +269,9 @@ TABLE = (
         lane=lambda lane, draw, words: [f"({w} * {n} >> 32)" for w, n in zip(words, lane.argument(draw), strict=True)],
         kernel=lambda k, draw, words: [f"i32(index({w}, {n}))" for w, n in zip(words, k.argument(draw), strict=True)],
     ),
-    Variate(  # uniform: the stable order of n words
+    entry.Variate(  # uniform: the stable order of n words
         name="permutation", kind=Kind.INT, bounds=lambda draw, args: (0, max(0, draw.type.shape[-1] - 1)), sorts=True,
-        outcomes=Enumeration(_permutation_count, _permutation_outcomes, weighted=False),
+        outcomes=entry.Enumeration(_permutation_count, _permutation_outcomes, weighted=False),
         one=_permutation, many=_permutations, kernel=_permutation_kernel,
     ),
 )  # fmt: skip

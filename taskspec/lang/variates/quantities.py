@@ -12,18 +12,8 @@ import numpy as np
 from taskspec import draws
 from taskspec.base.arrays import AnyArray
 from taskspec.lang.ir import Const, Draw, Node
-from taskspec.lang.operators.entry import NodeMaker
 from taskspec.lang.types import INF, REAL, Kind
 from taskspec.lang.variates import entry
-from taskspec.lang.variates.entry import (
-    Bounds,
-    Draws,
-    Enumeration,
-    KernelWriter,
-    Outcomes,
-    ProbabilityArithmetic,
-    Variate,
-)
 
 NORMAL_REACH = 6.67
 """No standard normal that is drawn lies further out: its radius comes from 31 bits."""
@@ -32,12 +22,7 @@ NORMAL_REACH = 6.67
 # -- Dirichlet ----------------------------------------------------------------------------------------------------
 
 
-def _mean_share(b: NodeMaker, draw: Draw) -> Node:
-    (alpha,) = draw.args
-    return b.apply("div", alpha, b.apply("sum", alpha))
-
-
-def _shares(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
+def _shares(k: entry.KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
     values = []
     for group, alpha in zip(entry.groups(draw, words), k.argument(draw), strict=True):
         value = k.name()
@@ -54,7 +39,7 @@ def _shares(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
     return [f"share({part}, {total})" for part in parts]
 
 
-def _largest(k: KernelWriter, atoms: Sequence[str]) -> str:
+def _largest(k: entry.KernelWriter, atoms: Sequence[str]) -> str:
     found = atoms[0]
     for atom in atoms[1:]:
         found = k.assign(f"select({atom} > {found}, {atom}, {found})")
@@ -88,7 +73,7 @@ def _poisson_passes(draw: Draw) -> int:
     return draws.poisson_terms(bound)
 
 
-def _poissons(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
+def _poissons(x: entry.Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
     rate = draw.args[0]
     bound = poisson_bound(draw)
     if bound is not None:
@@ -101,7 +86,7 @@ def _poissons(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -
     return x.xp.stack([first + x.categoricals(w, limits) for (first, limits), w in zip(tables, words, strict=True)])
 
 
-def _poisson_kernel(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
+def _poisson_kernel(k: entry.KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
     rate = draw.args[0]
     bound = poisson_bound(draw)
     found = []
@@ -126,7 +111,7 @@ def poisson_terms(highest: Node) -> int:
     return int(rate + 10 * math.sqrt(rate) + 25)
 
 
-def _poisson_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> Outcomes:
+def _poisson_outcomes(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmetic) -> entry.Outcomes:
     terms = poisson_terms(draw.args[-1])
     rates = entry.each(numbers.argument(draw, args[0]), draw.type.size)
     return entry.product(draw, [_poisson_row(rate, terms) for rate in rates], np.int64)
@@ -149,7 +134,7 @@ def _poisson_row(rates: AnyArray, terms: int) -> AnyArray:
 # -- what stands for draws in exact models where nothing tells their outcomes apart (`taskspec.model.lump`) ----------
 
 
-def _total(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> Outcomes:
+def _total(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmetic) -> entry.Outcomes:
     """Return how many conditions hold, from the probability of each draw and whether its condition holds with and without it."""
     p = entry.within(numbers.argument(draw, args[0]))
     q = numbers.otherwise(draw, p)
@@ -165,7 +150,7 @@ def _total(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> 
     return np.arange(len(row)), row
 
 
-def _arrangement(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> Outcomes:
+def _arrangement(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmetic) -> entry.Outcomes:
     """Return the outcomes of the observed positions of a permutation, merged by equivalence."""
     alike, places = (a[:, 0] for a in args)
     kinds, counts = np.unique(alike, return_counts=True)
@@ -182,7 +167,7 @@ def _arrangement(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmeti
     return values, numbers.ratio(ways[:, None], np.full((1, 1), math.perm(draw.type.size, len(places)), dtype=object))
 
 
-def _arrangements(draw: Draw, bounds: Bounds) -> float:
+def _arrangements(draw: Draw, bounds: entry.Bounds) -> float:
     """Return how many there are: in each number of places, of ever more kinds of values."""
     alike, places = draw.args
     assert isinstance(alike, Const) and isinstance(places, Const)
@@ -199,7 +184,7 @@ def _most(draw: Draw) -> int:
     return int(most.value)
 
 
-def _capped(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> Outcomes:
+def _capped(draw: Draw, args: list[AnyArray], numbers: entry.ProbabilityArithmetic) -> entry.Outcomes:
     """Return counts up to a last one, which has the probability of all from there on."""
     most = _most(draw)
     terms = poisson_terms(draw.args[-2])
@@ -211,28 +196,29 @@ def _capped(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) ->
 
 
 TABLE = (
-    Variate(  # a multiple of 2**-24 in [0, 1)
+    entry.Variate(  # a multiple of 2**-24 in [0, 1)
         name="uniform", kind=Kind.REAL, bounds=lambda draw, args: (0, 1),
         mean=lambda b, draw: b.const(Fraction(1, 2), REAL),
         one=lambda draw, args, words: tuple(map(draws.uniform, words[: draw.type.size])),
         many=lambda x, draw, args, words: x.uniforms(words),
         kernel=lambda k, draw, words: [f"uniform({w})" for w in words],
     ),
-    Variate(  # standard, by Box and Muller's method; words in pairs
+    entry.Variate(  # standard, by Box and Muller's method; words in pairs
         name="normal", kind=Kind.REAL, bounds=lambda draw, args: (-NORMAL_REACH, NORMAL_REACH), cut=True,
         mean=lambda b, draw: b.scalar(0.0), words=lambda draw: draws.normal_words(draw.type.size),
         many=lambda x, draw, args, words: x.normals(words, draw.type.size), loop="normals",
     ),
-    Variate(  # standard
+    entry.Variate(  # standard
         name="exponential", kind=Kind.REAL, bounds=lambda draw, args: (0, INF), mean=lambda b, draw: b.scalar(1.0),
         many=lambda x, draw, args, words: x.exponentials(words), loop="exponentials",
     ),
-    Variate(  # shares with given concentrations, by Marsaglia and Tsang's method
-        name="dirichlet", kind=Kind.REAL, bounds=lambda draw, args: (0, 1), mean=_mean_share,
+    entry.Variate(  # shares with given concentrations, by Marsaglia and Tsang's method
+        name="dirichlet", kind=Kind.REAL, bounds=lambda draw, args: (0, 1),
+        mean=lambda b, draw: b.apply("div", draw.args[0], b.apply("sum", draw.args[0])), kernel=_shares,
         words=lambda draw: draws.gamma_words(draw.type.size),
-        many=lambda x, draw, args, words: x.dirichlets(words, entry.rows(x, draw, args[0])), kernel=_shares,
+        many=lambda x, draw, args, words: x.dirichlets(words, entry.rows(x, draw, args[0])),
     ),
-    Variate(  # of a given shape and scale 1, by the same method
+    entry.Variate(  # of a given shape and scale 1, by the same method
         name="gamma", kind=Kind.REAL, bounds=lambda draw, args: (0, INF), mean=lambda b, draw: draw.args[0],
         words=lambda draw: draws.gamma_words(draw.type.size),
         many=lambda x, draw, args, words: x.gammas(words, entry.rows(x, draw, args[0])),
@@ -240,32 +226,32 @@ TABLE = (
             f"gamma({group}, {alpha})" for group, alpha in zip(entry.groups(draw, words), k.argument(draw), strict=True)
         ],
     ),
-    Variate(  # of a given rate, by inversion; the second argument bounds a rate that is no constant
+    entry.Variate(  # of a given rate, by inversion; the second argument bounds a rate that is no constant
         name="poisson", kind=Kind.INT, bounds=lambda draw, args: (0, INF), mean=lambda b, draw: draw.args[0],
-        outcomes=Enumeration(
+        outcomes=entry.Enumeration(
             lambda draw, bounds: entry.power(poisson_terms(draw.args[-1]), draw.type.size), _poisson_outcomes,
             steps=lambda draw: draw.type.size * 6 * poisson_terms(draw.args[-1]),  # products of as many ratios as counts
             tail=True,
         ),
         words=_poisson_words, many=_poissons, kernel=_poisson_kernel, passes=_poisson_passes,
     ),
-    Variate(  # a Poisson draw, all of whose counts from some on come to the same; after its own arguments, which
+    entry.Variate(  # a Poisson draw, all of whose counts from some on come to the same; after its own arguments, which
         name="capped", kind=Kind.INT, many=None, bounds=lambda draw, args: (0, args[-1].high),
-        outcomes=Enumeration(
+        outcomes=entry.Enumeration(
             lambda draw, bounds: entry.power(_most(draw) + 1, draw.type.size), _capped,
             steps=lambda draw: draw.type.size * 7 * poisson_terms(draw.args[-2]), tail=True,  # and a sum of as many
         ),
     ),
-    Variate(  # the count of conditions that hold
+    entry.Variate(  # the count of conditions that hold
         name="total", kind=Kind.INT, many=None, bounds=lambda draw, args: (0, draw.args[0].type.size),
-        outcomes=Enumeration(
+        outcomes=entry.Enumeration(
             lambda draw, bounds: draw.args[0].type.size + 1, _total,
             steps=lambda draw: 4 * draw.args[0].type.size + 4,  # two products and a sum for each, of what was rounded
             inputs=lambda draw: draw.args[0].type.size,
         ),
     ),
-    Variate(  # a permutation, reduced to classes of values in the places that are read
+    entry.Variate(  # a permutation, reduced to classes of values in the places that are read
         name="arrangement", kind=Kind.INT, many=None, bounds=lambda draw, args: (args[0].low, args[0].high),
-        outcomes=Enumeration(_arrangements, _arrangement, steps=lambda draw: 1, weighted=False),  # a quotient of whole numbers
+        outcomes=entry.Enumeration(_arrangements, _arrangement, steps=lambda draw: 1, weighted=False),  # a quotient of ints
     ),
 )  # fmt: skip

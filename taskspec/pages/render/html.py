@@ -80,7 +80,7 @@ def page_of(template: str, **values: Any) -> str:
 def _page(suite: Suite, page: Page) -> dict[str, Any]:
     scene = suite.scenes.get(page.anchor)
     titles = [each.title for each in page.settings]
-    states = _states(page)
+    states = marked_states(page)
     return {
         "page": page,
         "states": states.values(),
@@ -92,7 +92,7 @@ def _page(suite: Suite, page: Page) -> dict[str, Any]:
     }
 
 
-def _states(page: Page) -> dict[str, int]:
+def marked_states(page: Page) -> dict[str, int]:
     """Return codes of states by their symbols, for those whose transitions have a line of their own."""
     section = page.section("dynamics")
     origins = {origin_of(line.content) for line in section.lines} - {""} if section else set()

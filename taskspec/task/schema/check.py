@@ -13,7 +13,7 @@ from typing import Annotated, Any, Protocol, TypeVar, Union, get_args, get_origi
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from taskspec.base.diagnostics import Collector, Diagnostic, Span, suggest
+from taskspec.base.diagnostics import Advice, Collector, Diagnostic, Span, suggest
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.source import Document, Path
 from taskspec.source.scan import EXTENDS
@@ -292,7 +292,8 @@ def _format(data: dict[str, Any]) -> Iterator[Problem]:
     version = data.get("taskspec")
     if isinstance(version, int) and version != FORMAT:
         message = f"format {version} is not known here"
-        yield Problem("E207", ("taskspec",), message, f"this version reads `taskspec: {FORMAT}`")
+        hint = Advice(f"this version reads `taskspec: {FORMAT}`", str(version), str(FORMAT))
+        yield Problem("E207", ("taskspec",), message, hint)
 
 
 def _many(data: dict[str, Any]) -> Iterator[Problem]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, TypeAlias, TypeVar
 
 from pydantic import BaseModel, Field, TypeAdapter, WithJsonSchema, model_validator
 
-from taskspec.base.diagnostics import Collector, Diagnostic
+from taskspec.base.diagnostics import Advice, Collector, Diagnostic
 from taskspec.source import Document
 from taskspec.task.schema import values
 from taskspec.task.schema.check import OTHER_FORMATS, add_problem, fitted, without
@@ -52,10 +52,9 @@ def _span(value: dict[str, Any]) -> Iterator[Problem]:
         return
     numbers, (least, most) = value[key], LENGTHS[key]
     if not isinstance(numbers, list) or not least <= len(numbers) <= most:
+        wanted = f"{least} or {most} numbers"
         if least == most:
             wanted = f"{least} numbers"
-        else:
-            wanted = f"{least} or {most} numbers"
         yield wrong_kind(f"{wanted}: {SPANS[key]}", numbers).below(key)
         return
     for i, each in enumerate(numbers):
@@ -297,7 +296,8 @@ def check_document(document: Document, model: type[Described]) -> tuple[Describe
     version = document.data.get(key)
     if isinstance(version, int) and version != FORMAT:
         message = f"format {version} is not known here"
-        add_problem(collector, document, Problem("E207", (key,), message, f"write `{key}: {FORMAT}`"))
+        hint = Advice(f"write `{key}: {FORMAT}`", str(version), str(FORMAT))
+        add_problem(collector, document, Problem("E207", (key,), message, hint))
         found = None
     return found, collector.diagnostics
 

@@ -69,10 +69,9 @@ def _linked(node: Any) -> Any:
 
 def _type_extra_keys(schema: dict[str, Any]) -> None:
     """Names with typed values: older versions of pydantic leave the type of extra keys out."""
+    part = "PartialParameter"
     if schema["title"] == "Parameters":
         part = "Parameter"
-    else:
-        part = "PartialParameter"
     value: dict[str, Any] = _ref(part)
     if part == "PartialParameter":
         value = {"anyOf": [value, {"type": "null"}]}

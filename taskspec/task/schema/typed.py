@@ -187,7 +187,11 @@ class ParameterEntry(Typed):
 
     @model_validator(mode="after")
     def _check(self) -> ParameterEntry:
-        fail([*_typed_problems(self, self.type), *_default_problems(self)])
+        found = list(_typed_problems(self, self.type))
+        wanted = {"int": int | str, "real": int | float | str, "bool": bool, "choice": str}[self.type]
+        if not isinstance(self.default, wanted) or (isinstance(self.default, bool) and self.type != "bool"):
+            found.append(Problem("E213", ("default",), f"{values.kind(self.default)} is not of type {self.type}"))
+        fail(found)
         return self
 
 
@@ -202,7 +206,11 @@ class ComponentEntry(Typed):
 
     @model_validator(mode="after")
     def _check(self) -> ComponentEntry:
-        fail([*_typed_problems(self, self.type), *_symbol_problems(self)])
+        found = list(_typed_problems(self, self.type))
+        if self.symbols is not None and self.values is not None and len(self.symbols) != len(self.values):
+            message = f"{len(self.symbols)} symbols for {len(self.values)} labels"
+            found.append(Problem("E214", ("symbols",), message))
+        fail(found)
         return self
 
 
@@ -222,37 +230,6 @@ def _typed_problems(entry: Typed, kind: Kind) -> Iterator[Problem]:
     for key in (key for key in EXCLUDED[kind] if getattr(entry, key, None) is not None):
         what = {"choice": "a choice", "bool": "a bool"}.get(kind, f"`type: {kind}`")
         yield Problem("E214", (key,), f"{what} has no `{key}`", None, of_key=True)
-    low = entry.low
-    high = entry.high
-    if _is_number(low) and _is_number(high) and low > high:
-        yield Problem("E214", ("low",), f"the low end {low} is above the high end {high}")
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _symbol_problems(entry: ComponentEntry) -> Iterator[Problem]:
-    if entry.symbols is None or entry.values is None or len(entry.symbols) == len(entry.values):
-        return
-    message = f"{len(entry.symbols)} symbols for {len(entry.values)} labels"
-    yield Problem("E214", ("symbols",), message)
-
-
-def _default_problems(entry: ParameterEntry) -> Iterator[Problem]:
-    value = entry.default
-    wanted = {"int": int, "real": int | float, "bool": bool, "choice": str}[entry.type]
-    is_odd_bool = isinstance(value, bool) and entry.type != "bool"
-    is_formula = isinstance(value, str) and entry.type in ("int", "real")
-    if is_odd_bool or not (isinstance(value, wanted) or is_formula):
-        yield Problem("E213", ("default",), f"{values.kind(value)} is not of type {entry.type}")
-    elif entry.type == "choice" and value not in (entry.values or ()):
-        yield Problem("E213", ("default",), f"`{value}` is not one of the values")
-    elif _is_number(value):
-        if _is_number(entry.low) and value < entry.low:
-            yield Problem("E213", ("default",), f"{value} is below the low end {entry.low}")
-        if _is_number(entry.high) and value > entry.high:
-            yield Problem("E213", ("default",), f"{value} is above the high end {entry.high}")
 
 
 class Requirement(Strict):

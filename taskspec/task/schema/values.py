@@ -8,7 +8,8 @@ import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any, Literal, NamedTuple, get_args
 
-from taskspec.base.diagnostics import CODES, suggest
+from taskspec.base.codes import codes
+from taskspec.base.diagnostics import Advice, suggest
 
 # ---------- problems
 # What may be wrong with a value of a spec, and what other formats call its keys.
@@ -52,7 +53,11 @@ _FORMS: Mapping[str, list[str]] = {
 def advice(word: str, known: Collection[str]) -> str | None:
     """Return what to write for a word of others, given the keys that are known here; None where nothing is known of it."""
     forms = _FORMS.get(word.lower().replace("-", "_"), [])
-    return next((f"write `{form}`" for form in forms if re.split(r"\W", form)[0] in known), None)
+    for form in forms:
+        if re.split(r"\W", form)[0] in known:
+            hint = f"write `{form}`"
+            return Advice(hint, word, form) if form.isidentifier() else hint
+    return None
 
 
 # Problems of values of any form, and the rules for names.
@@ -158,7 +163,7 @@ _PIECE_KEYS = ("if", "then", "else")
 _TABLE_KEYS = ("by", "rows")
 _ENDLESS = ("no", "none", "null", "off", "never", "inf", "infinite", "infinity", "unlimited", "~")
 Kind = Literal["int", "real", "bool", "choice"]
-WARNINGS = tuple(code for code, entry in CODES.items() if entry.severity == "warning")
+WARNINGS = tuple(code for code, entry in codes().items() if entry.severity == "warning")
 SPACES = ("box", "dict", "one_hot", "multi_discrete", "discrete")
 
 
@@ -167,7 +172,13 @@ def primed(text: str) -> Iterator[Problem]:
     if text.endswith("'"):
         yield from name(text[:-1])
     else:
-        yield Problem("E215", (), f"`{text}` lacks its prime", f"write `{text}'` for the next value", True)
+        yield Problem(
+            "E215",
+            (),
+            f"`{text}` lacks its prime",
+            Advice(f"write `{text}'` for the next value", text, f"{text}'"),
+            True,
+        )
 
 
 def warning(text: str) -> Iterator[Problem]:
@@ -186,10 +197,9 @@ def reason(text: str) -> Iterator[Problem]:
 def definition(text: str) -> Iterator[Problem]:
     """Yield a key of `definitions`: a name, or a function with the names of its arguments."""
     function = _FUNCTION.fullmatch(text)
+    arguments = []
     if function:
         arguments = [part.strip() for part in function[2].split(",")]
-    else:
-        arguments = []
     for each in (function[1] if function else text, *arguments):
         yield from name(each)
     if len(set(arguments)) < len(arguments):

@@ -1,11 +1,11 @@
 """`python -m tests.verification.exam_study`: examine learners with mistakes against those without, and write docs/exam_study.md.
 
     python -m tests.verification.exam_study                    # the study, and the page
-    python -m tests.verification.exam_study --learner replay   # of one learner; no page
-    python -m tests.verification.exam_study --held            # the page, from the exams that were held so far
-    python -m tests.verification.exam_study --baselines        # keep the results of right versions beside the specs
+    python -m tests.verification.exam_study --learner replay   # the exams of one learner alone
+    python -m tests.verification.exam_study --page             # the page, from the results that are kept
+    python -m tests.verification.exam_study --baselines        # keep the exams of right versions beside the specs
 
-What was done is read again, from build/exam_study, as long as no learner has changed.
+An exam is read again from build/exam_study as long as its learner has not changed; what exams found is kept in results.json.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ import argparse
 import itertools
 import json
 import time
+from collections.abc import Sequence
 
 from tests.verification.exam_study import exams
-from tests.verification.exam_study.bugs import Bug, bugs
+from tests.verification.exam_study.bugs import bugs
 from tests.verification.exam_study.exams import Found
 from tests.verification.exam_study.page import NAMES, written
 
@@ -27,35 +28,36 @@ def main() -> None:
         description=__doc__,
         formatter_class=argparse.RawTextHelpFormatter,
     )
-    parser.add_argument("--learner", choices=exams.TERMS, action="append", help="default: all of them; else no page")
-    parser.add_argument(
-        "--right", type=int, default=len(exams.OF_RIGHT_ONES), help="exams of each right version, at most"
-    )
-    parser.add_argument("--held", action="store_true", help="only exams that were held before; writes the page")
-    parser.add_argument("--baselines", action="store_true", help="keep the results of the right versions")
+    parser.add_argument("--learner", choices=exams.TERMS, action="append", help="default: all of them")
+    parser.add_argument("--mistakes", action="store_true", help="no exams of right versions")
+    parser.add_argument("--right", type=int, default=100, help="exams of each right version, at most")
+    parser.add_argument("--page", action="store_true", help="no exams: the page, from the results that are kept")
+    parser.add_argument("--baselines", action="store_true", help="keep the exams of the right versions")
     given = parser.parse_args()
     learners = given.learner or list(exams.TERMS)
     if given.baselines:
         for learner in learners:
             keep(learner)
         return
+    if not given.page:
+        examine_all(learners, 0 if given.mistakes else given.right)
+    written(exams.results())
+
+
+def examine_all(learners: Sequence[str], right: int) -> None:
+    """Examine the learners with mistakes, then each right version up to `right` times."""
     begin = time.perf_counter()
-    wrong: list[tuple[Bug, Found]] = []
-    for bug in exams.chosen(bugs(), learners):
-        if given.held and not exams.is_held(f"{bug.learner}-{bug.name}"):
-            continue
-        found = exams.of_bug(bug)
-        wrong.append((bug, found))
-        progress(begin, bug.learner, bug.what, found, found.cause(bug))
-    right: dict[tuple[str, int], Found] = {}
-    for number, learner in itertools.product(range(len(exams.OF_RIGHT_ONES)), learners):
-        first = exams.OF_RIGHT_ONES[number]
-        is_wanted = number < min(given.right, exams.TERMS[learner].right)
-        if is_wanted and (not given.held or exams.is_held(f"{learner}-right-{first}")):
-            right[learner, first] = exams.of_right(learner, number)
-            progress(begin, learner, f"right, seeds from {first}", right[learner, first], "")
-    if not given.learner:
-        written(wrong, right)
+    for bug in bugs():
+        if bug.learner in learners:
+            found = exams.of_bug(bug)
+            exams.store(f"{bug.learner} {bug.name}", found)
+            progress(begin, bug.learner, bug.what, found, found.cause(bug))
+    for number, learner in itertools.product(range(right), learners):
+        if number < exams.TERMS[learner].right:
+            first = exams.OF_RIGHT_ONES[number]
+            found = exams.of_right(learner, number)
+            exams.store(f"{learner} {first}", found)
+            progress(begin, learner, f"right, seeds from {first}", found, "")
 
 
 def keep(learner: str) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from taskspec.exam import Exam, examine
+from taskspec.exam import Case, Exam, examine
 from taskspec.exam.findings import new_diagnoses
 from taskspec.exam.flags import flags
 from taskspec.exam.learned import explanations, learned_flags
@@ -24,6 +25,8 @@ PROBES = (
     "EndInPlace", "Hazard", "ValueLeft", "SecondThought", "Slip", "CoinToss", "Sizes", "Patience", "Echo", "LookAlikes",
 )  # fmt: skip
 """The probes whose observations and actions are finite."""
+FEW = ("EndInPlace", "ValueLeft", "SecondThought")
+"""Those for learners that are slow."""
 SEEDS = 6
 TRANSITIONS = 2_000
 OF_BASELINES, OF_BUGS = 21000, 22000
@@ -42,6 +45,7 @@ class Terms:
         tasks: those of DERAIL; the probes come with them.
         is_shipped: whether the repository has its results.
         right: exams of the right version, beside the one that those with mistakes are compared with.
+        probes, seeds: of the exam.
     """
 
     steps: int
@@ -49,17 +53,22 @@ class Terms:
     twins: int = 1
     is_shipped: bool = True
     right: int = 7
+    probes: tuple[str, ...] = PROBES
+    seeds: int = SEEDS
 
 
 TERMS = {
     "q_learning": Terms(3_000, right=40),
-    "bc": Terms(1_000, (*FINITE, "LargestSum"), right=50),
-    "ppo": Terms(32_000),
-    "gail": Terms(25_600),
-    "drlhp": Terms(19_200, right=6),
-    "replay": Terms(4_000, twins=0, is_shipped=False, right=60),
-    "actor_critic": Terms(12_800, (), twins=0, is_shipped=False, right=30),
+    "bc": Terms(1_000, (*FINITE, "LargestSum"), right=40),
+    "ppo": Terms(32_000, twins=0),
+    "gail": Terms(25_600, twins=0),
+    "drlhp": Terms(19_200, twins=0, right=6),
+    "replay": Terms(4_000, twins=0, is_shipped=False, right=50),
+    "actor_critic": Terms(12_800, (), twins=0, is_shipped=False, right=50),
     "traces": Terms(3_000, (), twins=0, is_shipped=False, right=100),
+    "sb3_dqn": Terms(5_000, (), 0, False, 1, FEW, 5),
+    "sb3_ppo": Terms(4_000, (), 0, False, 3, FEW, 5),
+    "imitation_bc": Terms(1_000, (), 1, False, 5, ("SecondThought", "Echo", "Slip", "Patience"), 5),
 }
 
 
@@ -74,8 +83,8 @@ class Found:
     """
 
     flagged: dict[str, list[str]]
-    named: tuple[str, ...]
-    told: tuple[str, ...]
+    named: Sequence[str]
+    told: Sequence[str]
 
     @property
     def is_flagged(self) -> bool:
@@ -103,42 +112,43 @@ def examined(learner: str, train: Any, first: int, folder: Path, shipped: bool =
     tables = Tables()
     tasks = tuple(f"derail/{task}" for task in terms.tasks)
     if not shipped:
-        tasks += tuple(f"probes/{task}" for task in PROBES)
+        tasks += tuple(f"probes/{task}" for task in terms.probes)
     exam = examine(
-        tables.keeping(train), suite="derail" if shipped else "probes", tasks=tasks, seeds=range(first, first + SEEDS),
-        steps=terms.steps, transitions=TRANSITIONS, twins=terms.twins,
+        tables.keeping(train), suite="derail" if shipped else "probes", tasks=tasks, seeds=range(first, first + terms.seeds),
+        steps=terms.steps, transitions=TRANSITIONS, twins=1 if shipped else terms.twins,
     )  # fmt: skip
     tables.write(folder, exam)
     return exam
 
 
-def is_held(name: str) -> bool:
-    """Return whether an exam was held before."""
-    return (BUILD / content() / name / "exam.json").exists()
-
-
 def shipped(learner: str) -> Exam:
     """Return the exam of a right version on the tasks of DERAIL, which the repository has."""
-    folder = BUILD / content() / f"{learner}-shipped"
-    return examined(learner, function_of(f"{LEARNERS / learner}.py:train"), OF_BASELINES, folder, True)
+    return examined(learner, _right_version(learner), OF_BASELINES, _folder(learner, "shipped"), True)
 
 
 @cache
 def right(learner: str, first: int) -> Exam:
     """Return the exam of a right version."""
-    folder = BUILD / content() / f"{learner}-right-{first}"
-    return examined(learner, function_of(f"{LEARNERS / learner}.py:train"), first, folder)
+    return examined(learner, _right_version(learner), first, _folder(learner, f"right-{first}"))
 
 
 def wrong(bug: Bug) -> Exam:
     """Return the exam of a learner with a mistake."""
-    folder = BUILD / content() / f"{bug.learner}-{bug.name}"
+    folder = _folder(bug.learner, bug.name)
     path = folder / f"{bug.learner}.py"
     folder.mkdir(parents=True, exist_ok=True)
     if not path.exists() or path.read_text(encoding="utf-8") != bug.source():
         (folder / "exam.json").unlink(missing_ok=True)
         path.write_text(bug.source(), encoding="utf-8")
     return examined(bug.learner, function_of(f"{path}:train"), OF_BUGS, folder)
+
+
+def _folder(learner: str, name: str) -> Path:
+    return BUILD / f"{learner}-{content(learner)}" / name
+
+
+def _right_version(learner: str) -> Callable[[Case], Any]:
+    return function_of(f"{LEARNERS / learner}.py:train")
 
 
 def found(exam: Exam, baseline: Exam) -> Found:
@@ -187,6 +197,20 @@ def _on(exam: Exam, suite: str) -> Exam:
     return {**exam, "tasks": tasks, "scores": scores}
 
 
-def chosen(all_: Iterable[Bug], learners: Sequence[str]) -> list[Bug]:
-    """Return the mistakes of some learners."""
-    return [bug for bug in all_ if bug.learner in learners]
+# -- results, which the page is made of -------------------------------------------------------------------------------
+
+RESULTS = Path(__file__).parent / "results.json"
+
+
+def results() -> dict[str, Found]:
+    """Return what exams found so far: by `learner name` of a mistake, or `learner first` of seeds of a right version."""
+    if not RESULTS.exists():
+        return {}
+    return {name: Found(**known) for name, known in json.loads(RESULTS.read_text(encoding="utf-8")).items()}
+
+
+def store(name: str, one: Found) -> None:
+    """Add a result to those that are kept."""
+    known = {**results(), name: one}
+    rows = [f" {json.dumps(name)}: {json.dumps(vars(known[name]))}" for name in sorted(known)]
+    RESULTS.write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8")

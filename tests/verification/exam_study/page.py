@@ -12,6 +12,8 @@ PAGE = ROOT / "docs/exam_study.md"
 NAMES = {
     "q_learning": "Q-learning", "bc": "Behavioural cloning", "ppo": "PPO", "gail": "GAIL", "drlhp": "DRLHP",
     "replay": "Q-learning with replay", "actor_critic": "Actor-critic", "traces": "Q(lambda)",
+    "sb3_dqn": "DQN of Stable-Baselines3", "sb3_ppo": "PPO of Stable-Baselines3",
+    "imitation_bc": "Cloning of imitation",
 }  # fmt: skip
 TEXT = """\
 # Which mistakes the exam notices
@@ -43,8 +45,11 @@ ones whose cause is not named; o, p, v and f are the parts that flag them.
 HEAD = "| mistake | flagged by | cause |\n|---|---|---|"
 
 
-def written(wrong: Sequence[tuple[Bug, Found]], right: Mapping[tuple[str, int], Found]) -> None:
-    """Write the page, from what was found of learners with mistakes, and of right ones by learner and first seed."""
+def written(results: Mapping[str, Found]) -> None:
+    """Write the page from what exams found, as `exams.results` has it."""
+    known = {f"{bug.learner} {bug.name}": bug for bug in bugs()}
+    wrong = [(bug, results[name]) for name, bug in known.items() if name in results]
+    right = {name: found for name, found in results.items() if name not in known}
     parts = [_summary(wrong, right)]
     waiting = []
     for learner, title in NAMES.items():
@@ -62,7 +67,7 @@ def written(wrong: Sequence[tuple[Bug, Found]], right: Mapping[tuple[str, int], 
     PAGE.write_text("\n\n".join(part.strip() for part in parts) + "\n", encoding="utf-8")
 
 
-def _summary(wrong: Sequence[tuple[Bug, Found]], right: Mapping[tuple[str, int], Found]) -> str:
+def _summary(wrong: Sequence[tuple[Bug, Found]], right: Mapping[str, Found]) -> str:
     old = [(bug, found) for bug, found in wrong if not bug.is_new]
     new = [(bug, found) for bug, found in wrong if bug.is_new]
     groups = (old, new, list(wrong))
@@ -97,15 +102,19 @@ def _row(bug: Bug, found: Found) -> str:
     return f"| {bug.what} | {marks} | {cause} |"
 
 
-def _right(right: Mapping[tuple[str, int], Found]) -> str:
+def _right(right: Mapping[str, Found]) -> str:
     """Return how many exams of right versions are flagged, and by what."""
-    counts = {learner: sum(name == learner for name, _ in right) for learner in TERMS}
+    counts = {learner: sum(name.split()[0] == learner for name in right) for learner in TERMS}
     exams = ", ".join(f"{number} of {NAMES[learner]}" for learner, number in counts.items() if number)
     alarms = sum(found.is_flagged for found in right.values())
     low, high = rate_interval(alarms, len(right))
-    rate = f"95 % interval {100 * low:.0f} to {100 * high:.0f} %"
-    lines = [f"Of {len(right)} exams of right versions on other seeds ({exams}), {alarms} flagged ({rate})."]
-    for (learner, first), found in right.items():
+    rate = f"95 % interval {100 * low:.1f} to {100 * high:.1f} %"
+    lines = [
+        f"{len(right)} exams of right versions on other seeds ({exams}) were compared with the one before: {alarms} flagged",
+        f"({rate}).",
+    ]
+    for name, found in right.items():
+        learner, first = name.split()
         flagged = [text for texts in found.flagged.values() for text in texts]
         if flagged:
             lines.append(f"{NAMES[learner]}, seeds from {first}: {', '.join(flagged)}.")

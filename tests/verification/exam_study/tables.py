@@ -17,6 +17,7 @@ from taskspec.exam.asked_tasks import exam_id
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.learned import learned_fields
 from taskspec.exam.results import Exam, read, write
+from taskspec.policies.values import is_table
 from taskspec.registry import load
 from taskspec.task.task import Task
 
@@ -115,6 +116,8 @@ def _tables(case: Case, learned: Any) -> dict[str, Any]:
     policy = learned.policy
     if hasattr(policy, "probabilities"):
         policy = policy.probabilities(observations)
+    if not is_table(policy):
+        return {}
     found = {"policy": policy, "q": learned.q, "values": learned.values, "discount": learned.discount}
     if learned.reward is not None:
         rows = [learned.reward(observations, np.full_like(observations, a), None) for a in range(case.action_space.n)]

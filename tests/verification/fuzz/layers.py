@@ -24,7 +24,8 @@ import numpy as np
 
 import taskspec
 from taskspec import pages
-from taskspec.base.diagnostics import CODES, Diagnostic, SpecError, TaskspecError, render
+from taskspec.base.codes import codes
+from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, render
 from taskspec.check.file_checks import check_file
 from taskspec.cli.check import examine
 from taskspec.envs.vector import VectorEnvironment
@@ -139,7 +140,7 @@ def fault(layer: str, error: BaseException) -> Fault:
 def wrong(diagnostic: Diagnostic) -> str | None:
     """What is wrong with a message."""
     span = diagnostic.span
-    if diagnostic.code not in CODES or not diagnostic.message.strip():
+    if diagnostic.code not in codes() or not diagnostic.message.strip():
         return "no code, or no words"
     if span is None:
         return None

@@ -88,4 +88,4 @@ def counts(o: Array, a: Array) -> Array:
 
 def greedy(values: Array, rng: np.random.Generator) -> int:
     """Return one of the best actions."""
-    return int(rng.choice(np.flatnonzero(values == values.max())))
+    return int((values + 1e-9 * rng.random(len(values))).argmax())

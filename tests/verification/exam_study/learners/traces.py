@@ -46,4 +46,4 @@ def epsilon_greedy(values: Array, rng: np.random.Generator) -> int:
     """Return a best action, or a random one with probability EPSILON."""
     if rng.random() < EPSILON:
         return int(rng.integers(len(values)))
-    return int(rng.choice(np.flatnonzero(values == values.max())))
+    return int((values + 1e-9 * rng.random(len(values))).argmax())

@@ -1,0 +1,64 @@
+"""The closed table of error and warning codes.
+
+It is read from `errors.md` beside this file, which the documentation shows. A new code is a new entry: an anchor,
+the heading `### E302 unknown-name: title`, and an explanation in Markdown with a wrong and a corrected example.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from typing import Literal
+
+from taskspec.base.records import dataclass
+
+Severity = Literal["error", "warning"]
+"""How bad a diagnostic is."""
+
+
+def severity(code: str) -> Severity:
+    """Return `warning` for the W codes, `error` for all others."""
+    if code.startswith("W"):
+        return "warning"
+    return "error"
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """One situation that a user can be in. `explanation` is Markdown."""
+
+    code: str
+    slug: str
+    title: str
+    explanation: str
+
+    @property
+    def severity(self) -> Severity:
+        """`warning` for the W codes, `error` for all others."""
+        return severity(self.code)
+
+
+@lru_cache(maxsize=1)
+def codes() -> dict[str, Code]:
+    """Return every code of an error or a warning, with its explanation."""
+    found = {}
+    for part in _parts():
+        for entry in part.split("\n### ")[1:]:
+            heading, _, explanation = entry.partition("\n")
+            name, _, title = heading.partition(": ")
+            code, slug = name.split(" ")
+            found[code] = Code(code, slug, title, explanation.partition('\n<a id="')[0].strip())
+    return found
+
+
+def classes() -> dict[str, str]:
+    """Return the subject of each class of codes, by the first two characters of the codes."""
+    headings = [part.splitlines()[0].partition("xx: ") for part in _parts()]
+    return {prefix: subject for prefix, _, subject in headings}
+
+
+def _parts() -> list[str]:
+    """Return the sections of the page, each with the codes of a class."""
+    page = os.path.join(os.path.dirname(__file__), "errors.md")
+    with open(page, encoding="utf-8") as file:
+        return file.read().split("\n## ")[1:]

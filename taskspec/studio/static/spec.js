@@ -1,0 +1,44 @@
+// The tab Spec: figure, exact scores, printed mathematics and claims.
+
+import { Part, make, picture, quiet, written } from "./dom.js";
+
+const SIGNS = new Map([[true, ["✓", "holds"]], [false, ["✗", "fails"]], [null, ["?", "open"]]]);
+
+function score({ label, html, exact, estimated }) {
+  const fraction = exact?.includes("/") ? exact.replace("-", "−") : "";
+  const about = estimated ? "estimated" : fraction;
+  return make("tr", {}, make("th", { scope: "row" }, label), written("td", {}, html), make("td", { class: "quiet" }, about));
+}
+
+export class SpecTab {
+  constructor(studio) {
+    this.studio = studio;
+    this.figure = new Part("Figure");
+    this.scores = new Part("Exact scores");
+    this.mathematics = new Part("Printed mathematics", { class: "printed" });
+    this.claims = make("ul", { class: "claims", "aria-label": "Claims" });
+    const first = make("div", { class: "beside" }, this.figure.element, this.scores.element);
+    this.content = [first, this.mathematics.element, this.claims];
+  }
+
+  refresh(page) {
+    this.figure.follow(page, ({ figure, caption }) => picture(figure, caption));
+    this.mathematics.follow(page, ({ mathematics }) => [written("div", {}, mathematics)]);
+    this.scores.follow(this.studio.ask("scores"), (answer) => this.drawn(answer));
+  }
+
+  drawn({ title, rows, claims, remark }) {
+    this.claims.replaceChildren(...claims.map((claim) => this.claim(claim)));
+    const holding = claims.filter(({ holds }) => holds).length;
+    const remarks = [claims.length ? `${holding} of ${claims.length} claims hold` : "", remark ?? ""];
+    const scores = make("table", { class: "scores" }, make("tbody", {}, ...rows.map(score)));
+    return [make("h2", {}, title), scores, ...remarks.filter(Boolean).map((each) => quiet(each))];
+  }
+
+  claim({ text, holds, words, detail, line }) {
+    const [sign, kind] = SIGNS.get(holds);
+    const place = make("button", { class: "place", onclick: () => this.studio.editor.goTo(line) }, make("code", {}, text));
+    const mark = make("span", { "aria-hidden": "true" }, `${sign} `);
+    return make("li", {}, place, make("span", { class: `mark ${kind}`, title: detail }, mark, words));
+  }
+}

@@ -1,0 +1,28 @@
+"""Returns and values of models as numbers, by the solvers that scores use."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from taskspec.model.model import Model
+from taskspec.solve.backward import Uniform
+from taskspec.solve.bounded import Bound, Bounded
+from taskspec.solve.infinite_horizon import InfiniteHorizon
+from taskspec.solve.solve import Solvers, extreme
+
+
+def optimal_return(model: Model) -> float:
+    return Solvers(model).of().best().value
+
+
+def random_return(model: Model) -> float:
+    return Solvers(model).of().value(Uniform()).value
+
+
+def worst(model: Model) -> Bound:
+    """The worst values (S,) at the first time."""
+    if model.horizon is None:
+        found = InfiniteHorizon(model).negated().stationary_values()
+        return replace(found, value=-found.value)
+    value: Bound = extreme(Bounded(model), False)
+    return value
