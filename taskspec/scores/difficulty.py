@@ -13,15 +13,7 @@ from taskspec.base.display import html_table
 from taskspec.base.limits import tell
 from taskspec.base.records import entries_by_name
 from taskspec.model.model import Model, misused, refuse
-from taskspec.scores.measures import (
-    best_chance,
-    effective_horizon,
-    least_lookahead,
-    mean_length,
-    reward_chance,
-    solution_length,
-    value_norm,
-)
+from taskspec.scores import measures
 from taskspec.scores.partial_observability import hidden_bits
 from taskspec.scores.returns import Results
 from taskspec.solve.backward import Boltzmann
@@ -93,7 +85,7 @@ def _soft_gap(results: Results) -> float:
 
 
 def _episodes_to_reward(results: Results) -> float:
-    chance = reward_chance(_model(results))
+    chance = measures.reward_chance(_model(results))
     if chance == 0:
         refuse("random actions never get a reward")
     return 1 / chance
@@ -125,20 +117,20 @@ _MEASURES = [
         r"\operatorname{mean}_s \lvert \{s' : \exists a\, P(s' \mid s, a) > 0\} \rvert", "", _on_model(_branching)),
     Measure(
         "random_length", "steps", "The expected length of an episode of uniformly random actions.",
-        r"\mathbb{E}_{\text{random}}[T]", "", _on_model(lambda model: mean_length(model, uniform_plan(model)))),
+        r"\mathbb{E}_{\text{random}}[T]", "", _on_model(lambda model: measures.mean_length(model, uniform_plan(model)))),
     Measure(
         "optimal_length", "steps", "The expected length of an episode of the optimal policy, uniform over the best actions.",
-        r"\mathbb{E}_{\pi^*}[T]", "", _on_model(lambda model: mean_length(model, optimal_plan(model)))),
+        r"\mathbb{E}_{\pi^*}[T]", "", _on_model(lambda model: measures.mean_length(model, optimal_plan(model)))),
     Measure(
         "solution_length", "steps",
         "The least expected number of steps in which an optimal policy reaches a state from which no further reward is possible.",
         r"\min_{\pi \in \Pi^*} \mathbb{E}_\pi[\min \{t : \text{no reward is possible from } s_t\}]", "",
-        _on_model(solution_length)),
+        _on_model(measures.solution_length)),
     Measure(
         "best_at_random", "probability",
         "How likely an episode of uniformly random actions returns at least the optimal value of its first state, which is "
         "the best possible return in a deterministic task.",
-        r"P_{\text{random}}(G \geq V^*(s_0))", LAIDLAW, _on_model(best_chance)),
+        r"P_{\text{random}}(G \geq V^*(s_0))", LAIDLAW, _on_model(measures.best_chance)),
     Measure(
         "episodes_to_reward", "episodes",
         "The expected number of episodes of uniformly random actions up to the first with a reward other than 0.",
@@ -156,19 +148,19 @@ _MEASURES = [
         "lookahead", "steps",
         "The least k such that acting greedily on the action values of random actions, after k - 1 Bellman backups, is optimal.",
         r"\min \{k : \operatorname{greedy}(Q^k) \subseteq \Pi^*\}, \; Q^1 = Q^{\text{random}}, \; Q^{k+1} = \mathcal{T} Q^k",
-        LAIDLAW, _on_model(least_lookahead)),
+        LAIDLAW, _on_model(measures.least_lookahead)),
     Measure(
         "value_norm", "",
         "The largest standard deviation of the optimal value of the next state (0 after an end), over states, actions and times: "
         "how much chance matters.",
         r"\max_{t, s, a} \sqrt{\operatorname{Var}_{s' \sim P(\cdot \mid s, a)} V^*_{t+1}(s')}", MAILLARD,
-        _on_model(value_norm)),
+        _on_model(measures.value_norm)),
     Measure(
         "effective_horizon", "steps",
         "The least k + log_A m for which greedy over random policy, which judges every sequence of k actions by m random "
         "episodes, is optimal with probability 1/2, in a deterministic task.",
         r"\min \{k + \log_{\lvert A \rvert} m : P(\text{GORP}(k, m) \text{ is optimal}) \geq \tfrac12\}",
-        LAIDLAW, _on_model(effective_horizon)),
+        LAIDLAW, _on_model(measures.effective_horizon)),
 ]  # fmt: skip
 MEASURES: dict[str, Measure] = entries_by_name(_MEASURES)
 """Every measure by name."""

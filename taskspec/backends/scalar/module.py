@@ -8,18 +8,7 @@ from typing import Any
 
 from taskspec.backends.lane_form import LaneEmitter, LaneValue
 from taskspec.backends.lowering import Invariants, frozen_components
-from taskspec.backends.scalar.interface import (
-    MASKED,
-    flat_state,
-    has_rows,
-    info,
-    is_kept,
-    mask,
-    observe,
-    old_state,
-    read_action,
-    told_state,
-)
+from taskspec.backends.scalar import interface
 from taskspec.backends.scalar.phase import Phase
 from taskspec.backends.source_text import indent, names_of, without_unused
 from taskspec.base.records import dataclass
@@ -58,10 +47,10 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
     kept = [*states, *_kept(parts)]
     lines = [f"{', '.join(kept)} = {', '.join('None' for _ in kept)}", "alive = False"]
     lines += ["t = 0  # steps of this episode", "past = 0  # steps of the episodes before it", "episodes = 0"]
-    if has_rows(task):
+    if interface.has_rows(task):
         lines.append("next_row = rows()")
     access = _access(parts, states, restored)
-    legal = mask(task, _lane(parts, None, states, (), constants))
+    legal = interface.mask(task, _lane(parts, None, states, (), constants))
     lines += ["", *legal, "", *reset, "", *step, "", *access, "", "return reset, step, get, put, mask"]
     text = [*head, "", "", "def lane(next_first, next_draws, bad_action, not_running):", *indent(lines), ""]
     return "\n".join(text), constants
@@ -72,7 +61,7 @@ def _kept(parts: Parts) -> list[str]:
     names = list(parts.invariants.names)
     if parts.invariants.observation:
         names.append("kept")
-    if is_kept(parts.task):
+    if interface.is_kept(parts.task):
         names.append("told")
     return names
 
@@ -122,7 +111,7 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
     for i, c in enumerate(task.state):
         if c.name in parts.cold:
             stored[i] = "None"
-    observation, statements = observe(lane, parts.observation, phase, values[len(phase.roots) :])
+    observation, statements = interface.observe(lane, parts.observation, phase, values[len(phase.roots) :])
     inner = without_unused([*lane.lines, *statements], [*stored, observation])
     targets = [*states, *parts.invariants.names]
     body = [*_unpack(phase, "next_first"), *_unwrapped(phase, inner, zip(targets, stored, strict=True), others), *inner]
@@ -135,8 +124,8 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
     if phase.row_count > 2:
         body += [f"told = {phase.row_names[2]}"]
     else:
-        body += told_state(task, parts.observation, states, observation)
-    told = f"{{{MASKED}}}" if task.mask else "{}"
+        body += interface.told_state(task, parts.observation, states, observation)
+    told = f"{{{interface.MASKED}}}" if task.mask else "{}"
     body += ["past += t", "t = 0", "episodes += 1", "alive = True", f"return {observation}, {told}"]
     targets = [*states, *_kept(parts), "t", "past", "episodes", "alive"]
     return ["def reset():", *indent([f"nonlocal {', '.join(targets)}", *body])]
@@ -157,7 +146,7 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
     """Return the function `step`: it works everything out, and fixes what it returns, before the state moves on."""
     task = parts.task
     phase = parts.step
-    reading, actions = read_action(task, parts.action)
+    reading, actions = interface.read_action(task, parts.action)
     lane = _lane(parts, phase, states, actions, constants)
     values = lane.emit((*phase.roots, *phase.observation))
     n = len(task.state)
@@ -171,15 +160,15 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
     inner = without_unused([*lane.lines, *statements], [*stored.values(), observation, reward, terminal, *measures])
     kept = [(states[i], source) for i, source in stored.items()]
     body = [*_unpack(phase, "next_draws"), *_unwrapped(phase, inner, kept, [*inner, *others]), *inner]
-    body += old_state(task, states)
+    body += interface.old_state(task, states)
     nonlocals = [states[i] for i in changed]
     if changed:
         body.append(f"{', '.join(nonlocals)} = {', '.join(stored.values())}")
-        told = told_state(task, parts.observation, states, observation)
+        told = interface.told_state(task, parts.observation, states, observation)
         body += told
         if told:
             nonlocals.append("told")
-    body += ["t += 1", *end, f"return {observation}, {reward}, {flags}, {info(task, states, measures)}"]
+    body += ["t += 1", *end, f"return {observation}, {reward}, {flags}, {interface.info(task, states, measures)}"]
     nonlocals += ["t", "alive"]
     running = ["if not alive:", "    raise not_running()"]
     return ["def step(action):", *indent([f"nonlocal {', '.join(nonlocals)}", *reading, *running, *body])]
@@ -204,7 +193,7 @@ def _seen(
     """Return the observation of a step: the kept one where it stays the same."""
     if parts.invariants.observation:
         return ("kept" if terminal == "True" else "kept.copy()"), []
-    observation, statements = observe(lane, parts.observation, parts.step, values)
+    observation, statements = interface.observe(lane, parts.observation, parts.step, values)
     if statements:
         return observation, statements
     return _fixed(lane, observation, own), []
@@ -253,8 +242,8 @@ def _access(parts: Parts, states: Sequence[str], restored: Sequence[str]) -> lis
     clock = "t, past, episodes, alive"
     body = [f"nonlocal {', '.join([*states, *_kept(parts)])}, {clock}", f"{everything} = values"]
     told = []
-    if is_kept(parts.task):
-        told = [f"told = {flat_state(parts.task, states)}"]
+    if interface.is_kept(parts.task):
+        told = [f"told = {interface.flat_state(parts.task, states)}"]
     body += [*restored, *told, f"{clock} = clock"]
     put = ["", "def put(values, clock):", *indent(body)]
     return ["def get():", f"    return ({everything}), ({clock})", *put]
