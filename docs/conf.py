@@ -31,7 +31,9 @@ import galleries  # noqa: E402
 
 from docs.tools.commands import commands  # noqa: E402
 from docs.tools.names import names  # noqa: E402
+from docs.tools.notebooks import page as page_of_notebook  # noqa: E402
 
+source_suffix = {".md": "markdown", ".ipynb": "markdown"}
 extensions = ["myst_parser", "sphinx_copybutton"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 copybutton_prompt_text = "$ "
@@ -52,7 +54,7 @@ SHOWN = {"contributing": "CONTRIBUTING.md", "security": "SECURITY.md", "errors":
 """Pages of the site, and the files above this folder that they show."""
 BUILT = {"commands": commands, "names": names}
 """Pages of the site that are made of the program in full; the repository has a summary of each."""
-LINK = re.compile(r"\[[^\]]*\]\(([\w/-]+)\.md\)")
+LINK = re.compile(r"\[[^\]]*\]\(([\w/-]+)\.(?:md|ipynb)\)")
 ACCESSIBLE = (
     (r'class="caption" role="heading"', 'class="caption" role="heading" aria-level="2"'),
     (r'<aside class="(\w+)-drawer">', r'<aside class="\1-drawer" aria-label="\1">'),
@@ -75,14 +77,17 @@ def setup(app: Any) -> dict[str, Any]:
 
 def read(app: Any, page: str, source: list[str]) -> None:
     """Put in the files that lie above this folder, and add the tables of contents."""
+    if (DOCS / f"{page}.ipynb").exists():
+        source[0] = galleries.PAPER.sub("", page_of_notebook(source[0]))
     if page in SHOWN:
         source[0] = (DOCS.parent / SHOWN[page]).read_text(encoding="utf-8").replace("](docs/", "](")
     if page in BUILT:
         source[0] = BUILT[page]()
     if page in galleries.SUITES:
         source[0] = galleries.gallery_page(page)
+    top = "../" * page.count("/")
     for name, file in SHOWN.items():
-        source[0] = re.sub(rf"\]\((?:\.\./)*{re.escape(file)}", f"]({name}.md", source[0])
+        source[0] = re.sub(rf"\]\((?:\.\./)*{re.escape(file)}", f"]({top}{name}.md", source[0])
     listed = galleries.below(page)
     if listed is not None:
         source[0] += tree("", listed)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from taskspec import data as data
     from taskspec import envs as envs
     from taskspec import exact as exact
+    from taskspec import notebook as notebook
     from taskspec.base import __version__ as __version__
     from taskspec.base.diagnostics import Diagnostic as Diagnostic
     from taskspec.base.diagnostics import SpecError as SpecError
@@ -55,7 +56,7 @@ __all__ = [
     "register",
     "task_ids",
 ]
-_ROOMS = ("data", "envs", "exact")
+_ROOMS = ("data", "envs", "exact", "notebook")
 """Packages whose names are public, too: `taskspec.data.episodes`."""
 
 

@@ -134,6 +134,12 @@ class Report:
             return Results(self.task)
         return self.results
 
+    def __repr__(self) -> str:
+        counts = [
+            f"{len(found)} {name}" for name, found in (("problems", self.diagnostics), ("verdicts", self.verdicts))
+        ]
+        return f"<Report of {self.task.instance_id}: {', '.join(counts)}>"
+
     def _repr_html_(self) -> str:
         """Return diagnostics and verdicts on claims, for notebooks."""
         found = [(f"{d.severity} {d.code}", d.span or "", d.message, d.hint or "") for d in self.diagnostics]

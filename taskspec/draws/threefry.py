@@ -236,9 +236,7 @@ def _fill(schedule: Schedule, c0: Words, c1: Words, y0: Words, y1: Words) -> Non
 
 
 def _rounds(keys: Schedule, c0: Words, c1: Words, shape: tuple[int, ...], both: bool) -> tuple[Words, Words]:
-    """Return all but the last addition of the key, in place in this thread's scratch arrays; of the first half, or of
-    both.
-    """
+    """Return all but the last addition of the key, in this thread's scratch arrays; of the first half, or of both."""
     add = np.add
     left = np.left_shift
     right = np.right_shift

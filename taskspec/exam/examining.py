@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from taskspec.exam.findings import diagnose, diagnosis_flag, new_diagnoses, unde
 from taskspec.exam.flags import check_comparable, flags
 from taskspec.exam.laws import LAWS, changed_tasks, law_flags, law_scores
 from taskspec.exam.learned import learned_flags
-from taskspec.exam.results import FORMAT, Exam, Examined, LawScore, Score, read, write
+from taskspec.exam.results import FORMAT, Exam, Examined, LawScore, Score, ShownExam, read, write
 from taskspec.exam.trial import LearnerFailed, Row, Trial, baselines, key_of, run_trial, score
 from taskspec.exam.verdicts import verdicts
 from taskspec.jobs.running import Running, run
@@ -339,12 +339,13 @@ def _exam(
     for name in ("steps", "demonstrations", "comparisons", "seconds"):
         cost[name] = float(sum(s[name] or 0 for s in scores))
     where = machine()
-    return Exam(
+    found = Exam(
         exam=FORMAT, learner=who.name, learns_from=list(who.learns_from), suite=suite, steps=terms.steps,
         transitions=terms.transitions, seeds=seeds, versions=where.pop("versions"), machine=where,
         command=shlex.join(["taskspec", *sys.argv[1:]]) if Path(sys.argv[0]).name == "taskspec" else "",
         tasks=tasks, scores=scores, verdicts={}, flags=[], diagnoses=[], cost=cost,
     )  # fmt: skip
+    return cast(Exam, ShownExam(found))
 
 
 def _examined(task: Task, measured: list[dict[str, Any]]) -> Examined:

@@ -7,12 +7,13 @@ import json
 import re
 import zlib
 from pathlib import Path
-from typing import Any, Literal, NotRequired
+from typing import Any, Literal, NotRequired, cast
 
 from typing_extensions import TypedDict
 
 from taskspec import registry
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.display import InNotebooks
 from taskspec.base.files import safe_name, write_text
 from taskspec.learners import BUILT_IN, FAMILIES
 from taskspec.task.schema.check import shape_problem
@@ -178,6 +179,13 @@ def write(exam: Exam, folder: Path) -> Path:
     return path
 
 
+class ShownExam(dict[str, Any], InNotebooks):
+    """An exam that notebooks show as a card."""
+
+    def __repr__(self) -> str:
+        return f"<Exam of {self['learner']}, {len(self['seeds'])} seeds on {len(self['tasks'])} tasks>"
+
+
 def read(folder: Path | str) -> Exam:
     """Return the results of an exam in a folder, or one that comes with a suite, such as `derail/bc`.
 
@@ -209,7 +217,7 @@ def read(folder: Path | str) -> Exam:
     if problem is not None:
         message = f"'{path}', {_words(problem.path)}: {problem.message}"
         raise SpecError([Diagnostic("E721", None, message, "run the exam again, or take the file from a backup")])
-    return found  # type: ignore[return-value]  # its shape was looked at
+    return cast(Exam, ShownExam(found))  # its shape was looked at
 
 
 def _inconsistent(exam: dict[str, Any]) -> Problem | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -137,7 +137,7 @@ def _drawn(task: Task, over: Overlay) -> Scene | None:
 class ShownFigure:
     """A task's figure in memory, as notebooks show it; `svg` is its text, None if none can be drawn."""
 
-    svg: str | None
+    svg: str | None = field(repr=False)
 
     def _repr_svg_(self) -> str | None:
         return self.svg

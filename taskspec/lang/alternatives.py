@@ -49,9 +49,10 @@ def select(
         jobs.append((checker, expr, scope, domain, excluded))
     values = checker.each(_branch, jobs)
     found = [(v, e, c) for v, e, c in zip(values, exprs, [*conditions, None], strict=True) if v is not None]
-    nodes, domain = unify(checker, [v for v, _, _ in found], [e for _, e, _ in found], want)
+    known, theirs, under = zip(*found, strict=True)
+    nodes, domain = unify(checker, known, theirs, want)
     result = nodes[-1]  # where that of `otherwise` is missing, a condition above holds
-    for (_, _, condition), node in zip(reversed(found[:-1]), reversed(nodes[:-1]), strict=True):
+    for condition, node in zip(reversed(under[:-1]), reversed(nodes[:-1]), strict=True):
         assert condition is not None  # that is `otherwise`, the last one
         if isinstance(condition, Const) and len({node.type.shape, result.type.shape} - {()}) == 2:
             if condition.value:  # vectors of different shapes: decided when the task is built
@@ -178,40 +179,34 @@ def _shown(value: Fraction | float) -> str:
     return f"{float(value):.10g}"
 
 
-@dataclass(frozen=True, slots=True)
-class _WeightedValues:
-    """A cell: its values and their probabilities (one value with probability 1 when nothing is drawn)."""
-
-    values: list[Value]
-    exprs: list[s.Expr]
-    p: list[Node]
+_Cell = list[tuple[Value, s.Expr, Node]]
+"""The values of a cell, each with its probability: one value with probability 1 where nothing is drawn."""
 
 
 def weighted(checker: BaseChecker, expr: s.Weights, scope: Scope, want: Domain | None) -> Value:
     """Return a value drawn with the probabilities written beside each."""
-    outcomes = _outcomes(checker, expr, scope, want)
-    nodes, domain = unify(checker, outcomes.values, outcomes.exprs, want)
+    values, exprs, p = zip(*_outcomes(checker, expr, scope, want), strict=True)
+    nodes, domain = unify(checker, values, exprs, want)
     _check_shape(checker, nodes, expr)
     b = checker.builder
-    index = b.draw("categorical", (b.structure("vector", outcomes.p),), Type(Kind.INT))
+    index = b.draw("categorical", (b.structure("vector", p),), Type(Kind.INT))
     return Value(b.structure("index", [b.structure("vector", nodes), index]), domain)
 
 
-def _outcomes(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None) -> _WeightedValues:
+def _outcomes(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None) -> _Cell:
     b = checker.builder
     if not isinstance(expr, s.Weights):
-        return _WeightedValues([checker.value(expr, scope, want)], [expr], [b.const(1, Type(Kind.REAL))])
+        return [(checker.value(expr, scope, want), expr, b.const(1, Type(Kind.REAL)))]
     if scope.draws is not None:
         checker.fail("E311", expr, f"values with probabilities are a random draw; {scope.draws}")
-    exprs = [value for value, _ in expr.pairs]
+    exprs, weights = zip(*expr.pairs, strict=True)
     values = alternative_values(checker, exprs, scope, want)
-    weights = [weight for _, weight in expr.pairs]
     p = [b.cast(node, Kind.REAL) for node in checker.numerics(weights, scope)]
     for node, weight in zip(p, weights, strict=True):
         if not node.type.is_scalar:
             checker.fail("E307", weight, "a probability is a single number")
     check_row(checker, b.structure("vector", p), expr)
-    return _WeightedValues(values, exprs, p)
+    return list(zip(values, exprs, p, strict=True))
 
 
 def _check_shape(checker: BaseChecker, nodes: Sequence[Node], expr: s.Expr) -> None:
@@ -257,29 +252,23 @@ def table(checker: BaseChecker, expr: s.Table, scope: Scope, want: Domain | None
     cells_of = [cell for _, cell in leaves]
     domains = wanted(cells_of, scope, want)
     cells = checker.each(_outcomes, [(checker, e, scope, w) for e, w in zip(cells_of, domains, strict=True)])
-    values: list[Value] = []
-    exprs: list[s.Expr] = []
-    for each in cells:
-        values += each.values
-        exprs += each.exprs
+    values, exprs, _ = zip(*itertools.chain(*cells), strict=True)
     nodes, domain = unify(checker, values, exprs, want)
     _check_shape(checker, nodes, expr)
     taken = iter(nodes)
-    outcomes: list[tuple[list[Node], list[Node]]] = []
-    for each in cells:
-        outcomes.append((list(itertools.islice(taken, len(each.values))), each.p))
     found = _Table(checker, columns, [key for key, _ in leaves], expr)
-    most = max(len(v) for v, _ in outcomes)
+    most = max(map(len, cells))
     if most == 1:
-        return Value(found.look_up([v[0] for v, _ in outcomes]), domain)
+        return Value(found.look_up(nodes), domain)
     b = checker.builder
     zero = b.const(0, Type(Kind.REAL))
     rows = []
     probabilities = []
-    for v, p in outcomes:
-        missing = most - len(v)
+    for cell in cells:
+        missing = most - len(cell)
+        v = list(itertools.islice(taken, len(cell)))
         rows.append(b.structure("vector", v + [v[-1]] * missing))
-        probabilities.append(b.structure("vector", p + [zero] * missing))
+        probabilities.append(b.structure("vector", [p for _, _, p in cell] + [zero] * missing))
     index = b.draw("categorical", (found.look_up(probabilities),), Type(Kind.INT))
     return Value(b.structure("index", [found.look_up(rows), index]), domain)
 

@@ -258,9 +258,7 @@ class Builder:
         return self.structure("fill", [node], shape)
 
     def within(self, node: Node, low: float, high: float) -> Node:
-        """Return an int moved to the nearest of low, ..., high, unless it is certain to be one of them; refused
-        where there are none.
-        """
+        """Return an int moved to the nearest of low, ..., high, if it might be none of them; refused where there are none."""
         if low > high and node.type.size:
             raise Refused("a vector without elements has no index", "E315")
         least, most = self.certain(node)

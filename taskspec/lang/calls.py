@@ -192,8 +192,7 @@ def _distribution(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain
     nodes, shape = _arguments(checker, dist, expr, scope)
     if dist is dists.CATEGORICAL:
         if len(nodes["p"].type.shape) != 1:
-            message = "Categorical needs a vector of probabilities, or `{value: probability, ...}`"
-            checker.fail("E306", expr, message)
+            checker.fail("E306", expr, "Categorical needs a vector of probabilities, or `{value: probability, ...}`")
         nodes["p"] = checker.builder.cast(nodes["p"], Kind.REAL)
         alternatives.check_row(checker, nodes["p"], expr)
     else:

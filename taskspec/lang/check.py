@@ -109,8 +109,7 @@ class Checker(BaseChecker):
         if want is not None and label in want.labels:
             return Value(self.builder.scalar(want.labels.index(label)), want)
         if want is not None:
-            message = f"'{label}' is not one of {', '.join(want.labels)}"
-            self.fail("E313", expr, message, suggest(label, want.labels))
+            self.fail("E313", expr, f"'{label}' is not one of {', '.join(want.labels)}", suggest(label, want.labels))
         if found:
             message = f"'{label}' is a label of several choices, and nothing here says which is meant"
             self.fail("E313", expr, message, "compare it with the component it belongs to")

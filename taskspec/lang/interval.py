@@ -90,9 +90,7 @@ def single_step(node: Node, args: Args) -> Range:
 
 
 def rounded(found: Range) -> Range:
-    """Return what is known of reals once they are single floats: rounding keeps their order, so that of the ends
-    bounds that of all.
-    """
+    """Return what is known of reals once they are single floats; rounding keeps their order."""
     with np.errstate(over="ignore"):
         return found._replace(low=float(np.float32(found.low)), high=float(np.float32(found.high)))
 

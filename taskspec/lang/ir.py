@@ -138,11 +138,11 @@ def have_one_shape(nodes: Iterable[Node]) -> bool:
     return len({node.type.shape for node in nodes}) < 2
 
 
-def rewrite(
-    roots: Iterable[Node],
-    replacements: Mapping[int, Node],
-    remake: Callable[[Node, tuple[Node, ...]], Node],
-) -> tuple[Node, ...]:
+Remake = Callable[[Node, tuple[Node, ...]], Node]
+"""Gives a node over other arguments."""
+
+
+def rewrite(roots: Iterable[Node], replacements: Mapping[int, Node], remake: Remake) -> tuple[Node, ...]:
     """Return roots with the nodes that have a replacement, by id, replaced, and others rebuilt bottom-up by `remake`."""
     roots = tuple(roots)
     done: dict[int, Node] = {}

@@ -90,26 +90,19 @@ class Scope:
     allowed, else a sentence with the reason why they are not.
     """
 
-    def __init__(
-        self,
-        bindings: dict[str, Binding],
-        domains: Iterable[Domain] = (),
-        parent: Scope | None = None,
-        draws: str | None = None,
-    ) -> None:
+    def __init__(self, bindings: dict[str, Binding], domains: Iterable[Domain] = (), draws: str | None = None) -> None:
         self.bindings = bindings
-        self.domains: tuple[Domain, ...] = tuple(domains)
-        self.parent = parent
+        self.domains = tuple(domains)
         self.draws = draws
+        self.parent: Scope | None = None
         self.used: set[str] = set()
-        if parent is not None:
-            self.domains = self.domains or parent.domains
-            self.draws = parent.draws
-            self.used = parent.used
 
     def child(self, bindings: dict[str, Binding]) -> Scope:
         """Return a scope that also sees the given names (arguments, variables of a comprehension)."""
-        return Scope(bindings, parent=self)
+        inner = Scope(bindings, self.domains, self.draws)
+        inner.parent = self
+        inner.used = self.used
+        return inner
 
     def _and_parents(self) -> Iterator[Scope]:
         scope: Scope | None = self
@@ -304,8 +297,7 @@ class BaseChecker(ABC):
         """Return an expression that must be known once parameters are."""
         node = self.numeric(expr, scope)
         if not isinstance(node, Const):
-            message = f"{what} must be a constant: it may use parameters and constants, not the state"
-            self.fail("E312", expr, message)
+            self.fail("E312", expr, f"{what} must be a constant: it may use parameters and constants, not the state")
         return node
 
     def integer(self, expr: s.Expr, scope: Scope, what: str) -> int:

@@ -26,6 +26,7 @@ from taskspec.lang.types import INT_WIDEST, Domain, Kind, Type
 _ENUMERATED = "a set is enumerated before the task runs; it may use parameters and constants only"
 MOST_AXES = 32  # as many as arrays may have
 Wants = Mapping[str, Domain | None]
+_NONE: Wants = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,44 +99,34 @@ def _member_of_values(checker: BaseChecker, value: Value, left: s.Expr, right: s
 
 
 def unroll(
-    checker: BaseChecker,
-    expr: s.Comprehension,
-    scope: Scope,
-    make: Callable[[Scope], Node] | None = None,
-    wants: Wants = MappingProxyType({}),
-) -> list[Node]:
+    checker: BaseChecker, expr: s.Comprehension, scope: Scope, make: Callable[[Scope], Node] | None = None, wants: Wants = _NONE
+) -> list[Node]:  # fmt: skip
     """Return elements of `[e for x in range(n) for y in range(m)]`, one node each; the element may depend on the state.
 
     `make` gives the element, in a scope of its own; `wants` are the domains of variables.
     """
-    found = _unrolled(checker, expr, expr.clauses, scope, make or partial(checker.numeric, expr.element), wants)
+    element = make or partial(checker.numeric, expr.element)
+
+    def over(clauses: tuple[s.Clause, ...], scope: Scope) -> list[Node]:
+        """Return the elements for everything that the clauses go over, the last one fastest."""
+        if not clauses:
+            return [element(scope)]
+        clause = clauses[0]
+        want = wants.get(clause.targets[0]) if len(clause.targets) == 1 else None
+        points = _candidates(checker, clause, scope, want)
+        _check_few(checker, "unrolled", len(points.rows), expr, "elements to write out")
+        checker.expand(expr, len(points.rows))
+        nodes = []
+        with checker.repeated(max(1, len(points.rows))):
+            for row in points.rows:
+                inner = scope.child(_bind(checker, clause, row, points.domain, expr))
+                if all(_holds(checker, c, inner) for c in clause.conditions):
+                    nodes += over(clauses[1:], inner)
+        return nodes
+
+    found = over(expr.clauses, scope)
     _check_few(checker, "unrolled", len(found), expr, "elements to write out")
     return found
-
-
-def _unrolled(
-    checker: BaseChecker,
-    expr: s.Comprehension,
-    clauses: tuple[s.Clause, ...],
-    scope: Scope,
-    make: Callable[[Scope], Node],
-    wants: Wants,
-) -> list[Node]:
-    """Return the elements for everything that the clauses go over, the last one fastest."""
-    if not clauses:
-        return [make(scope)]
-    clause = clauses[0]
-    nodes = []
-    want = wants.get(clause.targets[0]) if len(clause.targets) == 1 else None
-    points = _candidates(checker, clause, scope, want)
-    _check_few(checker, "unrolled", len(points.rows), expr, "elements to write out")
-    checker.expand(expr, len(points.rows))
-    with checker.repeated(max(1, len(points.rows))):
-        for row in points.rows:
-            inner = scope.child(_bind(checker, clause, row, points.domain, expr))
-            if all(_holds(checker, c, inner) for c in clause.conditions):
-                nodes += _unrolled(checker, expr, clauses[1:], inner, make, wants)
-    return nodes
 
 
 def _holds(checker: BaseChecker, condition: s.Expr, scope: Scope) -> bool:

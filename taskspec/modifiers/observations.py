@@ -95,7 +95,8 @@ def _hidden(b: Builder, task: Task, given: Arguments) -> Task:
     if len(names) == 1:
         raise Inapplicable(f"'{name}' is the only observed component")
     kept = [(c, n) for c, n in zip(seen.components, seen.nodes, strict=True) if c.name != name]
-    return core.observing(b, task, [c for c, _ in kept], [n for _, n in kept], seen.space, {})
+    components, nodes = zip(*kept, strict=True)
+    return core.observing(b, task, components, nodes, seen.space, {})
 
 
 def _timed(b: Builder, task: Task, given: Arguments) -> Task:

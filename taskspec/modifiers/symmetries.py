@@ -75,7 +75,8 @@ def _bounded(components: Sequence[Component], found: Sequence[MapPart]) -> list[
         for i in part.outputs if part.is_decided else ():
             own = ends[: made[i].type.size]
             ends = ends[made[i].type.size :]
-            made[i] = replace(made[i], low=tuple(a for a, _ in own), high=tuple(b for _, b in own))
+            low, high = zip(*own, strict=True) if own else ((), ())
+            made[i] = replace(made[i], low=low, high=high)
     return made
 
 

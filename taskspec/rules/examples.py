@@ -20,7 +20,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.check import Checker
 from taskspec.lang.interval import NormalForms
 from taskspec.lang.ir import Const, Node, Role, draws, reads
-from taskspec.lang.scope import Poisoned, Scope
+from taskspec.lang.scope import Poisoned
 from taskspec.lang.types import BOOL, INF, REAL, Refused, total_size
 from taskspec.lang.variates.entry import ProbabilityArithmetic
 from taskspec.model.space import domain, plain, words
@@ -208,7 +208,7 @@ class _Trial:
         self.builder = self.task.new_builder()
         self.checker = Checker(self.builder, self.collector)
         self.scope = self.task.source.surface.scopes[SCOPE]
-        self.fixed = Scope({}, parent=self.scope)
+        self.fixed = self.scope.child({})
         self.fixed.draws = "what an example begins with is fixed"
 
     def problems(self) -> tuple[Diagnostic, ...]:

@@ -15,6 +15,7 @@ from taskspec.abstraction.abstraction import Abstraction, abstraction
 from taskspec.abstraction.verify import AbstractionCheck, verify
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
+from taskspec.base.display import InNotebooks
 from taskspec.model.extract import extract, with_reward
 from taskspec.model.model import Model, refuse
 from taskspec.registry import load
@@ -113,7 +114,7 @@ class Return:
         return cls(mean, math.inf if math.isnan(error) else error, len(found))
 
 
-class Results:
+class Results(InNotebooks):
     """All results about a task's returns, computed when they are read.
 
     `model` is that of the task or of its proved abstraction; without one it is None, and `why_not` gives the reason.

@@ -28,7 +28,7 @@ from taskspec.model.transitions import Branch, Steps, branches, count, is_finite
 from taskspec.rollout.rollout import entered, visited
 from taskspec.soundness.places import SectionScope, Written, distributions
 from taskspec.task.parts import Component, by_read
-from taskspec.task.reach import over, reached
+from taskspec.task.reach import over, reach
 from taskspec.task.task import Task
 
 MANY_TIMES = 1000
@@ -149,7 +149,8 @@ class PhaseBuilder:
 
     @cached_property
     def reached(self) -> dict[str, Interval]:
-        return reached(self.task.state, self.task.process.initial, self.task.process.next, self.task.horizon)
+        process = self.task.process
+        return reach(self.task.state, process.initial, process.next, self.task.horizon, tight=True)
 
     @cached_property
     def acting(self) -> Reads:

@@ -122,9 +122,7 @@ TYPOGRAPHIC = frozenset("“”„‟«»‘’‚‛")
 
 
 def value_end(text: str, start: int, in_flow: bool) -> int:
-    """Return where the value that starts here was meant to end: at the end of its line or, between
-    braces or brackets, at the first comma, colon or closing bracket that is not its own.
-    """
+    """Return where a value was meant to end: with its line or, in flow style, at a comma, colon or bracket not its own."""
     closers: list[str] = []
     at = start
     while at < len(text):
@@ -315,42 +313,30 @@ def _escaped(text: str, at: int) -> tuple[str, int]:
 
 
 def _block(text: str, scalar: ScalarNode) -> list[Place]:
-    """Return the places in literal (`|`) and folded (`>`) scalars, line by line as in the YAML standard's section 8.1."""
+    """Return the places in literal (`|`) and folded (`>`) scalars: what stands beyond the indentation, and line breaks.
+
+    A folded break is a space of the value, or nothing beside another break (section 8.1 of the YAML standard).
+    """
     header = _BREAK.search(text, scalar.start, scalar.end)
     if header is None:
         return []
     found: list[Place] = []
-    pending: list[Place] = []  # line breaks after the last line of text
-    was_indented = False
-    for content, line_break in _block_lines(text, header.end(), _indentation(text, header.end(), scalar.value)):
-        if not content:
-            pending += line_break
-            continue
-        is_indented = content[0][0] in " \t"
-        if scalar.style == ">" and not was_indented and not is_indented and found and pending:
-            first, *rest = pending
-            pending = rest or [(" ", first[1], content[0][1])]
-        found += pending + content
-        pending = list(line_break)
-        was_indented = is_indented
-    return found + pending
-
-
-def _block_lines(text: str, at: int, indent: int) -> list[tuple[list[Place], list[Place]]]:
-    """Return the characters of each line beyond the indentation, and its line break if it has one."""
-    lines: list[tuple[list[Place], list[Place]]] = []
+    at = header.end()
+    indent = _indentation(text, at, scalar.value)
     while at < len(text):
         stop = _BREAK.search(text, at)
         end = stop.start() if stop else len(text)
         body = text[at:end]
-        lead = len(body) - len(body.lstrip(" "))
-        if lead < indent and lead < len(body):
+        if body.strip(" ") and not body.startswith(" " * indent):
             break
-        start = min(at + indent, end)
-        line_break = [("\n", stop.start(), stop.end())] if stop else []
-        lines.append(([(text[i], i, i + 1) for i in range(start, end)], line_break))
-        at = stop.end() if stop else len(text)
-    return lines
+        found += [(text[i], i, i + 1) for i in range(min(at + indent, end), end)]
+        at = len(text)
+        if stop:
+            at = stop.end()
+            wanted = scalar.value[len(found) : len(found) + 1]
+            if wanted in ("\n", " "):
+                found.append((wanted, end, at))
+    return found
 
 
 def _indentation(text: str, at: int, value: str) -> int:

@@ -121,8 +121,7 @@ def _read_text(text: str, name: str) -> Document:
     root, findings = (None, early) if early else _compose(text)
     collector = Collector()
     for each in islice(findings, _MAX_FINDINGS):
-        place = span(origin, lines, each.start, each.end)
-        collector.add(each.code, place, each.message, each.hint)
+        collector.add(each.code, span(origin, lines, each.start, each.end), each.message, each.hint)
     collector.raise_if_errors()
     assert root is not None, "a text without a tree has a finding"
     return Document(origin, _data(root), root, lines)

@@ -71,8 +71,7 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
     shape = inner if parts == [whole] else (len(found), *inner)
     if shape not in [(n,) for n in sizes]:
         more = ", or four with the way that it faces" if 4 in sizes else ""
-        message = f"a place is two numbers{more}, but this has shape {list(shape)}"
-        context.report("E307", path, message)
+        context.report("E307", path, f"a place is two numbers{more}, but this has shape {list(shape)}")
     return found
 
 
@@ -97,8 +96,7 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
         rows = _digits(value)
         if rows is None and value is not None:
             message = f"the constant '{name}' is neither a grid of letters nor a matrix of conditions or digits"
-            hint = f"{name}: {{grid: [...], legend: {{...}}}}"
-            context.report("E204", ("figure", "map"), message, hint)
+            context.report("E204", ("figure", "map"), message, f"{name}: {{grid: [...], legend: {{...}}}}")
         return rows or ()
     return tuple(grid.splitlines() if isinstance(grid, str) else grid or ())
 
@@ -223,9 +221,7 @@ def symmetries(context: Context, names: Names, observation: Observation) -> tupl
 def _shown(
     context: Context, observation: Observation, seen: Mapping[str, Value], values: Mapping[str, Value]
 ) -> Iterator[tuple[Component, Node]]:
-    """Yield what is seen then: lines in the place of what they are named after, what no line names or uses as it is,
-    and new names.
-    """
+    """Yield what is seen then: lines, what no line names or uses, and new names."""
     if not values:
         return
     used = {name for _, name in reads(v.node for v in values.values())}

@@ -198,38 +198,30 @@ def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Mo
         tags[role, c.name] = own
         zeros[role, c.name] = np.zeros_like(own)
         at += c.type.size
-    sums = [node for node in walk(nodes) if isinstance(node, Apply) and node.op in ("add", "sub") and reads([node])]
-    inner = _told_apart(sums, zeros, tags, inputs, WHOLE)
-    if inner is None or (np.abs(inner.shift) > WHOLE / 2).any():  # where tags would round, too
-        return None
-    return _told_apart(nodes, zeros, tags, inputs, EXACT)
-
-
-def _told_apart(
-    nodes: Sequence[Node],
-    zeros: dict[tuple[Role, str], Array],
-    tags: dict[tuple[Role, str], Array],
-    inputs: Sequence[Component],
-    most: int,
-) -> Moves | None:
-    """Return the elements of nodes that only move; None where they may round: a sum with a real, or whole numbers
-    beyond `most`.
-    """
-    shift, tagged = (_rows(evaluate(nodes, values), 1)[0].astype(np.float64) for values in (zeros, tags))
-    if not np.isfinite(shift).all():
-        return None
-    factor = np.rint(tagged - shift).astype(np.int64)
     low, high = _ends(inputs)
     is_int = np.array([c.type.kind is Kind.INT for c in inputs for _ in range(c.type.size)] + [False])
     room = np.where(is_int, np.append(np.maximum(np.abs(low), np.abs(high)), 0.0), math.inf)
     room[-1] = 0.0
-    source = np.abs(factor) - 1
-    is_exact = (shift == np.rint(shift)) & (room[source] + np.abs(shift) <= most)
-    becomes_real = np.array([n.type.kind is Kind.REAL for n in nodes for _ in range(n.type.size)], np.bool_)
-    is_moved = (shift == 0) & ~(becomes_real & is_int[source])
-    if not (is_moved | (source < 0) | is_exact).all():
+
+    def told_apart(nodes: Sequence[Node], most: int) -> Moves | None:
+        """Return elements of nodes that only move; None where they may round: sums with reals, or beyond `most`."""
+        shift, tagged = (_rows(evaluate(nodes, values), 1)[0].astype(np.float64) for values in (zeros, tags))
+        if not np.isfinite(shift).all():
+            return None
+        factor = np.rint(tagged - shift).astype(np.int64)
+        source = np.abs(factor) - 1
+        is_exact = (shift == np.rint(shift)) & (room[source] + np.abs(shift) <= most)
+        becomes_real = np.array([n.type.kind is Kind.REAL for n in nodes for _ in range(n.type.size)], np.bool_)
+        is_moved = (shift == 0) & ~(becomes_real & is_int[source])
+        if not (is_moved | (source < 0) | is_exact).all():
+            return None
+        return Moves(source, np.sign(factor), shift)
+
+    sums = [node for node in walk(nodes) if isinstance(node, Apply) and node.op in ("add", "sub") and reads([node])]
+    inner = told_apart(sums, WHOLE)
+    if inner is None or (np.abs(inner.shift) > WHOLE / 2).any():  # where tags would round, too
         return None
-    return Moves(source, np.sign(factor), shift)
+    return told_apart(nodes, EXACT)
 
 
 def _only_moves(root: Node) -> bool:
@@ -277,9 +269,7 @@ def codes(part: MapPart) -> Array:
 
 
 def outside(part: MapPart) -> tuple[Values, Values] | None:
-    """Return a value of a part that maps components to themselves, and what it becomes, which is no value of them;
-    None for none.
-    """
+    """Return a value of a part that is mapped to no value of its components, and what it becomes; None for none."""
     if part.listed is not None:
         wrong = np.flatnonzero(codes(part) < 0)
         if not len(wrong):

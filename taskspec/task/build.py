@@ -385,16 +385,15 @@ def _pipeline(context: Context, names: Names, given: dict[str, Any], suite: str)
 def check_unused(context: Context, names: Names) -> None:
     """Definitions and noise that nothing uses are checked all the same."""
     scope = names.scope("reward")
+    used = {name for each in context.scopes for name in each.used}  # before the checks below use more
     for name in context.data.get("noise") or {}:
         context.resolve(scope.bindings[name], context.place("noise", name))
     for written in context.exprs["definitions"]:
         name = signature(written)[0]
         binding = scope.bindings[name]
-        if any(name in each.used for each in context.scopes):
-            continue
-        if isinstance(binding, FunctionDef):
+        if name not in used and isinstance(binding, FunctionDef):
             check_uncalled(context.collector, binding)
-        else:
+        elif name not in used:
             context.resolve(binding, context.place("definitions", written))
 
 

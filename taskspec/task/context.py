@@ -247,8 +247,7 @@ def _fit(checker: Checker, value: Value, expr: s.Expr, c: Component) -> Node:
     if not node.type.size and not c.type.size:  # `[...]` with no element has one axis
         node = b.structure("reshape", [node], c.type.shape)
     if node.type.shape != c.type.shape:
-        message = f"'{c.name}' has shape {list(c.type.shape)}, but this has {list(node.type.shape)}"
-        raise Refused(message, "E307")
+        raise Refused(f"'{c.name}' has shape {list(c.type.shape)}, but this has {list(node.type.shape)}", "E307")
     return node
 
 

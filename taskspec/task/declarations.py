@@ -336,9 +336,7 @@ def component(context: Context, path: Path, scope: Scope) -> Component | None:
 
 
 def fits(context: Context, size: int, place: Placed, what: str, least: int = 0) -> bool:
-    """Return whether the state, the action or the observation may have so many elements; reported (E307, E314) where
-    it may not.
-    """
+    """Return whether something may have so many elements; reported (E307, E314) where it may not."""
     most = limits().width
     if size < least:
         message = f"{what} has no element for these parameters"

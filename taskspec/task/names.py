@@ -69,9 +69,7 @@ class Names:
         return self._finished(section, bindings)
 
     def memory_scope(self, section: str, seen: Mapping[str, Value]) -> Scope:
-        """Return the names visible in the expert's memory, `first memory` or `memory`: what is seen, itself, and the
-        action before.
-        """
+        """Return the names visible in `first memory` or `memory`: what is seen, the memory itself, and the action before."""
         visible: dict[str, Binding] = dict(seen)
         hint = None
         if section == "memory":

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import chain
 
 from taskspec.base.diagnostics import Collector, Placed
 from taskspec.base.records import entries_by_name
@@ -23,24 +24,16 @@ MAX_STEPS = 256
 
 
 def reach(
-    state: Sequence[Component], initial: Sequence[Node], following: Sequence[Node], horizon: int | None
-) -> dict[str, Interval]:
+    state: Sequence[Component], initial: Sequence[Node], following: Sequence[Node], horizon: int | None, tight: bool = False
+) -> dict[str, Interval]:  # fmt: skip
     """Return an interval for every component that holds all its elements at every time of an episode.
 
-    Components that are declared with bounds keep them. Without a horizon, or with one of more than MAX_STEPS steps, what
-    has not settled by then may be anything.
+    Where all components are declared with bounds these are kept, unless `tight` ones are asked for. Without a horizon, or with
+    one of more than MAX_STEPS steps, what has not settled by then may be anything.
     """
     declared = {c.name: (c.least, c.most) for c in state}
-    if all(map(math.isfinite, (v for edge in declared.values() for v in edge))):
+    if not tight and all(map(math.isfinite, chain.from_iterable(declared.values()))):
         return declared
-    return reached(state, initial, following, horizon)
-
-
-def reached(
-    state: Sequence[Component], initial: Sequence[Node], following: Sequence[Node], horizon: int | None
-) -> dict[str, Interval]:
-    """Return the same as `reach`, for components that are declared with bounds as well: never wider than declared."""
-    declared = {c.name: (c.least, c.most) for c in state}
     first: dict[int, Range] = {}
     found = {c.name: _within(bounds(n, first), declared[c.name]) for c, n in zip(state, initial, strict=True)}
 

@@ -280,8 +280,7 @@ def by_component(
     known = all_names(context.action)
     for name in exprs:
         if name not in known:
-            message = f"there is no action component '{name}'"
-            context.report_key("E216", (*path, name), message, suggest(name, known))
+            context.report_key("E216", (*path, name), f"there is no action component '{name}'", suggest(name, known))
     nodes = []
     for c in context.action:
         node = context.assign(exprs.get(c.name), scope, c)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from taskspec.base.display import html_table
+from taskspec.base.display import InNotebooks
 from taskspec.base.ids import InstanceId
 from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
@@ -144,7 +144,7 @@ def task_id(suite: str, name: str, version: int) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class Task(InNotebooks):
     """One task with its parameters bound: what was written, spaces, the process, and what is stated about it.
 
     All but the source is as the modifiers changed it; `written_as` is the task without them.
@@ -340,15 +340,6 @@ class Task:
         arguments = "".join(f", {p.name}={p.value!r}" for p in self.parameters)
         return f"<Task {self.id}{arguments}{''.join(f' + {m}' for m in self.modifiers)}>"
 
-    def _repr_html_(self) -> str:
-        """Return what it is called, and what it has, for notebooks."""
-        rows: list[tuple[object, ...]] = [("parameter", p.name, p.value, p.doc or "") for p in self.parameters]
-        rows += [("state", c.name, c.type, c.doc or "") for c in self.state]
-        rows += [("action", c.name, c.type, c.doc or "") for c in self.action]
-        rows += [("horizon", "", self.horizon, ""), ("observations", "", self.observation_space, "")]
-        rows += [("modifier", m, "", "") for m in self.modifiers]
-        return html_table(f"{self.id}: {self.summary}", (), rows)
-
     def __copy__(self) -> Task:
         return self  # immutable
 
@@ -356,9 +347,7 @@ class Task:
         return self
 
     def remembering(self) -> Task:
-        """Return the same task with the expert's memory in its state, so that the expert is a function of it; itself
-        without a memory.
-        """
+        """Return the same task with the expert's memory in its state; itself without a memory."""
         memory = self.annotations.memory
         if memory is None:
             return self

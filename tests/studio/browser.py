@@ -94,14 +94,18 @@ class Page:
                !document.querySelector("[role=tabpanel]:not([hidden]) [aria-busy]")"""
         )
 
+    def select(self, text: str) -> None:
+        """Select the first place of a text in the editor."""
+        self.page.locator(".cm-content").focus()
+        select = """
+          const anchor = view.state.doc.toString().indexOf(text);
+          view.dispatch({ selection: { anchor, head: anchor + text.length }, scrollIntoView: true });
+        """
+        self.page.evaluate(f"async (text) => {{ {VIEW} {select} }}", text)
+
     def replace(self, old: str, new: str) -> None:
         """Select the first place of a text in the editor, and type another one over it."""
-        self.page.locator(".cm-content").click()
-        select = """
-          const anchor = view.state.doc.toString().indexOf(old);
-          view.dispatch({ selection: { anchor, head: anchor + old.length }, scrollIntoView: true });
-        """
-        self.page.evaluate(f"async (old) => {{ {VIEW} {select} }}", old)
+        self.select(old)
         self.page.keyboard.type(new)
 
     @property

@@ -28,7 +28,7 @@ from taskspec.lang.operators.entry import (
     Scalar,
     applies,
 )
-from taskspec.lang.types import INF, INT_MAX, Args, Interval
+from taskspec.lang.types import INF, INT_MAX, Args, Interval, Kind
 
 # -- arithmetic, minimum and maximum -------------------------------------------------------------------------------
 
@@ -97,13 +97,8 @@ def max2(a: Number, b: Number) -> Number:
 
 
 def _extreme(
-    name: str,
-    reference: Callable[[Any, Any], Any],
-    sign: str,
-    whole: str,
-    nonzero: str,
-    pick: Callable[[float, float], float],
-) -> Operator:
+    name: str, reference: Callable[[Any, Any], Any], sign: str, whole: str, nonzero: str, pick: Callable[[float, float], float],
+) -> Operator:  # fmt: skip
     return Operator(
         name=name, rule=rules.arithmetic, reference=reference, samples=PAIRS + NANS, elements=Elements.CHOSEN, commutative=True,
         scalar=Scalar(f"({{0}} if {{0}} {sign} {{1}} else {{1}})",
@@ -290,16 +285,10 @@ def _root(args: Args, node: Any) -> Interval:
 
 
 def _elementary(
-    name: str,
-    reference: Callable[[float], float],
-    latex: str,
-    doc: str,
-    array: str | None = None,
-    examples: tuple[tuple[float, ...], ...] = ((0.5,), (-2.0,)),
-    brackets: Brackets = ENCLOSED,
-    in_kernels: bool = True,
+    name: str, reference: Callable[[float], float], latex: str, doc: str, array: str | None = None,
+    examples: tuple[tuple[float, ...], ...] = ((0.5,), (-2.0,)), brackets: Brackets = ENCLOSED, in_kernels: bool = True,
     **fields: Any,
-) -> Operator:
+) -> Operator:  # fmt: skip
     """Return a function of one real; kernels take that of Python's `math`, or their own."""
     template = name + "({0})"
     return Operator(
@@ -346,8 +335,9 @@ def _comparison(
     symbol: str, name: str, reference: Callable[[Any, Any], Any], latex: str, doc: str, equality: bool = False
 ) -> Operator:
     template = f"({{0}} {symbol} {{1}})"
+    least = Kind.BOOL if equality else Kind.INT  # what is ordered is a number
     return Operator(
-        name=name, rule=rules.compare, promote=rules.to_common if equality else rules.to_numbers,
+        name=name, rule=rules.compare, promote=lambda kinds, result: [max(least, *kinds)] * len(kinds),
         reference=lambda a, b: bool(reference(a, b)), samples=PAIRS + NANS + LOGIC * equality,
         scalar=Scalar(template), array=Array(template), elements=Elements.RANKED, commutative=equality,
         infix=Infix(symbol, name, 4, latex, doc),
@@ -377,7 +367,8 @@ LOGICAL = (
         infix=Infix("or", "or", 1, r"{0} \lor {1}", "Either condition holds.", Brackets(Level.OR, (Level.NOT,))),
     ),
     Operator(
-        name="where", elements=Elements.MOVED, indices=(0,), rule=rules.choose, promote=rules.but_the_first,
+        name="where", elements=Elements.MOVED, indices=(0,), rule=rules.choose,
+        promote=lambda kinds, result: [kinds[0], result, result],
         reference=lambda condition, a, b: a if condition else b,
         samples=((True, 1, 2), (False, 1, 2), (True, 1.5, -2.0), (False, 1.5, -2.0)),
         scalar=Scalar("({1} if {0} else {2})"), array=Array("xp.where({0}, {1}, {2})"), kernel=Kernel("select({0}, {1}, {2})"),

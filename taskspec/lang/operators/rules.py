@@ -118,18 +118,6 @@ def as_they_are(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
     return kinds
 
 
-def to_common(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
-    return [join(*kinds)] * len(kinds)
-
-
-def to_numbers(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
-    return [join(Kind.INT, *kinds)] * len(kinds)
-
-
-def but_the_first(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
-    return [kinds[0], *([result] * (len(kinds) - 1))]
-
-
 # -- where a value is linear in what its arguments are linear in -------------------------------------------------------
 
 

@@ -81,10 +81,10 @@ class Studio {
 
   edited() {
     clearTimeout(this.pause);
-    this.pause = setTimeout(() => {
+    this.pause = setTimeout(async () => {
       this.files.named();
+      await this.change();
       this.editor.client.sync();
-      this.change();
     }, PAUSE);
   }
 

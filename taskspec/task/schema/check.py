@@ -197,8 +197,7 @@ def problems_of(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Probl
 def _missing_key(loc: Path) -> Problem:
     if loc == ("taskspec",):
         message = "the file does not say in which format it is"
-        hint = "start it with `taskspec: 1`"
-        return Problem("E203", (), message, hint)
+        return Problem("E203", (), message, "start it with `taskspec: 1`")
     owner = f"`{loc[-2]}`" if len(loc) > 1 and isinstance(loc[-2], str) else "this entry"
     if loc in (("experiment",), ("exam",), ("findings",)):
         return Problem("E203", (), "the file does not say in which format it is", f"start it with `{loc[0]}: 1`")
@@ -325,8 +324,7 @@ def _bases(document: Document) -> Iterator[Problem]:
         while bases.get(circle[-1]) not in (None, *circle):
             circle.append(bases[circle[-1]])
         if bases.get(circle[-1]) == key:
-            message = f"these variants are based on each other: {' -> '.join([*circle, key])}"
-            yield Problem("E212", path, message)
+            yield Problem("E212", path, f"these variants are based on each other: {' -> '.join([*circle, key])}")
 
 
 def _unknown_variant(name: str, variants: list[str]) -> Problem:

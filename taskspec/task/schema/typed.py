@@ -225,8 +225,7 @@ class MemoryEntry(ComponentEntry):
 
 def _typed_problems(entry: Typed, kind: Kind) -> Iterator[Problem]:
     if kind == "choice" and entry.values is None:
-        hint = "list the labels: `values: [left, right]`"
-        yield Problem("E203", (), "a choice needs `values`", hint, of_key=True)
+        yield Problem("E203", (), "a choice needs `values`", "list the labels: `values: [left, right]`", of_key=True)
     for key in (key for key in EXCLUDED[kind] if getattr(entry, key, None) is not None):
         what = {"choice": "a choice", "bool": "a bool"}.get(kind, f"`type: {kind}`")
         yield Problem("E214", (key,), f"{what} has no `{key}`", None, of_key=True)

@@ -203,8 +203,7 @@ def definition(text: str) -> Iterator[Problem]:
     for each in (function[1] if function else text, *arguments):
         yield from name(each)
     if len(set(arguments)) < len(arguments):
-        message = f"two arguments of `{text}` have the same name"
-        yield Problem("E205", (), message, None, of_key=True)
+        yield Problem("E205", (), f"two arguments of `{text}` have the same name", None, of_key=True)
 
 
 def expression(value: Any) -> Iterator[Problem]:
@@ -239,8 +238,7 @@ def _cases(items: list[Any]) -> Iterator[Problem]:
         if "else" in item and i < last:
             yield Problem("E209", (i, "else"), "`else` comes last", None, of_key=True)
         if "else" in item and ("if" in item or "then" in item):
-            hint = "give `else` a dash of its own"
-            yield Problem("E214", (i, "else"), "`else` stands alone", hint, of_key=True)
+            yield Problem("E214", (i, "else"), "`else` stands alone", "give `else` a dash of its own", of_key=True)
         else:
             keys = ("else",) if "else" in item else ("if", "then")
             yield from below(_keys(item, keys, "case"), i)
@@ -259,8 +257,7 @@ def _table(value: dict[str, Any]) -> Iterator[Problem]:
     rows = value["rows"]
     columns = by if isinstance(by, list) else [by]
     if not columns or not all(isinstance(each, str) and each for each in columns):
-        hint = "for example `by: [s, a]`"
-        yield Problem("E208", ("by",), "`by` lists what the table looks at", hint)
+        yield Problem("E208", ("by",), "`by` lists what the table looks at", "for example `by: [s, a]`")
     if isinstance(rows, dict) and rows:
         yield from below(_rows(rows, len(columns)), "rows")
     else:
@@ -272,8 +269,7 @@ def _rows(rows: dict[str, Any], depth: int) -> Iterator[Problem]:
         is_rows = isinstance(cell, dict) and bool(cell) and not cell.keys() & set(_TABLE_KEYS)
         if depth == 1 and is_rows and "else" in cell:
             message = "rows are nested deeper than `by` is long"
-            hint = "add to `by` what these rows look at"
-            yield Problem("E208", (key,), message, hint)
+            yield Problem("E208", (key,), message, "add to `by` what these rows look at")
             continue
         if depth > 1 and is_rows:
             problems = _rows(cell, depth - 1)

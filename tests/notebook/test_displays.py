@@ -1,12 +1,14 @@
-"""What notebooks show of a task, its scores, a report and a figure."""
+"""What notebooks show of a task, its results, scores, a report, a figure and an exam."""
 
 from __future__ import annotations
 
+import json
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
 import taskspec
-from taskspec.exact import check, scores
+from taskspec.exact import Results, check, scores
+from taskspec.exam import read as read_exam
 from taskspec.pages.page import page
 from taskspec.source import read
 from taskspec.task.build import build
@@ -35,7 +37,7 @@ class Cells(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         self.text += data
-        if self.rows and self.rows[-1]:
+        if {"td", "th"} & set(self.open):
             self.rows[-1][-1] += data
 
 
@@ -55,6 +57,27 @@ def test_a_task_tells_what_it_has() -> None:
     assert ["parameter", "L", "4", "number of choices on the path"] in rows
     assert ["state", "s", "int", "position, a multiple of B on the path and anything else in a dead end"] in rows
     assert ["horizon", "", "4", ""] in rows and ["observations", "", "Discrete(9)", ""] in rows
+
+
+def test_a_task_shows_its_figure_and_mathematics() -> None:
+    html = taskspec.load("RiskyPath")._repr_html_()
+    assert html.count("<svg") == 1 and "<h2>RiskyPath" in html and "<math" in html
+    assert taskspec.load("RiskyPath", modifiers=["sticky=0.5"])._repr_html_().count("<h2>") == 0
+
+
+def test_results_are_returns_and_a_figure_of_the_best_values_and_actions() -> None:
+    found = Results("RiskyPath")
+    html = found._repr_html_()
+    assert ["random", "−122.21875", "exact"] in Cells(html).rows
+    assert taskspec.drawing("RiskyPath", ["values", "policy"]).svg in html
+    assert "<svg" not in Results("classic_control/MountainCar", episodes=10)._repr_html_()
+
+
+def test_an_exam_is_a_card() -> None:
+    exam = read_exam("derail/bc")
+    html = exam._repr_html_()
+    assert html.startswith("<svg") and "bc" in Cells(html).text
+    assert json.loads(json.dumps(exam)) == exam
 
 
 def test_figures_are_drawn_in_memory() -> None:

@@ -1,0 +1,68 @@
+"""The widget of notebooks, driven by the messages that its page sends."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+pytest.importorskip("anywidget")
+
+import taskspec
+from taskspec.exact import Results
+from taskspec.notebook import explore
+
+PAGE = Path(taskspec.__file__).parent / "notebook" / "widget.js"
+
+
+def sent(widget: Any, **message: Any) -> dict[str, Any]:
+    """Send a message as the page does, and return what it shows then."""
+    widget._handle_custom_msg(message, [])
+    return dict(widget.view)
+
+
+def test_an_episode_is_played_to_its_end() -> None:
+    widget = explore("derail/RiskyPath", seed=3)
+    start = dict(widget.view)
+    assert [each["name"] for each in start["keys"]] == ["safe", "risky"]
+    assert start["best"] == [0] and ElementTree.fromstring(start["figure"]) is not None
+    once = sent(widget, act=0)
+    assert once["figure"] != start["figure"]
+    assert [step["regret"] for step in once["steps"]] == [0.0]
+    for _ in range(9):
+        view = sent(widget, act=0)
+    assert view["ended"] == "truncated" and len(view["steps"]) == 5
+    assert view["return"] == 4.0 == Results("derail/RiskyPath").optimal.value
+    assert len(sent(widget, undo=True)["steps"]) == 4
+    assert sent(widget, again=True) == start
+
+
+def test_values_of_plans_are_shown_over_time() -> None:
+    widget = explore("derail/RiskyPath")
+    view = sent(widget, plan="optimal", time=0)
+    assert {state["label"]: state["value"] for state in view["states"]}["s = start"] == 4.0
+    assert view["horizon"] == 5
+    last = sent(widget, plan="optimal", time=4)
+    assert {state["label"]: state["value"] for state in last["states"]}["s = goal"] == 1.0
+    assert sent(widget, plan="", time=0)["steps"] == []
+
+
+def test_a_task_without_a_model_is_played_and_says_what_it_lacks() -> None:
+    widget = explore("classic_control/MountainCar")
+    assert widget.view["plans"] == []
+    assert sent(widget, plan="optimal", time=0)["problem"].startswith("there is no exact model")
+    (step,) = sent(widget, act=1)["steps"]
+    assert (step["reward"], step["regret"]) == (-1.0, None)
+
+
+def test_the_page_is_a_module_that_renders() -> None:
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("node is not installed")
+    script = "import(process.argv[1]).then((page) => process.stdout.write(typeof page.default.render))"
+    found = subprocess.run([node, "-e", script, PAGE.as_uri()], capture_output=True, text=True, check=True)
+    assert found.stdout == "function"
