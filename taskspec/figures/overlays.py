@@ -125,7 +125,7 @@ def _acting(task: Task, model: Model) -> tuple[Model, Plan] | None:
 
 
 def _expert_policy(model: Model, whole: Model, plan: Plan) -> dict[int, tuple[int, ...]]:
-    """Return the actions of an expert at first, whatever it remembers."""
+    """Return the actions of an expert at first, for anything that it may remember."""
     found: dict[int, set[int]] = {}
     for code, actions in _policy(whole, plan(0)).items():
         found.setdefault(_without_memory(model, whole, code), set()).update(actions)
