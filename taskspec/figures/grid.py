@@ -167,7 +167,7 @@ class _Grid:
         marks = {cell: role for cell, role in known if is_near(cell)}
         things = [thing for thing in self.things if is_near(thing.cell)]
         agents = {(ax, ay): 1.0}
-        notes = ["One of many starts.", *self.key()]
+        notes = ["One sampled initial state.", *self.key()]
         bounds = self._bounds()
         if bounds is not None:
             columns, rows = bounds

@@ -137,11 +137,11 @@ class Machine:
         if how == "all":
             yield f"Every step pays {number(self.transitions[0].reward, 4)}."
         if how == "left":
-            yield "Rewards are paid for the state left."
+            yield "The reward depends on the state before the step."
         if not shows_loops and any(t.source == t.target and not t.ends for t in self.transitions):
-            yield "Where no arrow leads on, the state stays."
+            yield "Actions without an arrow do not change the state."
         if self.timed:
-            yield "The time ends episodes, too."
+            yield "Episodes also end at the horizon."
 
     def code_of(self, overlay: Overlay) -> int | None:
         if overlay.here is None:
@@ -272,9 +272,9 @@ def matrix(task: Task, overlay: Overlay) -> sc.Scene | None:
     if machine is None or len(machine.states) > MOST:
         return None
     drawn = _Matrix(machine, overlay)
-    notes = ["Shade: how likely a uniformly random action leads from the state of a row to that of a column."]
+    notes = ["Shade: transition probability, from row to column, under uniformly random actions."]
     if machine.timed:
-        notes.append("The time ends episodes, too.")
+        notes.append("Episodes also end at the horizon.")
     notes += machine.unmarked(machine.states)
     alt = f"Transitions of {task.name} as a table: {plural(len(machine.states), 'state')}, {plural(machine.n_actions, 'action')}"
     items = [*drawn.cells(), *drawn.results(), *drawn.labels(), *drawn.starts()]

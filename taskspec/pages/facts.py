@@ -75,7 +75,7 @@ def _facts(found: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> Fa
         else:
             shown[f"{name} return"] = value
     unknown = tuple(f"{name} return" for name in ("optimal", "worst") if returns[name] is None)
-    return Facts(shown, tuple(_by_claim(found.task, said)), wrong, unknown, found.model)
+    return Facts(shown, tuple(by_claim(found.task, said)), wrong, unknown, found.model)
 
 
 def _bounds(name: str, value: Enclosure | None) -> dict[str, Return]:
@@ -87,7 +87,7 @@ def _bounds(name: str, value: Enclosure | None) -> dict[str, Return]:
     return {f"{name}, at least": Return(low), f"{name}, at most": Return(high)}
 
 
-def _by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterator[Mark]:
+def by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterator[Mark]:
     """Yield one verdict for each claim, which holds if it holds in all its cases."""
     waiting = iter(decisions)
     order = list(CLAIMS)
