@@ -220,7 +220,9 @@ def _few(parts: Sequence[str], most: int) -> str:
 
 
 def _with_chance(words: str, p: Fraction) -> str:
-    return words if p == 1 else f"{words} with probability {p}"
+    if p == 1:
+        return words
+    return f"{words} with probability {p}"
 
 
 def _outcome_words(outcomes: Mapping[Any, Fraction]) -> str:
@@ -249,13 +251,12 @@ def _seen_words(label: Any) -> str:
 
 def _first_difference(one: NamedSteps, other: NamedSteps) -> FirstDifference | None:
     """Return the first difference, in order of time; it is shown by the shortest actions."""
-    pair = (one, other)
     if one.actions != other.actions:
-        return FirstDifference((), 0, None, None, *(_action_words(x.actions) for x in pair))
+        return FirstDifference((), 0, None, None, *map(_action_words, (one.actions, other.actions)))
     if one.named_start != other.named_start:
-        return FirstDifference((), 0, None, None, *(_start_words(x.named_start) for x in pair))
+        return FirstDifference((), 0, None, None, *map(_start_words, (one.named_start, other.named_start)))
     if one.task.discount != other.task.discount:
-        return FirstDifference((), 0, None, None, *(f"discount {x.task.discount:g}" for x in pair))
+        return FirstDifference((), 0, None, None, *(f"discount {x.task.discount:g}" for x in (one, other)))
     horizons = (one.task.horizon, other.task.horizon)
     last = min((h for h in horizons if h is not None), default=math.inf)
     is_alike = horizons[0] == horizons[1]

@@ -300,7 +300,8 @@ def _wrapped(text: str, width: int | None, used: int, indent: int) -> str:
     room = max(width, indent + 20)
     if used + _width(text.split(" ")[0]) > width:  # no room beside a long path
         return "\n" + textwrap.fill(f"{margin}{text}", room, subsequent_indent=margin)
-    return textwrap.fill(text, room, initial_indent=lead, subsequent_indent=margin)[used:]
+    wrapped = textwrap.fill(text, room, initial_indent=lead, subsequent_indent=margin, break_long_words=False)
+    return wrapped[used:]
 
 
 def _excerpt(span: Span, room: int) -> tuple[str, str]:

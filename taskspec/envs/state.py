@@ -256,7 +256,9 @@ class LaneView:
         if name not in KNOWN:
             raise LaneError(f"E713: a lane has no {name!r}; it has {', '.join(KNOWN)}")
         found = getattr(self, name)
-        return found(*args, **options) if callable(found) else found
+        if callable(found):
+            return found(*args, **options)
+        return found
 
 
 KNOWN = (

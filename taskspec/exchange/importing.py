@@ -98,13 +98,14 @@ def _returns(task: FrozenTask) -> dict[str, Number]:
     Both are left out where they would take too long, and those of endless tasks where some policy never ends an episode.
     """
     outcomes = []
+    legal = np.zeros((len(task.actions), len(task.states)), np.bool_)
     for s, a, o in task.steps():
+        legal[a, s] = True
         if s in task.acting:
             outcomes.append((s, a, o.state, float(o.probability), float(o.reward), o.ends))
     if (task.horizon or 0) * (len(outcomes) + OVERHEAD) > limits().seconds * SWEEP:
         return {}
-    start = np.array([float(p) for p in task.start])
-    legal = np.array([[bool(outcomes) for outcomes in by_action] for by_action in task.outcomes]).T
+    start = np.array(task.start, np.float64)
     model = tabulated(outcomes, start, len(task.actions), task.horizon, float(task.discount), legal)
     solver = Solvers(model).in_floats
     found: dict[str, Number] = {}

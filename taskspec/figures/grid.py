@@ -151,9 +151,7 @@ class _Grid:
     def _agents(self, by_code: Mapping[int, Cell]) -> dict[Cell, float]:
         if self.overlay.here is not None:
             return {self._own(): 1.0}
-        codes, weights = Steps(self.task).starts()
-        starts = dict(zip(codes.tolist(), weights.tolist(), strict=True))
-        return _by_cell(by_code, starts, add)
+        return _by_cell(by_code, Steps(self.task).start_weights(), add)
 
     def _own(self) -> Cell:
         return _cell(self.numbers(self.figure.at, self.reads)[0])
@@ -169,7 +167,7 @@ class _Grid:
         marks = {cell: role for cell, role in known if is_near(cell)}
         things = [thing for thing in self.things if is_near(thing.cell)]
         agents = {(ax, ay): 1.0}
-        notes = ["One of many starts.", *self.key()]
+        notes = ["One sampled initial state.", *self.key()]
         bounds = self._bounds()
         if bounds is not None:
             columns, rows = bounds

@@ -137,11 +137,11 @@ class Machine:
         if how == "all":
             yield f"Every step pays {number(self.transitions[0].reward, 4)}."
         if how == "left":
-            yield "Rewards are paid for the state left."
+            yield "The reward depends on the state before the step."
         if not shows_loops and any(t.source == t.target and not t.ends for t in self.transitions):
-            yield "Where no arrow leads on, the state stays."
+            yield "Actions without an arrow do not change the state."
         if self.timed:
-            yield "The time ends episodes, too."
+            yield "Episodes also end at the horizon."
 
     def code_of(self, overlay: Overlay) -> int | None:
         if overlay.here is None:
@@ -186,23 +186,18 @@ def _explored(task: Task) -> Machine | None:
 
 def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
     """Return probabilities of first states by role, or under "" if roles differ in more than where episodes start."""
-    own = _start_distribution(steps)
+    own = steps.start_weights()
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
     found: dict[str, dict[int, float]] = {}
     for who, key in task.roles.items():
         other = task if key == task.source.variant else load(task, key, **given)
         if (other.state, other.spec.dynamics) != (task.state, task.spec.dynamics):
             return {"": own}
-        found[who] = own if other is task else _start_distribution(Steps(other))
+        found[who] = own if other is task else Steps(other).start_weights()
     codes = [code for probabilities in found.values() for code in probabilities]
     if len(set(codes)) == len(codes) and own in found.values():
         return found
     return {"": own}
-
-
-def _start_distribution(steps: Steps) -> dict[int, float]:
-    start, weights = steps.starts()
-    return dict(zip(start.tolist(), weights.tolist(), strict=True))
 
 
 def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Transition, ...]] | None:
@@ -234,10 +229,9 @@ def _from(steps: Steps, level: list[int]) -> list[Transition]:
     sources = np.repeat(level, actions)
     choices = np.tile(np.arange(actions), len(level))
     total: dict[tuple[int, int, float, bool], float] = {}
-    for o in steps.outcomes(sources, choices, 0):
-        origin = np.arange(len(sources)) if o.origin is None else o.origin
-        columns = [np.broadcast_to(x, origin.shape).tolist() for x in (o.code, o.weight, o.reward, o.terminal)]
-        for point, code, p, reward, ends in zip(origin.tolist(), *columns, strict=True):
+    for outcomes in steps.outcomes(sources, choices, 0):
+        columns = [column.tolist() for column in outcomes.spread(len(sources))]
+        for point, code, p, reward, ends, _ in zip(*columns, strict=True):
             if p > 0:
                 key = (point, int(code), float(reward), bool(ends))
                 total[key] = total.get(key, 0.0) + p
@@ -278,9 +272,9 @@ def matrix(task: Task, overlay: Overlay) -> sc.Scene | None:
     if machine is None or len(machine.states) > MOST:
         return None
     drawn = _Matrix(machine, overlay)
-    notes = ["Shade: how likely a uniformly random action leads from the state of a row to that of a column."]
+    notes = ["Shade: transition probability, from row to column, under uniformly random actions."]
     if machine.timed:
-        notes.append("The time ends episodes, too.")
+        notes.append("Episodes also end at the horizon.")
     notes += machine.unmarked(machine.states)
     alt = f"Transitions of {task.name} as a table: {plural(len(machine.states), 'state')}, {plural(machine.n_actions, 'action')}"
     items = [*drawn.cells(), *drawn.results(), *drawn.labels(), *drawn.starts()]

@@ -43,7 +43,7 @@ def tabulated(
         legal: bool (A, S), the legal actions; None where all are.
     """
     n = len(start)
-    s, a, to, p, reward, ends = (np.array(column) for column in zip(*outcomes, strict=True))
+    s, a, to, p, reward, ends = map(np.array, zip(*outcomes, strict=True))
     row = (a * n + s).astype(np.int32)
     shape = (actions * n, n)
     matrices = []

@@ -14,7 +14,7 @@ from taskspec.lang.ir import Draw, Node, Role, draws, reads
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.entry import Inapplicable
 from taskspec.task.bijection import parts
-from taskspec.task.parts import Component, Observation, SpaceKind, by_read, counts_of
+from taskspec.task.parts import Component, Observation, SpaceKind, counts_of
 from taskspec.task.task import Task
 
 MOST = 100_000
@@ -120,11 +120,6 @@ def last(b: Builder, task: Task) -> Node:
         return task.process.terminal
     time = b.read(Role.TIME, "t", INT, 0, task.horizon - 1)
     return b.apply("or", task.process.terminal, b.apply("eq", time, b.scalar(task.horizon - 1)))
-
-
-def after_step(b: Builder, task: Task, node: Node) -> Node:
-    """Return a function of the state as one of the state that a step leads to."""
-    return b.substitute([node], by_read(Role.STATE, task.state, task.process.next))[0]
 
 
 def reads_time(task: Task) -> bool:

@@ -113,11 +113,6 @@ def _timed(b: Builder, task: Task, given: Arguments) -> Task:
     return replace(task, observation=Observation((*seen.components, clock), (*seen.nodes, time), space))
 
 
-def _says_relabelled(task: Task, given: Arguments) -> str:
-    count = core.combinations(task.observation.components, "what is observed")
-    return f"what is observed is one of ${count}$ numbers, which are dealt out by the seed {given['seed']}"
-
-
 _COUNT = ModifierArgument("count", "int", "how many", low=1, high=100_000, sample=lambda task: 3)
 _KIND = ModifierArgument("kind", "word", "standard normal numbers, or uniform ones from -1 to 1", "normal",
                          words=("normal", "uniform"))  # fmt: skip
@@ -126,7 +121,10 @@ _LAWS = {"normal": r"\mathcal{N}(0, 1)", "uniform": r"\operatorname{Unif}(-1, 1)
 TABLE = (
     _entry(
         "relabelled", (SEED,), "Each observation becomes one number, assigned at random, which tells nothing about similarity.",
-        _relabelled, _says_relabelled, observed=always, needs="finite observations",
+        _relabelled,
+        lambda task, given: f"what is observed is one of ${core.combinations(task.observation.components, '')}$ numbers, which "
+        f"are dealt out by the seed {given['seed']}",
+        observed=always, needs="finite observations",
     ),
     _entry(
         "distractors", (_COUNT, _KIND), "Meaningless numbers are observed as well, drawn again in every step.",

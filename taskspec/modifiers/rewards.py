@@ -20,7 +20,7 @@ from taskspec.lang.scope import Unavailable
 from taskspec.lang.types import INT, REAL, Kind, Refused, Type
 from taskspec.modifiers import core
 from taskspec.modifiers.entry import STD, Arguments, ModifierArgument, ModifierEntry, always, as_well
-from taskspec.task.parts import Component
+from taskspec.task.parts import Component, by_read
 from taskspec.task.task import Task
 
 SCOPE = "absorbing"
@@ -255,7 +255,8 @@ def _noise(b: Builder, task: Task, given: Arguments) -> Task:
 
 def _shaped(b: Builder, task: Task, given: Arguments) -> Task:
     here = potential(b, task, given["of"])
-    there = b.apply("where", core.last(b, task), b.scalar(0.0), core.after_step(b, task, here))
+    (after,) = b.substitute([here], by_read(Role.STATE, task.state, task.process.next))
+    there = b.apply("where", core.last(b, task), b.scalar(0.0), after)
     gained = b.apply("sub", b.apply("mul", b.scalar(float(task.discount)), there), here)
     return core.paying(b, task, b.apply("add", task.process.reward, gained))
 

@@ -6,7 +6,7 @@ equal within 1e-9 of their size, or within the claim's `tolerance`; an interval 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -56,11 +56,14 @@ class Verdict:
         return found | {"detail": self.detail, "episodes": self.episodes}
 
 
-def verdicts(task: TaskLike, results: Results | None = None) -> Iterator[Verdict]:
+def verdicts(
+    task: TaskLike, results: Results | None = None, results_of: Callable[[Task], Results] = Results
+) -> Iterator[Verdict]:
     """Yield the verdict on every claim of a task, one for each case of its `for:`.
 
     Args:
         results: of the task, where they are known already.
+        results_of: gives those of the task at the parameter values of a case.
     """
     task = load(task)
     known: dict[str, Results | SpecError] = {}
@@ -74,7 +77,7 @@ def verdicts(task: TaskLike, results: Results | None = None) -> Iterator[Verdict
             if key not in known:
                 try:
                     other = build(task.source.document, task.source.variant, values, task.source.suite)
-                    known[key] = Results(modify(other, *task.modifiers))
+                    known[key] = results_of(modify(other, *task.modifiers))
                 except SpecError as error:
                     known[key] = error
             found = known[key]

@@ -116,7 +116,8 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
         observation = _values("E405", "observation", seen.components, seen.nodes)
         observation += _drawn(task, "observation", seen.nodes)
     yield phase("observation", observation)
-    yield phase("legal", _legal_checks(task))
+    some = [task.new_builder().apply("any", mask) for mask in task.mask]
+    yield phase("legal", [Check("E412", node, (1,), (1,), "legal") for node in some])
     yield phase("expert", [] if task.annotations.memory else _expert_checks(task))
     steps = _values("E403", "dynamics", task.state, task.process.raw_next, "'")
     steps.append(Check("E406", task.process.reward, (-INF,), (INF,), "reward", what="the reward"))
@@ -236,11 +237,6 @@ def _expert_checks(task: Task) -> list[Check]:
         (node,) = task.new_builder().substitute([legal], chosen)
         found.append(Check("E413", node, (1,), (1,), "expert"))
     return found + _drawn(task, "expert", task.annotations.expert)
-
-
-def _legal_checks(task: Task) -> list[Check]:
-    """Return the check that some action is legal in each state."""
-    return [Check("E412", task.new_builder().apply("any", mask), (1,), (1,), "legal") for mask in task.mask]
 
 
 def entries(task: Task, section: str) -> list[tuple[str | None, s.Expr]]:

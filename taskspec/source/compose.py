@@ -104,7 +104,9 @@ class _Builder:
     def _end(self, end: int) -> None:
         node = self.open.pop()
         self.keys.pop()
-        node.end = end if node.flow else _last_end(node)
+        node.end = end
+        if not node.flow and self.last is not None:  # a block ends with its last value, not with the blank lines below
+            node.end = max(node.start + 1, self.last.end)
         self.last = node
 
     def _place(self, node: nodes.Node) -> None:
@@ -133,9 +135,3 @@ class _Builder:
         if isinstance(key, nodes.ScalarNode):
             parent.entries.append((key, node))
             parent.index.setdefault(key.value, (key, node))
-
-
-def _last_end(node: nodes.MappingNode | nodes.SequenceNode) -> int:
-    """Return where a block collection ends: with its last value, not with the blank lines below."""
-    children = node.items if isinstance(node, nodes.SequenceNode) else [each for _, each in node.entries]
-    return max(node.start + 1, children[-1].end if children else 0)

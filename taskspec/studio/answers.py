@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import shlex
 import time
-import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
@@ -29,13 +29,17 @@ from taskspec.experiments.picture import figure
 from taskspec.experiments.sweeping import Measured, Questions, measure
 from taskspec.figures import scene, svg
 from taskspec.jobs.work import Late, interrupted, late
-from taskspec.pages import gather, gather_pages, page, render
-from taskspec.pages.facts import Facts, lines
+from taskspec.pages import gather, page
+from taskspec.pages.facts import Facts, Setting, by_claim, lines
 from taskspec.pages.hypertext import HtmlWriter, article
+from taskspec.pages.render.html import marked_states
+from taskspec.pages.render.latex import document
+from taskspec.pages.render.markdown import markdown
 from taskspec.pages.render.suite import Suite
 from taskspec.pages.sections import results as result_sections
+from taskspec.pages.write import gather_pages
 from taskspec.registry import suite_of
-from taskspec.rules.claim_verdicts import Verdict, verdicts
+from taskspec.rules.claim_verdicts import verdicts
 from taskspec.rules.examples import wrong_examples
 from taskspec.scores.returns import Results
 from taskspec.soundness.soundness import examine
@@ -54,12 +58,12 @@ class Question:
     def __init__(self, message: Mapping[str, Any], folder: Folder) -> None:
         self.message = message
         self.folder = folder
-        self.text = str(message.get("text", ""))
         self.place = folder.place(message.get("path") or "untitled.yaml")
         settings = message.get("settings") or {}
         self.parameters: dict[str, Any] = settings.get("parameters") or {}
         self.modifiers = tuple(settings.get("modifiers") or ())
-        self.file = File(self.place, suite_of(self.place), None, self.parameters, self.modifiers, self.text)
+        text = str(message.get("text", ""))
+        self.file = File(self.place, suite_of(self.place), None, self.parameters, self.modifiers, text)
         self.variant: str | None = settings.get("variant")
 
     @cached_property
@@ -69,9 +73,7 @@ class Question:
 
     def at(self, values: Mapping[str, Any]) -> Task:
         """Return the task with other values of some parameters."""
-        variant = self.variant
-        if variant is None:
-            variant = variants_of(self.file)[0]
+        variant = self.variant or variants_of(self.file)[0]
         return task_in(replace(self.file, parameters={**self.parameters, **values}), variant)
 
 
@@ -87,7 +89,6 @@ def answered(message: bytes, root: Path) -> bytes:
     except FileRefused as error:
         found = {"ok": False, "message": str(error), "refused": error.why}
     except Exception as error:  # a mistake of ours, or a message of another form
-        traceback.print_exc()
         found = {"ok": False, "message": f"this could not be worked out: {type(error).__name__}: {error}"}
     found |= {"id": given.get("id"), "kind": given["kind"], "milliseconds": 1000 * (time.perf_counter() - start)}
     return json.dumps(json_data(found), ensure_ascii=False, default=str).encode(errors="replace")
@@ -101,7 +102,7 @@ def task_page(asked: Question) -> dict[str, Any]:
     task = asked.task
     shown_page = page(task)
     drawn = scene(task)
-    writer = HtmlWriter(beside([str(asked.place)]), render.marked_states(shown_page))
+    writer = HtmlWriter(beside([str(asked.place)]), marked_states(shown_page))
     sections = [section for section in shown_page.sections if section.key != "claims"]
     heading = f"{shown_page.name}: {shown_page.title}" if shown_page.title != shown_page.name else shown_page.name
     return {
@@ -121,31 +122,48 @@ def _parameter(p: Parameter) -> dict[str, Any]:
 
 
 def scores(asked: Question) -> dict[str, Any]:
-    """Return exact returns and the verdicts on claims; a task that is not sound has none."""
-    task = asked.task
+    """Return exact returns; a task that is not sound has none."""
+    task = asked.task.with_annotations(claims=(), examples=())
     sound = examine(task)
     raise_if_errors(sound.diagnostics)
     found = results_of(task)
-    said = tuple(verdicts(task, found))
-    wrong = dict(wrong_examples(task))
-    problems = [*sound.diagnostics, *(each.diagnostic for each in said if each.diagnostic), *wrong.values()]
-    facts = gather(Report(task, (), sound.method, verdicts=said, results=found, wrong_examples=frozenset(wrong)))
-    return {
-        "title": "Exact scores" if found.model is not None else "Scores",
-        "rows": list(_rows(task, facts)), "claims": list(_claims(task, facts, said)), "states": facts.states,
-        "remark": found.why_not, "problems": records(problems),
-    }  # fmt: skip
+    facts = gather(Report(task, (), sound.method, results=found))
+    title = "Exact scores" if found.model is not None else "Scores"
+    return {"title": title, "rows": list(_rows(task, facts)), "states": facts.states, "remark": found.why_not}
 
 
+def claims(asked: Question) -> dict[str, Any]:
+    """Return the claims with their mathematics and verdicts, and what is wrong with claims and examples."""
+    task = asked.task
+    said = tuple(verdicts(task, results_of(task), results_of))
+    (section,) = result_sections([Setting("", task, Facts())])
+    writer = HtmlWriter({})
+    shown = []
+    for claim, line, fact in zip(task.annotations.claims, section.lines, by_claim(task, said), strict=True):
+        own = [verdict for verdict in said if verdict.claim is claim]
+        worst = next((verdict for verdict in own if not verdict.holds), own[0])
+        shown.append({
+            "text": claim.text, "html": writer.prose(line.content), "status": worst.status, "holds": fact.holds,
+            "words": fact.text, "detail": worst.detail, "line": claim.expr.place.span.line,
+        })  # fmt: skip
+    wrong = [diagnostic for _, diagnostic in wrong_examples(task)]
+    problems = [*(each.diagnostic for each in said if each.diagnostic), *wrong]
+    return {"claims": shown, "problems": records(problems)}
+
+
+KEPT = 16
+LARGE = 1_000_000
+"""Tasks whose results are kept, and entries of their models together."""
 _results: dict[tuple[str, ...], Results] = {}
-"""The results of the last task, by what decides them."""
 
 
 def results_of(task: Task) -> Results:
-    """Return the results of a task; those of the last one are kept, so that words and claims can change without another model."""
+    """Return the results of a task; the last ones are kept, so that words and claims can change without another model."""
     key = (task.content_hash, *map(str, task.modifiers))
     if key not in _results:
-        _results.clear()
+        entries = sum(each.model.entries for each in _results.values() if each.model is not None)
+        if len(_results) >= KEPT or entries > LARGE:
+            _results.clear()
         _results[key] = Results(task)
     found = copy.copy(_results[key])
     found.task = task
@@ -165,19 +183,6 @@ def _rows(task: Task, facts: Facts) -> Iterator[dict[str, Any]]:
             row |= {"decimal": decimal(number, 10), "estimated": not score.exact}
             row["exact"] = episodes.fraction(number) if score.exact else None
         yield row
-
-
-def _claims(task: Task, facts: Facts, said: Sequence[Verdict]) -> Iterator[dict[str, Any]]:
-    """Yield the claims with their mathematics and their verdicts."""
-    (section,) = result_sections([("", task, Facts())])
-    writer = HtmlWriter({})
-    for claim, line, fact in zip(task.annotations.claims, section.lines, facts.verdicts, strict=True):
-        own = [verdict for verdict in said if verdict.claim is claim]
-        worst = next((verdict for verdict in own if not verdict.holds), own[0])
-        yield {
-            "text": claim.text, "html": writer.prose(line.content), "status": worst.status, "holds": fact.holds,
-            "words": fact.words, "detail": worst.detail, "line": claim.expr.place.span.line,
-        }  # fmt: skip
 
 
 # -- other answers ----------------------------------------------------------------------------------------------------
@@ -211,7 +216,7 @@ def sweep(asked: Question) -> dict[str, Any]:
         else:
             left.append(value)
     shown = {key for key in RETURNS for row in rows if row.values.get(key) is not None}
-    plot = {"x": name, "show": sorted(shown)}
+    plot = {"x": name, "show": sorted(shown, key=RETURNS.index)}
     about = Experiment(experiment=1, name=task.name, tasks=[{"task": task.id}], plot=plot)  # type: ignore[arg-type, list-item]
     numbers = [key + end for key in RETURNS for end in ("", "_half")]
     return {
@@ -242,7 +247,7 @@ def values_of(p: Parameter) -> list[Any]:
     low = p.value - size if p.low is None else p.low
     high = low + 4 * size if p.high is None else min(p.high, max(low + 4 * size, p.value))
     if p.kind == "int":
-        step = max(1, round((high - low) / (POINTS - 1)))
+        step = max(1, math.ceil((high - low) / (POINTS - 1)))
         return list(range(int(low), int(high) + 1, step))
     return [low + (high - low) * i / (POINTS - 1) for i in range(POINTS)]
 
@@ -307,14 +312,14 @@ def _command(asked: Question) -> str:
 
 
 FORMS: dict[str, Callable[[Question], str]] = {
-    "latex": lambda asked: _page_in(asked, render.document, "tex"),
-    "markdown": lambda asked: _page_in(asked, render.markdown, "md"),
+    "latex": lambda asked: _page_in(asked, document, "tex"),
+    "markdown": lambda asked: _page_in(asked, markdown, "md"),
     "svg": _svg, "python": _python, "command": _command,
 }  # fmt: skip
 
 
 KINDS: dict[str, Callable[[Question], dict[str, Any]]] = {
-    "page": task_page, "scores": scores, "sweep": sweep, "results": results_in_files, "copy": copied,
+    "page": task_page, "scores": scores, "claims": claims, "sweep": sweep, "results": results_in_files, "copy": copied,
     "values": lambda asked: episodes.values(results_of(asked.task), asked.message),
     "play": lambda asked: episodes.play(results_of(asked.task), asked.message),
     "rollout": lambda asked: episodes.rollout(asked.task, asked.message, asked.folder),

@@ -21,7 +21,7 @@ from threading import Thread
 from typing import Any
 
 SECONDS = {
-    "page": 10, "scores": 60, "values": 30, "play": 30, "rollout": 60, "sweep": 120, "results": 30, "copy": 30,
+    "page": 10, "scores": 60, "claims": 60, "values": 30, "play": 30, "rollout": 60, "sweep": 120, "results": 30, "copy": 30,
 }  # fmt: skip
 """The kinds of questions that processes answer, and how long each may take."""
 PATIENCE = 0.15
@@ -45,9 +45,8 @@ def start_method() -> BaseContext:
 class Answerer:
     """One kind of questions: one is answered at a time, and of those that wait only the newest is."""
 
-    def __init__(self, context: BaseContext, kind: str, folder: Path) -> None:
+    def __init__(self, context: BaseContext, folder: Path) -> None:
         self._context: Any = context
-        self._kind = kind
         self._folder = folder
         self._thread = ThreadPoolExecutor(1)
         self._turn = asyncio.Lock()
@@ -56,7 +55,7 @@ class Answerer:
         self._process: Any = None
         self._connection: Connection | None = None
 
-    async def ask(self, question: bytes) -> bytes | None:
+    async def ask(self, kind: str, question: bytes) -> bytes | None:
         """Return the answer; None where a newer question was asked meanwhile.
 
         Raises:
@@ -71,7 +70,7 @@ class Answerer:
                 return None
             self._present = number
             try:
-                answer = await asyncio.wrap_future(self._thread.submit(self._answer, question))
+                answer = await asyncio.wrap_future(self._thread.submit(self._answer, kind, question))
             except NoAnswer:
                 if number == self._newest:
                     raise
@@ -111,16 +110,16 @@ class Answerer:
             self._connection = ours
         return self._connection
 
-    def _answer(self, question: bytes) -> bytes:
-        seconds = SECONDS[self._kind]
+    def _answer(self, kind: str, question: bytes) -> bytes:
+        seconds = SECONDS[kind]
         try:
             connection = self._started()
             connection.send_bytes(question)
             if connection.poll(seconds):
                 return connection.recv_bytes()
-            reason = f"`{self._kind}` took longer than {seconds} s, and was ended; smaller parameters may help"
+            reason = f"`{kind}` took longer than {seconds} s, and was ended; smaller parameters may help"
         except (EOFError, OSError):
-            reason = f"the process that worked out `{self._kind}` ended"
+            reason = f"the process that worked out `{kind}` ended"
         self._kill()
         self._connection = None  # the next question starts another
         raise NoAnswer(reason)

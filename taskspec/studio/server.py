@@ -147,7 +147,9 @@ def application(studio: Studio) -> ASGIApp:
 
     async def live(page: WebSocket) -> None:
         await page.accept()
-        await Conversation(studio, page, {kind: Answerer(context, kind, studio.folder.root) for kind in SECONDS}).run()
+        answerers = {kind: Answerer(context, studio.folder.root) for kind in SECONDS}
+        answerers["claims"] = answerers["scores"]  # they rest on the same results, and are asked for after them
+        await Conversation(studio, page, answerers).run()
 
     routes = [
         Route("/", index),
@@ -213,7 +215,7 @@ class Conversation:
 
     async def _worked_out(self, asked: dict[str, Any], text: str) -> str:
         try:
-            answer = await self._answerers[asked["kind"]].ask(text.encode(errors="replace"))
+            answer = await self._answerers[asked["kind"]].ask(asked["kind"], text.encode(errors="replace"))
         except NoAnswer as error:
             return _refusal(asked, str(error))
         if answer is None:

@@ -149,8 +149,8 @@ class Forms:
             found = self.merged.parsed[known] = parse(text)
             return found
         except SpecError as error:
-            if _are_words(str(key)):
-                return label
+            if len(str(key).split()) > 1 and not any(c in str(key) for c in "()[]+*/%<>=,"):
+                return label  # such as `top left`
             self.collector.extend(error.diagnostics)
             return None
 
@@ -186,11 +186,6 @@ class Forms:
 def is_word(label: str) -> bool:
     """Return whether a label reads as a name in expressions; others (`go-left`, `top left`, `in`) read as something else."""
     return label.isidentifier() and not iskeyword(label)
-
-
-def _are_words(key: str) -> bool:
-    """Return whether a key that is no expression is meant as a label, such as `top left`."""
-    return any(c.isspace() for c in key.strip()) and not any(c in key for c in "()[]+*/%<>=,")
 
 
 def _part(span: Span, key: str, start: int, end: int) -> Span:

@@ -111,15 +111,12 @@ def saturated(
     reached = reach(state, initial, following, horizon)
     found = []
     for c, node in zip(state, following, strict=True):
-        if _may_grow(c, reached[c.name]):
+        low, high = reached[c.name]
+        is_endless = c.type.kind is Kind.INT and not (c.least > -INF and c.most < INF)
+        if is_endless and not (low >= -INT_MAX and high <= INT_MAX):
             node = builder.within(node, -INT_MAX, INT_MAX)
         found.append(node)
     return found
-
-
-def _may_grow(c: Component, edge: Interval) -> bool:
-    endless = c.least == -INF or c.most == INF
-    return c.type.kind is Kind.INT and endless and not (edge[0] >= -INT_MAX and edge[1] <= INT_MAX)
 
 
 def widest(

@@ -45,6 +45,12 @@ def test_a_long_path_stands_alone(folders: int, count: int) -> None:
     assert lines[0].startswith(f"{origin.name}:1:5:")
 
 
+def test_words_are_not_broken_where_little_room_is_left() -> None:
+    origin = Origin("x" * 45 + ".yaml", "a: 1")
+    shown = render([Diagnostic("E302", Span(origin, 1, 1, 1, 2), "a second document begins here")], width=80)
+    assert "second" in shown and max(map(len, shown.split("\n"))) <= 80
+
+
 def test_no_place() -> None:
     assert render([Diagnostic("E701", None, "no task 'Y'", "did you mean 'X'?")]) == (
         "error[E701 unknown-task]: no task 'Y'\n      = hint: did you mean 'X'?"

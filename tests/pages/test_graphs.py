@@ -170,7 +170,8 @@ def test_every_format_shows_the_same(seed: int) -> None:
     assert (text.count(r"\node["), text.count(r"\path["), text.count(r"\draw["), text.count("-- cycle")) == (
         len(labels), len(shapes), len(lines), sum(x.arrow for x in lines),
     )  # fmt: skip
-    (axes,) = raster._figure(found).axes
+    _, axes = raster._canvas(found.width, found.height)
+    raster._draw_all(axes, found, 1.0)
     assert (len(axes.texts), len(axes.patches)) == (len(labels), len(shapes) + len(lines) + sum(x.arrow for x in lines))
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taskspec import draws as variates
 from taskspec.base.diagnostics import SpecError
-from taskspec.draws import variates
 from taskspec.exact import extract
 from taskspec.model.points import Cost
 from taskspec.registry import load

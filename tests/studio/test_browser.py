@@ -149,6 +149,9 @@ def test_a_state_that_is_pointed_at_marks_its_lines_of_the_spec(studio: Page) ->
 def test_a_film_is_stepped_and_scrubbed(studio: Page) -> None:
     panel = studio.show("Rollouts")
     expect(panel).to_contain_text("return of the episode: 4")
+    panel.get_by_role("button", name="Play").click()
+    expect(panel).to_contain_text("step 5 of 5: action safe, reward 1, return 4")
+    panel.get_by_label("step", exact=True).fill("0")
     panel.get_by_label("One step on").click()
     expect(panel).to_contain_text("step 1 of 5: action safe, reward 0")
     panel.get_by_label("step", exact=True).fill("5")
@@ -233,6 +236,11 @@ def test_everything_is_reached_by_keyboard(studio: Page) -> None:
     for name in (*TABS[1:], TABS[0]):
         page.keyboard.press("ArrowRight")
         expect(page.locator(f"#panel-{name}")).to_be_visible()
+    page.locator("#theme").press("Enter")
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(20, 23, 27)"
+    page.reload()
+    studio.follow()
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(20, 23, 27)"
     page.keyboard.press("Alt+3")
     expect(page.locator("#panel-Values")).to_be_visible()
 
@@ -274,5 +282,7 @@ def test_no_width_scrolls_sideways(browser: Any, tasks: Served, width: int) -> N
     for tab in TABS:
         studio.show(tab)
         assert studio.page.evaluate("document.documentElement.scrollWidth") == width, tab
+        editor = studio.page.locator("#editor").bounding_box()
+        assert 300 < editor["height"] < 844 and editor["width"] > 300
     studio.context.close()
     assert studio.said == []

@@ -137,7 +137,7 @@ def test_a_spec_is_saved_unless_it_was_changed_outside(page: Page, folder: Path)
 def test_a_new_spec_is_written_once(page: Page, folder: Path) -> None:
     template = page.ask("new", path="my_walk.yaml", **{"from": "template:corridor"})["text"]
     assert "name: MyWalk" in template
-    assert page.ask("scores", text=template)["claims"][0]["status"] == "proved"
+    assert page.ask("claims", text=template)["claims"][0]["status"] == "proved"
     assert not (folder / "my_walk.yaml").exists()
     page.ask("save", path="deep/my_walk.yaml", text=template, digest=None)
     assert (folder / "deep" / "my_walk.yaml").read_text() == template

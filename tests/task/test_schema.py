@@ -111,7 +111,7 @@ MISTAKES = [
     ("state: {s: {type: choice, values: [a, 2]}}\n", "E204", "3:39", "the number 2", "words"),
     ("reward: {a: [1, 2]}\n", "E204", "3:13", "a probability, found a list", ""),
     ("state: 3\n", "E201", "3:8", "named entries", ""),
-    ("state: {s: int}\n", "E201", "3:12", "named entries", "write {type: int}"),
+    ("state: {s: int}\n", "E201", "3:12", "named entries", ""),
     ("noise: {else: 1}\n", "E205", "3:9", "a word of the language", ""),
     ("noise: {from: 1}\n", "E205", "3:9", "a word of Python", "`from_`"),
     ("action: {a: {type: choice, symbols: [p, q]}}\n", "E203", "3:10", "needs `values`", "[left, right]"),

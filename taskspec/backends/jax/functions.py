@@ -213,8 +213,10 @@ class OpenParameters:
             known = _known(holds)
             if known is not None and not known.all():
                 first = np.argmin(known)
-                values = {p.name: np.asarray(_known(getattr(params, p.name))).reshape(-1) for p in self.varying}
-                told = (f"{name}={value[first % value.size]}" for name, value in values.items())
+                told = []
+                for p in self.varying:
+                    value = np.asarray(_known(getattr(params, p.name))).reshape(-1)
+                    told.append(f"{p.name}={value[first % value.size]}")
                 raise spec_error("E704", f"{message} ({', '.join(told)})")
 
 
@@ -287,7 +289,7 @@ def _check(parameter: Parameter, value: Any) -> None:
     high = math.inf if parameter.high is None else parameter.high
     is_whole = parameter.kind != "int" or (given == np.rint(given)).all()
     if not (is_whole and ((given >= low) & (given <= high)).all()):
-        kind = "an int" if parameter.kind == "int" else "a number"
+        kind = {"int": "an int"}.get(parameter.kind, "a number")
         raise spec_error("E703", f"parameter {parameter.name} must be {kind} between {low} and {high}, not {known}")
 
 

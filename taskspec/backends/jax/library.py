@@ -15,9 +15,22 @@ import jax.numpy as jnp
 from jax import lax
 
 from taskspec.base.arrays import AnyArray
-from taskspec.draws import GAMMA_WORDS, poisson_terms
+from taskspec.draws import (
+    GAMMA_WORDS,
+    LARGEST_ALPHA,
+    LEAST,
+    LN2,
+    LN2_HIGH,
+    LN2_LOW,
+    LOG2E,
+    SMALLEST_ALPHA,
+    C,
+    E,
+    L,
+    S,
+    poisson_terms,
+)
 from taskspec.draws.threefry import PARITY, ROTATIONS
-from taskspec.draws.variates import LARGEST_ALPHA, LEAST, LN2, LN2_HIGH, LN2_LOW, LOG2E, SMALLEST_ALPHA, C, E, L, S
 from taskspec.lang.batch import Runtime
 
 xp: Any = jnp

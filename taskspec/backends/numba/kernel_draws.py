@@ -13,8 +13,8 @@ from numba import types
 from numba.extending import intrinsic
 
 from taskspec.backends.numba.runtime import as_f32, as_i32, f32, f32s, f64, i32, i64, inner, select, u32, u32s, u64
+from taskspec.draws import LARGEST_ALPHA, LEAST, SMALLEST_ALPHA
 from taskspec.draws.threefry import PARITY, ROTATIONS
-from taskspec.draws.variates import LARGEST_ALPHA, LEAST, SMALLEST_ALPHA
 
 # -- words --------------------------------------------------------------------------------------------------------
 
@@ -65,7 +65,7 @@ def reset_words(m: Any, lanes: Any, words: Any, width: Any, slots: Any, k0: Any,
             first[i], second[i] = threefry(k0[j], k1[j], episodes[j], u32(slot + 0x80000000))
 
 
-# -- float32 polynomials, as in taskspec.draws.variates --------------------------------------------------------
+# -- float32 polynomials, as in taskspec.draws -----------------------------------------------------------------
 
 
 @inner

@@ -37,7 +37,7 @@ export class DifficultyTab {
   drawn({ chart, parameter, rows, left }) {
     if (left.length) this.ask();
     const cells = (row) => (row.error ? [row.error] : CURVES.map((curve) => short(row[curve] ?? null)));
-    const shown = rows.map((row) => [short(row.value), ...cells(row)]);
-    return [...picture(chart), table("Exact returns", [parameter, ...CURVES], shown)];
+    const values = rows.map((row) => [short(row.value), ...cells(row)]);
+    return [...picture(chart), table("Exact returns", [parameter, ...CURVES], values)];
   }
 }

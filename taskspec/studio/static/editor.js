@@ -4,8 +4,6 @@ import * as cm from "./codemirror.js";
 import { make, quiet } from "./dom.js";
 
 const PLAIN = new Set(["p", "code", "pre", "em", "strong", "ul", "ol", "li", "br", "hr", "h1", "h2", "h3", "span"]);
-/** How many mistakes are listed below the editor. */
-const MOST = 3;
 const colours = cm.HighlightStyle.define([
   { tag: [cm.tags.propertyName, cm.tags.definition(cm.tags.propertyName)], class: "code-key" },
   { tag: [cm.tags.comment, cm.tags.lineComment], class: "code-comment" },
@@ -148,17 +146,14 @@ export class Editor {
     return { ...place(range), severity: kind, message, line: range.start.line + 1, actions };
   }
 
-  /** Return the first mistakes as lines below the editor, errors before warnings, each with its fixes. */
+  /** Return the mistakes as lines below the editor, errors before warnings, each with its fixes. */
   listed() {
-    const { problems } = this;
-    const errors = problems.filter(({ severity }) => severity === "error");
-    const first = [...new Set([...errors, ...problems])].slice(0, MOST);
-    const lines = first.map(({ line, severity, message, actions }) => {
+    const errors = this.problems.filter(({ severity }) => severity === "error");
+    const lines = [...new Set([...errors, ...this.problems])].map(({ line, severity, message, actions }) => {
       const place = make("button", { class: "place", onclick: () => this.goTo(line) }, `line ${line}`);
       const fixes = actions.map(({ name, apply }) => make("button", { class: "fix", onclick: apply }, name));
       return make("p", { class: severity }, place, ` ${message.split("\n")[0]} `, ...fixes);
     });
-    if (problems.length > MOST) lines.push(quiet(`${problems.length - MOST} more`));
     return lines.length ? lines : [quiet("no mistakes")];
   }
 

@@ -18,6 +18,7 @@ export class Files {
   constructor(studio) {
     this.studio = studio;
     this.path = null;
+    this.kept = "";
     byId("open").addEventListener("click", () => this.choose());
     byId("save").addEventListener("click", () => this.save());
     byId("share").addEventListener("click", () => this.share());
@@ -29,6 +30,10 @@ export class Files {
 
   get isUnsaved() {
     return this.studio.editor.text !== this.kept;
+  }
+
+  mayLeave() {
+    return !this.isUnsaved || confirm("Leave this text without saving it?");
   }
 
   /** Show what the address shares, else the spec that the command was given, else the first template. */
@@ -43,15 +48,15 @@ export class Files {
   /** Show the text and settings that the address shares; return whether it does. */
   async loadShared() {
     const [, letters] = location.hash.match(/^#spec=([\w=-]{1,100000})$/) ?? [];
-    if (!letters) return false;
+    if (!letters || !this.mayLeave()) return false;
     try {
       const { text, settings } = JSON.parse(await unpacked(letters));
       this.show({ path: null, text: String(text), digest: null }, settings);
+      return true;
     } catch {
       this.studio.say("The address ends in something that is not a shared text.", true);
-      return false;
     }
-    return true;
+    return false;
   }
 
   /** Show the text of an answer to "open" or "new". */
@@ -112,7 +117,7 @@ export class Files {
 
   choice(name, words, kind, fields) {
     const taken = () => {
-      if (this.isUnsaved && !confirm("Leave this text without saving it?")) return;
+      if (!this.mayLeave()) return;
       byId("files").close();
       this.load(kind, fields);
     };
@@ -150,9 +155,7 @@ export class Files {
 
   async share() {
     const shared = { text: this.studio.editor.text, settings: this.studio.settings.chosen };
-    const fragment = `#spec=${await packed(JSON.stringify(shared))}`;
-    history.replaceState(null, "", fragment);
-    await navigator.clipboard.writeText(fragment);
+    await navigator.clipboard.writeText(`#spec=${await packed(JSON.stringify(shared))}`);
     this.studio.say("Copied the text as the end of an address: it opens behind the address of any studio.");
   }
 }

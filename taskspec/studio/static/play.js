@@ -10,6 +10,7 @@ export class PlayTab {
     this.seed = 0;
     this.moves = [];
     this.actions = [];
+    this.episode = { ended: null, legal: [], steps: [] };
     this.part = new Part("Episode");
     this.buttons = make("div", { class: "row moves", role: "group", "aria-label": "Actions" });
     this.next = make("button", { onclick: () => this.begin(this.seed + 1) }, make("kbd", {}, "Enter"), " next episode");

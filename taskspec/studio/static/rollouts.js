@@ -10,6 +10,7 @@ export class RolloutsTab {
   constructor(studio) {
     this.studio = studio;
     this.timer = null;
+    this.episode = { frames: [{ figure: null, words: "" }], length: 0, return: null };
     this.part = new Part("Episode");
     this.names = make("datalist", { id: "policies" });
     const asked = () => this.ask();

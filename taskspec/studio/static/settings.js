@@ -9,13 +9,12 @@ function reach({ kind, low, high, default: usual }) {
 }
 
 export class Settings {
-  /** Show controls in a form; `changed` is called when one of them was changed. */
-  constructor(form, changed) {
-    this.form = form;
+  /** Show controls in an element; `changed` is called when one of them was changed. */
+  constructor(element, changed) {
+    this.element = element;
     this.changed = changed;
     this.reset = make("button", { type: "button", onclick: () => this.use(null) }, "Reset");
     this.choose(null);
-    form.addEventListener("submit", (event) => event.preventDefault());
   }
 
   /** Replace the settings; their controls follow with the next description of the task. */
@@ -47,8 +46,8 @@ export class Settings {
     this.shown = shown;
     const controls = parameters.map((parameter) => this.control(parameter));
     if (variants.length > 1) controls.unshift(this.variants(variants));
-    this.form.replaceChildren(...controls, this.reset);
-    this.form.hidden = controls.length === 0;
+    this.element.replaceChildren(...controls, this.reset);
+    this.element.hidden = controls.length === 0;
     this.reset.hidden = this.chosen.variant === null && known.length === 0;
   }
 

@@ -16,23 +16,30 @@ export class SpecTab {
     this.figure = new Part("Figure");
     this.scores = new Part("Exact scores");
     this.mathematics = new Part("Printed mathematics", { class: "printed" });
-    this.claims = make("ul", { class: "claims", "aria-label": "Claims" });
+    this.claims = new Part("Claims");
     const first = make("div", { class: "beside" }, this.figure.element, this.scores.element);
-    this.content = [first, this.mathematics.element, this.claims];
+    this.content = [first, this.mathematics.element, this.claims.element];
   }
 
   refresh(page) {
     this.figure.follow(page, ({ figure, caption }) => picture(figure, caption));
     this.mathematics.follow(page, ({ mathematics }) => [written("div", {}, mathematics)]);
-    this.scores.follow(this.studio.ask("scores"), (answer) => this.drawn(answer));
+    const scores = this.studio.ask("scores");
+    this.scores.follow(scores, (answer) => this.drawn(answer));
+    this.claims.follow(scores.then((answer) => (answer.ok && !answer.outdated ? this.studio.ask("claims") : answer)),
+      ({ claims }) => this.said(claims));
   }
 
-  drawn({ title, rows, claims, remark }) {
-    this.claims.replaceChildren(...claims.map((claim) => this.claim(claim)));
-    const holding = claims.filter(({ holds }) => holds).length;
-    const remarks = [claims.length ? `${holding} of ${claims.length} claims hold` : "", remark ?? ""];
+  drawn({ title, rows, remark }) {
     const scores = make("table", { class: "scores" }, make("tbody", {}, ...rows.map(score)));
-    return [make("h2", {}, title), scores, ...remarks.filter(Boolean).map((each) => quiet(each))];
+    return [make("h2", {}, title), scores, ...(remark ? [quiet(remark)] : [])];
+  }
+
+  said(claims) {
+    if (!claims.length) return [];
+    const holding = claims.filter(({ holds }) => holds).length;
+    const list = make("ul", { class: "claims", "aria-label": "Claims" }, ...claims.map((claim) => this.claim(claim)));
+    return [quiet(`${holding} of ${claims.length} claims hold`), list];
   }
 
   claim({ text, holds, words, detail, line }) {

@@ -26,8 +26,7 @@ function address(name) {
 
 class Studio {
   constructor() {
-    const ended = () => this.say("The studio has ended; the text is still here to be copied.", true);
-    this.live = new Live(address("live"), ended);
+    this.live = new Live(address("live"), () => this.say("The studio has ended; the text can still be copied.", true));
     this.editor = new Editor(byId("editor"), byId("problems"), address("lsp"), () => this.edited());
     this.settings = new Settings(byId("settings"), () => this.change());
     this.files = new Files(this);

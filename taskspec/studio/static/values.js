@@ -18,7 +18,8 @@ export class ValuesTab {
     this.heat = labelled("temperature", this.temperature);
     this.time = make("input", { type: "range", min: 0, max: 0, value: 0, oninput: asked });
     this.clock = make("output");
-    this.layers = LAYERS.map((value) => make("input", { type: "checkbox", value, checked: value !== "occupancy", onchange: asked }));
+    const box = (value) => make("input", { type: "checkbox", value, checked: value !== "occupancy", onchange: asked });
+    this.layers = LAYERS.map(box);
     const time = make("div", { class: "slider" }, labelled("time", this.time), this.clock);
     const layers = this.layers.map((box) => make("label", {}, box, box.value));
     const controls = make("div", { class: "row" }, labelled("policy", this.plan), this.heat, time, ...layers);

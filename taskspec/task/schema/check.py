@@ -41,8 +41,6 @@ OTHER_FORMATS = {
 """Documents that are no specs, by their first key: what they are, and what to do with one."""
 Shape = TypeVar("Shape", bound=BaseModel)
 _MAPPINGS = ("dict_type", "model_type", "model_attributes_type")
-MOST_LABELS = 9
-"""Of a choice that a hint writes out."""
 
 
 class Located(Protocol):
@@ -219,7 +217,7 @@ def _not_an_option(value: object, expected: str, key: Path) -> Problem:
 def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
     value = error["input"]
     if error_type in _MAPPINGS:
-        problem = values.wrong_kind("named entries (`name: ...`)", value, _entry_meant(error["loc"], value))
+        problem = values.wrong_kind("named entries (`name: ...`)", value)
         if value is None:
             return problem
         return problem._replace(code="E201")
@@ -230,20 +228,6 @@ def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
         hint = "put it in quotes" if expected == "text" and is_number else None
         return values.wrong_kind(expected, value, hint)
     return Problem("E204", (), f"{values.kind(value)} is not allowed here: {error['msg']}")
-
-
-def _entry_meant(loc: Path, value: Any) -> str | None:
-    """Return how a parameter or component is declared that is given by its type, its default or its labels alone."""
-    types = {bool: "bool", int: "int", float: "real"}
-    match value:
-        case "bool" | "int" | "real":
-            return f"write {{type: {value}}}"
-        case bool() | int() | float() if loc[:-1] == ("parameters",):
-            return f"write {{type: {types[type(value)]}, default: {str(value).lower()}}}"
-        case [str(), *rest] if loc[:-1] in (("state",), ("action",)) and len(rest) < MOST_LABELS:
-            return f"write {{type: choice, values: [{', '.join(map(str, value))}]}}"
-        case _:
-            return None
 
 
 def _keys_at(model: type[BaseModel], path: Path) -> list[str]:
@@ -269,7 +253,8 @@ def _step(annotation: Any, step: str | int) -> Iterator[Any]:
     else:
         for model in _models_in(annotation):
             field = model.model_fields.get(str(step))
-            yield from [field.annotation] if field else _extra_type(model)
+            extra = get_type_hints(model).get("__pydantic_extra__")
+            yield from [field.annotation] if field else get_args(extra)[1:]
 
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -279,12 +264,6 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
     elif get_origin(annotation) in (Union, UnionType, Annotated):
         for part in get_args(annotation):
             yield from _models_in(part)
-
-
-def _extra_type(model: type[BaseModel]) -> Iterator[Any]:
-    extra = get_type_hints(model).get("__pydantic_extra__")
-    if extra is not None:
-        yield from get_args(extra)[1:]
 
 
 def _format(data: dict[str, Any]) -> Iterator[Problem]:

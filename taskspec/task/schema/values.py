@@ -161,7 +161,6 @@ def unknown_key(key: str, known: tuple[str, ...]) -> Problem:
 _FUNCTION = re.compile(r"([^()]*)\(([^()]*)\)")
 _PIECE_KEYS = ("if", "then", "else")
 _TABLE_KEYS = ("by", "rows")
-_ENDLESS = ("no", "none", "null", "off", "never", "inf", "infinite", "infinity", "unlimited", "~")
 Kind = Literal["int", "real", "bool", "choice"]
 WARNINGS = tuple(code for code, entry in codes().items() if entry.severity == "warning")
 SPACES = ("box", "dict", "one_hot", "multi_discrete", "discrete")
@@ -372,16 +371,12 @@ def _truth_label(label: str, path: tuple[str | int, ...]) -> Iterator[Problem]:
 
 def horizon(value: Any) -> Iterator[Problem]:
     """Yield a number of steps, an expression for it, or `none`."""
-    if isinstance(value, float) and value.is_integer():
-        yield wrong_kind("a number of steps, or `none`", value, f"write {int(value)}")
+    if value is None or value == "":
+        yield wrong_kind("a number of steps, or `none`", None)
     elif isinstance(value, bool | float | list | dict):
         yield wrong_kind("a number of steps, or `none`", value)
-    elif isinstance(value, str) and value != "none" and value.strip().lower() in _ENDLESS:
-        yield wrong_kind("a number of steps, or `none`", value, "an episode without a limit has `horizon: none`")
     elif isinstance(value, int) and value < 1:
         yield Problem("E204", (), f"an episode cannot last {value} steps")
-    elif value in (None, ""):
-        yield wrong_kind("a number of steps, or `none`", None)
 
 
 def expert(value: Any) -> Iterator[Problem]:
