@@ -8,8 +8,8 @@ from pathlib import Path
 
 from taskspec import figures, pages, registry
 from taskspec.base.files import write_text
-from taskspec.pages.render import markdown
 from taskspec.pages.render.html import gallery
+from taskspec.pages.render.markdown import markdown
 from taskspec.pages.render.suite import Suite
 from taskspec.pages.write import gather_pages
 

@@ -64,12 +64,7 @@ class FileReport:
     entries: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class FileCheck:
-    """The check of one file, to be run here or in another process."""
-
-    path: Path
-    run: Callable[[], FileReport]
+FileCheck = tuple["Path", Callable[[], FileReport]]  # a file, and what checks it, here or in another process
 
 
 def run_checks(checks: Sequence[FileCheck], jobs: int | None = None) -> list[FileReport]:
@@ -82,21 +77,21 @@ def run_checks(checks: Sequence[FileCheck], jobs: int | None = None) -> list[Fil
     processes = min(jobs or os.cpu_count() or 1, len(checks))
     has_threads = threading.active_count() > 1 or "jax" in sys.modules
     if processes < 2 or has_threads or sys.platform in ("darwin", "win32"):  # such a process cannot be forked safely
-        return [check.run() for check in telling(checks, lambda check: str(check.path))]
-    longest_first = sorted(range(len(checks)), key=lambda i: -checks[i].path.stat().st_size)
+        return [run() for _, run in telling(checks, lambda check: str(check[0]))]
+    longest_first = sorted(range(len(checks)), key=lambda i: -checks[i][0].stat().st_size)
     with ProcessPoolExecutor(processes, multiprocessing.get_context("fork")) as pool:
-        running = {i: pool.submit(_run_apart, checks[i]) for i in longest_first}
+        running = {i: pool.submit(_run_apart, checks[i][1]) for i in longest_first}
         try:
-            done = {i: running[i].result() for i in telling(longest_first, lambda i: str(checks[i].path))}
+            done = {i: running[i].result() for i in telling(longest_first, lambda i: str(checks[i][0]))}
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     return [done[i] for i in range(len(checks))]
 
 
-def _run_apart(check: FileCheck) -> FileReport:
+def _run_apart(run: Callable[[], FileReport]) -> FileReport:
     with progress_listener(lambda what, share: None):  # the first process reports progress
-        report = check.run()
+        report = run()
     return replace(report, tasks=tuple(replace(each, task=None) for each in report.tasks))
 
 

@@ -21,7 +21,7 @@ from taskspec.model.transitions import picked
 from taskspec.rollout.rollout import visited
 from taskspec.soundness.phases import Check, CheckPhase, Examination, Violation
 from taskspec.soundness.soundness import in_words
-from taskspec.task.parts import Component, by_name
+from taskspec.task.parts import by_name
 from taskspec.task.task import Task
 
 NAMED = {"parameters": "parameter", "constants": "constant", "definitions": "definition", "noise": "noise"}
@@ -163,32 +163,24 @@ def _guards(roots: Sequence[Node], b: Builder) -> Iterator[tuple[Node, Node]]:
             guards[id(child)] = b.apply("or", guards.get(id(child), never), guard)
 
 
-def _bare(node: Node) -> Node:
-    while isinstance(node, Apply) and node.op in ("to_real", "to_int"):
-        node = node.args[0]
-    return node
-
-
 def constant(context: LintContext) -> Iterator[Doubt]:
     """Yield a part of the observation that is always the same."""
-    for c, node in _shown(context):
+    seen = context.task.observation
+    for c, node in zip(seen.components, seen.nodes, strict=True):
+        if seen.is_state or not c.type.size:
+            continue
         values = _values(node, context.model)
         if values is not None and _is_constant(values):
             value = words(plain(c, values[..., 0]))
             yield Doubt(context.key("observation", c.name), f"'{c.name}' is {value} in every observation")
 
 
-def _shown(context: LintContext) -> list[tuple[Component, Node]]:
-    """Return the observation as written in the spec, without parts that have no elements."""
-    seen = context.task.observation
-    if seen.is_state:
-        return []
-    return [(c, node) for c, node in zip(seen.components, seen.nodes, strict=True) if c.type.size]
-
-
 def _values(node: Node, model: Model | None) -> Array | None:
     """Return the values (..., N) of a node in all states that episodes enter; None if some are not known."""
-    if isinstance(_bare(node), Const):
+    bare = node
+    while isinstance(bare, Apply) and bare.op in ("to_real", "to_int"):
+        bare = bare.args[0]
+    if isinstance(bare, Const):
         return evaluate([node], {})[0]
     if model is None or draws([node]) or (Role.TIME, "t") in reads([node]):
         return None

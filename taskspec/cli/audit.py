@@ -45,8 +45,7 @@ def audit(
     from taskspec.making import register
 
     given = _kwargs(kwargs)
-    with contextlib.redirect_stdout(sys.stderr), warnings.catch_warnings(), progress("audit"):
-        warnings.simplefilter("ignore")
+    with contextlib.redirect_stdout(sys.stderr), warnings.catch_warnings(action="ignore"), progress("audit"):
         register()
         subject = Subject(env, given)
         if replay is None:
@@ -65,8 +64,8 @@ def audit(
 def _kwargs(text: str) -> dict[str, Any]:
     try:
         found = json_text.loads(text)
-    except ValueError as error:
-        raise misuse(f"--kwargs is not JSON: {error}", "for example --kwargs '{\"size\": 5}'") from None
+    except ValueError:
+        found = None
     if not isinstance(found, dict):
         raise misuse(f"--kwargs is a JSON object, not {text}", "for example --kwargs '{\"size\": 5}'")
     return found
@@ -93,8 +92,7 @@ def _replay(subject: Subject, text: str) -> None:
     from taskspec.audit.subject import first_difference, shown
 
     trace = subject.read(text)
-    with contextlib.redirect_stdout(sys.stderr), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with contextlib.redirect_stdout(sys.stderr), warnings.catch_warnings(action="ignore"):
         steps = subject.play(trace)
         again = subject.play(trace, world=1)
     table = Columns("action", "observation", "reward", "end", fold=(1,))

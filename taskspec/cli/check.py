@@ -22,7 +22,7 @@ from taskspec.cli.tables import Columns
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taskspec.check.file_checks import Checked, FileReport
+    from taskspec.check.file_checks import Checked, FileCheck, FileReport
     from taskspec.check.report import Report
     from taskspec.source.scan import Kind
     from taskspec.targets import File
@@ -99,12 +99,12 @@ def _checked(
     others: Iterable[tuple[Path, Kind]], files: Iterable[File], sense: bool, jobs: int | None
 ) -> list[FileReport]:
     from taskspec import exact, figures  # noqa: F401  # before processes are forked, which then need not import them again
-    from taskspec.check.file_checks import FileCheck, check_file, run_checks
+    from taskspec.check.file_checks import check_file, run_checks
 
-    checks = [FileCheck(path, partial(check_other, path, kind)) for path, kind in others]
+    checks: list[FileCheck] = [(path, partial(check_other, path, kind)) for path, kind in others]
     for file in files:
         prove = partial(examine, sense=sense, defaults=not file.parameters)
-        checks.append(FileCheck(file.path, partial(check_file, file, prove)))
+        checks.append((file.path, partial(check_file, file, prove)))
     with progress("check"):
         return run_checks(checks, jobs)
 
@@ -180,7 +180,7 @@ def _table(reports: Sequence[FileReport]) -> Columns:
             cells = {
                 "settings": f"{each.cases} tried" * bool(each.cases),
                 "claims": _decided(each.claims),
-                "examples": f"{each.wrong_examples} wrong" if each.wrong_examples else str(each.examples or ""),
+                "examples": f"{each.wrong_examples} wrong" * bool(each.wrong_examples) or str(each.examples or ""),
                 "symmetries": _decided(each.symmetries),
             }
             name = VisibleText(f"  {each.id or each.name}", style="name")
@@ -230,7 +230,7 @@ def verdict(reports: Sequence[FileReport], problems: Sequence[Diagnostic], secon
     if errors:
         found.append(plural(errors, "error"), "bad")
     if warnings:
-        found.append(", " if errors else "").append(plural(warnings, "warning"), "warn")
+        found.append(", " * bool(errors)).append(plural(warnings, "warning"), "warn")
     if not errors and not warnings:
         found.append("no errors, no warnings", "good")
     if accepted:

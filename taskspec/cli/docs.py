@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, raise_if_errors, spec_error
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
 from taskspec.base.display import plural
 from taskspec.base.extras import install, is_installed
 from taskspec.base.files import near
@@ -99,11 +99,9 @@ def docs(
 
 
 def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[list[Task], list[Diagnostic]]:
-    """Return all tasks of ids, files and folders, and the instances of experiments that are named; and what is wrong with
-    others.
-    """
+    """Return all tasks of ids, files and folders, and of experiments that are named, and what is wrong with others."""
     from taskspec.experiments import expand, read
-    from taskspec.registry import load
+    from taskspec.modifiers import modify
     from taskspec.targets import files_of, kind_of, tasks_in
 
     named = [target for target in targets if kind_of(target) == "experiment"]
@@ -118,11 +116,7 @@ def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[lis
                 tasks.append(found)
     for target in named:
         try:
-            expanded = expand(read(target))
-            raise_if_errors([*expanded.diagnostics, *expanded.refused])
-            for each in expanded.instances:
-                given = (*each.modifiers, *modifiers)
-                tasks.append(load(each.source, each.variant, modifiers=given, **each.parameters))
+            tasks += [modify(task, *modifiers) for task in expand(read(target)).tasks()]
         except SpecError as error:
             problems += error.diagnostics
     return tasks, problems

@@ -25,10 +25,6 @@ _TIME = re.compile(r"(\d+(?:\.\d+)?)([smh])")
 _SECONDS = {"s": 1, "m": 60, "h": 3600}
 
 
-def _option(*names: str, help: str, **more: Any) -> Any:
-    return Option(*names, help=help, **more)
-
-
 LearnerArgument = Annotated[
     list[str],
     Argument(
@@ -39,52 +35,52 @@ LearnerArgument = Annotated[
     ),
 ]  # fmt: skip
 Suite = Annotated[
-    str | None, _option("--suite", metavar="NAME", help="The suite of tasks; derail and probes unless given.")
+    str | None, Option("--suite", metavar="NAME", help="The suite of tasks; derail and probes unless given.")
 ]
 Tasks = Annotated[
     list[str] | None,
-    _option(
+    Option(
         "--tasks", "-t", metavar="TASK,...",
         help="The tasks to examine, or an experiment for its instances; all of the suite unless given.",
     ),
 ]  # fmt: skip
-Seeds = Annotated[int | None, _option("--seeds", min=1, help="Number of random seeds; 15 unless given.")]
+Seeds = Annotated[int | None, Option("--seeds", min=1, help="Number of random seeds; 15 unless given.")]
 Steps = Annotated[
     str | None,
-    _option("--steps", metavar="N", help="Environment steps of each training run; 500k unless given, 10k on probes."),
+    Option("--steps", metavar="N", help="Environment steps of each training run; 500k unless given, 10k on probes."),
 ]
 Transitions = Annotated[
-    str | None, _option("--transitions", metavar="N", help="Transitions of expert demonstrations; 10k unless given.")
+    str | None, Option("--transitions", metavar="N", help="Transitions of expert demonstrations; 10k unless given.")
 ]
 Within = Annotated[
     str | None,
-    _option("--within", metavar="TIME", help="Time for the exam, such as 5m or 90s: seeds and steps are chosen for it."),
+    Option("--within", metavar="TIME", help="Time for the exam, such as 5m or 90s: seeds and steps are chosen for it."),
 ]  # fmt: skip
 UntilSure = Annotated[
-    bool, _option("--until-sure", help="Add seeds, up to 30, until each capability is mastered or failed.")
+    bool, Option("--until-sure", help="Add seeds, up to 30, until each capability is mastered or failed.")
 ]
-Twins = Annotated[int | None, _option("--twins", min=0, help="Twins of each task that has some; 2 unless given.")]
+Twins = Annotated[int | None, Option("--twins", min=0, help="Twins of each task that has some; 2 unless given.")]
 Peeks = Annotated[
     bool | None,
-    _option("--peeks/--no-peeks", help="Whether to test if the learner uses rewards that are withheld; on by default."),
+    Option("--peeks/--no-peeks", help="Whether to test if the learner uses rewards that are withheld; on by default."),
 ]
 Laws = Annotated[
     bool | None,
-    _option(
+    Option(
         "--laws/--no-laws",
         help="Whether to try all laws of learning, or none; those that the learner declares by default.",
     ),
 ]
 LearnsFrom = Annotated[
     list[str] | None,
-    _option(
+    Option(
         "--learns-from", metavar="reward|demonstrations|preferences",
         help="What the learner is granted; may be repeated, or given with commas.",
     ),
 ]  # fmt: skip
 Against = Annotated[
     Path | None,
-    _option(
+    Option(
         "--against", metavar="FOLDER",
         help="An earlier exam, or one that comes with a suite (derail/bc): changes since then are flagged.",
     ),
@@ -136,7 +132,7 @@ def exam(
     counts = {"steps": _count("--steps", steps), "transitions": _count("--transitions", transitions)}
     given = {"seeds": seeds, "twins": twins, "peeks": peeks, **counts}
     terms: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    written = [read_if_experiment(learner) for learner in learners]
+    written = list(map(read_if_experiment, learners))
     if written[0] is not None:
         if len(learners) > 1:
             raise misuse("an experiment names its learners itself", "give one experiment, or several learners")

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
-from taskspec.base.diagnostics import spec_error
 from taskspec.base.files import near, write_bytes
 from taskspec.cli import options
 from taskspec.cli.console import console, misuse, say, write_json, write_output
@@ -48,26 +47,24 @@ def export(
     where they differ.
     """
     from taskspec.exchange import formats
-    from taskspec.targets import tasks_of
+    from taskspec.targets import task_of
 
     chosen = formats.FORMATS[options.checked_choice("--format", format, FORMATS)]
-    found = tasks_of(task, variant, parameters or [], modifiers or [])
-    if len(found) != 1:
-        raise spec_error("E713", f"{task} names {len(found)} tasks; export one at a time")
+    found = task_of(task, variant, parameters or [], modifiers or [])
     if output is None and not (verify or chosen.is_text):
-        raise misuse(f"--format {chosen.name} is binary", f"--output {found[0].name}{chosen.suffix}")
-    with progress(found[0].instance_id):
-        model, tables = formats.exported(found[0], chosen)
+        raise misuse(f"--format {chosen.name} is binary", f"--output {found.name}{chosen.suffix}")
+    with progress(found.instance_id):
+        model, tables = formats.exported(found, chosen)
     if output is not None:
         write_bytes(output, formats.written(tables, chosen))
         say(f"wrote {near(output)}", err=True)
     elif not verify:
         sys.stdout.write(formats.written(tables, chosen).decode())
     if not json:
-        for note in formats.notes(found[0], tables, chosen):
+        for note in formats.notes(found, tables, chosen):
             say(f"  {note}", err=True)
     if verify:
-        _verify(found[0], chosen, model, tables, json)
+        _verify(found, chosen, model, tables, json)
 
 
 def _verify(task: Task, format: ModelFormat, model: Any, tables: Any, json: bool) -> None:

@@ -81,20 +81,7 @@ def mutate(
 
 
 def _print(judged: list[Judged], classes: list[str]) -> None:
-    out = console(wide=True)
-    out.print(_table(judged))
-    for path, mutant, judgement in judged:
-        if judgement.kind in classes:
-            place = f"{path}:{mutant.place.line}:{mutant.place.column}"
-            noticed = ""
-            if judgement.code:
-                noticed = f"  {judgement.code} {judgement.message}"
-            change = f"{mutant.section}: {mutant.before or '(nothing)'} → {mutant.after}"
-            out.print(line((place, "name"), "  ", (judgement.kind, "warn"), f"  {change}", (noticed, "quiet")))
-
-
-def _table(judged: list[Judged]) -> Columns:
-    """Return how many changes there are of each class, spec by spec."""
+    """Print how many changes there are of each class, spec by spec, and the changes of some classes."""
     from taskspec.mutation.judge import CLASSES
 
     counts: dict[Path, Counter[str]] = {}
@@ -109,4 +96,11 @@ def _table(judged: list[Judged]) -> Columns:
     table = Columns("", "changes", *kinds, right=range(1, len(kinds) + 2), styles=("title",), names=0)
     for name, count in rows:
         table.add_row(name, f"{count.total():,}", *(f"{count[kind]:,}" for kind in kinds))
-    return table
+    out = console(wide=True)
+    out.print(table)
+    for path, mutant, judgement in judged:
+        if judgement.kind in classes:
+            place = f"{path}:{mutant.place.line}:{mutant.place.column}"
+            noticed = f"  {judgement.code} {judgement.message}" * bool(judgement.code)
+            change = f"{mutant.section}: {mutant.before or '(nothing)'} → {mutant.after}"
+            out.print(line((place, "name"), "  ", (judgement.kind, "warn"), f"  {change}", (noticed, "quiet")))

@@ -68,11 +68,7 @@ def complete_paths(incomplete: str) -> Completions:
     specs: Completions = []
     folders: Completions = []
     for path in sorted(folder.iterdir()):
-        if tail:
-            is_offered = path.name.startswith(tail)
-        else:
-            is_offered = not path.name.startswith(".")
-        if not is_offered:
+        if not path.name.startswith(tail) or (not tail and path.name.startswith(".")):
             continue
         if path.is_dir():
             folders.append((f"{head}{slash}{path.name}/", "folder"))
@@ -129,10 +125,9 @@ def formats_option(allowed: Sequence[str], help: str) -> Any:
     return choices_option("--format", "-f", allowed=allowed, help=help)
 
 
-def folder_option(help: str, show_default: bool = True) -> Any:
+def folder_option(help: str) -> Any:
     """Return the option for the folder that a command writes to."""
-    names = ("--output", "--out", "-o")
-    return Option(*names, metavar="FOLDER", help=help, file_okay=False, show_default=show_default)
+    return Option("--output", "--out", "-o", metavar="FOLDER", help=help, file_okay=False)
 
 
 def file_option(*names: str, help: str) -> Any:

@@ -78,34 +78,30 @@ def _capability(task: Listed) -> str:
 
 def _print_tasks(tasks: Sequence[Listed]) -> None:
     """Print a row for each task, those that isolate the same thing side by side, in order of first mention."""
+    from taskspec.task.record import horizon, settings, size
+
     order: dict[str, int] = {}
     for task in tasks:
         order.setdefault(_capability(task), len(order))
     ordered = sorted(tasks, key=lambda task: order[_capability(task)])
     out = console(wide=True)
-    out.print(_task_table(ordered, out.width))
-    if out.is_terminal:
-        out.print(f"\n{plural(len(tasks), 'task')}; `taskspec show ID` shows one", style="quiet")
-
-
-def _task_table(tasks: Sequence[Listed], width: int) -> Columns:
-    from taskspec.task.record import horizon, settings, size
-
-    if width < WIDE:
+    if out.width < WIDE:
         table = Columns("task", "parameters", "size", "horizon", right=(2, 3), fold=(1,), names=0, spare=(3,))
-        for title, members in groupby(tasks, lambda task: _capability(task) or "other"):
+        for title, members in groupby(ordered, lambda task: _capability(task) or "other"):
             table.add_row(VisibleText(title, style="title"))
             for task in members:
                 table.add_row(VisibleText(f"  {task.id}", style="name"), settings(task), size(task), horizon(task))
-        return table
-    table = Columns(
-        "task", "isolates", "parameters", "size", "horizon", "summary", right=(3, 4), fold=(2, 5),
-        styles=("name", "", "", "", "", "quiet"), names=0, spare=(5,),
-    )  # fmt: skip
-    for task in tasks:
-        summary = visible(task.summary) if width >= WIDEST else ""
-        table.add_row(task.id, _capability(task), settings(task), size(task), horizon(task), summary)
-    return table
+    else:
+        table = Columns(
+            "task", "isolates", "parameters", "size", "horizon", "summary", right=(3, 4), fold=(2, 5),
+            styles=("name", "", "", "", "", "quiet"), names=0, spare=(5,),
+        )  # fmt: skip
+        for task in ordered:
+            summary = visible(task.summary) * (out.width >= WIDEST)
+            table.add_row(task.id, _capability(task), settings(task), size(task), horizon(task), summary)
+    out.print(table)
+    if out.is_terminal:
+        out.print(f"\n{plural(len(tasks), 'task')}; `taskspec show ID` shows one", style="quiet")
 
 
 def show(
@@ -156,7 +152,13 @@ def explain(code: CodeArgument = None, json: options.Json = False) -> None:
     if json:
         write_json([{name: getattr(each, name) for name in CODE_FIELDS} for each in found])
     elif code is None:
-        _print_codes(found)
+        table = Columns("", "", "", fold=(2,), styles=("name", "", "quiet"))
+        for prefix, members in groupby(found, lambda each: each.code[:2]):
+            subject = VisibleText(classes().get(prefix, ""), style="title")
+            table.add_row(VisibleText(prefix + "xx", style="bold default"), subject)
+            for each in members:
+                table.add_row(f"  {each.code}", each.slug, each.title)
+        console(wide=True).print(table)
     else:
         _explain(found[0])
 
@@ -189,13 +191,3 @@ def _explain(code: Code) -> None:
             else:
                 parts += [" ".join(paragraph.split()) for paragraph in part.split("\n\n") if paragraph.strip()]
         out.print("\n\n".join(parts))
-
-
-def _print_codes(codes: Sequence[Code]) -> None:
-    table = Columns("", "", "", fold=(2,), styles=("name", "", "quiet"))
-    for prefix, members in groupby(codes, lambda c: c.code[:2]):
-        subject = VisibleText(classes().get(prefix, ""), style="title")
-        table.add_row(VisibleText(prefix + "xx", style="bold default"), subject)
-        for code in members:
-            table.add_row(f"  {code.code}", code.slug, code.title)
-    console(wide=True).print(table)

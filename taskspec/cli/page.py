@@ -84,7 +84,7 @@ def _of_instance(task: Task, key: str) -> Iterator[VisibleText]:
                 if name in task.constants and not isinstance(value, Mapping) and draws(expression(value)):
                     drawn = task.constants[name]
                     shown = visible(f"{name} = {drawn.tolist() if hasattr(drawn, 'tolist') else drawn}")
-                    yield VisibleText(f"here {shown[:LONGEST]}{' …' if len(shown) > LONGEST else ''}", style="quiet")
+                    yield VisibleText(f"here {shown[:LONGEST]}{' …' * (len(shown) > LONGEST)}", style="quiet")
         case "horizon" if isinstance(task.spec.horizon, str) and task.horizon is not None:
             yield VisibleText(f"here {task.horizon:,}", style="quiet")
 

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from taskspec.exam import Exam
     from taskspec.exam.card import Card
     from taskspec.exam.comparison import LearnersComparison
-    from taskspec.exam.findings import FindingsResult
     from taskspec.exam.score_rows import TaskRow
     from taskspec.experiments import LearnersExamined
     from taskspec.task.schema.experiments import Experiment
@@ -47,7 +46,7 @@ def report(
     ] = None,
     output: Annotated[
         Path | None,
-        folder_option("Where to write: the exam's own folder, or build/report for several, unless given.", False),
+        folder_option("Where to write: the exam's own folder, or build/report for several, unless given."),
     ] = None,
     findings: Suite = None,
     json: Json = False,
@@ -295,13 +294,6 @@ def _report_findings(suite: str, folders: Sequence[Path], output: Path, json: bo
     if json:
         write_json(found.data)
         return
-    console(wide=True).print(_findings_table(found))
-    for suffix in texts:
-        say(f"wrote {near(output / f'findings.{suffix}')}")
-
-
-def _findings_table(found: FindingsResult) -> Columns:
-    """Return a row for each finding: what it says, and what became of it with each set of results."""
     table = Columns("", "the paper says", *found.sets, fold=(1,), styles=("name",), names=1)
     for each in found.results:
         outcomes = map(each.outcome, found.sets)
@@ -310,4 +302,6 @@ def _findings_table(found: FindingsResult) -> Columns:
     for outcome, style in OUTCOMES.items():
         numbers = [str(count[outcome]) for count in counts]  # type: ignore[index]  # the same words
         table.add_row("", VisibleText(outcome, style=style), *numbers)
-    return table
+    console(wide=True).print(table)
+    for suffix in texts:
+        say(f"wrote {near(output / f'findings.{suffix}')}")

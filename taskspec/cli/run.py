@@ -189,7 +189,7 @@ def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
 
 def _mean(summary: Summary) -> Any:
     if summary.half is None or summary.deviation == 0:
-        every = "  in every episode" if summary.episodes > 1 else ""
+        every = "  in every episode" * (summary.episodes > 1)
         return line((decimal(summary.mean), "title"), (every, "quiet"))
     mean, half = estimate(summary.mean, summary.half)
     low = estimate(summary.mean - summary.half, summary.half)[0]

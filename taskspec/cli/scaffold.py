@@ -1,10 +1,10 @@
-"""`taskspec new` and `taskspec schema`: a spec to start from, and completion for editors."""
+"""`taskspec new`, `taskspec schema` and `taskspec lsp`: a spec to start from, and help for editors."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from typer import Argument, Option
 
@@ -105,9 +105,19 @@ def schema(
 
     if experiment + exam + findings > 1:
         raise misuse("--experiment, --exam and --findings are three schemas; ask for one")
-    asked: dict[Any, bool] = {Experiment: experiment, ExamDocument: exam, FindingsDocument: findings}
     schema = json_schema()
-    for model, wanted in asked.items():
+    for model, wanted in ((Experiment, experiment), (ExamDocument, exam), (FindingsDocument, findings)):
         if wanted:
             schema = document_schema(model)
     write_output(visible_json(schema) + "\n", output)
+
+
+def lsp() -> None:
+    """Serve an editor: mistakes while typing, completion, meanings, fixes and exact scores.
+
+    It speaks the Language Server Protocol over standard input and output; an editor starts it. It needs the extra
+    [green]editor[/].
+    """
+    from taskspec.editor import serve
+
+    serve()

@@ -17,7 +17,7 @@ from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.exact import Difficulty, Expectations, PomdpBounds, Results, Return, Score, Scores
+    from taskspec.exact import Expectations, PomdpBounds, Results, Return, Score, Scores
     from taskspec.task.task import Task
 
 RETURNS = ("optimal", "expert", "random", "worst")
@@ -92,7 +92,13 @@ def _answers(
 
     if difficulty:
         measures = exact.difficulty(results)
-        yield "difficulty", measures.record(), [_difficulty_table(measures, scores.why_not_exact)]
+        table = Columns("  difficulty", "", "", right=(1,), fold=(2,), styles=("", "", "quiet"))
+        for name, value, unit, _ in measures.rows():
+            reason = measures.why_not.get(name, unit)
+            if reason == scores.why_not_exact:  # which has been given
+                reason = ""
+            table.add_row(f"  {name}", "unknown" if value is None else number(value), reason)
+        yield "difficulty", measures.record(), [table]
     if limits:
         found = exact.constrained_optimum(results.task, limits)
         table = Columns("", "", "", right=(1,), fold=(2,), styles=("quiet", "title", "quiet"))
@@ -101,7 +107,7 @@ def _answers(
         yield "within_limits", {"limits": list(limits), **asdict(found)}, [table]
     if measure is not None:
         corners = exact.pareto_front(results.task, measure)
-        yield "front", [asdict(corner) for corner in corners], [*_front(corners, measure)]
+        yield "front", list(map(asdict, corners)), [*_front(corners, measure)]
 
 
 def score(
@@ -243,15 +249,6 @@ def _bound(value: Any, remark: str, why_not: str | None) -> tuple[str, str, str]
         return *_return(Return(value.value, bound=value.error)), remark
     low, high = value.ends
     return f"{number(low)} to {number(high)}", "proved bounds", remark
-
-
-def _difficulty_table(measures: Difficulty, known: str | None) -> Columns:
-    """Return the measures; the reason that has been given for having no model is not given again."""
-    table = Columns("  difficulty", "", "", right=(1,), fold=(2,), styles=("", "", "quiet"))
-    for name, value, unit, _ in measures.rows():
-        reason = measures.why_not.get(name, unit)
-        table.add_row(f"  {name}", number(value) if value is not None else "unknown", reason if reason != known else "")
-    return table
 
 
 def _print_score(task: Task, result: Score) -> None:

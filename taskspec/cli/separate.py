@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import fixed, interval
 from taskspec.base.files import near, safe_name, write_text
 from taskspec.base.limits import tell
@@ -203,12 +202,9 @@ def freeze(
     States that no episode visits are left out; exact returns become claims.
     """
     from taskspec.exchange.freeze import freeze as frozen
-    from taskspec.targets import tasks_of
+    from taskspec.targets import task_of
 
     given = list(parameters or [])
     if seed is not None:
         given.append(f"instance_seed={seed}")
-    found = tasks_of(task, variant, given, modifiers or [])
-    if len(found) != 1:
-        raise spec_error("E713", f"{task} names {len(found)} tasks; freeze one at a time")
-    write_output(frozen(found[0]).spec(), output)
+    write_output(frozen(task_of(task, variant, given, modifiers or [])).spec(), output)

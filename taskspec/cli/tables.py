@@ -125,7 +125,7 @@ class Columns:
             if any(end in text for end in ENDS):
                 groups.setdefault(text.startswith(" "), []).append(row)
         for is_indented, rows in sorted(groups.items(), reverse=True):
-            indent = "  " if is_indented else ""
+            indent = "  " * is_indented
             shared = shared_prefix([str(row[self.names]).strip() for row in rows])
             if len(rows) < 2 or not shared:
                 continue
@@ -158,7 +158,7 @@ class Columns:
                 if i <= self.names or not str(row[i]):
                     continue
                 header = self.headers[i].replace("\n", " ")
-                cell = Text.assemble(" ", (header, "quiet"), " " if header else "", row[i])
+                cell = Text.assemble(" ", (header, "quiet"), " " * bool(header), row[i])
                 if len(line) + len(cell) > width and len(line) > 3:
                     yield line
                     line = Text("   ")

@@ -6,8 +6,7 @@ import json
 import math
 import re
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -17,11 +16,11 @@ from zipfile import BadZipFile
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error, suggest
+from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.extras import need
 from taskspec.base.files import whole, whole_folder
 from taskspec.base.records import entries_by_name
-from taskspec.data.episodes import COLUMNS, Demonstrations, Trajectory, Transitions, columns
+from taskspec.data.episodes import COLUMNS, Demonstrations, Transitions, columns
 from taskspec.data.preferences import Preferences
 from taskspec.making import made_by
 from taskspec.model.model import misused
@@ -120,20 +119,32 @@ def read_table(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     return found, metadata
 
 
-EXTRA = "minari"
-_NAME = re.compile(r"[-_\w]*\w-v\d+")
+Data = Demonstrations | Preferences
+MARK = "taskspec.json"  # the file of a dataset's folder that holds the metadata
+_NAME = re.compile(r"[-_\w]*\w-v\d+")  # what Minari can call a dataset
 
 
-def write_minari(folder: Path, place: Path, data: Demonstrations) -> None:
-    """Write the dataset `place` into a folder that is going to be there."""
-    if not _NAME.fullmatch(place.name):
-        misused(f"Minari cannot call a dataset '{place.name}'", "end the folder's name in a version: expert-v0")
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A way to keep data. `suffix` of its files; "" where it is a folder, which holds demonstrations alone.
+
+    `write` takes a path, the data, and the final name of the file or folder.
+    """
+
+    name: str
+    suffix: str
+    doc: str
+    write: Callable[[Path, Any, str], None]
+    read: Callable[[Path], tuple[dict[str, Any], dict[str, Any]]] | None = None
+
+
+def _write_minari(folder: Path, data: Demonstrations, name: str) -> None:
+    if not _NAME.fullmatch(name):
+        misused(f"Minari cannot call a dataset '{name}'", "end the folder's name in a version: expert-v0")
     if data.task is None:
-        misused(
-            "a dataset of Minari is written of what `demonstrations` gives, not of what was read", "write both at once"
-        )
-    storage = need("minari.dataset.minari_storage", EXTRA, "this format").MinariStorage
-    need("h5py", EXTRA, "this format")
+        misused("Minari stores what `demonstrations` gives, not what was read", "write both at once")
+    storage = need("minari.dataset.minari_storage", "minari", "this format").MinariStorage
+    need("h5py", "minari", "this format")
     buffer = need("minari.data_collector").EpisodeBuffer
     told = data.metadata
     made = storage.new(
@@ -141,36 +152,20 @@ def write_minari(folder: Path, place: Path, data: Demonstrations) -> None:
         env_spec=made_by(data.task), data_format="hdf5",
     )  # fmt: skip
     made.update_metadata({
-        "dataset_id": place.name, "algorithm_name": told["policy"], "minari_version": need("minari").__version__,
+        "dataset_id": name, "algorithm_name": told["policy"], "minari_version": need("minari").__version__,
         "description": f"{told['id']}, policy {told['policy']}, seed {told['seed']}", "taskspec": dict(told),
     })  # fmt: skip
-    made.update_episodes(_episode(buffer, t, i, told["seed"] + i) for i, t in enumerate(data.trajectories))
+    episodes = []
+    for i, t in enumerate(data.trajectories):
+        terminated, truncated = ([False] * (len(t) - 1) + [over] for over in (t.terminated, t.truncated))
+        episodes.append(buffer(
+            id=i, seed=told["seed"] + i, observations=t.obs, actions=t.acts, rewards=t.rews, terminations=terminated,
+            truncations=truncated, infos={},
+        ))  # fmt: skip
+    made.update_episodes(episodes)
 
 
-def _episode(buffer: Any, t: Trajectory, number: int, seed: int) -> Any:
-    ends = [[False] * (len(t) - 1) + [over] for over in (t.terminated, t.truncated)]
-    return buffer(
-        id=number, seed=seed, observations=t.obs, actions=t.acts, rewards=t.rews, terminations=ends[0], truncations=ends[1],
-        infos={},
-    )  # fmt: skip
-
-
-Data = Demonstrations | Preferences
-MARK = "taskspec.json"  # the file of a dataset's folder that holds the metadata
-
-
-@dataclass(frozen=True, slots=True)
-class Format:
-    """A way to keep data. `suffix` of its files; "" where it is a folder, and then `pairs` says whether it holds preferences."""
-
-    name: str
-    suffix: str
-    doc: str
-    write: Callable[[Path, Any], None]
-    read: Callable[[Path], tuple[dict[str, Any], dict[str, Any]]] | None = None
-
-
-def _write_npz(path: Path, data: Data) -> None:
+def _write_npz(path: Path, data: Data, name: str) -> None:
     with path.open("wb") as file:
         held: dict[str, Any] = {**flat(data), "metadata": np.array(json.dumps(data.metadata))}
         np.savez_compressed(file, **held)
@@ -182,33 +177,19 @@ def _read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     return found, json.loads(str(found.pop("metadata")))
 
 
-def _write_imitation(path: Path, data: Data) -> None:
-    if isinstance(data, Preferences):
-        misused("imitation has no file format for preferences", "`--format npz`, and `read(path).imitation()`")
+def _write_imitation(folder: Path, data: Demonstrations, name: str) -> None:
     if isinstance(data.obs, dict):
         misused("imitation does not store observations that are dicts", "`--format npz`")
-    serialize = need("imitation.data.serialize", "imitation", "this format")
-    with _folder(path, data) as folder:
-        serialize.save(folder, data.imitation())
+    need("imitation.data.serialize", "imitation", "this format").save(folder, data.imitation())
 
 
-def _write_minari(path: Path, data: Data) -> None:
-    if isinstance(data, Preferences):
-        misused("Minari does not store preferences", "`--format npz` or `--format parquet`")
-    with _folder(path, data) as folder:
-        write_minari(folder, path, data)
-
-
-@contextmanager
-def _folder(path: Path, data: Data) -> Iterator[Path]:
-    """Yield a folder to write data into, which then gets its metadata and its place."""
-    with whole_folder(path, MARK) as folder:
-        yield folder
-        (folder / MARK).write_text(json.dumps(data.metadata, indent=2) + "\n", encoding="utf-8")
-
-
-def _write_parquet(path: Path, data: Data) -> None:
-    table = _table(data)
+def _write_parquet(path: Path, data: Data, name: str) -> None:
+    table = flat(data)
+    if isinstance(data, Preferences):  # a row for each transition
+        pair, second = np.divmod(data.segments.episode, 2)
+        table["returns"] = table["returns"][pair, second]
+        table |= {name: table[name][pair] for name in ("preferences", "queries")}
+        table = {PAIRS.get(name, name): value for name, value in table.items()}
     write_table(path, table, {**data.metadata, "shapes": {name: value.shape[1:] for name, value in table.items()}})
 
 
@@ -233,11 +214,15 @@ def write(data: Data, path: str | PathLike[str], format: str | None = None) -> N
     """
     place = Path(path)
     kind = format_of(place, format)
-    if not kind.suffix:
-        kind.write(place, data)
+    if kind.suffix:
+        with whole(place) as unfinished:
+            kind.write(unfinished, data, place.name)
         return
-    with whole(place) as unfinished:
-        kind.write(unfinished, data)
+    if isinstance(data, Preferences):
+        misused(f"{kind.name} does not store preferences", "`--format npz` or `--format parquet`")
+    with whole_folder(place, MARK) as folder:
+        kind.write(folder, data, place.name)
+        (folder / MARK).write_text(json.dumps(data.metadata, indent=2) + "\n", encoding="utf-8")
 
 
 def format_of(path: Path, name: str | None = None) -> Format:
@@ -260,7 +245,7 @@ def read(path: str | PathLike[str]) -> Data:
     """
     place = Path(path)
     if not place.is_file():
-        raise SpecError([Diagnostic("E710", None, f"there is no file '{place}'")])
+        raise spec_error("E710", f"there is no file '{place}'")
     reader = FORMATS["parquet" if place.suffix == ".parquet" else "npz"].read
     assert reader is not None
     try:
@@ -274,7 +259,7 @@ def read(path: str | PathLike[str]) -> Data:
 
 def _unreadable(place: Path, reason: str) -> NoReturn:
     message = f"'{place}' contains neither demonstrations nor preferences: {reason}"
-    raise SpecError([Diagnostic("E711", None, message)]) from None
+    raise spec_error("E711", message) from None
 
 
 PAIRS = {"preferences": "preference", "returns": "return", "queries": "query"}
@@ -290,17 +275,6 @@ def flat(data: Data) -> dict[str, Array]:
     if isinstance(data, Preferences):
         for name in PAIRS:
             found[name] = getattr(data, name)
-    return found
-
-
-def _table(data: Data) -> dict[str, Array]:
-    """Return the columns of a table with a row for each transition."""
-    found = flat(data)
-    if isinstance(data, Preferences):
-        pair, second = np.divmod(data.segments.episode, 2)
-        returns = found.pop("returns")[pair, second]
-        found |= {name: found[name][pair] for name in ("preferences", "queries")} | {"returns": returns}
-        found = {PAIRS.get(name, name): value for name, value in found.items()}
     return found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import multiprocessing
 import pickle
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ from taskspec.backends.numpy import NumpyEngine
 from taskspec.backends.vector_program import BadActionError, Options
 from taskspec.base import __version__
 from taskspec.base.arrays import Array, end_to_end, map_parts, part_at, parts_of
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import SpecError, spec_error
 from taskspec.base.extras import need
 from taskspec.base.limits import tell
 from taskspec.envs.options import positive, seed_of
@@ -100,13 +100,13 @@ class Transitions:
     @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:
         """The episodes one by one."""
-        ends = self.starts + self.lengths
-        return tuple(self._trajectory(int(a), int(b)) for a, b in zip(self.starts, ends, strict=True))
-
-    def _trajectory(self, first: int, end: int) -> Trajectory:
-        obs = end_to_end([part_at(self.obs, slice(first, end)), part_at(self.next_obs, slice(end - 1, end))])
-        over = bool(self.terminated[end - 1]), bool(self.truncated[end - 1])
-        return Trajectory(obs, self.acts[first:end], self.rews[first:end], *over)
+        found = []
+        for first, length in zip(self.starts.tolist(), self.lengths.tolist(), strict=True):
+            end = first + length
+            obs = end_to_end([part_at(self.obs, slice(first, end)), part_at(self.next_obs, slice(end - 1, end))])
+            over = (bool(self.terminated[end - 1]), bool(self.truncated[end - 1]))
+            found.append(Trajectory(obs, self.acts[first:end], self.rews[first:end], *over))
+        return tuple(found)
 
     def returns(self, discount: float = 1.0) -> Array:
         """float64 (E,): the return of each episode, discounted from its first step."""
@@ -164,7 +164,8 @@ def recorded(
     task: Task, policy: Any, episodes: int | None, transitions: int | None, seed: int, jobs: int
 ) -> Transitions:
     """Whole episodes: so many, or as many as make at least so many transitions."""
-    size = _together(task)
+    numbers = sum(max(1, math.prod(part.shape)) for part in task.observation_layout.parts) + 8
+    size = max(1, min(LANES, NUMBERS // (numbers * (task.horizon or 1000))))  # a function of the task alone
     _check_sent(policy, jobs)
     with _mapping(jobs) as run:
         if episodes is not None:
@@ -189,13 +190,7 @@ def _check_sent(policy: Any, jobs: int) -> None:
             pickle.dumps(policy)
     except Exception as error:
         message = f"the policy cannot be sent to other processes: {error}"
-        raise SpecError([Diagnostic("E713", None, message, "jobs=1, or a function of a module")]) from error
-
-
-def _together(task: Task) -> int:
-    """Return how many episodes are stepped together; a function of the task alone."""
-    numbers = sum(max(1, math.prod(part.shape)) for part in task.observation_layout.parts) + 8
-    return max(1, min(LANES, NUMBERS // (numbers * (task.horizon or 1000))))
+        raise spec_error("E713", message, "jobs=1, or a function of a module") from error
 
 
 Run = Callable[[Callable[[Part], Transitions], Iterator[Part]], Iterable[Transitions]]
@@ -222,7 +217,7 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
     engine.seed(seeds)
     engine.reset()
     b = engine.buffers
-    tape = _Tape()
+    rows = []  # of the steps: observations, actions, rewards, observations after, two kinds of ends, the lanes that run
     running = np.ones(lanes, np.bool_)
     for t in count():
         if t >= LONGEST and task.horizon is None:
@@ -234,10 +229,10 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
         actions = _asked(acting, EpisodeBatch(t, state, seen, SeededDraws(seeds, t), running), policy)
         _step(engine, actions, task, acting)
         after = _after(b.seen.view(copy=True), b.final.view(), b.ended)
-        tape.keep(seen, actions, b.reward.copy(), after, b.terminated.copy(), b.truncated.copy(), running)
+        rows.append((seen, actions, b.reward.copy(), after, b.terminated.copy(), b.truncated.copy(), running))
         running = running & ~b.ended
         if not running.any():
-            return tape.transitions(first)
+            return _transitions(rows, first)
     raise AssertionError
 
 
@@ -251,7 +246,7 @@ def _asked(acting: TaskPolicy, batch: EpisodeBatch, policy: Any) -> Any:
         if not isinstance(policy, str):
             raise
         message = f"the policy {acting.name} failed: {type(error).__name__}: {error}"
-        raise SpecError([Diagnostic("E713", None, message)]) from error
+        raise spec_error("E713", message) from error
 
 
 def _step(engine: NumpyEngine, actions: Any, task: Task, acting: TaskPolicy) -> None:
@@ -260,7 +255,7 @@ def _step(engine: NumpyEngine, actions: Any, task: Task, acting: TaskPolicy) -> 
     except BadActionError:
         shown = np.array2string(np.asarray(actions)[:3], separator=", ", threshold=12).replace("\n", "")
         message = f"the policy {acting.name} gave a value that is not an action of {task.id}, among {shown}"
-        raise SpecError([Diagnostic("E706", None, message, f"an action is one of {task.action_space}")]) from None
+        raise spec_error("E706", message, f"an action is one of {task.action_space}") from None
 
 
 def _after(seen: Any, final: Any, ended: Array) -> Any:
@@ -270,27 +265,12 @@ def _after(seen: Any, final: Any, ended: Array) -> Any:
     return seen
 
 
-class _Tape:
-    """The results of every step in every lane, while its first episode lasts."""
-
-    def __init__(self) -> None:
-        self.rows: list[tuple[Any, ...]] = []
-
-    def keep(self, *row: Any) -> None:
-        """Observations, actions, rewards, observations after, terminated, truncated, and which lanes were running."""
-        self.rows.append(row)
-
-    def transitions(self, first: int) -> Transitions:
-        """Return the transitions lane by lane; the lanes' episodes are numbered from `first`."""
-        *kept, running = (map_parts(_stacked, *steps) for steps in zip(*self.rows, strict=True))
-        seen, actions, rewards, after, terminated, truncated = (part_at(each, running) for each in kept)
-        lane, time = np.nonzero(running)
-        return Transitions(seen, actions, rewards, after, terminated, truncated, lane + first, time)
-
-
-def _stacked(*steps: Any) -> Array:
-    """Return arrays (lanes, *shape) of each step as one (lanes, steps, *shape)."""
-    return np.stack(steps, axis=1)
+def _transitions(rows: Sequence[tuple[Any, ...]], first: int) -> Transitions:
+    """Return steps of many lanes lane by lane; the lanes' episodes are numbered from `first`."""
+    *kept, running = (map_parts(lambda *parts: np.stack(parts, axis=1), *steps) for steps in zip(*rows, strict=True))
+    seen, actions, rewards, after, terminated, truncated = (part_at(each, running) for each in kept)
+    lane, time = np.nonzero(running)
+    return Transitions(seen, actions, rewards, after, terminated, truncated, lane + first, time)
 
 
 # Demonstrations: episodes of a policy where the spec says that the expert acts.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -13,12 +12,12 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import suggest
 from taskspec.base.extras import need
 from taskspec.data.episodes import EXTRA, Trajectory, Transitions, columns, described, recorded, role
 from taskspec.envs.options import positive, seed_of
 from taskspec.model.model import misused, refuse
 from taskspec.policies.adapters import policy_of
+from taskspec.policies.policy import parsed, unknown
 from taskspec.registry import load
 from taskspec.scores.returns import Results
 from taskspec.task.task import Task, TaskLike
@@ -86,7 +85,11 @@ class Teacher:
         """
         low = ends[0]
         unit = ends[1] - ends[0]
-        prefers = _preferred(near[0] - near[1], self.boltzmann * unit, words[0])
+        ahead = near[0] - near[1]
+        prefers = np.where(ahead > 0, FIRST, np.where(ahead < 0, SECOND, EQUAL))
+        if self.boltzmann * unit:
+            chance = 0.5 * (1 + np.tanh(ahead / (2 * self.boltzmann * unit)))  # the logistic function, without overflow
+            prefers = np.where(words[0] * 2.0**-32 < chance, FIRST, SECOND)
         wrong = words[1] * 2.0**-32 < self.mistaken
         found = np.where(wrong & (prefers != EQUAL), 1 - prefers, prefers)
         if self.equal:
@@ -103,14 +106,6 @@ class Teacher:
         left = np.repeat(segments.lengths, segments.lengths) - 1 - before
         weights = discount ** before.astype(np.float64) * self.myopic ** left.astype(np.float64)
         return np.add.reduceat(weights * segments.rews, segments.starts)
-
-
-def _preferred(ahead: Array, temperature: float, words: Array) -> Array:
-    """Answers (P,) for how far the first segments are ahead; without a temperature, ties are equal."""
-    if not temperature:
-        return np.where(ahead > 0, FIRST, np.where(ahead < 0, SECOND, EQUAL))
-    chance = 0.5 * (1 + np.tanh(ahead / (2 * temperature)))  # the logistic function, without overflow
-    return np.where(words * 2.0**-32 < chance, FIRST, SECOND)
 
 
 def _check(name: str, value: float, low: float, high: float) -> None:
@@ -131,7 +126,7 @@ NAMES = {
     "equal(0.1)": "judges returns equal that differ by less than this fraction of the range",
 }
 """The names of teachers, each with what it does; the numbers stand for any, and `+` combines several."""
-_CALL = re.compile(r"(\w+)\(([^()]+)\)")
+KINDS = {field.name for field in fields(Teacher)}
 
 
 def teacher_of(text: str | Teacher) -> Teacher:
@@ -143,25 +138,14 @@ def teacher_of(text: str | Teacher) -> Teacher:
     for part in map(str.strip, str(text).split("+")):
         if part == "noiseless":
             continue
-        name, value = _read(part)
+        name, value = parsed(part)
+        if name not in KINDS or value is None:
+            unknown(part, known=NAMES, noun="teacher")
         if name in given:
             misused(f"the teacher '{text}' is {name} twice")
         given.add(name)
         found = replace(found, **{name: value})
     return found
-
-
-def _read(part: str) -> tuple[str, float]:
-    call = _CALL.fullmatch(part)
-    called = {known.partition("(")[0]: known for known in NAMES}
-    kind = part.partition("(")[0]
-    try:
-        if call and kind in called and kind != "noiseless":
-            return kind, float(call[2])
-    except ValueError:
-        pass
-    hint = f"for example: {called[kind]}" if kind in called else suggest(kind, called)
-    misused(f"there is no teacher '{part}'", hint or ", ".join(NAMES))
 
 
 # Preferences: pairs of trajectories or of segments, labelled by their true returns.
@@ -250,7 +234,9 @@ def preferences(
     whole = recorded(found, policy, 2 * pairs, None, seed, positive("jobs", jobs))
     segments = whole if length is None else _cut(whole, length, seed)
     returns = segments.returns(found.discount)
-    labels = _labels(segments, found, who, ends, seed)
+    near = who.seen(segments, found.discount)
+    words = draws.lanes_block(np.full(pairs, seed, np.uint64), draws.TEACHER, np.arange(pairs), WORDS)
+    labels = who.labels(returns[::2], returns[1::2], (near[::2], near[1::2]), ends, words)
     kept = np.flatnonzero(~np.isnan(labels))
     if not len(kept):
         misused(f"the teacher {who} skipped all {pairs:,} pairs", "lower its threshold, or compare a better policy")
@@ -258,15 +244,6 @@ def preferences(
             "range": list(ends) if who.needs_range else None}  # fmt: skip
     told = described(found, "preferences", acting, seed) | told
     return Preferences(_of_pairs(segments, kept), labels[kept], returns.reshape(-1, 2)[kept], kept, told)
-
-
-def _labels(segments: Transitions, task: Task, who: Teacher, ends: tuple[float, float], seed: int) -> Array:
-    """Return what the teacher says of each pair (P,)."""
-    returns = segments.returns(task.discount)
-    near = who.seen(segments, task.discount)
-    pairs = len(returns) // 2
-    words = draws.lanes_block(np.full(pairs, seed, np.uint64), draws.TEACHER, np.arange(pairs), WORDS)
-    return who.labels(returns[::2], returns[1::2], (near[::2], near[1::2]), ends, words)
 
 
 def return_ends(task: Task, length: int | None) -> tuple[float, float]:

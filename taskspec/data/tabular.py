@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -23,7 +22,6 @@ from taskspec.model.model import Model, Sparse, Step, misused, refuse, scipy_spa
 from taskspec.modifiers import modify
 from taskspec.policies.policy import named
 from taskspec.registry import load
-from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task, TaskLike
 
 LARGEST = 2**27  # numbers that a dense array of transitions may have: a gigabyte
@@ -114,7 +112,10 @@ class Tabular:
         seen = self.observations
         parts = [part.reshape(self.n_states, -1) for part in parts_of(seen)]
         if layout.form in ("discrete", "multi_discrete"):
-            each = zip(parts[0].T, layout.counts, _lowest(layout), strict=True)
+            lows = (
+                layout.starts if layout.form == "discrete" else [0] * len(layout.counts)
+            )  # as the environment shows them
+            each = zip(parts[0].T, layout.counts, lows, strict=True)
             parts = [np.eye(count)[column - low] for column, count, low in each]
         return np.hstack(parts).astype(np.float32)
 
@@ -197,13 +198,14 @@ def tabular(task: TaskLike) -> Tabular:
     found = abstraction(task)
     if found is not None:
         task = found.stand_in
-    ends = not _lasts(task)
+    ends = bool(draws([task.process.terminal])) or not set(reads([task.process.terminal])) <= {(Role.TIME, "t")}
     if ends:
         task = modify(task, "absorbing")
     model = extract(task, True if ends else None)
-    horizon = _steps_until_over(model)
-    steps = list({id(step): step for step in model.steps[:horizon]}.values())
-    if any(not _alike(step, steps[0]) for step in steps):
+    over = (t for t, step in enumerate(model.steps, 1) if not step.P.sum())  # where the time alone ends episodes
+    horizon = next(over, model.horizon)
+    first, *others = {id(step): step for step in model.steps[:horizon]}.values()
+    if any((step.R != first.R).any() or (_whole(step) != _whole(first)).nnz for step in others):
         refuse(f"{task.id} depends on the time", "add a state component that counts the steps")
     going, rewards = _inside(model)
     absorbed = np.zeros(model.n_states, np.bool_)
@@ -212,26 +214,11 @@ def tabular(task: TaskLike) -> Tabular:
     return Tabular(task, model, model.start, rewards, going, absorbed, horizon, task.discount)
 
 
-def _lasts(task: Task) -> bool:
-    """Return whether no state is terminal: episodes end after some number of steps, or never."""
-    return not draws([task.process.terminal]) and set(reads([task.process.terminal])) <= {(Role.TIME, "t")}
-
-
-def _steps_until_over(model: Model) -> int | None:
-    """Return the steps of an episode of a task in which the time alone, or nothing, ends it: to the first at which all do."""
-    over = (t for t, step in enumerate(model.steps, 1) if not step.P.sum())
-    return next(over, model.horizon)
-
-
 def _whole(step: Step) -> Sparse:
     """Return where a step leads, whether or not it ends the episode."""
     if step.P_end is None:
         return step.P
     return step.P + step.P_end
-
-
-def _alike(a: Step, b: Step) -> bool:
-    return np.array_equal(a.R, b.R) and not (_whole(a) != _whole(b)).nnz
 
 
 def _inside(model: Model) -> tuple[Sparse, Array]:
@@ -256,10 +243,3 @@ def _rows(observations: Any) -> list[bytes]:
     for row in zip(*held, strict=True):
         found.append(b"".join(number.tobytes() for number in row))
     return found
-
-
-def _lowest(layout: SpaceLayout) -> Sequence[int]:
-    """Return the lowest value of each number of a discrete observation, as the environment shows it."""
-    if layout.form == "discrete":
-        return layout.starts
-    return [0] * len(layout.counts)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, raise_if_errors
+from taskspec.base.diagnostics import Diagnostic, SpecError, raise_if_errors, spec_error
 from taskspec.base.files import write_text
 from taskspec.figures import raster
 from taskspec.figures.overlays import OVERLAYS as OVERLAYS
@@ -176,7 +176,7 @@ def figure(task: TaskLike, path: Path | str, overlays: Iterable[str] = ()) -> Pa
     path = Path(path)
     drawn = scene(task, overlay(task, overlays))
     if drawn is None:
-        raise SpecError((Diagnostic("E713", None, f"{task.id} has no figure that can be drawn", HINT),))
+        raise spec_error("E713", f"{task.id} has no figure that can be drawn", HINT)
     return save(drawn, path)
 
 
@@ -191,7 +191,7 @@ def save(scene: Scene, path: Path) -> Path:
             raster.save(scene, path, path.suffix[1:])
         case other:
             message = f"'{other}' is not a format of figures"
-            raise SpecError((Diagnostic("E726", None, message, "use .svg, .tex, .png or .pdf"),))
+            raise spec_error("E726", message, "use .svg, .tex, .png or .pdf")
     return path
 
 

@@ -182,32 +182,26 @@ def _bars(values: Array, colors: list[sc.Color], most: float | None = None) -> I
 
 
 def _board(task: Task, node: Node, values: Array, is_frame: bool) -> sc.Scene:
-    """Return a matrix as a board; in place of an empty first state, one after a few steps."""
+    """Return a matrix as a board, its signs in two colours; in place of an empty first state, one after a few steps."""
     notes: tuple[str, ...] = ()
     if not values.any() and not is_frame:
         path, whose = episode_path(task, FEW_STEPS)
         values = at_state(task, node, path[-1])
         notes = (f"A state after {len(path) - 1} steps of {whose}.",)
     height, width = node.type.shape
-    items = _squares(values, node.type.kind is Kind.BOOL)
-    return sc.fitted(items, f"A state of {task.name} as a board of {height} rows and {width} columns", notes)
-
-
-def _squares(values: Array, is_condition: bool) -> Iterator[sc.Item]:
-    """Yield the cells of a matrix: positive numbers in one colour, negative ones in another, and nothing for 0."""
     most = float(np.abs(values).max()) or 1.0
     digits = 0 if np.array_equal(values, np.rint(values)) else 2
+    items: list[sc.Item] = []
     for (row, column), value in np.ndenumerate(values):
         cell = sc.Box((column * SQUARE, row * SQUARE), SQUARE, SQUARE, "paper", "faint")
-        yield cell
-        if not value:
-            continue
-        fill: sc.Color = "accent" if value > 0 else "second"
-        yield replace(cell, fill=fill, shade=0.3 + 0.6 * abs(value) / most)
-        if not is_condition:
+        items.append(cell)
+        if value:
+            items.append(replace(cell, fill="accent" if value > 0 else "second", shade=0.3 + 0.6 * abs(value) / most))
+        if value and node.type.kind is not Kind.BOOL:
             middle = ((column + 0.5) * SQUARE, (row + 0.5) * SQUARE)
-            yield sc.Label(middle, m.Num(fixed(value, digits)), LETTERS)
-    yield sc.Box((0, 0), values.shape[1] * SQUARE, values.shape[0] * SQUARE, None, "ink")
+            items.append(sc.Label(middle, m.Num(fixed(value, digits)), LETTERS))
+    items.append(sc.Box((0, 0), width * SQUARE, height * SQUARE, None, "ink"))
+    return sc.fitted(items, f"A state of {task.name} as a board of {height} rows and {width} columns", notes)
 
 
 def _step(count: int) -> float:

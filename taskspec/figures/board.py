@@ -81,11 +81,9 @@ def _probable_ways(task: Task, pairs: list[tuple[int, int]], cells: Mapping[int,
     """Yield where actions lead with a probability above one half, by code of the state."""
     codes, actions = np.array(pairs, np.int64).T
     weights: dict[tuple[int, Cell], float] = {}
-    for o in Steps(task).outcomes(codes, actions, 0):
-        origin = np.arange(len(codes)) if o.origin is None else o.origin
-        weight = np.broadcast_to(o.weight, origin.shape)
-        target = np.broadcast_to(o.code, origin.shape)
-        for point, p, code in zip(origin.tolist(), weight.tolist(), target.tolist(), strict=True):
+    for outcomes in Steps(task).outcomes(codes, actions, 0):
+        points, targets, chances, *_ = outcomes.spread(len(codes))
+        for point, code, p in zip(points.tolist(), targets.tolist(), chances.tolist(), strict=True):
             key = (point, cells[code])
             weights[key] = weights.get(key, 0.0) + p
     for (point, (bx, by)), p in weights.items():

@@ -16,7 +16,7 @@ from taskspec.base.display import number
 from taskspec.figures import scene
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.shapes import WORD, Item, Label, Scene, text_width
-from taskspec.figures.states import STEPS
+from taskspec.figures.states import STEPS, first_lane
 from taskspec.figures.vector_formats import svg_document, svg_item
 from taskspec.lang.types import Kind
 from taskspec.policies.policy import EpisodeBatch, named
@@ -80,7 +80,7 @@ def _episode(task: Task, who: str) -> Iterator[Step]:
     rng = np.random.default_rng(0)
     state = rollout.start()
     total = 0.0
-    yield _first_lane(state), "start"
+    yield first_lane(state), "start"
     for t in range(min(STEPS, task.horizon or STEPS)):
         action = policy.choose(EpisodeBatch.sharing(t, state, None, rng))
         moved = rollout.step(state, action, t)
@@ -88,13 +88,9 @@ def _episode(task: Task, who: str) -> Iterator[Step]:
         reward = float(moved.reward[0])
         total += task.discount**t * reward
         taken = ", ".join(_value(c, action[c.name]) for c in task.action)
-        yield _first_lane(state), f"step {t + 1}: {taken}; reward {number(reward, 4)}, return {number(total, 4)}"
+        yield first_lane(state), f"step {t + 1}: {taken}; reward {number(reward, 4)}, return {number(total, 4)}"
         if bool(moved.terminal[0]):
             return
-
-
-def _first_lane(state: dict[str, Any]) -> dict[str, Any]:
-    return {name: value[..., 0] for name, value in state.items()}
 
 
 def _value(c: Component, value: Any) -> str:
@@ -119,7 +115,7 @@ def animated(first: Scene, frames: Sequence[Sequence[Item]]) -> str:
             body += inside
             continue
         name = "at-" + "-".join(map(str, sorted(where)))
-        hidden = "" if 0 in where else ' visibility="hidden"'
+        hidden = ' visibility="hidden"' * (0 not in where)
         body += f'<g style="animation-name:{name}"{hidden}>{inside}</g>'
         shown = [moment in where for moment in moments]
         changes = [i for i in range(len(shown)) if i == 0 or shown[i] != shown[i - 1]]

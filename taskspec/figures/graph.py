@@ -185,7 +185,7 @@ def _planned(request: _Request) -> Plan | None:
         words[v] = (*words.get(v, ()), label)
     count = len(arcs)
     return Plan(
-        request.drawing, spots, arcs, lines[:count], lines[count:], [told.get(i) for i in range(count)], words,
+        request.drawing, spots, arcs, lines[:count], lines[count:], list(map(told.get, range(count))), words,
         crossings + covered, request.shows_loops,
     )  # fmt: skip
 
@@ -199,8 +199,10 @@ def _spots(request: _Request) -> dict[Vertex, Spot]:
     widths = dict(request.widths)
     sizes = {}
     for v in drawing.vertices:
-        sizes[v] = (0.12, 0.12) if _is_chance(v) else (0.26, 0.26)
-        if isinstance(v, int):
+        sizes[v] = (0.26, 0.26)
+        if _is_chance(v):
+            sizes[v] = (0.12, 0.12)
+        elif isinstance(v, int):
             sizes[v] = (max(sc.RADIUS, widths[v] / 2 + 0.1), sc.RADIUS)
     arcs = zip(drawing.arcs, request.texts, strict=True)
     longest = max((sc.text_width(t, ARROW) for a, t in arcs if a.source != a.target and t), default=0.0)
@@ -241,7 +243,7 @@ def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:
     notes = (*machine.notes(plan.shows_loops), *machine.unmarked(shown))
     if plan.drawing.elided and (overlay.values or overlay.policy or overlay.occupancy):
         notes += ("Results of the states left out are not shown.",)
-    elided = ", elided" if plan.drawing.elided else ""
+    elided = ", elided" * plan.drawing.elided
     size = f"{plural(len(machine.states), 'state')}{elided}, {plural(machine.n_actions, 'action')}"
     focus = None if present is None else plan.spots[present].at
     return sc.fitted(items, f"Transition graph of {machine.task.name}: {size}", notes, focus=focus, drawn=DRAWN)

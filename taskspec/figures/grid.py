@@ -151,9 +151,7 @@ class _Grid:
     def _agents(self, by_code: Mapping[int, Cell]) -> dict[Cell, float]:
         if self.overlay.here is not None:
             return {self._own(): 1.0}
-        codes, weights = Steps(self.task).starts()
-        starts = dict(zip(codes.tolist(), weights.tolist(), strict=True))
-        return _by_cell(by_code, starts, add)
+        return _by_cell(by_code, Steps(self.task).start_weights(), add)
 
     def _own(self) -> Cell:
         return _cell(self.numbers(self.figure.at, self.reads)[0])

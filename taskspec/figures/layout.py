@@ -199,12 +199,35 @@ Layers = tuple[tuple[Vertex, ...], ...]
 
 
 def ordered(drawing: Drawing) -> Drawing:
-    """Return the drawing with its columns reordered to cross fewer arrows."""
+    """Return the drawing with vertices of its columns exchanged as long as that is better, for a number of trials."""
     cost = _Cost(drawing)
     least = cost(drawing.layers)
     if least < 1.0:
         return drawing
-    return replace(drawing, layers=_exchanged(drawing.layers, least, cost))
+    layers = drawing.layers
+    trials = 0
+    better = True
+    while better:
+        better = False
+        for i, layer in enumerate(layers):
+            if any(
+                isinstance(v, tuple) and v[0] == DOTS for v in layer
+            ):  # they replace vertices between their neighbours
+                continue
+            for j in range(len(layer)):
+                for k in range(j + 1, len(layer)):
+                    trials += 1
+                    if trials > TRIALS:
+                        return replace(drawing, layers=layers)
+                    changed = list(layers[i])
+                    changed[j], changed[k] = changed[k], changed[j]
+                    trial = (*layers[:i], tuple(changed), *layers[i + 1 :])
+                    found = cost(trial)
+                    if found < least - 1e-9:
+                        layers = trial
+                        least = found
+                        better = True
+    return replace(drawing, layers=layers)
 
 
 class _Cost:
@@ -240,30 +263,3 @@ class _Cost:
         off = to - t[..., None] * d[:, None]
         over = (np.hypot(off[..., 0], off[..., 1]) < CLOSE) & ~self.own
         return float((opposite & opposite.T & self.apart).sum() + 2 * over.sum() + length.sum() / 1000)
-
-
-def _exchanged(layers: Layers, least: float, cost: _Cost) -> Layers:
-    """Exchange two vertices of a column as long as that is better, for a number of trials."""
-    trials = 0
-    better = True
-    while better:
-        better = False
-        for i, layer in enumerate(layers):
-            if any(
-                isinstance(v, tuple) and v[0] == DOTS for v in layer
-            ):  # they replace vertices between their neighbours
-                continue
-            for j in range(len(layer)):
-                for k in range(j + 1, len(layer)):
-                    trials += 1
-                    if trials > TRIALS:
-                        return layers
-                    changed = list(layers[i])
-                    changed[j], changed[k] = changed[k], changed[j]
-                    trial = (*layers[:i], tuple(changed), *layers[i + 1 :])
-                    found = cost(trial)
-                    if found < least - 1e-9:
-                        layers = trial
-                        least = found
-                        better = True
-    return layers

@@ -186,23 +186,18 @@ def _explored(task: Task) -> Machine | None:
 
 def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
     """Return probabilities of first states by role, or under "" if roles differ in more than where episodes start."""
-    own = _start_distribution(steps)
+    own = steps.start_weights()
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
     found: dict[str, dict[int, float]] = {}
     for who, key in task.roles.items():
         other = task if key == task.source.variant else load(task, key, **given)
         if (other.state, other.spec.dynamics) != (task.state, task.spec.dynamics):
             return {"": own}
-        found[who] = own if other is task else _start_distribution(Steps(other))
+        found[who] = own if other is task else Steps(other).start_weights()
     codes = [code for probabilities in found.values() for code in probabilities]
     if len(set(codes)) == len(codes) and own in found.values():
         return found
     return {"": own}
-
-
-def _start_distribution(steps: Steps) -> dict[int, float]:
-    start, weights = steps.starts()
-    return dict(zip(start.tolist(), weights.tolist(), strict=True))
 
 
 def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Transition, ...]] | None:
@@ -234,10 +229,9 @@ def _from(steps: Steps, level: list[int]) -> list[Transition]:
     sources = np.repeat(level, actions)
     choices = np.tile(np.arange(actions), len(level))
     total: dict[tuple[int, int, float, bool], float] = {}
-    for o in steps.outcomes(sources, choices, 0):
-        origin = np.arange(len(sources)) if o.origin is None else o.origin
-        columns = [np.broadcast_to(x, origin.shape).tolist() for x in (o.code, o.weight, o.reward, o.terminal)]
-        for point, code, p, reward, ends in zip(origin.tolist(), *columns, strict=True):
+    for outcomes in steps.outcomes(sources, choices, 0):
+        columns = [column.tolist() for column in outcomes.spread(len(sources))]
+        for point, code, p, reward, ends, _ in zip(*columns, strict=True):
             if p > 0:
                 key = (point, int(code), float(reward), bool(ends))
                 total[key] = total.get(key, 0.0) + p

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from taskspec.abstraction.abstraction import abstraction, extract
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import SpecError, spec_error
 from taskspec.base.display import number
 from taskspec.exact import Model
 from taskspec.figures.states import State
@@ -20,7 +20,8 @@ from taskspec.solve.backward import Plan
 from taskspec.task.task import Task, TaskLike
 
 PARTS = ("values", "policy", "occupancy")
-OVERLAYS = ("values", "policy", "expert", "occupancy")  # the names of overlays
+OVERLAYS = ("values", "policy", "expert", "occupancy")
+"""The names of overlays."""
 
 
 @dataclass(frozen=True)
@@ -63,111 +64,86 @@ def overlay(task: TaskLike, names: Iterable[str], model: Model | None = None) ->
     """
     wanted = set(names)
     for unknown in sorted(wanted - set(OVERLAYS)):
-        raise SpecError((Diagnostic("E713", None, f"'{unknown}' is not an overlay", f"use {', '.join(OVERLAYS)}"),))
+        raise spec_error("E713", f"'{unknown}' is not an overlay", f"use {', '.join(OVERLAYS)}")
     if not wanted:
         return Overlay()
     task = load(task)
     if task.modifiers:
         message = "a figure shows a task without its modifiers, and results with them cannot be laid over it"
-        raise SpecError((Diagnostic("E713", None, message),))
-    known = _Known(task, model or extract(task), wanted)
-    shown = PARTS if abstraction(task) is None else ()
-    return Overlay(**{part: getattr(known, part) for part in shown}, legend=dict(_legend(task, known)))
+        raise spec_error("E713", message)
+    model = model or extract(task)
+    acting = _acting(task, model) if wanted & {"expert", "occupancy"} else None
+    visits = _visits(model, *acting) if acting is not None and "occupancy" in wanted else {}
+    most = max(visits.values(), default=0.0)
+    found: dict[str, Any] = {}
+    if "values" in wanted:
+        values = solve.best(model).value[model.acting]
+        found["values"] = dict(zip(model.codes[model.acting].tolist(), values.tolist(), strict=True))
+    if "policy" in wanted:
+        found["policy"] = _policy(model, plans.optimal_plan(model)(0))
+    elif "expert" in wanted and acting is not None:
+        found["policy"] = _expert_policy(model, *acting)
+    found["occupancy"] = {code: often / (most or 1.0) for code, often in visits.items()}
+    if abstraction(task) is not None:
+        found = {}
+    return Overlay(**found, legend=dict(_legend(task, wanted, acting is not None, most)))
 
 
-def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
+def _legend(task: Task, wanted: set[str], acts: bool, most: float) -> Iterator[tuple[str, tuple[str, str]]]:
     """Yield for each overlay its name, its scale if it has one, and its description."""
-    wanted = known.wanted
-    left = ""
-    if task.horizon is not None:
-        left = f" with all {task.horizon:,} steps to go"
+    left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
     whose = "an optimal policy's" if task.annotations.expert is None else "the expert's"
     lacks = ""
-    if wanted & {"expert", "occupancy"} and known.acting is None:
+    if wanted & {"expert", "occupancy"} and not acts:
         lacks = ", for which there is no exact plan"
     if "values" in wanted:
         yield "values", ("", f"best return{left}")
     if "policy" in wanted:
         yield "policy", ("", f"best actions{left}")
     if "expert" in wanted and ("policy" not in wanted or task.annotations.expert is not None):
-        memory = "" if task.annotations.memory is None else ", whatever it remembers"
-        beside = ""
-        if "policy" in wanted and not lacks:
-            beside = ", as the best ones are"
+        memory = ", whatever it remembers" * (task.annotations.memory is not None)
+        beside = ", as the best ones are" * ("policy" in wanted and not lacks)
         yield "expert" if "policy" in wanted else "policy", ("", f"{whose} actions at first{lacks or memory}{beside}")
     if "occupancy" in wanted:
-        scale = f"up to {number(max(known.visits.values(), default=0.0), 4)} per episode"
+        scale = f"up to {number(most, 4)} per episode"
         yield "occupancy", (scale, f"{whose} {'' if task.discount == 1 else 'discounted '}visits{lacks}")
 
 
-@dataclass(frozen=True)
-class _Known:
-    """Results of an exact model for states, by code."""
+def _acting(task: Task, model: Model) -> tuple[Model, Plan] | None:
+    """Return the plan of the expert, or of an optimal policy without one, and its model, with the memory of the expert.
 
-    task: Task
-    model: Model
-    wanted: set[str]
+    None where the expert has no plan on a model.
+    """
+    if task.annotations.expert is None:
+        return model, plans.optimal_plan(model)
+    try:
+        whole = model if task.annotations.memory is None else extract(task.remembering())
+    except SpecError:  # too many states with the memory
+        return None
+    plan = plans.expert_plan(whole)
+    return None if plan is None else (whole, plan)
 
-    @cached_property
-    def values(self) -> Mapping[int, float]:
-        if "values" not in self.wanted:
-            return {}
-        acting = self.model.acting
-        values = solve.best(self.model).value[acting]
-        return dict(zip(self.model.codes[acting].tolist(), values.tolist(), strict=True))
 
-    @cached_property
-    def policy(self) -> Mapping[int, tuple[int, ...]]:
-        if "policy" in self.wanted:
-            return _policy(self.model, plans.optimal_plan(self.model)(0))
-        if "expert" not in self.wanted or self.acting is None:
-            return {}
-        whole, plan = self.acting
-        found: dict[int, set[int]] = {}
-        for code, actions in _policy(whole, plan(0)).items():
-            found.setdefault(self._without_memory(whole, code), set()).update(actions)
-        return {code: tuple(sorted(actions)) for code, actions in found.items()}
+def _expert_policy(model: Model, whole: Model, plan: Plan) -> dict[int, tuple[int, ...]]:
+    """Return the actions of an expert at first, for anything that it may remember."""
+    found: dict[int, set[int]] = {}
+    for code, actions in _policy(whole, plan(0)).items():
+        found.setdefault(_without_memory(model, whole, code), set()).update(actions)
+    return {code: tuple(sorted(actions)) for code, actions in found.items()}
 
-    @cached_property
-    def visits(self) -> Mapping[int, float]:
-        """Expected visits to each state by code, summed over the expert's memory."""
-        found: dict[int, float] = {}
-        if self.acting is not None:
-            whole, plan = self.acting
-            for code, often in zip(whole.codes.tolist(), solve.occupancy(whole, plan).tolist(), strict=True):
-                code = self._without_memory(whole, code)
-                found[code] = found.get(code, 0.0) + often
-        return found
 
-    @cached_property
-    def occupancy(self) -> Mapping[int, float]:
-        if "occupancy" not in self.wanted:
-            return {}
-        most = max(self.visits.values(), default=0.0) or 1.0
-        return {code: often / most for code, often in self.visits.items()}
+def _visits(model: Model, whole: Model, plan: Plan) -> dict[int, float]:
+    """Return the expected visits to each state by code, summed over the expert's memory."""
+    found: dict[int, float] = {}
+    for code, often in zip(whole.codes.tolist(), solve.occupancy(whole, plan).tolist(), strict=True):
+        code = _without_memory(model, whole, code)
+        found[code] = found.get(code, 0.0) + often
+    return found
 
-    @cached_property
-    def acting(self) -> tuple[Model, Plan] | None:
-        """The plan of the expert, or of an optimal policy if there is none, and its model.
 
-        They are those of the task with the memory of an expert that has one. None where the expert has no plan on a model.
-        """
-        if self.task.annotations.expert is None:
-            return self.model, plans.optimal_plan(self.model)
-        try:
-            whole = self.model
-            if self.task.annotations.memory is not None:
-                whole = extract(self.task.remembering())
-        except SpecError:  # too many states with the memory
-            return None
-        plan = plans.expert_plan(whole)
-        if plan is None:
-            return None
-        return (whole, plan)
-
-    def _without_memory(self, whole: Model, code: int) -> int:
-        """Return the code of a state without what is remembered there, whose digits are the last ones."""
-        return code // (whole.states.size // self.model.states.size)
+def _without_memory(model: Model, whole: Model, code: int) -> int:
+    """Return the code of a state without what is remembered there, whose digits are the last ones."""
+    return code // (whole.states.size // model.states.size)
 
 
 def _policy(model: Model, table: Array) -> dict[int, tuple[int, ...]]:

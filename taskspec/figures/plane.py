@@ -156,19 +156,15 @@ class _Plane:
     state: dict[str, Any]
 
     def grid(self, columns: int, rows: int, edge: float = 1.0) -> tuple[Array, Reads]:
-        """Return points of the plane (rows * columns, 2), row by row, and the states there.
-
-        The margin is `edge` times the distance between two points.
-        """
+        """Return points (rows * columns, 2) with a margin of `edge` times their distance, row by row, and states there."""
         shares = [np.arange(edge, n + edge) / (n - 1 + 2 * edge) for n in (columns, rows)]
-        x, y = (axis.low + (axis.high - axis.low) * share for axis, share in zip(self.scales, shares, strict=True))
+        x, y = (
+            axis.low + (axis.high - axis.low) * share
+            for axis, share in zip((self.plot.x, self.plot.y), shares, strict=True)
+        )
         points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         reads = {key: np.repeat(v, len(points), axis=-1) for key, v in reads_of(self.task, self.state).items()}
         return points, reads | {(Reading.STATE, name): points[:, i] for i, name in enumerate(self.pair)}
-
-    @property
-    def scales(self) -> tuple[Scale, Scale]:
-        return self.plot.x, self.plot.y
 
     def shades(self) -> Iterator[Item]:
         """Yield where the conditions of the figure section hold: strips in their colours, and a sign in the middle of them."""

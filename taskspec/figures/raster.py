@@ -13,7 +13,7 @@ import numpy as np
 
 from taskspec.base.extras import need
 from taskspec.base.files import write_bytes
-from taskspec.figures.shapes import Area, Box, Circle, Dash, Item, Label, Line, Scene, head, hex_color, shaft
+from taskspec.figures.shapes import Area, Box, Circle, Dash, Label, Line, Scene, head, hex_color, shaft
 from taskspec.printers import tree as m
 from taskspec.printers.text import plain
 
@@ -34,13 +34,17 @@ def save(scene: Scene, path: Path, kind: str) -> None:
     """Write a PNG or PDF file; the same scene gives the same bytes."""
     metadata: dict[str, Any] = {"CreationDate": None} if kind == "pdf" else {"Software": None}
     picture = BytesIO()
+    with _quiet():
+        _figure(scene).savefig(picture, format=kind, dpi=DPI, metadata=metadata)
+    write_bytes(path, picture.getvalue())
+
+
+def _figure(scene: Scene) -> Any:
     figure, axes = _canvas(scene.width, scene.height)
     axes.set_xlim(0, scene.width)
     axes.set_ylim(scene.height, 0)
-    _draw_all(axes, scene, 1.0)
-    with _quiet():
-        figure.savefig(picture, format=kind, dpi=DPI, metadata=metadata)
-    write_bytes(path, picture.getvalue())
+    _draw(axes, scene, 1.0)
+    return figure
 
 
 def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[Any, np.dtype[np.uint8]]:
@@ -59,7 +63,7 @@ def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[A
     top = _first(room / scale, scene.height, y) - (height - room) / scale
     axes.set_xlim(left, left + width / scale)
     axes.set_ylim(top + height / scale, top)
-    _draw_all(axes, scene, scale)
+    _draw(axes, scene, scale)
     if title:
         place = {"transform": axes.transAxes, "ha": "left", "va": "top"}
         axes.text(0.02, 0.98, title, fontsize=9, family=FONTS, parse_math=False, **place)
@@ -93,38 +97,35 @@ def _canvas(width: float, height: float) -> tuple[Any, Any]:
     return figure, axes
 
 
-def _draw_all(axes: Any, scene: Scene, scale: float) -> None:
-    for order, item in enumerate(scene.items):
-        _draw(axes, item, order, scale, FONTS if scene.font == "serif" else FONTS[1:])
-
-
-def _draw(axes: Any, item: Item, order: int, scale: float, fonts: list[str]) -> None:
+def _draw(axes: Any, scene: Scene, scale: float) -> None:
+    fonts = FONTS if scene.font == "serif" else FONTS[1:]
     patches = need("matplotlib.patches", "figures")
     points = 72 / INCH * scale  # a centimetre in points
-    match item:
-        case Circle(centre=centre, radius=r):
-            axes.add_patch(patches.Circle(centre, r, zorder=order, **_paint(item)))
-        case Box(corner=(x, y), width=w, height=h, round=corner):
-            style = f"round,pad=0,rounding_size={corner}" if corner else "square,pad=0"
-            axes.add_patch(patches.FancyBboxPatch((x, y), w, h, boxstyle=style, zorder=order, **_paint(item)))
-        case Area(points=corners):
-            axes.add_patch(patches.Polygon(corners, zorder=order, **_paint(item)))
-        case Line():
-            codes = [1, 4, 4, 4] if item.curved else [1] + [2] * (len(item.points) - 1)
-            path = need("matplotlib.path", "figures").Path(shaft(item), codes)
-            color = hex_color(item.color)
-            axes.add_patch(patches.PathPatch(path, fill=False, edgecolor=color, zorder=order, alpha=item.shade,
-                                             linewidth=item.width * points, linestyle=_DASHES[item.dash]))  # fmt: skip
-            if item.arrow:
-                axes.add_patch(patches.Polygon(head(item), facecolor=color, edgecolor="none", zorder=order))
-        case Label(at=(x, y), anchor=anchor):
-            side = {"start": "left", "middle": "center", "end": "right"}[anchor]
-            halo = {"facecolor": hex_color("paper"), "edgecolor": "none", "pad": 0.6} if item.halo else None
-            axes.text(x, y, mathtext(item.text), fontsize=item.size * points * 0.95, ha=side, va="center_baseline",
-                      color=hex_color(item.color), zorder=order, family=fonts, math_fontfamily="cm", bbox=halo,
-                      rotation=item.angle, rotation_mode="anchor", weight="bold" if item.bold else "normal")  # fmt: skip
-        case _:
-            assert_never(item)
+    for order, item in enumerate(scene.items):
+        match item:
+            case Circle(centre=centre, radius=r):
+                axes.add_patch(patches.Circle(centre, r, zorder=order, **_paint(item)))
+            case Box(corner=(x, y), width=w, height=h, round=corner):
+                style = f"round,pad=0,rounding_size={corner}" if corner else "square,pad=0"
+                axes.add_patch(patches.FancyBboxPatch((x, y), w, h, boxstyle=style, zorder=order, **_paint(item)))
+            case Area(points=corners):
+                axes.add_patch(patches.Polygon(corners, zorder=order, **_paint(item)))
+            case Line():
+                codes = [1, 4, 4, 4] if item.curved else [1] + [2] * (len(item.points) - 1)
+                path = need("matplotlib.path", "figures").Path(shaft(item), codes)
+                color = hex_color(item.color)
+                axes.add_patch(patches.PathPatch(path, fill=False, edgecolor=color, zorder=order, alpha=item.shade,
+                                                 linewidth=item.width * points, linestyle=_DASHES[item.dash]))  # fmt: skip
+                if item.arrow:
+                    axes.add_patch(patches.Polygon(head(item), facecolor=color, edgecolor="none", zorder=order))
+            case Label(at=(x, y), anchor=anchor):
+                side = {"start": "left", "middle": "center", "end": "right"}[anchor]
+                halo = {"facecolor": hex_color("paper"), "edgecolor": "none", "pad": 0.6} if item.halo else None
+                axes.text(x, y, mathtext(item.text), fontsize=item.size * points * 0.95, ha=side, va="center_baseline",
+                          color=hex_color(item.color), zorder=order, family=fonts, math_fontfamily="cm", bbox=halo,
+                          rotation=item.angle, rotation_mode="anchor", weight="bold" if item.bold else "normal")  # fmt: skip
+            case _:
+                assert_never(item)
 
 
 def _paint(item: Circle | Box | Area) -> dict[str, Any]:

@@ -134,7 +134,7 @@ def routed(
 ) -> tuple[list[Line], int, int]:
     """Return a line for every arrow, how often they cross, and how many pass over a vertex or along one another."""
     flat, groups, of, place = _flattened(options)
-    paths = np.array([sampled(line) for line in flat])
+    paths = np.array(list(map(sampled, flat)))
     crossings, close = _meetings(paths, of)
     over = _over(paths, [ends[i] for i in of], spots)
     chosen = _descend(groups, OVER * over + BEND * place, crossings + OVER * close)
@@ -149,7 +149,7 @@ def _flattened(options: Sequence[Sequence[T]]) -> tuple[list[T], list[range], np
     flat = [x for found in options for x in found]
     ends = [0, *accumulate(map(len, options))]
     groups = [range(a, b) for a, b in pairwise(ends)]
-    of = np.repeat(np.arange(len(groups)), [len(g) for g in groups])
+    of = np.repeat(np.arange(len(groups)), list(map(len, groups)))
     return flat, groups, of, np.arange(len(flat)) - np.array(ends)[of]
 
 
@@ -163,7 +163,7 @@ def _descend(groups: Sequence[range], alone: np.ndarray, pair: np.ndarray) -> li
             chosen[i] = g.start + int(np.argmin(alone[g.start : g.stop] + pair[g.start : g.stop][:, others].sum(1)))
         if (before == chosen).all():
             break
-    return [int(i) for i in chosen]
+    return list(map(int, chosen))
 
 
 def sampled(line: Line) -> list[Point]:
@@ -256,7 +256,7 @@ def placed(
     if not options:
         return [], 0, 0
     flat, groups, of, place = _flattened(options)
-    boxes = np.array([box(label) for label in flat])
+    boxes = np.array(list(map(box, flat)))
     centre = (boxes[:, 2:] + boxes[:, :2]) / 2
     half = (boxes[:, 2:] - boxes[:, :2]) / 2
     broad = half * (BROAD, 1.0)
@@ -287,7 +287,7 @@ def _shapes(lines: Sequence[Line], spots: Sequence[Spot]) -> list[tuple[float, f
 
 def _hidden(centre: np.ndarray, half: np.ndarray, lines: Sequence[Line]) -> np.ndarray:
     """Return which part of each line (columns) each label (rows) covers, by points along it."""
-    coarse = np.array([sampled(line) for line in lines]).reshape(-1, PIECES + 1, 2)
+    coarse = np.array(list(map(sampled, lines))).reshape(-1, PIECES + 1, 2)
     paths = np.concatenate([coarse, (coarse[:, 1:] + coarse[:, :-1]) / 2], axis=1)
     off = np.abs(centre[:, None, None] - paths[None]) - half[:, None, None]
     return np.asarray((off < 0).all(3).mean(2))

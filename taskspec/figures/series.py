@@ -50,7 +50,7 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
     """Draw components of the state (or the elements of `values`) over an episode, or the present one so far."""
     if overlay.here is not None:
         return _so_far(task, overlay.seen)
-    if not any(_is_followed(c) for c in task.state) and task.annotations.figure is None:
+    if not any(map(_is_followed, task.state)) and task.annotations.figure is None:
         return None
     path, whose = episode_path(task)
     if len(path) <= SHORT:
@@ -110,9 +110,8 @@ def _scale(number: _Number) -> tuple[float, float]:
 
 
 def _wide(low: float, high: float) -> tuple[float, float]:
-    if low == high:
-        return (low - 0.5, high + 0.5)
-    return (low, high)
+    room = 0.5 * (low == high)
+    return low - room, high + room
 
 
 def _panel(

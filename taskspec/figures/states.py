@@ -21,7 +21,7 @@ from taskspec.lang.variates import sampler
 from taskspec.model.space import Space
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
-from taskspec.rollout.rollout import Rollout, at_random
+from taskspec.rollout.rollout import Rollout, at_random, by_expert
 from taskspec.task.parts import DEFAULT, Component, Figure
 from taskspec.task.task import Task
 
@@ -70,19 +70,12 @@ def all_states(task: Task) -> tuple[Reads, int] | None:
 
 
 def first_state(task: Task, seed: int = 0) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for c, flat in zip(task.state, _reset(task, task.process.initial, seed), strict=True):
-        if c.type.shape:
-            found[c.name] = np.array([float(x) for x in flat]).reshape(c.type.shape)
-        else:
-            found[c.name] = flat[0]
-    return found
+    return first_lane(Rollout(task, 1, seed).start())
 
 
-def _reset(task: Task, roots: tuple[Node, ...], seed: int) -> list[Flat]:
-    layout = task.reset_words
-    words = draws.words(seed, draws.RESET, 0, layout.count)
-    return list(evaluate(roots, {}, sampler(layout, words)))
+def first_lane(state: Mapping[str, Array]) -> dict[str, Any]:
+    """Return the state of the first lane."""
+    return {name: value[..., 0] for name, value in state.items()}
 
 
 def expert_path(task: Task, steps: int = STEPS, seed: int = 0) -> list[dict[str, Any]]:
@@ -99,26 +92,19 @@ def episode_path(task: Task, steps: int = STEPS, seed: int = 0) -> tuple[list[di
     """Return states of an episode of the expert where its actions are expressions, else of random actions; and whose it is."""
     task = task.remembering()
     expert = task.annotations.expert
-    by_expert = isinstance(expert, tuple) and not draws_of(expert)
-    choose = at_random(task)
+    is_expert = isinstance(expert, tuple) and not draws_of(expert)
+    choose = by_expert(task) if is_expert else at_random(task)
     rollout = Rollout(task, 1, seed)
     rng = np.random.default_rng(seed)
     state = rollout.start()
-    states = [state]
+    states = [first_lane(state)]
     for t in range(steps if task.horizon is None else min(steps, task.horizon)):
-        if isinstance(expert, tuple) and by_expert:
-            reads = {(Role.STATE, name): value for name, value in state.items()}
-            chosen = batch.evaluate(expert, reads | {(Role.TIME, "t"): np.array([t], dtype=np.int64)})
-            action: Mapping[str, Array] = {c.name: a for c, a in zip(task.action, chosen, strict=True)}
-        else:
-            action = choose(state, t, rng)
-        moved = rollout.step(state, action, t)
+        moved = rollout.step(state, choose(state, t, rng), t)
         state = moved.state
-        states.append(state)
+        states.append(first_lane(state))
         if bool(np.all(moved.terminal)):
             break
-    whose = "the expert" if by_expert else "random actions"
-    return [{name: value[..., 0] for name, value in each.items()} for each in states], whose
+    return states, "the expert" if is_expert else "random actions"
 
 
 # Observations, and states as tables.
@@ -141,7 +127,9 @@ def is_noisy(task: Task) -> bool:
 
 def observed(task: Task) -> Iterator[Item]:
     """Yield a first observation as boxes and bars, from (0, 0) to the right."""
-    flats = _reset(task, (*task.process.initial, *task.first_observation), 0)[len(task.process.initial) :]
+    roots = (*task.process.initial, *task.first_observation)
+    words = draws.words(0, draws.RESET, 0, task.reset_words.count)
+    flats = list(evaluate(roots, {}, sampler(task.reset_words, words)))[len(task.process.initial) :]
     names = of_task(task)
     x = 0.0
     for component, flat in zip(task.observation.components, flats, strict=True):
@@ -172,7 +160,7 @@ def _word(component: Component, flat: Flat) -> str:
 
 def _bars(x: float, width: float, flat: Flat) -> Iterator[Item]:
     """Yield bars above and below a line; of a long vector the first ones."""
-    shown = [float(value) for value in flat[:MOST]]
+    shown = list(map(float, flat[:MOST]))
     step = width / len(shown)
     scale = 0.95 * HALF / (max(map(abs, shown)) or 1.0)
     yield Box((x, 0), width, 2 * HALF, None, "faint")

@@ -24,7 +24,7 @@ _DASHES: dict[sc.Dash, tuple[float, ...]] = {
 
 def svg(scene: sc.Scene, css: bool = False, kind: str = "figure") -> str:
     """Return an SVG picture."""
-    body = "".join(svg_item(item) for item in scene.items)
+    body = "".join(map(svg_item, scene.items))
     if not css:
         body = f'<rect width="{_px(scene.width)}" height="{_px(scene.height)}" fill="{sc.hex_color("paper")}"/>{body}'
     return svg_document(scene, body, kind)
@@ -96,7 +96,7 @@ def _svg_line(line: sc.Line) -> str:
         path = f"M{first} C{' '.join(others)}"
     else:
         path = f"M{first} {' '.join(f'L{p}' for p in others)}"
-    dashes = " ".join(_px(length) for length in _DASHES[line.dash])
+    dashes = " ".join(map(_px, _DASHES[line.dash]))
     dash = f' stroke-dasharray="{dashes}"' if dashes else ""
     faded = f' stroke-opacity="{line.shade:.2f}"' if line.shade < 1 else ""
     color = f'class="{_class("line", line.color)}" stroke="{sc.hex_color(line.color)}"'
@@ -117,7 +117,7 @@ def _label(label: sc.Label) -> str:
     turned = ""
     if label.angle:
         turned = f' transform="rotate({-label.angle:g} {_px(x)} {_px(y)})"'
-    weight = ' font-weight="bold"' if label.bold else ""
+    weight = ' font-weight="bold"' * label.bold
     place = f'x="{_px(x)}" y="{_px(y + label.size * 0.34)}" font-size="{_px(label.size)}" text-anchor="{label.anchor}"'
     return f'<text {place} fill="{sc.hex_color(label.color)}"{style}{weight}{turned}>{runs(label.text)}</text>'
 
@@ -128,7 +128,7 @@ def runs(tree: m.Math) -> str:
         case m.Ident(text=text, style="italic"):
             return f'<tspan font-style="italic">{escape(text)}</tspan>'
         case m.Row(items=items):
-            return "".join(runs(item) for item in items)
+            return "".join(map(runs, items))
         case m.Fence(left=left, body=body, right=right):
             return escape(left) + runs(body) + escape(right)
         case m.Script(base=base, sub=sub, sup=sup, primes=primes):
@@ -177,7 +177,7 @@ def _tikz_item(item: sc.Item) -> str:
             return _tikz_line(item)
         case sc.Label(at=at, text=text, color=color):
             anchor = {"start": "west", "end": "east", "middle": "center"}[item.anchor]
-            halo = ", fill=taskpaper" if item.halo else ""
+            halo = ", fill=taskpaper" * item.halo
             turned = f", rotate={item.angle:g}" if item.angle else ""
             size = r"\footnotesize" if item.size < 0.34 else r"\small"
             options = f"anchor={anchor}, inner sep=1pt, text={_tikz_color(color)}, font={size}{halo}{turned}"

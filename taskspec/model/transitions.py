@@ -337,6 +337,11 @@ class Steps:
         order = np.argsort(columns[0], kind="stable")
         return OutcomeTable(*(column[order] for column in columns))
 
+    def start_weights(self) -> dict[int, float]:
+        """Return the probabilities of the first states by their codes."""
+        codes, weights = self.starts()
+        return dict(zip(codes.tolist(), weights.tolist(), strict=True))
+
     def starts(self, numbers: ProbabilityArithmetic = FLOATS) -> tuple[Array, Array]:
         """Return codes (N,) of the first states and their probabilities (N,), each code once."""
         found = count(draws(self.first), {})

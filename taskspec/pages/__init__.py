@@ -15,10 +15,7 @@ from taskspec.pages.facts import gather as gather
 from taskspec.pages.page import Page as Page
 from taskspec.pages.page import page as page
 from taskspec.pages.write import FORMATS as FORMATS
-from taskspec.pages.write import gather_pages as gather_pages
-from taskspec.pages.write import together as together
 from taskspec.pages.write import write as write
-from taskspec.pages.write import write_pages as write_pages
 
 __all__ = [
     "FORMATS", "OVERLAYS", "Facts", "Overlay", "Page", "ShownFigure", "figure", "gather", "overlay", "page",

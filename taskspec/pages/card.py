@@ -7,13 +7,15 @@ from typing import Any
 
 from taskspec.base.bibliography import Reference, beside
 from taskspec.base.display import decimal, setting, small_fraction, visible
-from taskspec.pages.facts import Facts, ScoreFact
+from taskspec.exact import Return
+from taskspec.pages.facts import Facts
 from taskspec.pages.render.markdown import escape
 from taskspec.registry import shipped
 from taskspec.task.record import count, domain_words, space_words
 from taskspec.task.task import Task
 
 LICENSE = "MIT"  # the licence of the tasks that come with the package; the authors of other specs give their own
+TITLES = {"parameter": "parameter {}", "modifier": "modifier {}", "space": "{} space"}
 LARGEST = 10_000  # the largest denominator of a return that is given as a fraction
 
 
@@ -71,7 +73,7 @@ def _properties(task: Task, facts: Facts) -> Iterator[dict[str, Any]]:
     for name, score in facts.scores.items():
         yield _return(name, score)
     for claim, verdict in zip(task.annotations.claims, facts.verdicts, strict=False):
-        yield _property("claim", claim.text, verdict.holds, verdict.words)
+        yield _property("claim", claim.text, verdict.holds, verdict.text)
 
 
 def _property(kind: str, name: str, value: Any, description: str = "") -> dict[str, Any]:
@@ -79,7 +81,7 @@ def _property(kind: str, name: str, value: Any, description: str = "") -> dict[s
     return found | ({"description": description} if description else {})
 
 
-def _return(name: str, score: ScoreFact) -> dict[str, Any]:
+def _return(name: str, score: Return) -> dict[str, Any]:
     value = float(score.value)
     if not score.exact:
         found = _property("return", name, value, f"mean of {score.episodes:,} episodes, 95 % interval")
@@ -94,7 +96,7 @@ def markdown(card: dict[str, Any]) -> str:
     kinds: dict[str, list[dict[str, Any]]] = {}
     for each in card["variableMeasured"]:
         kinds.setdefault(each["propertyID"], []).append(each)
-    tags = ", ".join(_quoted(word) for word in ("reinforcement-learning", *card["keywords"][1:]))
+    tags = ", ".join(map(_quoted, ("reinforcement-learning", *card["keywords"][1:])))
     lines = ["---", f"pretty_name: {_quoted(card['headline'])}", f"tags: [{tags}]"]
     if "license" in card:
         lines.append(f"license: {LICENSE.lower()}")
@@ -104,7 +106,8 @@ def markdown(card: dict[str, Any]) -> str:
     for kind in ("parameter", "modifier", "space", "size", "return"):
         for each in kinds.get(kind, ()):
             remark = f" ({escape(each['description'])})" if "description" in each else ""
-            lines.append(f"| {_label(kind, each['name'])} | {_shown(each)}{remark} |")
+            title = TITLES.get(kind, "{}").format(each["name"])
+            lines.append(f"| {escape(title)} | {_shown(each)}{remark} |")
     lines.append(f"| content | `{card['identifier'][1]}` |")
     if "claim" in kinds:
         lines += ["", "Claims:", ""]
@@ -113,12 +116,6 @@ def markdown(card: dict[str, Any]) -> str:
         lines += ["", "Sources:", ""]
         lines += [f"- {escape(_cited(source))}" for source in card["citation"]]
     return visible("\n".join(lines)) + "\n"
-
-
-def _label(kind: str, name: str) -> str:
-    return escape(
-        f"{kind} {name}" if kind in ("parameter", "modifier") else f"{name} {kind}" if kind == "space" else name
-    )
 
 
 def _shown(each: dict[str, Any]) -> str:
@@ -135,13 +132,8 @@ def _cited(source: dict[str, Any]) -> str:
     if "name" not in source:
         return str(source["identifier"])
     people = ", ".join(person["name"] for person in source["author"])
-    parts = [
-        f"{people} ({source.get('datePublished', 'no year')})",
-        source["name"],
-        source.get("isPartOf"),
-        source.get("pagination"),
-    ]
-    return ". ".join(part for part in parts if part)
+    who = f"{people} ({source.get('datePublished', 'no year')})"
+    return ". ".join(filter(None, (who, source["name"], source.get("isPartOf"), source.get("pagination"))))
 
 
 def _quoted(text: str) -> str:

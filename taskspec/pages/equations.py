@@ -118,19 +118,16 @@ class Writing:
         if shape in (None, [], 1, [1]):
             return inner
         lengths = shape if isinstance(shape, list) else [shape]
-        return m.Script(inner, sup=m.joined((self.declared(n) for n in lengths), "×"))
+        return m.Script(inner, sup=m.joined(map(self.declared, lengths), "×"))
 
     def _of_element(self, bounds: Mapping[str, Any], index: int | str) -> dict[str, Any]:
         """Return the bounds of one element: those of a list, or of a vector among the constants."""
-        found = {}
+        found = dict(bounds)
         for key, end in bounds.items():
             if isinstance(end, list):
                 found[key] = end[int(index)]
-            else:
-                if self._is_vector(expression(end)):
-                    found[key] = f"({end})[{index}]"
-                else:
-                    found[key] = end
+            elif self._is_vector(expression(end)):
+                found[key] = f"({end})[{index}]"
         return found
 
     def _is_vector(self, expr: s.Expr) -> bool:
@@ -202,12 +199,12 @@ class Writing:
 
 def _product(sets: Sequence[m.Math]) -> m.Math:
     factors = []
-    for base, group in groupby(sets):
+    for factor, group in groupby(sets):
         count = len(list(group))
-        if count == 1:
-            factors.append(base)
-        else:
-            factors.append(m.Script(m.brackets(base) if isinstance(base, m.Script) else base, sup=m.Num(str(count))))
+        if count > 1:
+            base = m.brackets(factor) if isinstance(factor, m.Script) else factor
+            factor = m.Script(base, sup=m.Num(str(count)))
+        factors.append(factor)
     return m.joined(factors, "×")
 
 
@@ -215,10 +212,9 @@ def _integers(low: m.Math | None, high: m.Math | None) -> m.Math:
     integers = m.Ident("Z", "blackboard")
     if low is not None and high is not None:
         return interval(low, high)
-    if low is not None:
-        return m.Script(integers, m.Row((m.Sym("≥"), low)))
-    if high is not None:
-        return m.Script(integers, m.Row((m.Sym("≤"), high)))
+    for sign, end in (("≥", low), ("≤", high)):
+        if end is not None:
+            return m.Script(integers, m.Row((m.Sym(sign), end)))
     return integers
 
 

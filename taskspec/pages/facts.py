@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from taskspec.base.display import small_fraction
-from taskspec.exact import Model, Report, Results, Verdict, pomdp_bounds, verdicts, wrong_examples
-from taskspec.pages.prose import CellTable, Formula, Inlines, Text
+from taskspec.exact import Model, Report, Results, Return, Verdict, pomdp_bounds, verdicts, wrong_examples
+from taskspec.pages.prose import CellTable, Formula, Inlines, Mark, Text
 from taskspec.printers import tree as m
 from taskspec.registry import load
 from taskspec.scores.returns import CLAIMS
@@ -19,27 +19,6 @@ from taskspec.task.task import Task, TaskLike
 Value = int | float | Fraction
 
 
-@dataclass(frozen=True, slots=True)
-class ScoreFact:
-    """A return; `half` is half the width of its 95 % confidence interval when it was estimated from `episodes`."""
-
-    value: Value
-    half: float = 0.0
-    episodes: int = 0
-
-    @property
-    def exact(self) -> bool:
-        return self.episodes == 0
-
-
-@dataclass(frozen=True, slots=True)
-class VerdictFact:
-    """The verdict on a claim; `holds` is None when it was not decided, and there are no words when it was not checked."""
-
-    holds: bool | None = None
-    words: str = ""
-
-
 @dataclass(frozen=True)
 class Facts:
     """Results that a page shows beside the task itself; `verdicts` follow the order of the task's claims.
@@ -47,8 +26,8 @@ class Facts:
     `unknown` names the returns that every task has, and that could not be worked out for this one.
     """
 
-    scores: Mapping[str, ScoreFact] = field(default_factory=dict)
-    verdicts: Sequence[VerdictFact] = ()
+    scores: Mapping[str, Return] = field(default_factory=dict)
+    verdicts: Sequence[Mark] = ()
     wrong_examples: frozenset[int] = frozenset()  # by number
     unknown: Sequence[str] = ()
     model: Model | None = field(default=None, compare=False, repr=False)  # from which the results are
@@ -59,6 +38,15 @@ class Facts:
         if self.model is None:
             return None
         return int(self.model.entered.sum())
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The task at other values of its parameters, which the page shows beside the symbols."""
+
+    title: str
+    task: Task
+    facts: Facts
 
 
 def gather(task: TaskLike | Report) -> Facts:
@@ -75,32 +63,31 @@ def gather(task: TaskLike | Report) -> Facts:
 
 def _facts(found: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> Facts:
     returns = {"optimal": found.optimal, "random": found.random, "worst": found.worst, "expert": found.expert}
-    shown: dict[str, ScoreFact] = {}
+    shown: dict[str, Return] = {}
     seen = pomdp_bounds(found)
     for name, value in returns.items():
         if value is None:
             continue
-        fact = ScoreFact(value.value, value.half if value.episodes else 0.0, value.episodes)
         if name == "optimal" and seen is not None:  # a task that hides its state
-            shown["optimal return, knowing the state"] = fact
+            shown["optimal return, knowing the state"] = value
             shown |= _bounds("best return with memory", seen.remembering)
             shown |= _bounds("best return without memory", seen.memoryless)
         else:
-            shown[f"{name} return"] = fact
+            shown[f"{name} return"] = value
     unknown = tuple(f"{name} return" for name in ("optimal", "worst") if returns[name] is None)
     return Facts(shown, tuple(by_claim(found.task, said)), wrong, unknown, found.model)
 
 
-def _bounds(name: str, value: Enclosure | None) -> dict[str, ScoreFact]:
+def _bounds(name: str, value: Enclosure | None) -> dict[str, Return]:
     if value is None:
         return {}
     if value.error <= 1e-9 * abs(value.value):
-        return {name: ScoreFact(value.value)}
+        return {name: Return(value.value)}
     low, high = value.ends
-    return {f"{name}, at least": ScoreFact(low), f"{name}, at most": ScoreFact(high)}
+    return {f"{name}, at least": Return(low), f"{name}, at most": Return(high)}
 
 
-def by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterator[VerdictFact]:
+def by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterator[Mark]:
     """Yield one verdict for each claim, which holds if it holds in all its cases."""
     waiting = iter(decisions)
     order = list(CLAIMS)
@@ -108,7 +95,7 @@ def by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterator[VerdictFact]:
         found = [next(waiting) for _ in claim.cases or ({},)]
         worst = max(found, key=lambda verdict: order.index(verdict.status))
         shown = CLAIMS[worst.status].shown.format(episodes=max(verdict.episodes for verdict in found))
-        yield VerdictFact(None if worst.status == "undecided" else bool(worst.holds), shown)
+        yield Mark(None if worst.status == "undecided" else bool(worst.holds), shown)
 
 
 def title(facts: Facts) -> str:
@@ -125,18 +112,17 @@ def lines(task: Task, facts: Facts) -> Iterator[Inlines]:
 MOST_COLUMNS = 4
 
 
-def table(settings: Sequence[tuple[str, Task, Facts]]) -> CellTable:
+def table(settings: Sequence[Setting]) -> CellTable:
     """Return a row for each score, a column for each setting of the parameters; the other way round for many settings."""
-    found = [dict(_scores(task, facts)) for _, task, facts in settings]
+    found = [dict(_scores(each.task, each.facts)) for each in settings]
     names = list(dict.fromkeys(name for scores in found for name in scores))
-    if len(settings) == 1:
-        settings = [("", *settings[0][1:])]
+    titles = [each.title for each in settings] if len(settings) > 1 else [""]
     if len(settings) > MOST_COLUMNS:
-        turned = zip(settings, found, strict=True)
-        lines = tuple(((Text(head),), *(scores.get(name, ()) for name in names)) for (head, _, _), scores in turned)
+        turned = zip(titles, found, strict=True)
+        lines = tuple(((Text(title),), *(scores.get(name, ()) for name in names)) for title, scores in turned)
         return CellTable(("", *names), lines)
     rows = tuple(((Text(name),), *(scores.get(name, ()) for scores in found)) for name in names)
-    return CellTable(("", *(heading for heading, _, _ in settings)), rows)
+    return CellTable(("", *titles), rows)
 
 
 def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:
@@ -151,7 +137,7 @@ def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:
         yield states, (Formula(number(facts.states)),)
 
 
-def _score(score: ScoreFact) -> Inlines:
+def _score(score: Return) -> Inlines:
     """Return a return, and how sure it is."""
     if not score.episodes:
         return (Formula(number(score.value)),)

@@ -45,7 +45,7 @@ class HtmlWriter:
         """Return what templates show of a page."""
         return {
             "summary": self.prose(summary),
-            "description": [self.block(b) for b in description],
+            "description": list(map(self.block, description)),
             "sections": [self.section(s, settings) for s in sections],
         }
 
@@ -54,7 +54,7 @@ class HtmlWriter:
         lead, rest = section.laid_out(lines)
         rows = []
         if section.table:
-            rows = [[self.prose(cell) for cell in row] for row in section.table.rows]
+            rows = [list(map(self.prose, row)) for row in section.table.rows]
         header = section.table.header if section.table else ()
         return {"key": section.key, "title": section.title, "lead": lead, "lines": rest, "header": header, "rows": rows}
 
@@ -72,7 +72,7 @@ class HtmlWriter:
         return out
 
     def prose(self, content: p.Inlines) -> Markup:
-        return Markup("").join(self.inline(piece) for piece in content)
+        return Markup("").join(map(self.inline, content))
 
     def inline(self, piece: p.Inline) -> Markup:
         match piece:
@@ -145,7 +145,10 @@ def formula(math: m.Math, display: bool = False) -> Markup:
         return Markup(f'<span class="display">{mathml(math, block=True)}</span>')
     match _flat(math):
         case [*left, m.Cases(rows=rows)] if m.width(math) > SPLIT_AFTER:
-            return _split(math, left, rows)
+            cells = Markup("").join(Markup("<span>{}</span>").format(formula(part)) for row in rows for part in row)
+            before = formula(m.row(*left)) if left else ""
+            whole = '<span class="split" role="math" aria-label="{}">{}<span class="rows">{}</span></span>'
+            return Markup(whole).format(plain(math), before, cells)
     pieces = _pieces(_flat(math)) if m.width(math) > BREAK_AFTER else [math]
     if max(map(m.width, pieces)) > BREAK_AFTER:
         pieces = _pieces(_flat(math, inside=True))
@@ -171,14 +174,6 @@ def _letters(math: m.Math) -> str:
     """Return how many letters wide mathematics is, where small screens need smaller letters for it."""
     letters = m.width(math)
     return f' style="--letters: {letters:.0f}"' if letters > FITS else ""
-
-
-def _split(math: m.Math, left: list[m.Math], rows: Iterable[tuple[m.Math, m.Math]]) -> Markup:
-    """Return a formula that ends case by case as a grid, in whose cells lines can break."""
-    cells = Markup("").join(Markup("<span>{}</span>").format(formula(part)) for row in rows for part in row)
-    before = formula(m.row(*left)) if left else ""
-    whole = '<span class="split" role="math" aria-label="{}">{}<span class="rows">{}</span></span>'
-    return Markup(whole).format(plain(math), before, cells)
 
 
 def origin_of(content: p.Inlines) -> str:

@@ -82,10 +82,9 @@ def _range(w: Writing, name: str) -> Inlines:
 def grids(w: Writing) -> Iterator[tuple[str, str]]:
     for name, value in w.spec.constants.items():
         if isinstance(value, Mapping) and "grid" in value:
-            if isinstance(value["grid"], str):
-                text = value["grid"]
-            else:
-                text = "\n".join(value["grid"])
+            text = value["grid"]
+            if not isinstance(text, str):
+                text = "\n".join(text)
             legend = ", ".join(f"{lettered(k)} = {v}" for k, v in (value.get("legend") or {}).items())
             yield f"{name} ({legend})", text
 
@@ -97,19 +96,15 @@ def state(w: Writing) -> Iterator[Inlines]:
 def actions(w: Writing) -> Iterator[Inlines]:
     yield from _space(w, "A", w.spec.action, w.task.action)
     expr = w.parsed("legal")
-    if expr is not None:
-        yield (Text("legal actions: "), formula(*_legal(w, expr)))
-
-
-def _legal(w: Writing, expr: s.Expr) -> Iterator[m.Math]:
-    """Yield the set of legal actions, as a function of what it depends on."""
+    if expr is None:
+        return
     actions = m.Ident("A", "calligraphic")
     (action,) = w.spec.action
     used = w.reads(expr)
     arguments = [w.symbol(name) for name in w.spec.state if name in used]
-    if arguments:
-        yield from (actions, m.brackets(m.joined(arguments)), m.Sym("="))
-    yield m.braces(m.such_that(m.Row((w.symbol(action), m.Sym("∈"), actions)), w.truth(expr)))
+    left = (actions, m.brackets(m.joined(arguments)), m.Sym("=")) if arguments else ()
+    legal = m.braces(m.such_that(m.Row((w.symbol(action), m.Sym("∈"), actions)), w.truth(expr)))
+    yield (Text("legal actions: "), formula(*left, legal))
 
 
 def _space(
@@ -147,15 +142,12 @@ def _labels(w: Writing, c: Component) -> Inlines:
     items: list[Inlines] = []
     for i, label in enumerate(c.domain.labels):
         mark = w.notation.labels[c.name][label]
-        value = c.domain.values[i] if c.domain.values else None
-        if value is None or isinstance(mark, m.Num):
-            tree = mark
-        else:
-            tree = m.Row((mark, m.Sym("↦"), _value(w, value)))
+        tree = mark
+        if c.domain.values and not isinstance(mark, m.Num):
+            tree = m.Row((mark, m.Sym("↦"), _value(w, c.domain.values[i])))
         word = isinstance(mark, m.Words | m.Num)
         items.append((Formula(tree),) if word else (Formula(tree), Text(f" {label.replace('_', ' ')}")))
-    plain = all(len(x) == 1 for x in items) and not c.domain.values
-    if plain:
+    if all(len(x) == 1 for x in items) and not c.domain.values:
         return ()
     return listing(items)
 
@@ -228,7 +220,7 @@ def definitions(w: Writing) -> Iterator[Inlines]:
         name, arguments = signature(written)
         left = w.symbol(name)
         if arguments is not None:
-            left = m.Row((left, m.brackets(m.joined(w.notation.symbol(a) for a in arguments))))
+            left = m.Row((left, m.brackets(m.joined(map(w.notation.symbol, arguments)))))
         axes = {a: w.task.source.surface.argument_axes.get((name, a), 0) for a in arguments or ()}
         yield (Formula(w.equation(left, expr, arguments=axes)),)
     for name, expr in (w.parsed("noise") or {}).items():
@@ -326,15 +318,11 @@ def expert(w: Writing) -> Iterator[Inlines]:
         case "optimal":
             yield (Text("an optimal policy of the exact model"),)
         case Soft():
+            value: m.Math = m.Num(f"{w.task.annotations.expert.beta:g}")
             if isinstance(found, s.Call):
                 value = w.math(found.args[0])
-            else:
-                value = m.Num(f"{w.task.annotations.expert.beta:g}")
             yield (Text("Boltzmann-rational, "), formula(m.Ident("β"), m.Sym("="), value))
         case _:
-            if isinstance(found, Mapping):
-                actions = found
-            else:
-                actions = {next(iter(w.spec.action)): found}
+            actions = found if isinstance(found, Mapping) else {next(iter(w.spec.action)): found}
             for name, expr in actions.items():
                 yield (Formula(w.equation(w.symbol(name), expr, name)),)

@@ -15,7 +15,7 @@ from taskspec.base.files import safe_name
 from taskspec.pages import facts as scores
 from taskspec.pages import sections
 from taskspec.pages.equations import Writing
-from taskspec.pages.facts import Facts, gather
+from taskspec.pages.facts import Facts, Setting, gather
 from taskspec.pages.prose import Block, Cite, Inlines, Text, blocks, inlines
 from taskspec.pages.sections import Section, SectionLine
 from taskspec.registry import load
@@ -23,15 +23,6 @@ from taskspec.task.task import Task, TaskLike
 
 # Everything is read off the task, so a page cannot say anything that the environment does not do. What exact analysis
 # found (scores, verdicts on claims) comes in as `Facts`; without them the page leaves it out.
-
-
-@dataclass(frozen=True)
-class Setting:
-    """The task at other values of its parameters, which the page shows beside the symbols."""
-
-    title: str
-    task: Task
-    facts: Facts
 
 
 @dataclass(frozen=True)
@@ -125,9 +116,8 @@ def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tup
     return tuple(shown)
 
 
-def _columns(task: Task, facts: Facts, settings: Sequence[Setting]) -> list[tuple[str, Task, Facts]]:
-    own = ", ".join(f"{p.name} = {p.value}" for p in task.parameters)
-    return [(own, task, facts), *((s.title, s.task, s.facts) for s in settings)]
+def _columns(task: Task, facts: Facts, settings: Sequence[Setting]) -> list[Setting]:
+    return [Setting(", ".join(f"{p.name} = {p.value}" for p in task.parameters), task, facts), *settings]
 
 
 def _concrete(task: Task, facts: Facts) -> dict[str, Section]:
@@ -212,27 +202,22 @@ def _scores_alone(page: Page) -> Section:
 
 
 def families(pages: Iterable[Page]) -> list[Family]:
+    """Return pages by their spec, each after the first by its differences from that earlier one which leaves the fewest lines."""
     found = []
     for _, group in groupby(pages, key=lambda page: page.task.source.document.origin.name):
         head, *others = group
-        siblings = [_sibling(page, [head, *others[:i]]) for i, page in enumerate(others)]
+        siblings = []
+        for i, page in enumerate(others):
+            choices = [(base, _differing(base, page)) for base in (head, *others[:i])]
+            base, differing = min(choices, key=lambda choice: _lines(choice[1]))
+            siblings.append(Sibling(replace(page, sections=differing), base))
         found.append(Family(head, tuple(siblings)))
     return found
 
 
-def _sibling(page: Page, before: Sequence[Page]) -> Sibling:
-    """Return the differences from that earlier page which leaves the fewest lines, scores apart."""
-    best: tuple[Section, ...] = ()
-    base = before[0]
-    least: float = float("inf")
-    for other in before:
-        sections = _differing(other, page)
-        count = sum(len(section.lines) for section in sections if section.key != "scores")
-        if count < least:
-            best = sections
-            base = other
-            least = count
-    return Sibling(replace(page, sections=best), base)
+def _lines(sections: Iterable[Section]) -> int:
+    """Return the number of lines, scores apart."""
+    return sum(len(section.lines) for section in sections if section.key != "scores")
 
 
 def _differing(base: Page, page: Page) -> tuple[Section, ...]:

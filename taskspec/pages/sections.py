@@ -16,7 +16,7 @@ from taskspec.pages import facts as scores
 from taskspec.pages import lines
 from taskspec.pages import prose as p
 from taskspec.pages.equations import Writing
-from taskspec.pages.facts import Facts
+from taskspec.pages.facts import Facts, Setting
 from taskspec.pages.lines import Maker, formula
 from taskspec.printers import tree as m
 from taskspec.printers.names import expression
@@ -120,7 +120,7 @@ def _what_follows(w: Writing, example: Example) -> p.Inlines:
     said = [f for f in example.follows if f.section not in _ENDS]
     parts = [_of_section(w, section, list(found)) for section, found in groupby(said, lambda f: f.section)]
     if any(not isinstance(expr, s.Boolean) for expr in ends.values()):
-        parts.append((p.Text("ends: "), *_formulas([w.truth(expr) for expr in ends.values()])))
+        parts.append((p.Text("ends: "), *_formulas(list(map(w.truth, ends.values())))))
     elif ends:
         words = [_ENDS[key] for key, expr in ends.items() if isinstance(expr, s.Boolean) and expr.value]
         parts.append((p.Text("the episode " + (" and ".join(words) or "goes on")),))
@@ -206,21 +206,17 @@ def _maps(w: Writing, key: str, maps: Mapping[str, s.Expr]) -> Iterator[p.Formul
     task = w.task
     components = task.observation.components if key == "observation" else task.action
     names = [c.name for c in components]
-    joined = set(maps)
-    for expr in maps.values():
-        joined |= {x.id for x in s.names(expr) if isinstance(x, s.Name)} & set(names)
-    if joined == set(maps) and all(_reads_itself(name, expr, names) for name, expr in maps.items()):
+    read = {}
+    for name, expr in maps.items():
+        read[name] = {x.id for x in s.names(expr) if isinstance(x, s.Name)} & set(names)
+    joined = set(maps).union(*read.values())
+    if all(own <= {name} for name, own in read.items()):
         for name, expr in maps.items():
             yield formula(w.symbol(name), m.Sym("↦"), w.math(expr))
     else:
         whole = w.whole(name for name in names if name in joined)
-        images = [w.math(expr) for expr in maps.values()]
+        images = list(map(w.math, maps.values()))
         yield formula(whole, m.Sym("↦"), images[0] if len(images) == 1 else m.brackets(m.joined(images)))
-
-
-def _reads_itself(name: str, expr: s.Expr, names: Iterable[str]) -> bool:
-    """Return whether an expression reads no other component than one."""
-    return {x.id for x in s.names(expr) if isinstance(x, s.Name)} & set(names) <= {name}
 
 
 def modifiers(task: Task) -> Iterator[p.Inlines]:
@@ -332,33 +328,28 @@ def all_sections(w: Writing, facts: Facts, found_results: Iterable[Section] = ()
     return [section for section in found if section.lines or section.table]
 
 
-def results(columns: Sequence[tuple[str, Task, Facts]]) -> list[Section]:
+def results(columns: Sequence[Setting]) -> list[Section]:
     """Return scores and claims, in one table if it has room for a column for each setting of the parameters.
 
-    Each column is a heading, the task at these values, and what is known of it there; the first one is the page's own.
+    The first one is the page's own.
     """
-    _, task, facts = columns[0]
-    w = Writing(as_written(task), {})
-    stated = [_stated(w, claim) for claim in w.task.annotations.claims]
-    if not any(facts.scores or facts.verdicts for _, _, facts in columns):
+    w = Writing(as_written(columns[0].task), {})
+    stated = []
+    for claim in w.task.annotations.claims:
+        cases: p.Inlines = (p.Text(" (for "), *lines.cases(w, claim.cases), p.Text(")")) if claim.cases else ()
+        stated.append((*claim_text(w, claim), *cases))
+    if not any(each.facts.scores or each.facts.verdicts for each in columns):
         return [Section("claims", "Claims", tuple(map(SectionLine, stated)))]
     table = scores.table(columns)
-    marks = [_marks(facts, len(stated), is_own=i == 0) for i, (_, _, facts) in enumerate(columns)]
-    found = Section("scores", scores.title(facts), (), table=table)
+    marks = [_marks(each.facts, len(stated), is_own=i == 0) for i, each in enumerate(columns)]
+    found = Section("scores", scores.title(columns[0].facts), (), table=table)
     if len(columns) > scores.MOST_COLUMNS:
-        lines = [SectionLine((*said, p.Text(" "), *mark)) for said, mark in zip(stated, marks[0], strict=True)]
-        return [found, Section("claims", "Claims", tuple(lines))]
+        written = [SectionLine((*said, p.Text(" "), *mark)) for said, mark in zip(stated, marks[0], strict=True)]
+        return [found, Section("claims", "Claims", tuple(written))]
     if not stated:
         return [found]
     rows = [(said, *cells) for said, *cells in zip(stated, *marks, strict=True)]
     return [replace(found, title=f"{found.title} and claims", table=replace(table, rows=(*table.rows, *rows)))]
-
-
-def _stated(w: Writing, claim: Claim) -> p.Inlines:
-    """Return a claim, and the values of the parameters that it is about."""
-    if not claim.cases:
-        return claim_text(w, claim)
-    return (*claim_text(w, claim), p.Text(" (for "), *lines.cases(w, claim.cases), p.Text(")"))
 
 
 def _marks(facts: Facts, count: int, is_own: bool) -> list[p.Inlines]:
@@ -368,7 +359,7 @@ def _marks(facts: Facts, count: int, is_own: bool) -> list[p.Inlines]:
         if verdict.holds is False and not is_own:
             found.append((NOT_HERE,))
         else:
-            found.append((p.Mark(verdict.holds, verdict.words),) if verdict.words else ())
+            found.append((verdict,) if verdict.text else ())
     return [*found, *[()] * (count - len(found))]
 
 

@@ -6,26 +6,28 @@ import shutil
 import subprocess
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import count
 from pathlib import Path
 from typing import Any
 
 from taskspec.base.bibliography import beside
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.files import write_text
 from taskspec.base.limits import telling
 from taskspec.figures import scene, svg
-from taskspec.pages import render
 from taskspec.pages.facts import Facts
 from taskspec.pages.page import Page, briefly, page
+from taskspec.pages.render.html import site
+from taskspec.pages.render.latex import document
+from taskspec.pages.render.markdown import markdown
 from taskspec.pages.render.suite import Suite, setting_anchor
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
 _WRITERS: dict[str, Callable[[Suite], dict[str, str]]] = {
-    "latex": render.document, "html": render.site, "markdown": render.markdown,
+    "latex": document, "html": site, "markdown": markdown,
 }  # fmt: skip
-FORMATS = (*_WRITERS, "svg", "pdf")  # the names of the formats that pages are written in
+FORMATS = (*_WRITERS, "svg", "pdf")
+"""The names of the formats that pages are written in."""
 
 _SCRATCH = ("aux", "bbl", "blg", "log", "out")
 """Endings of what TeX leaves beside a document; where it fails, they stay."""
@@ -60,7 +62,7 @@ def write(
         SpecError: for another format, without an extra, or when there is no TeX for `pdf`.
     """
     wanted = _known(formats)
-    suite = gather_pages([load(task) for task in tasks], title, facts or {}, columns, brief)
+    suite = gather_pages(list(map(load, tasks)), title, facts or {}, columns, brief)
     return write_pages(suite, wanted, folder)
 
 
@@ -85,10 +87,10 @@ def _known(formats: Iterable[str]) -> list[str]:
     """Return the formats asked for, each once, or raise E726 for an unknown one."""
     wanted = list(dict.fromkeys(formats))
     for unknown in (f for f in wanted if f not in FORMATS):
-        raise _refused("E726", f"'{unknown}' is not a format of the documentation", f"use {', '.join(FORMATS)}")
+        raise spec_error("E726", f"'{unknown}' is not a format of the documentation", f"use {', '.join(FORMATS)}")
     if "pdf" in wanted and shutil.which("pdflatex") is None:
         hint = "install TeX Live, or write `latex` and compile it elsewhere"
-        raise _refused("E727", "`pdf` needs pdflatex, which is not installed", hint)
+        raise spec_error("E727", "`pdf` needs pdflatex, which is not installed", hint)
     return wanted
 
 
@@ -119,15 +121,14 @@ def together(tasks: Iterable[Task]) -> list[tuple[Task, list[Mapping[str, Any]]]
     found: dict[str, list[Task]] = {}
     for task in tasks:
         found.setdefault(task.id, []).append(task)
-    return [_settings(each) for each in found.values()]
-
-
-def _settings(tasks: Sequence[Task]) -> tuple[Task, list[Mapping[str, Any]]]:
-    defaults = {p.name: p.default for p in tasks[0].parameters}
-    others = [task.values for task in tasks if task.values != defaults]
-    varied = [name for name, value in defaults.items() if any(values[name] != value for values in others)]
-    base = next((task for task in tasks if task.values == defaults), None) or load(tasks[0], **defaults)
-    return base, [{name: values[name] for name in varied} for values in others]
+    together: list[tuple[Task, list[Mapping[str, Any]]]] = []
+    for same in found.values():
+        defaults = {p.name: p.default for p in same[0].parameters}
+        others = [task.values for task in same if task.values != defaults]
+        varied = [name for name, value in defaults.items() if any(values[name] != value for values in others)]
+        base = next((task for task in same if task.values == defaults), None) or load(same[0], **defaults)
+        together.append((base, [{name: values[name] for name in varied} for values in others]))
+    return together
 
 
 def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:
@@ -135,10 +136,10 @@ def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:
     found = []
     for each in pages:
         anchor = each.anchor
-        for i in count(2):
-            if anchor not in taken:
-                break
-            anchor = f"{each.anchor}-{i}"
+        number = 1
+        while anchor in taken:
+            number += 1
+            anchor = f"{each.anchor}-{number}"
         taken.add(anchor)
         found.append(replace(each, anchor=anchor))
     return tuple(found)
@@ -156,14 +157,10 @@ def compile_pdf(folder: Path) -> Path:
         )
         if done.returncode != 0 and command == "pdflatex":
             problem = next((line for line in done.stdout.splitlines() if line.startswith("!")), "pdflatex failed")
-            raise _refused(
+            raise spec_error(
                 "E727", f"TeX could not compile {folder / 'document.tex'}: {problem.lstrip('! ')}", "see document.log"
             )
     for path in folder.glob("document.*"):
         if path.suffix[1:] in _SCRATCH:
             path.unlink()
     return folder / "document.pdf"
-
-
-def _refused(code: str, message: str, hint: str) -> SpecError:
-    return SpecError((Diagnostic(code, None, message, hint),))

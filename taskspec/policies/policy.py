@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, NoReturn
@@ -192,7 +192,7 @@ def named(task: Task, name: str) -> NamedPolicy:
     given = planned(name)
     if given is not None:
         return PlannedPolicy(task, name, given)
-    match _parsed(name):
+    match parsed(name):
         case ("random", None):
             return RandomPolicy(task)
         case ("expert", None):
@@ -209,7 +209,7 @@ def named(task: Task, name: str) -> NamedPolicy:
 
 def planned(name: str) -> Given:
     """Return the policy planned on the exact model under a name, "optimal" or "soft(1)"; None for other names."""
-    match _parsed(name):
+    match parsed(name):
         case ("optimal", None):
             return "optimal"
         case ("soft", float(beta)) if math.isfinite(beta):
@@ -222,14 +222,15 @@ def is_name(name: str) -> bool:
     return name.partition("(")[0] in KINDS
 
 
-def unknown(name: str, others: tuple[str, ...] = ()) -> NoReturn:
-    """Raise E713 for an unknown name; `others` are further policies that a command takes, in words."""
+def unknown(name: str, others: tuple[str, ...] = (), known: Iterable[str] = NAMES, noun: str = "policy") -> NoReturn:
+    """Raise E713 for a name that is not known; `others` are further policies that a command takes, in words."""
+    kinds = {each.partition("(")[0]: each for each in known}
     kind = name.partition("(")[0]
-    hint = f"for example: {KINDS[kind]}" if kind in KINDS else suggest(kind, KINDS)
-    misused(f"there is no policy '{name}'", hint or ", ".join((*NAMES, *others)))
+    hint = f"for example: {kinds[kind]}" if kind in kinds else suggest(kind, kinds)
+    misused(f"there is no {noun} '{name}'", hint or ", ".join((*known, *others)))
 
 
-def _parsed(name: str) -> tuple[str, float | None]:
+def parsed(name: str) -> tuple[str, float | None]:
     """Return the kind of a name and its number; None where it has none."""
     found = _CALL.fullmatch(name)
     try:

@@ -13,7 +13,6 @@ from taskspec.lang import syntax as s
 from taskspec.lang.dists import is_distribution
 from taskspec.lang.operators import FUNCTIONS, INFIX
 from taskspec.printers import idioms
-from taskspec.printers import idioms as piecewise
 from taskspec.printers import tree as m
 from taskspec.printers.names import Notation, Writer, label
 from taskspec.printers.pieces import Piece, applied, fill, indexed, indicator, multiply, operands, prime
@@ -62,7 +61,7 @@ class ExpressionWriter(Writer):
             case s.Compare():
                 return self._compare(expr)
             case s.IfElse() | s.Piecewise() | s.Table() | s.Weights():
-                return applied("cases", piecewise.cases(self, expr))
+                return applied("cases", idioms.cases(self, expr))
             case s.Call():
                 return self._call(expr)
             case s.Subscript():
@@ -121,7 +120,7 @@ class ExpressionWriter(Writer):
         factors.append(left)
         factors.reverse()
         factors = _squared(factors)
-        pieces = [self.number(f) for f in factors]
+        pieces = list(map(self.number, factors))
         trees = operands("*", pieces)
         if len(factors) == 1:
             return pieces[0]
@@ -151,7 +150,7 @@ class ExpressionWriter(Writer):
             return found
         function = FUNCTIONS.get(expr.function)
         if function is not None and function.accepts(len(expr.args)):
-            pieces = [self.number(a) for a in expr.args]
+            pieces = list(map(self.number, expr.args))
             trees = operands(expr.function, pieces)
             holes = [*((str(i), tree) for i, tree in enumerate(trees)), ("*", m.joined(trees))]
             signed = expr.function == "dot" and _leads(pieces[0], trees[0])
@@ -173,7 +172,7 @@ class ExpressionWriter(Writer):
         if isinstance(expr.value, s.Name) and expr.value.id in self.notation.singles:
             return self.piece(expr.value)
         (tree,) = operands("subscript", [self.number(expr.value)])
-        below = m.joined(self._index(i) for i in expr.indices)
+        below = m.joined(map(self._index, expr.indices))
         if isinstance(tree, m.Script):
             slices = isinstance(expr.value, s.Subscript) and any(isinstance(i, s.Slice) for i in expr.value.indices)
             if tree.sup is not None or (tree.sub is not None and slices):
@@ -200,7 +199,7 @@ class ExpressionWriter(Writer):
             return self.number(expr.items[0])
         if expr.items and all(isinstance(i, s.Vector) for i in expr.items):
             rows = [tuple(self.numbers(i.items)) for i in expr.items if isinstance(i, s.Vector)]
-            if len({len(r) for r in rows}) == 1:
+            if len(set(map(len, rows))) == 1:
                 return Piece(m.Matrix(tuple(rows)))
         return Piece(m.brackets(m.joined(self.numbers(expr.items))))
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import groupby
 
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
@@ -45,33 +46,16 @@ def _rows(w: Writer, expr: s.Expr) -> Iterator[tuple[m.Math, m.Math]]:
     yield from _rows(w, otherwise)
 
 
-@dataclass
-class _Group:
-    """Rows of a decision table with one cell; `written` is its text."""
-
-    written: str
-    cell: s.Expr
-    rows: list[Keys]
-
-
 def _table(w: Writer, table: s.Table) -> Iterator[tuple[m.Math, m.Math]]:
-    for group in _groups(table.rows):
-        tree = w.number(group.cell).tree
-        if any(not any(keys) for keys in group.rows):
+    """Yield the cells of a decision table with their conditions; neighbours with equal cells are one."""
+    for _, group in groupby(_flat(table.rows), key=lambda row: text(row[1])):
+        rows = list(group)
+        tree = w.number(rows[0][1]).tree
+        keys = [key for key, _ in rows]
+        if any(not any(key) for key in keys):
             yield tree, _OTHERWISE
         else:
-            yield tree, m.Row((IF, _keys(w, table.by, group.rows)))
-
-
-def _groups(rows: Iterable[s.TableRow]) -> list[_Group]:
-    """Return rows, neighbours with equal cells together."""
-    groups: list[_Group] = []
-    for keys, cell in _flat(rows):
-        written = text(cell)
-        if not groups or groups[-1].written != written:
-            groups.append(_Group(written, cell, []))
-        groups[-1].rows.append(keys)
-    return groups
+            yield tree, m.Row((IF, _keys(w, table.by, keys)))
 
 
 def _flat(rows: Iterable[s.TableRow], before: Keys = ()) -> Iterator[tuple[Keys, s.Expr]]:
@@ -157,20 +141,14 @@ def _quantifier(sign: str, conjunction: str) -> Idiom:
         if found is None:
             return None
         of, index, inner = found
-        if conjunction == "and" and _are_equal(w, arg):
-            return w.piece(arg)
+        match arg:
+            case s.Compare(first=first, rest=(("==", second),)) if conjunction == "and" and rank(w, first) == rank(
+                w, second
+            ):
+                return w.piece(arg)  # two vectors are equal
         return applied("quantifier", m.Row((m.Sym(sign), *m.such_that(index, of.truth(inner).tree).items)))
 
     return write
-
-
-def _are_equal(w: Writer, expr: s.Expr) -> bool:
-    """Return whether an expression says that two vectors are equal."""
-    match expr:
-        case s.Compare(first=first, rest=(("==", second),)):
-            return rank(w, first) == rank(w, second)
-        case _:
-            return False
 
 
 def _of_elements(w: Writer, arg: s.Comprehension, call: s.Call) -> s.Comprehension:
@@ -386,7 +364,7 @@ def _is_set(domain: s.Expr) -> bool:
 
 
 def _target(w: Writer, clause: s.Clause) -> m.Math:
-    names = [w.notation.symbol(name) for name in clause.targets]
+    names = list(map(w.notation.symbol, clause.targets))
     if len(names) == 1:
         return names[0]
     return m.brackets(m.joined(names))

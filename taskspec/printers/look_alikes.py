@@ -45,7 +45,12 @@ def _same_symbols(task: Task) -> Iterator[tuple[tuple[str, str], str]]:
     """Yield two names with one symbol, or a name and a label; labels of different components may share theirs."""
     notation = of_task(task)
     names = [(path, name, f"the {_SECTIONS[path[0]]} '{name}'") for path, name in _names(task)]
-    names += [(("observation", name), name, f"the observation '{name}'") for name in _observed(task)]
+    observed = task.source.surface.sections.get("observation")
+    for name, expr in observed.items() if isinstance(observed, dict) else ():
+        if name not in task.spec.state and not (
+            isinstance(expr, Name) and expr.written == name
+        ):  # it is something else
+            names.append((("observation", name), name, f"the observation '{name}'"))
     seen = {"R": "the reward"}
     if task.discount != 1:
         seen["γ"] = "the discount"
@@ -84,12 +89,3 @@ def _names(task: Task) -> Iterator[tuple[tuple[str, str], str]]:
     for section, declared in zip(_SECTIONS, parts, strict=True):
         for written in declared:
             yield (section, written), written.partition("(")[0].strip()
-
-
-def _observed(task: Task) -> Iterator[str]:
-    """Yield observations with the name of something else that is no part of the state."""
-    written = task.source.surface.sections.get("observation")
-    if isinstance(written, dict):
-        for name, expr in written.items():
-            if name not in task.spec.state and not (isinstance(expr, Name) and expr.written == name):
-                yield name

@@ -103,7 +103,7 @@ def _tex(node: m.Math) -> str:  # noqa: C901, PLR0912
         case m.Fence():
             return _fence(node)
         case m.Cases(rows=rows):
-            return _environment("dcases" if _has_big(node) else "cases", rows)
+            return _environment("dcases" if any(isinstance(part, m.Big) for part in m.parts(node)) else "cases", rows)
         case m.Matrix(rows=rows):
             return _environment("pmatrix", rows)
         case m.Arrow(over=over):
@@ -193,10 +193,6 @@ def _environment(name: str, rows: tuple[tuple[m.Math, ...], ...]) -> str:
     return rf"\begin{{{name}}} {lines} \end{{{name}}}"
 
 
-def _has_big(node: m.Math) -> bool:
-    return isinstance(node, m.Big) or any(map(_has_big, m.children(node)))
-
-
 _FENCES = frozenset("()[]{}|‖⌊⌋⌈⌉⟨⟩")
 _EN = '<mspace width="0.5em"/>'
 _OPERATORS = {
@@ -207,7 +203,7 @@ _OPERATORS = {
 
 def mathml(node: m.Math, block: bool = False) -> str:
     """Return a `<math>` element; its alternative text is the plain form."""
-    display = ' display="block"' if block else ""
+    display = ' display="block"' * block
     return f'<math{display} alttext="{html.escape(plain(node))}">{_element(node)}</math>'
 
 
@@ -234,8 +230,12 @@ def _element(node: m.Math) -> str:  # noqa: C901, PLR0912
             return f"<msqrt>{_element(body)}</msqrt>"
         case m.Accent(mark=mark, body=body):
             return f'<mover accent="true">{_element(body)}<mo stretchy="false">{c.ACCENTS[mark][0]}</mo></mover>'
-        case m.Script():
-            return _scripts(node)
+        case m.Script(base=base, sub=sub, sup=sup, primes=primes):
+            above = None if sup is None else _element(sup)
+            if primes:
+                marks = f'<mo lspace="0" rspace="0">{"′" * primes}</mo>'
+                above = marks if above is None else f"<mrow>{marks}{above}</mrow>"
+            return _scripted("sub", "sup", _element(base), sub, above)
         case m.Fence(left=left, body=body, right=right):
             return _fenced(left, _element(body), right, m.is_tall(body))
         case m.Cases(rows=rows):
@@ -280,20 +280,12 @@ def _identifier(node: m.Ident) -> str:
 
 
 def _fenced(left: str, inner: str, right: str, grows: bool = True) -> str:
-    fixed = "" if grows else ' stretchy="false"'
+    fixed = ' stretchy="false"' * (not grows)
     if left:
         inner = f'<mo fence="true" form="prefix"{fixed}>{html.escape(left)}</mo>{inner}'
     if right:
         inner += f'<mo fence="true" form="postfix"{fixed}>{html.escape(right)}</mo>'
     return f"<mrow>{inner}</mrow>"
-
-
-def _scripts(node: m.Script) -> str:
-    sup = None if node.sup is None else _element(node.sup)
-    if node.primes:
-        primes = f'<mo lspace="0" rspace="0">{"′" * node.primes}</mo>'
-        sup = primes if sup is None else f"<mrow>{primes}{sup}</mrow>"
-    return _scripted("sub", "sup", _element(node.base), node.sub, sup)
 
 
 def _scripted(below: str, above: str, base: str, sub: m.Math | None, sup: str | None) -> str:

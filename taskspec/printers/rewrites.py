@@ -87,10 +87,7 @@ def _compute(op: str, a: int, b: int) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """An expression whose inner draws have names, and those draws: the name of each, and its distribution.
-
-    A draw in a comprehension is made for each of its elements, and has their index: `xi[i]`.
-    """
+    """An expression whose draws have names, in a comprehension with an index, and each name with its distribution."""
 
     expr: s.Expr
     draws: tuple[tuple[s.Name | s.Subscript, s.Expr], ...]
@@ -102,7 +99,7 @@ def is_draw(expr: s.Expr) -> bool:
 
 def draws(expr: s.Expr) -> bool:
     """Return whether anything is drawn in an expression."""
-    return is_draw(expr) or any(map(draws, m.children(expr)))
+    return any(map(is_draw, m.parts(expr)))
 
 
 def shows_probabilities(expr: s.Expr) -> bool:
@@ -283,7 +280,7 @@ def broadcast(w: Writer, expr: s.Expr) -> m.Math | None:
 def indices(w: Writer, expr: s.Expr, count: int = 1) -> tuple[s.Name, ...]:
     """Return letters for indices that the expression does not use, neither as a name nor as what a name looks like."""
     used = {x.id for x in s.names(expr) if isinstance(x, s.Name)} | {*s.targets(expr)} | {*w.notation.symbols}
-    looks = {w.notation.symbol(name) for name in used}
+    looks = set(map(w.notation.symbol, used))
     free = [i for i in _LETTERS if i not in used and m.Ident(i) not in looks]
     return tuple(s.Name(letter, False, expr.place) for letter in [*free, "ι", "κ"][:count])
 

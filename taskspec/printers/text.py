@@ -18,11 +18,7 @@ _SUP = str.maketrans("0123456789+-−=()n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻�
 
 
 def text(expr: s.Expr) -> str:
-    """Return an expression as text.
-
-    What only YAML can write (`if:`/`then:` lists, `by:`/`rows:` tables) comes out as conditionals of the same
-    meaning.
-    """
+    """Return an expression as text; lists and tables that only YAML can write become conditionals."""
     return _write(expr)[0]
 
 
@@ -101,15 +97,13 @@ def _display(expr: s.Vector | s.SetOf | s.Weights | s.Comprehension) -> str:
         case s.Weights(pairs=pairs):
             return f"{{{', '.join(f'{text(v)}: {text(p)}' for v, p in pairs)}}}"
         case s.Comprehension(element=element, clauses=clauses, is_set=is_set):
-            inner = " ".join([text(element), *map(_clause, clauses)])
+            inner = text(element)
+            for clause in clauses:
+                written = _operands("clause", clause.domain, *clause.conditions)
+                inner += f" for {', '.join(clause.targets)} in {' if '.join(written)}"
             if is_set:
                 return f"{{{inner}}}"
             return f"[{inner}]"
-
-
-def _clause(clause: s.Clause) -> str:
-    written = _operands("clause", clause.domain, *clause.conditions)
-    return f"for {', '.join(clause.targets)} in {' if '.join(written)}"
 
 
 def _conditional(branches: tuple[tuple[s.Expr, s.Expr], ...], otherwise: s.Expr, place: s.Place) -> s.Expr:
@@ -159,8 +153,8 @@ def plain(node: m.Math) -> str:  # noqa: C901, PLR0912
             return f"√({plain(body)})"
         case m.Accent(mark=mark, body=body):
             return plain(body) + c.ACCENTS[mark][1]
-        case m.Script():
-            return _script(node)
+        case m.Script(base=base, sub=sub, sup=sup, primes=primes):
+            return f"{_atom(base)}{'′' * primes}{_small(sub, _SUB, '_')}{_small(sup, _SUP, '^')}"
         case m.Fence(left=left, body=body, right=right):
             return f"{left}{plain(body)}{right}"
         case m.Cases(rows=rows):
@@ -207,11 +201,6 @@ def _atom(node: m.Math) -> str:
     if isinstance(node, m.Ident | m.Num | m.Accent | m.Script | m.Fence):
         return text
     return f"({text})"
-
-
-def _script(node: m.Script) -> str:
-    base = _atom(node.base) + "′" * node.primes
-    return f"{base}{_small(node.sub, _SUB, '_')}{_small(node.sup, _SUP, '^')}"
 
 
 def _small(node: m.Math | None, table: dict[int, int], mark: str) -> str:

@@ -5,7 +5,7 @@ A closed set of nodes. Characters are Unicode throughout; what TeX calls them is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -168,12 +168,19 @@ def children(node: Any) -> list[Any]:
     return found
 
 
+def parts(node: Any) -> Iterator[Any]:
+    """Yield a node of mathematics or of surface syntax, and all nodes below it."""
+    yield node
+    for child in children(node):
+        yield from parts(child)
+
+
 def mapped(node: Any, change: Callable[[Any], Any]) -> Any:
     """Return a node of mathematics or of surface syntax with each of its children changed."""
 
     def go(value: Any) -> Any:
         if isinstance(value, tuple):
-            return tuple(go(x) for x in value)
+            return tuple(map(go, value))
         if hasattr(value, "__dataclass_fields__") and not isinstance(value, Place):
             return change(value)
         return value

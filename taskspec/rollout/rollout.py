@@ -171,10 +171,7 @@ def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
 
 
 def _affordable(task: Task) -> int:
-    """Return the number of steps for constant actions, which lead far: more than for others if steps are cheap.
-
-    They are taken one after the other within an episode, and side by side beyond, which is quicker.
-    """
+    """Return the number of steps for constant actions, which lead far: more than for others if steps are cheap."""
     cost = Cost((*task.process.next, task.process.reward, task.process.terminal), simulated=True)
     return max(STEPS, min(MANY_STEPS, int(HELD / cost.seconds(LANES))))
 

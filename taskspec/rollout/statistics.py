@@ -56,14 +56,8 @@ ALIKE = 0.02  # scores that differ by less count as one value, where scores have
 
 def rate_interval(successes: int, count: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
     """Return the exact interval of a rate (Clopper and Pearson 1934), by default the 95 % one."""
-    special = need("scipy.special", "exact")
     tail = (1 - confidence) / 2
-    low = 0.0
-    high = 1.0
-    if successes > 0:
-        low = float(special.betaincinv(successes, count - successes + 1, tail))
-    if successes < count:
-        high = float(special.betaincinv(successes + 1, count - successes, 1 - tail))
+    low, high = _rate_quantiles(successes, count, np.array([tail, 1 - tail])).tolist()
     return low, high
 
 

@@ -29,11 +29,15 @@ from taskspec.experiments.picture import figure
 from taskspec.experiments.sweeping import Measured, Questions, measure
 from taskspec.figures import scene, svg
 from taskspec.jobs.work import Late, interrupted, late
-from taskspec.pages import gather, gather_pages, page, render
-from taskspec.pages.facts import Facts, by_claim, lines
+from taskspec.pages import gather, page
+from taskspec.pages.facts import Facts, Setting, by_claim, lines
 from taskspec.pages.hypertext import HtmlWriter, article
+from taskspec.pages.render.html import marked_states
+from taskspec.pages.render.latex import document
+from taskspec.pages.render.markdown import markdown
 from taskspec.pages.render.suite import Suite
 from taskspec.pages.sections import results as result_sections
+from taskspec.pages.write import gather_pages
 from taskspec.registry import suite_of
 from taskspec.rules.claim_verdicts import verdicts
 from taskspec.rules.examples import wrong_examples
@@ -99,7 +103,7 @@ def task_page(asked: Question) -> dict[str, Any]:
     task = asked.task
     shown_page = page(task)
     drawn = scene(task)
-    writer = HtmlWriter(beside([str(asked.place)]), render.marked_states(shown_page))
+    writer = HtmlWriter(beside([str(asked.place)]), marked_states(shown_page))
     sections = [section for section in shown_page.sections if section.key != "claims"]
     heading = f"{shown_page.name}: {shown_page.title}" if shown_page.title != shown_page.name else shown_page.name
     return {
@@ -133,7 +137,7 @@ def claims(asked: Question) -> dict[str, Any]:
     """Return the claims with their mathematics and verdicts, and what is wrong with claims and examples."""
     task = asked.task
     said = tuple(verdicts(task, results_of(task), results_of))
-    (section,) = result_sections([("", task, Facts())])
+    (section,) = result_sections([Setting("", task, Facts())])
     writer = HtmlWriter({})
     shown = []
     for claim, line, fact in zip(task.annotations.claims, section.lines, by_claim(task, said), strict=True):
@@ -141,7 +145,7 @@ def claims(asked: Question) -> dict[str, Any]:
         worst = next((verdict for verdict in own if not verdict.holds), own[0])
         shown.append({
             "text": claim.text, "html": writer.prose(line.content), "status": worst.status, "holds": fact.holds,
-            "words": fact.words, "detail": worst.detail, "line": claim.expr.place.span.line,
+            "words": fact.text, "detail": worst.detail, "line": claim.expr.place.span.line,
         })  # fmt: skip
     wrong = [diagnostic for _, diagnostic in wrong_examples(task)]
     problems = [*(each.diagnostic for each in said if each.diagnostic), *wrong]
@@ -309,8 +313,8 @@ def _command(asked: Question) -> str:
 
 
 FORMS: dict[str, Callable[[Question], str]] = {
-    "latex": lambda asked: _page_in(asked, render.document, "tex"),
-    "markdown": lambda asked: _page_in(asked, render.markdown, "md"),
+    "latex": lambda asked: _page_in(asked, document, "tex"),
+    "markdown": lambda asked: _page_in(asked, markdown, "md"),
     "svg": _svg, "python": _python, "command": _command,
 }  # fmt: skip
 

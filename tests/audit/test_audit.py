@@ -134,7 +134,7 @@ def test_the_command_reports_and_replays(tmp_path: Path) -> None:
         (("NoSuchThing-v0",), 1, "cannot be made"),
         ((f"{PLACE}:nothing",), 1, "has no function 'nothing'"),
         ((f"{PLACE}:Grid", "--kwargs", "[1]"), 2, "is a JSON object"),
-        ((f"{PLACE}:Grid", "--kwargs", "{"), 2, "is not JSON"),
+        ((f"{PLACE}:Grid", "--kwargs", "{"), 2, "is a JSON object"),
         ((f"{PLACE}:Grid", "--kwargs", '{"size": 3}'), 1, "unexpected keyword argument 'size'"),
         ((f"{PLACE}:Grid", "--replay", "3:[0,"), 1, "is not a trace"),
         ((f"{PLACE}:Grid", "--replay", "left"), 1, "is not a trace"),

@@ -307,7 +307,7 @@ def test_statuses_are_the_same_wherever_they_are_told(name: str, tmp_path: Path)
         "exact" if of_number == "exact" else "(95 % CI,|in all of) 1,000 episodes", printed("solve", str(path))
     )
     (verdict_,) = gather(build(source.read(path))).verdicts
-    assert verdict_.words == on_page
+    assert verdict_.text == on_page
 
 
 def printed(*arguments: str) -> str:

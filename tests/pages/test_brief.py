@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from taskspec import load
-from taskspec.pages.facts import Facts, ScoreFact
+from taskspec.exact import Return
+from taskspec.pages.facts import Facts
 from taskspec.pages.page import families
 from taskspec.pages.write import gather_pages, write
 from taskspec.source import read_text
@@ -25,7 +26,7 @@ PAPER = [
 
 
 def test_tasks_of_one_spec_share_a_section_that_says_what_differs(tmp_path: Path) -> None:
-    facts = {f"derail/{name}-v0": Facts({"optimal return": ScoreFact(i)}) for i, name in enumerate(PAPER)}
+    facts = {f"derail/{name}-v0": Facts({"optimal return": Return(i)}) for i, name in enumerate(PAPER)}
     write([f"derail/{name}" for name in PAPER], ["latex"], tmp_path, brief=True, facts=facts)
     assert not (tmp_path / "early-term-neg.tex").exists()
     text = (tmp_path / "early-term-pos.tex").read_text()
@@ -51,7 +52,7 @@ def test_what_defines_a_task_is_there_and_nothing_else(name: str) -> None:
 
 def test_no_sign_stands_alone_after_a_table_or_a_formula_on_a_line_of_its_own(tmp_path: Path) -> None:
     write(["derail/LargestSumSeals-v0", "derail/Branching-v0"], ["latex"], tmp_path, brief=True,
-          columns=[{"L": 5}], facts={"derail/Branching-v0": Facts({"optimal return": ScoreFact(1)})})  # fmt: skip
+          columns=[{"L": 5}], facts={"derail/Branching-v0": Facts({"optimal return": Return(1)})})  # fmt: skip
     formulas = (tmp_path / "largest-sum-seals.tex").read_text(encoding="utf-8")
     assert r"\right].}" in formulas and "}.\n" not in formulas
     text = (tmp_path / "branching.tex").read_text(encoding="utf-8")

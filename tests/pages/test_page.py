@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 
 from taskspec import registry
 from taskspec.base.diagnostics import SpecError
+from taskspec.exact import Return
 from taskspec.lang.parse import parse
 from taskspec.pages import sections
 from taskspec.pages.equations import Writing
-from taskspec.pages.facts import Facts, ScoreFact, VerdictFact, gather, number
+from taskspec.pages.facts import Facts, gather, number
 from taskspec.pages.page import page
 from taskspec.pages.prose import Formula, Inlines, Mark, Text
 from taskspec.pages.write import write
@@ -314,8 +315,8 @@ def test_numbers_at_the_edges(value: float, shown: str) -> None:
 
 def test_facts_are_shown_where_there_are_some() -> None:
     task = registry.load("derail/RiskyPath-v0")
-    returns = {"optimal return": ScoreFact(4), "random return": ScoreFact(-1.234567, 0.02, 100)}
-    found = page(task, Facts(returns, [VerdictFact(False, "fails")]))
+    returns = {"optimal return": Return(4), "random return": Return(-1.234567, 0.0102, 100)}
+    found = page(task, Facts(returns, [Mark(False, "fails")]))
     scores = found.section("scores")
     assert scores is not None and scores.table is not None
     told = [[*map(words, row)] for row in scores.table.rows]
@@ -350,4 +351,4 @@ def test_exact_facts() -> None:
     found = gather(registry.load("derail/RiskyPath-v0"))
     assert found.scores["optimal return"].value == 4
     assert found.states == 4
-    assert {v.words for v in found.verdicts} == {"proved"}
+    assert {v.text for v in found.verdicts} == {"proved"}

@@ -124,7 +124,7 @@ def _card(suite: Suite, page: Page) -> dict[str, Any]:
               if (section := page.section(key)) is not None]  # fmt: skip
     facts = [(name, writer.prose(section.lines[0].content[:1])) for name, section in spaces]
     known = replace(page.facts, unknown=())
-    found = [writer.prose(line) for line in score_lines(page.task, known)]
+    found = list(map(writer.prose, score_lines(page.task, known)))
     names = ", ".join(f"{p.name} = {p.value}" for p in page.task.parameters)
     return {
         "page": page, "summary": writer.prose(page.summary), "facts": facts, "scores": found, "parameters": names,

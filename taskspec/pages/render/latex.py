@@ -72,7 +72,7 @@ class LatexWriter:
         told = () if base is not None and page.description == base.description else page.description
         return {
             "name": escape(page.name), "summary": self.prose(page.summary), "make": escape(page.make),
-            "description": [self.block(b) for b in told],
+            "description": list(map(self.block, told)),
             "beside": [self.section(s, page, BESIDE_ROOM) for s in page.sections if s.key in BESIDE],
             "below": [self.section(s, page, WHOLE_ROOM) for s in page.sections if s.key not in BESIDE],
             "figure": tikz(scene) if scene else "", "caption": escape(scene.caption) if scene else "",
@@ -107,7 +107,7 @@ class LatexWriter:
         found = section.table
         if found is None:
             return ""
-        rows = [[self.cell(cell) for cell in row] for row in found.rows]
+        rows = [list(map(self.cell, row)) for row in found.rows]
         heads = [rf"\taskspechead{{{escape(title)}}}" for title in found.header]
         lines = [heads, *rows] if any(found.header) else rows
         body = r" \\ ".join(" & ".join(row) for row in lines)
@@ -159,7 +159,9 @@ class LatexWriter:
             case p.Emph(inner=inner, strong=strong):
                 return rf"\{'textbf' if strong else 'emph'}{{{self.prose(inner, room)}}}"
             case p.Link(address=address, inner=inner):
-                return rf"\taskspeclink{{{_address(address)}}}{{{self.prose(inner, room)}}}"
+                safe = quote(address, safe=":/?=&.,+-@!*();~'")  # TeX's special characters as percent codes
+                place = safe.replace("%", r"\%").replace("&", r"\&").replace("~", r"\~{}")
+                return rf"\taskspeclink{{{place}}}{{{self.prose(inner, room)}}}"
             case p.Cite():
                 return self.cite(piece)
             case p.Mark(holds=holds, text=text):
@@ -196,18 +198,11 @@ def formula(math: m.Math, room: float, display: bool = False, end: str = "") -> 
     """Return mathematics and a sign after it; what cannot break and may be too wide is put on a line of its own and fitted."""
     if display or (_is_rigid(math) and m.width(math) > room):
         return rf"\taskspecwide{{{latex(math)}{end}}}"
-    style = r"\displaystyle " if any(isinstance(part, m.Frac) and _has_fraction(part) for part in _parts(math)) else ""
+    style = ""
+    for outer in m.parts(math):
+        if isinstance(outer, m.Frac) and sum(isinstance(part, m.Frac) for part in m.parts(outer)) > 1:
+            style = r"\displaystyle "
     return f"${style}{latex(math)}${end}"
-
-
-def _parts(math: m.Math) -> Iterator[m.Math]:
-    yield math
-    for child in m.children(math):
-        yield from _parts(child)
-
-
-def _has_fraction(math: m.Math) -> bool:
-    return any(isinstance(part, m.Frac) for child in m.children(math) for part in _parts(child))
 
 
 def _is_rigid(math: m.Math) -> bool:
@@ -215,13 +210,8 @@ def _is_rigid(math: m.Math) -> bool:
         isinstance(part, m.Cases | m.Matrix)
         or (isinstance(part, m.Fence) and m.is_tall(part.body))
         or (isinstance(part, m.Script) and part.sub is not None and m.width(part.sub) > LONG)
-        for part in _parts(math)
+        for part in m.parts(math)
     )
-
-
-def _address(address: str) -> str:
-    """Return an address with the special characters of TeX as percent codes."""
-    return quote(address, safe=":/?=&.,+-@!*();~'").replace("%", r"\%").replace("&", r"\&").replace("~", r"\~{}")
 
 
 def _stacked(titles: Sequence[str], heads: Sequence[str], row: Sequence[str]) -> str:

@@ -17,6 +17,7 @@ from taskspec.printers import tree as m
 from taskspec.printers.markup import latex
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]()#+!|~$>-])")
+_SPECIAL_INSIDE = re.compile(r"([\\`*_{}\[\]|~$])")  # those that mean something inside a line
 _NUMBERED = re.compile(r"^(\d+)([.)])")
 # Readers that take backslash escapes before mathematics would spoil these.
 _SPELLED = ((r"\taskspecone ", r"\mathbf{1}"), (r"\{", r"\lbrace "), (r"\}", r"\rbrace "), (r"\\", r"\cr "),
@@ -50,7 +51,7 @@ class MarkdownWriter:
         scene = self.suite.scenes.get(page.anchor)
         return text_environment().get_template("task.md").render(
             name=escape(page.name), title=escape(page.title), summary=self.prose(page.summary), make=page.make,
-            description=[self.block(b) for b in page.description], sections=[self.section(s, page) for s in page.sections],
+            description=list(map(self.block, page.description)), sections=[self.section(s, page) for s in page.sections],
             figure=f"figures/{page.anchor}.svg" if scene else "", alt=escape(scene.alt) if scene else "",
             notes=escape(" ".join(scene.notes)) if scene else "",
             others=[(f"figures/{o.anchor}.svg", escape(o.scene.alt), escape(o.caption)) for o in self.suite.others(page)],
@@ -65,8 +66,8 @@ class MarkdownWriter:
         found = section.table
         if found is None:
             return []
-        rows = [[self.cell(cell) for cell in row] for row in found.rows]
-        return [[escape(title) for title in found.header], *rows]
+        rows = [list(map(self.cell, row)) for row in found.rows]
+        return [list(map(escape, found.header)), *rows]
 
     def cell(self, content: p.Inlines) -> str:
         """Return prose without the bars that would end a cell."""
@@ -76,14 +77,14 @@ class MarkdownWriter:
     def line(self, line: SectionLine, page: Page) -> str:
         text = self.prose(line.content)
         if line.verbatim is not None:
-            text += " " + ", ".join(_code(row) for row in line.verbatim.splitlines())
+            text += " " + ", ".join(map(_code, line.verbatim.splitlines()))
         for setting, values in zip(page.settings, line.values, strict=False):
             if values:
                 text += f" ({escape(setting.title)}: {self.prose(values)})"
         return text
 
     def prose(self, content: p.Inlines) -> str:
-        texts = [self.inline(piece) for piece in content]
+        texts = list(map(self.inline, content))
         for i, piece in enumerate(content[1:]):
             if isinstance(piece, p.Link) and texts[i].endswith("!"):  # a page loads no images from elsewhere
                 texts[i] = texts[i][:-1] + r"\!"
@@ -92,7 +93,7 @@ class MarkdownWriter:
     def inline(self, piece: p.Inline) -> str:
         match piece:
             case p.Text(text=text):
-                return _SPECIAL.sub(_inside, escape_entities(text))
+                return _SPECIAL_INSIDE.sub(r"\\\1", escape_entities(text))
             case p.Formula(math=math):
                 return formula(math)
             case p.CodeSpan(text=text):
@@ -126,19 +127,12 @@ class MarkdownWriter:
                 return "\n".join(f"    {row}" for row in block.text.splitlines())
 
 
-def _inside(match: re.Match[str]) -> str:
-    """Return marks that mean something inside a line."""
-    if match[1] in "().-+!>#":
-        return match[1]
-    return f"\\{match[1]}"
-
-
 def escape_entities(text: str) -> str:
     return " ".join(text.split("\n")).replace("&", "&amp;").replace("<", "&lt;")
 
 
 def _code(text: str) -> str:
-    ticks = "`" * (max((len(run) for run in re.findall("`+", text)), default=0) + 1)
+    ticks = "`" * (max(map(len, re.findall("`+", text)), default=0) + 1)
     pad = " " if text.startswith("`") or text.endswith("`") else ""
     return f"{ticks}{pad}{text}{pad}{ticks}"
 

@@ -10,7 +10,8 @@ from functools import cached_property
 from taskspec.base.bibliography import Reference
 from taskspec.figures import Scene
 from taskspec.pages.equations import LETTERS, Writing
-from taskspec.pages.page import Page, Setting, anchor
+from taskspec.pages.facts import Setting
+from taskspec.pages.page import Page, anchor
 from taskspec.pages.prose import Formula, Inline, Inlines, Mark, inlines
 from taskspec.printers import tree as m
 from taskspec.printers.idioms import IF
@@ -144,7 +145,7 @@ def _draws(pages: Iterable[Page]) -> Iterator[str]:
     for page in pages:
         writing = Writing(page.task, {})
         letter = writing.notation.symbol(writing.drawn)
-        if any(_has(letter, piece.math) for piece in _pieces(page) if isinstance(piece, Formula)):
+        if any(letter in m.parts(piece.math) for piece in _pieces(page) if isinstance(piece, Formula)):
             letters[writing.drawn] = letter
     if letters:
         usual, *others = (f"${latex(letters[name])}$" for name in LETTERS if name in letters)
@@ -154,14 +155,9 @@ def _draws(pages: Iterable[Page]) -> Iterator[str]:
         yield _DRAWN.format(usual + instead)
 
 
-def _has(letter: m.Math, tree: m.Math) -> bool:
-    return tree == letter or any(_has(letter, child) for child in m.children(tree))
-
-
 def _has_cases(tree: m.Math) -> bool:
-    if isinstance(tree, m.Cases) and sum(IF in m.children(condition) for _, condition in tree.rows) > 1:
-        return True
-    return any(map(_has_cases, m.children(tree)))
+    tables = (part for part in m.parts(tree) if isinstance(part, m.Cases))
+    return any(sum(IF in m.children(condition) for _, condition in table.rows) > 1 for table in tables)
 
 
 def _pieces(page: Page) -> Iterator[Inline]:
