@@ -9,6 +9,7 @@ from taskspec.analysis.completion import Completion as Completion
 from taskspec.analysis.completion import complete as complete
 from taskspec.analysis.meanings import definition as definition
 from taskspec.analysis.meanings import hover as hover
+from taskspec.analysis.meanings import name_at as name_at
 from taskspec.analysis.meanings import references as references
 from taskspec.analysis.meanings import rename as rename
 from taskspec.analysis.meanings import signature_at as signature_at

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 from taskspec.analysis.analysis import Analysis
@@ -84,26 +85,29 @@ def definition(analysis: Analysis, offset: int) -> Span | None:
     return analysis.document.key_span(found.path)
 
 
-def references(analysis: Analysis, offset: int) -> list[Span]:
-    """Return every place of the name at an offset: its declaration, keys and uses in expressions, by place."""
+def name_at(analysis: Analysis, offset: int) -> str | None:
+    """Return the name at an offset, without its prime; None for a word that is not declared."""
     word, _ = word_at(analysis.text, offset)
     name = word.rstrip("'")
+    return name if name in analysis.declarations else None
+
+
+def references(analysis: Analysis, name: str | None) -> list[Span]:
+    """Return every place of a name in a text: its declaration, keys and uses in expressions, by place."""
     if name not in analysis.declarations:
         return []
     return sorted(set(_places(analysis, name)), key=lambda span: (span.line, span.column))
 
 
-def rename(analysis: Analysis, offset: int, new: str) -> list[Fix]:
-    """Return the changes that give the name at an offset another name; primes and arguments stay."""
-    word, _ = word_at(analysis.text, offset)
-    name = word.rstrip("'")
+def rename(analysis: Analysis, name: str | None, new: str) -> list[Fix]:
+    """Return the changes that give a name in a text another name; primes and arguments stay."""
     changes = []
-    for span in references(analysis, offset):
+    for span in references(analysis, name):
         written = span.origin.line(span.line)[span.column - 1 : span.end_column - 1]
-        first = written.find(name)
+        first = written.find(name or "")
         if span.line == span.end_line and first >= 0:
-            place = Span(span.origin, span.line, span.column + first, span.line, span.column + first + len(name))
-            changes.append(Fix(place, new))
+            start = span.column + first
+            changes.append(Fix(replace(span, column=start, end_column=start + len(name or "")), new))
     return changes
 
 

@@ -18,6 +18,34 @@ SECONDS = 60
 _LARGEST = 1 << 24
 
 
+class LastCheck:
+    """The results of a check: its text, the problems that were found, and remarks by the path of what they stand above."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.problems: list[dict[str, Any]] = []
+        self.lenses: list[tuple[list[str], str]] = []
+
+    def problems_in(self, text: str) -> Iterator[dict[str, Any]]:
+        """Yield the problems at their places in a later text, without those in lines that have changed since."""
+        old = self.text.split("\n")
+        new = text.split("\n")
+        above = _alike(old, new)
+        below = min(_alike(old[::-1], new[::-1]), len(old) - above)
+        for each in self.problems:
+            if each["end_line"] <= above:
+                yield each
+            elif each["line"] > len(old) - below:
+                moved = len(new) - len(old)
+                yield {**each, "line": each["line"] + moved, "end_line": each["end_line"] + moved}
+
+
+def _alike(old: list[str], new: list[str]) -> int:
+    """Return how many lines two texts begin with alike."""
+    pairs = zip(old, new, strict=False)
+    return next((at for at, (one, other) in enumerate(pairs) if one != other), min(len(old), len(new)))
+
+
 async def check(text: str, name: str, take: Callable[[dict[str, Any]], None]) -> None:
     """Give the results of a check to a function as they come; the process ends with the task that waits for it.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 from lsprotocol import types as lsp
@@ -16,13 +17,13 @@ from pygls.lsp.server import LanguageServer
 from pygls.workspace import TextDocument
 from pygls.workspace.position_codec import ServerTextPosition, ServerTextRange
 
-from taskspec.analysis import Analysis, analyse, complete, definition, hover, references, rename, signature_at
+from taskspec.analysis import Analysis, analyse, complete, definition, hover, name_at, references, rename, signature_at
 from taskspec.analysis.formatting import formatted
 from taskspec.analysis.tokens import TOKEN_KINDS, tokens
 from taskspec.base import __version__
 from taskspec.base.codes import codes
 from taskspec.base.diagnostics import Diagnostic, Fix, Span, SpecError
-from taskspec.editor.checks import check
+from taskspec.editor.checks import LastCheck, check
 
 _KINDS = {
     "key": lsp.CompletionItemKind.Property,
@@ -73,34 +74,6 @@ class Server(LanguageServer):
             reported = self.checked[uri].problems_in(found.text)
             problems += [_reported(each, document) for each in reported if (each["code"], each["message"]) not in known]
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, problems, document.version))
-
-
-class LastCheck:
-    """The results of a check: its text, the problems that were found, and remarks by the path of what they stand above."""
-
-    def __init__(self, text: str) -> None:
-        self.text = text
-        self.problems: list[dict[str, Any]] = []
-        self.lenses: list[tuple[list[str], str]] = []
-
-    def problems_in(self, text: str) -> Iterator[dict[str, Any]]:
-        """Yield the problems at their places in a later text, without those in lines that have changed since."""
-        old = self.text.split("\n")
-        new = text.split("\n")
-        above = _alike(old, new)
-        below = min(_alike(old[::-1], new[::-1]), len(old) - above)
-        for each in self.problems:
-            if each["end_line"] <= above:
-                yield each
-            elif each["line"] > len(old) - below:
-                moved = len(new) - len(old)
-                yield {**each, "line": each["line"] + moved, "end_line": each["end_line"] + moved}
-
-
-def _alike(old: list[str], new: list[str]) -> int:
-    """Return how many lines two texts begin with alike."""
-    pairs = zip(old, new, strict=False)
-    return next((at for at, (one, other) in enumerate(pairs) if one != other), min(len(old), len(new)))
 
 
 server = Server()
@@ -193,18 +166,35 @@ def defined(ls: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
 def referred(ls: Server, params: lsp.ReferenceParams) -> list[lsp.Location]:
     """Return every place of the name at a place."""
     found, document = ls.analysis(params.text_document.uri)
-    spans = references(found, document.offset_at_position(params.position))
+    spans = references(found, name_at(found, document.offset_at_position(params.position)))
     return [lsp.Location(document.uri, _range(span, document)) for span in spans]
 
 
 @server.feature(lsp.TEXT_DOCUMENT_RENAME)
 def renamed(ls: Server, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
-    """Return the changes that give the name at a place another name."""
+    """Return the changes that give the name at a place another name, in specs of the folder that extend this one, too.
+
+    A name that another file declares is renamed there.
+    """
     found, document = ls.analysis(params.text_document.uri)
-    changes = rename(found, document.offset_at_position(params.position), params.new_name)
-    if not changes:
+    name = name_at(found, document.offset_at_position(params.position))
+    if name is None or not found.declarations[name].path:
         return None
-    return lsp.WorkspaceEdit(changes={document.uri: [_edit(each, document) for each in changes]})
+    changes = {document.uri: [_edit(each, document) for each in rename(found, name, params.new_name)]}
+    for other, place in _extending(ls, Path(document.path)):
+        if name in other.declarations and not other.declarations[name].path:
+            changes[place.uri] = [_edit(each, place) for each in rename(other, name, params.new_name)]
+    return lsp.WorkspaceEdit(changes=changes)
+
+
+def _extending(ls: Server, path: Path) -> Iterator[tuple[Analysis, TextDocument]]:
+    """Yield the specs of a folder that extend one of them."""
+    for place in sorted(path.parent.glob("*.yaml")):
+        document = ls.workspace.get_text_document(place.as_uri())
+        if place != path and "extends" in document.source:
+            found = analyse(document.source, str(place))
+            if found.document is not None and str(path) in found.document.files:
+                yield found, document
 
 
 @server.feature(lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions([lsp.CodeActionKind.QuickFix]))

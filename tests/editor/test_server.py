@@ -132,6 +132,24 @@ def test_names_are_completed_explained_found_and_renamed(tmp_path: Path) -> None
     edited(tmp_path, script)
 
 
+def test_a_name_is_renamed_in_the_specs_that_extend_its_own(tmp_path: Path) -> None:
+    child = tmp_path / "child.yaml"
+    child.write_text(
+        "taskspec: 1\nname: Child\nextends: spec.yaml\nreward: (s' == goal) - (a == risky)\n", encoding="utf-8"
+    )
+
+    async def script(editor: Editor) -> None:
+        await editor.open()
+        change = await editor.client.text_document_rename_async(
+            lsp.RenameParams(**editor.place("prefers(optimal, a"), new_name="way")
+        )
+        assert set(change.changes) == {editor.uri, child.as_uri()}
+        (edit,) = change.changes[child.as_uri()]
+        assert (edit.range.start.line, edit.range.start.character, edit.new_text) == (3, 24, "way")
+
+    edited(tmp_path, script)
+
+
 def test_scores_and_verdicts_follow_what_is_typed_and_stay_until_there_are_others(tmp_path: Path) -> None:
     async def script(editor: Editor) -> None:
         await editor.open()
