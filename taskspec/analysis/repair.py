@@ -10,8 +10,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.source import Document
-from taskspec.source.reading import read_text
+from taskspec.source import Document, read_text
 
 MOST_REPAIRS = 40
 """Lines that are repaired in one text; a text with more mistakes than that is not a spec that is being typed."""

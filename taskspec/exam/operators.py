@@ -43,16 +43,16 @@ class BellmanOperator:
     def targets(self, s: Dynamics, acts: Behaviour, Q: Array, V: Array) -> Array:
         """Return the next Q (A, S)."""
         if self.backup is not None:
-            found: Array = self.backup(s, acts, Q, V)
-        else:
-            found = self.reward(s, acts) + s.gamma * self.ahead(s, acts, V)
-        return found
+            return self.backup(s, acts, Q, V)
+        ahead: Array = s.gamma * self.ahead(s, acts, V)
+        return self.reward(s, acts) + ahead
 
 
 def _next_episode(s: Dynamics, acts: Behaviour, V: Array) -> Array:
     goes_on = (1 - acts.last) * s.following(V)
     starts_again = s.ending(np.ones_like(V)) + acts.last * s.going_on
-    return goes_on + s.first(V) * starts_again
+    found: Array = goes_on + s.first(V) * starts_again
+    return found
 
 
 def _reset_at_limit(s: Dynamics, acts: Behaviour, V: Array) -> Array:

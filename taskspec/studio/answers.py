@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import shlex
 import time
-import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -89,7 +89,6 @@ def answered(message: bytes, root: Path) -> bytes:
     except FileRefused as error:
         found = {"ok": False, "message": str(error), "refused": error.why}
     except Exception as error:  # a mistake of ours, or a message of another form
-        traceback.print_exc()
         found = {"ok": False, "message": f"this could not be worked out: {type(error).__name__}: {error}"}
     found |= {"id": given.get("id"), "kind": given["kind"], "milliseconds": 1000 * (time.perf_counter() - start)}
     return json.dumps(json_data(found), ensure_ascii=False, default=str).encode(errors="replace")
@@ -217,7 +216,7 @@ def sweep(asked: Question) -> dict[str, Any]:
         else:
             left.append(value)
     shown = {key for key in RETURNS for row in rows if row.values.get(key) is not None}
-    plot = {"x": name, "show": sorted(shown)}
+    plot = {"x": name, "show": sorted(shown, key=RETURNS.index)}
     about = Experiment(experiment=1, name=task.name, tasks=[{"task": task.id}], plot=plot)  # type: ignore[arg-type, list-item]
     numbers = [key + end for key in RETURNS for end in ("", "_half")]
     return {
@@ -248,7 +247,7 @@ def values_of(p: Parameter) -> list[Any]:
     low = p.value - size if p.low is None else p.low
     high = low + 4 * size if p.high is None else min(p.high, max(low + 4 * size, p.value))
     if p.kind == "int":
-        step = max(1, round((high - low) / (POINTS - 1)))
+        step = max(1, math.ceil((high - low) / (POINTS - 1)))
         return list(range(int(low), int(high) + 1, step))
     return [low + (high - low) * i / (POINTS - 1) for i in range(POINTS)]
 
