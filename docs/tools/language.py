@@ -206,15 +206,12 @@ _CELL = {"type": "int", "low": 0, "high": 4}
 _REAL = {"type": "real", "low": 0, "high": 1}
 DECLARED: tuple[tuple[str, dict[str, Any]], ...] = (
     ("`{type: int, low: 0, high: 4}`", {"x": _CELL}),
-    ("`{type: int, low: 1, high: 4}`", {"x": {**_CELL, "low": 1}}),
-    ("`{type: bool}`", {"x": {"type": "bool"}}),
     ("`{type: choice, values: [left, right]}`", {"x": {"type": "choice", "values": ["left", "right"]}}),
     ("two of them, with 5 and 2 values", {"x": _CELL, "y": {"type": "bool"}}),
     ("`{type: int, low: 0, high: 4, shape: [2]}`", {"x": {**_CELL, "shape": [2]}}),
     ("`{type: real, low: 0, high: 1}`", {"x": _REAL}),
     ("`{type: real, low: 0, high: 1, shape: []}`", {"x": {**_REAL, "shape": []}}),
     ("`{type: real, low: 0, high: 1, shape: [3]}`", {"x": {**_REAL, "shape": [3]}}),
-    ("`{type: int, low: 0, high: 4}` and `{type: real, low: 0, high: 1}`", {"x": _CELL, "y": _REAL}),
 )
 
 
