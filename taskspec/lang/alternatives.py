@@ -199,7 +199,8 @@ def _outcomes(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | N
         return [(checker.value(expr, scope, want), expr, b.const(1, Type(Kind.REAL)))]
     if scope.draws is not None:
         checker.fail("E311", expr, f"values with probabilities are a random draw; {scope.draws}")
-    exprs, weights = zip(*expr.pairs, strict=True)
+    exprs = [value for value, _ in expr.pairs]
+    weights = [weight for _, weight in expr.pairs]
     values = alternative_values(checker, exprs, scope, want)
     p = [b.cast(node, Kind.REAL) for node in checker.numerics(weights, scope)]
     for node, weight in zip(p, weights, strict=True):

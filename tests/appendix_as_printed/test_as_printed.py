@@ -17,7 +17,7 @@ TABLE = FOLDER / "README.md"
 
 
 def findings(path: Path) -> tuple[Diagnostic, ...]:
-    document = source.read(path)
+    document = source.read_file(path)
     try:
         task = build(document)
     except SpecError as error:
@@ -42,7 +42,7 @@ def expected(path: Path) -> list[tuple[str, tuple[str, ...]]]:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_each_contradiction_is_found_where_it_is_printed(path: Path) -> None:
-    document = source.read(path)
+    document = source.read_file(path)
     found = findings(path)
     assert sorted(d.code for d in found) == sorted(code for code, _ in expected(path))
     for code, place in expected(path):

@@ -12,7 +12,7 @@ import pytest
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import CATEGORICAL, DISTS, Dist
 from taskspec.lang.types import Kind, Type
-from taskspec.source import read
+from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.shared.conformance import Agreement
@@ -111,7 +111,7 @@ dynamics:
 
 
 def task_of(text: str) -> Task:
-    return build(read(HEAD + text), None, {}, "")
+    return build(read_text(HEAD + text), None, {}, "")
 
 
 QUICK = {("numba", "SameStep", 7), *(("numpy", mode, lanes) for mode, lanes in (

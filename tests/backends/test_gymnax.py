@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.source import read
+from taskspec.source import read_text
 from taskspec.task.build import build
 
 jax = pytest.importorskip("jax")
@@ -47,7 +47,7 @@ observation: SEEN
 
 
 def adapted(text: str) -> Any:
-    return Functional(build(read(text), None, {}, "")).gymnax()
+    return Functional(build(read_text(text), None, {}, "")).gymnax()
 
 
 def odd(seen: str) -> Any:
@@ -195,7 +195,7 @@ observation: {space: multi_discrete, s: s, d: d}
 
 
 def test_observations_may_be_one_hot_and_actions_one_number() -> None:
-    task = build(read(PAIRED), None, {}, "")
+    task = build(read_text(PAIRED), None, {}, "")
     plain, changed = Functional(task).gymnax(), Functional(task).gymnax(one_hot=True, flat_actions=True)
     assert changed.num_actions == 6 and plain.num_actions == 2
     key = jax.random.key(0)
@@ -217,7 +217,7 @@ def test_options_for_what_is_not_finite_are_refused() -> None:
 
 def test_spaces_of_the_options_hold_their_values() -> None:
     pytest.importorskip("gymnax")
-    env = Functional(build(read(PAIRED), None, {}, "")).gymnax(one_hot=True, flat_actions=True)
+    env = Functional(build(read_text(PAIRED), None, {}, "")).gymnax(one_hot=True, flat_actions=True)
     seen, _ = env.reset(jax.random.key(0))
     assert env.action_space().n == 6
     assert env.observation_space().shape == seen.shape and bool(env.observation_space().contains(seen))

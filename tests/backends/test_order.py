@@ -13,7 +13,7 @@ import pytest
 
 import taskspec
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.source import read
+from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.shared.conformance import Agreement, ReferenceEnv
@@ -75,7 +75,7 @@ def specs() -> list[tuple[str, str, str, str]]:
 def task_of(dynamics: str, reward: str, terminal: str, observation: str, number: int = 0) -> Task:
     lines = [f"dynamics: {dynamics}", f"reward: {reward}", f"terminal: {terminal}", f"horizon: {3 + number % 4}"]
     lines += [f"observation: {observation}"] * bool(observation)
-    task = build(read(HEAD + "\n".join(lines)), None, {}, "")
+    task = build(read_text(HEAD + "\n".join(lines)), None, {}, "")
     wanted = {"absorbing": number % 5 == 4, "time_observed": number % 7 == 6}
     return taskspec.modify(task, *(name for name, given in wanted.items() if given))
 
@@ -160,7 +160,7 @@ horizon: 5
 
 
 def small(rest: str) -> Task:
-    return build(read(SMALL + rest), None, {}, "")
+    return build(read_text(SMALL + rest), None, {}, "")
 
 
 def walked(task: Task, backend: str, actions: list[int], mode: str = "Disabled") -> list[Any]:
@@ -200,6 +200,6 @@ def test_conditions_that_always_hold_end_the_first_step(backend: str, mode: str)
 @pytest.mark.parametrize("backend", ["scalar", "numpy", "numba", "jax"])
 def test_what_steps_make_constant_is_seen_to_differ_at_the_reset(backend: str) -> None:
     head = SMALL.replace("dynamics: {s': \"min(s + 1, 9)\", prev': s, done': a}", "dynamics: {done': true, prev': 3}")
-    task = build(read(head + "reward: 0\nobservation: {o: done, p: prev, q: s}"), None, {}, "")
+    task = build(read_text(head + "reward: 0\nobservation: {o: done, p: prev, q: s}"), None, {}, "")
     found = walked(task, backend, [0, 0])
     assert [list(found[0]), *(list(step[0]) for step in found[1:])] == [[0, 0, 0], [1, 3, 0], [1, 3, 0]]

@@ -20,7 +20,7 @@ import pytest
 from taskspec.envs.env import Environment
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.lang.dists import CATEGORICAL, DISTS
-from taskspec.source import read
+from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.shared.sparse import sparse
@@ -128,7 +128,7 @@ def drawn(backend: str) -> tuple[Sample, Sample]:
     """What resets and steps draw, by component: (STEPS, lanes, size)."""
     if backend != "scalar":
         pytest.importorskip(backend)
-    task = build(read(spec()), None, {}, "")
+    task = build(read_text(spec()), None, {}, "")
     ends = np.cumsum([c.type.size for c in task.state])
     resets, steps = (np.split(part.astype(float), ends[:-1], axis=-1) for part in walked(task, backend))
     names = [c.name for c in task.state]

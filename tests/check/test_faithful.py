@@ -32,7 +32,7 @@ def task(text: str, **parameters: Any) -> Task:
 
 
 def shipped(name: str, variant: str | None = None, **parameters: Any) -> Task:
-    return build(source.read(ROOT / "tasks" / "derail" / f"{name}.yaml"), variant, parameters, "derail")
+    return build(source.read_file(ROOT / "tasks" / "derail" / f"{name}.yaml"), variant, parameters, "derail")
 
 
 def found(given: Task) -> Abstraction:

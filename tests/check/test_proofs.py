@@ -306,7 +306,7 @@ def test_statuses_are_the_same_wherever_they_are_told(name: str, tmp_path: Path)
     assert re.search(
         "exact" if of_number == "exact" else "(95 % CI,|in all of) 1,000 episodes", printed("solve", str(path))
     )
-    (verdict_,) = gather(build(source.read(path))).verdicts
+    (verdict_,) = gather(build(source.read_file(path))).verdicts
     assert verdict_.text == on_page
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import taskspec
 from taskspec.envs import ActionError
-from taskspec.source import read
+from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.conftest import needs_vectors
@@ -31,7 +31,7 @@ reward: -u * u - x
 
 
 def push(action: str = "{type: real, low: -2, high: 2}") -> Task:
-    return build(read(PUSH.replace("ACTION", action)), None, {}, "")
+    return build(read_text(PUSH.replace("ACTION", action)), None, {}, "")
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ import pytest
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.exact import extract
 from taskspec.lang.ir import draws
-from taskspec.source import read
+from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.shared.conformance import Agreement, ReferenceEnv
@@ -110,7 +110,7 @@ OTHERS = re.compile(r"UniformInt|Uniform|Categorical|Bernoulli")
 
 
 def task_of(rest: str) -> Task:
-    return build(read(re.sub(r"\bD\b", "UniformInt(0, 3)", HEAD + rest)), None, {}, "")
+    return build(read_text(re.sub(r"\bD\b", "UniformInt(0, 3)", HEAD + rest)), None, {}, "")
 
 
 def average(value: Callable[..., Any]) -> Fraction:

@@ -53,7 +53,7 @@ def test_changes_of_an_expression(text: str) -> None:
 
 @pytest.mark.parametrize("path", SPECS, ids=lambda p: p.stem)
 def test_changes_of_whole_specs(path: Path) -> None:
-    document = source.read(path)
+    document = source.read_file(path)
     assert source.read_text(written(document.data), "x").data == document.data
     found = list(mutants(document))
     assert found
@@ -71,7 +71,7 @@ def test_changes_of_whole_specs(path: Path) -> None:
 
 
 def test_prose_claims_and_examples_are_left_alone() -> None:
-    document = source.read(ROOT / "tasks/derail/noisy_obs.yaml")
+    document = source.read_file(ROOT / "tasks/derail/noisy_obs.yaml")
     kept = (
         "title",
         "summary",
@@ -241,7 +241,7 @@ def test_the_command(tmp_path: Path) -> None:
     found = json.loads(done.stdout)
     assert done.exit_code == 0
     assert {each["class"] for each in found} <= set(CLASSES)
-    assert len(found) == len(list(mutants(source.read(path))))
+    assert len(found) == len(list(mutants(source.read_file(path))))
     silent = [each for each in found if each["class"] == "silent"]
     shown = CliRunner().invoke(app, ["mutate", str(path), "-j", "1", "--strict", "--list", "example"])
     assert shown.exit_code == bool(silent)

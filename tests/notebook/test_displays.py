@@ -10,7 +10,7 @@ import taskspec
 from taskspec.exact import Results, check, scores
 from taskspec.exam import read as read_exam
 from taskspec.pages.page import page
-from taskspec.source import read
+from taskspec.source import read_text
 from taskspec.task.build import build
 
 
@@ -103,7 +103,7 @@ claims: [1 < 0]
 
 
 def test_nothing_that_a_spec_holds_is_read_as_html() -> None:
-    task = build(read(HOSTILE), None, {}, "")
+    task = build(read_text(HOSTILE), None, {}, "")
     for shown in (task, check(task)):
         html = shown._repr_html_()
         assert "<script" not in html and "<b>" not in html
@@ -116,7 +116,7 @@ def test_a_page_shows_what_is_printed() -> None:
     shown = Cells(page(task)._repr_html_())
     assert "<h2>NoisyObs" in page(task)._repr_html_()
     assert "Observations" in shown.text and "Dynamics" in shown.text and "Corrections to the source" in shown.text
-    unsafe = read(SPEC.replace("SUMMARY", "<script>alert(1)</script>"))
+    unsafe = read_text(SPEC.replace("SUMMARY", "<script>alert(1)</script>"))
     assert "<script>" not in page(build(unsafe))._repr_html_()
 
 

@@ -15,7 +15,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse
 from taskspec.printers.names import nowhere
 from taskspec.printers.text import text
-from taskspec.source import read
+from taskspec.source import read_file
 from taskspec.task.context import Forms
 from taskspec.task.merge import merge
 from tests.shared.expression_data import data
@@ -110,7 +110,7 @@ def test_brackets_are_the_fewest(written: str, least: str) -> None:
 @pytest.mark.parametrize("path", sorted(ROOT.glob("tasks/*/*.yaml")), ids=lambda p: p.stem)
 def test_sections_of_shipped_specs_come_back_as_yaml(path: Path) -> None:
     """Every expression, tables and `if:` lists included, read again from its printed YAML data."""
-    merged = merge(read(path))
+    merged = merge(read_file(path))
     forms = Forms(merged, Collector())
     for section in ("definitions", "initial", "dynamics", "reward", "terminal"):
         found = merged.data.get(section)

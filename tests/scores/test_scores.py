@@ -216,7 +216,7 @@ def test_experts_as_policy_objects_walk_through_the_environment(name: str, varia
 
 
 def test_planned_experts_count_their_steps() -> None:
-    task = build(source.read(spec_file("frozen_lake")), None, {"slippery": False})
+    task = build(source.read_file(spec_file("frozen_lake")), None, {"slippery": False})
     expert, env = exact.Expert(task), taskspec.make(task)
     observation, _ = env.reset(seed=0)
     state, total, over = None, 0.0, False
@@ -306,7 +306,7 @@ def test_compiled_sweeps_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, t
     monkeypatch.setattr(extraction, "TIDY", tidy)
     for task in (
         benchmark.grid(70, 100),
-        with_all_actions(build(source.read(spec_file("taxi")))),  # compiled sweeps know no masks
+        with_all_actions(build(source.read_file(spec_file("taxi")))),  # compiled sweeps know no masks
         shipped("risky_path"),
     ):
         model = exact.extract(task)

@@ -63,7 +63,7 @@ def tasks(*patterns: str) -> tuple[Task, ...]:
     """The tasks of these specs, each variant, at their defaults; without bases that only their variants complete."""
     found = []
     for path in specs(*patterns):
-        document = source.read(path)
+        document = source.read_file(path)
         for variant in variant_names(document.data).values():
             try:
                 found.append(build(document, variant))

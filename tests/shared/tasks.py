@@ -21,7 +21,7 @@ Array = np.ndarray[Any, Any]
 
 
 def shipped(name: str, variant: str | None = None, *, suite: str = "derail", **parameters: Any) -> Task:
-    return build(source.read(ROOT / "tasks" / suite / f"{name}.yaml"), variant, parameters, suite)
+    return build(source.read_file(ROOT / "tasks" / suite / f"{name}.yaml"), variant, parameters, suite)
 
 
 def model_of(task: Task) -> Model:
@@ -30,7 +30,7 @@ def model_of(task: Task) -> Model:
 
 
 def spec(name: str) -> Task:
-    return build(source.read(spec_file(name)))
+    return build(source.read_file(spec_file(name)))
 
 
 RANDOM = """

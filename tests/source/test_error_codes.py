@@ -238,7 +238,7 @@ terminal: all(p' == (0, 3))
 figure: {kind: grid, at: p, highlight: {good: "all(p == N)"}}
 """
 HINTS: list[tuple[str, str, str, str, str | None]] = [
-    ("horizon: 4 * N", "horizon: 1e3", "E204", "1e3", "write 1000"),
+    ("horizon: 4 * N", "horizon: 1e3", "E204", "1e3", None),
     ("horizon: 4 * N", "horizon: 4N", "E301", "4N", "a product is written `4 * N`"),
     ("horizon: 4 * N", "horizon: N × 4", "E301", "×", "write `*`"),
     ("-far(p')", "−far(p')", "E301", "−", "write `-`"),

@@ -237,10 +237,10 @@ def test_many_mistakes_are_cut_short() -> None:
 def test_files(tmp_path: Path) -> None:
     good = tmp_path / "good.yaml"
     good.write_bytes("\ufeffa: é\r\nb: 2\r\n".encode())
-    document = source.read(good)
+    document = source.read_file(good)
     assert document.data == {"a": "é", "b": 2}
     assert str(document.span(("b",))) == f"{good}:2:4"
-    assert str(source.read(str(good), "named.yaml").origin.name) == "named.yaml"
+    assert str(source.read_file(str(good), "named.yaml").origin.name) == "named.yaml"
 
 
 @pytest.mark.parametrize(
@@ -257,7 +257,7 @@ def test_bad_files(tmp_path: Path, content: bytes | None, code: str, place: str 
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(SpecError, match=words) as caught:
-        source.read(path)
+        source.read_file(path)
     (problem,) = caught.value.diagnostics
     assert problem.code == code
     assert place is None or str(problem.span).endswith(f":{place}")

@@ -66,7 +66,7 @@ def test_the_schema_is_one() -> None:
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_our_own_specs_are_accepted(path: Path) -> None:
-    assert marks(source.read(path).data) == []
+    assert marks(source.read_file(path).data) == []
 
 
 def test_what_taskspec_new_writes_is_accepted() -> None:
@@ -93,7 +93,7 @@ def test_specs_on_the_pages_are_accepted(page: Path) -> None:
 
 @pytest.mark.parametrize("path", BROKEN, ids=lambda path: path.stem)
 def test_broken_shapes_are_marked(path: Path) -> None:
-    marked = bool(marks(source.read(path).data))
+    marked = bool(marks(source.read_file(path).data))
     assert marked is (path.stem[:4] not in BEYOND_A_SCHEMA)
 
 
@@ -172,7 +172,7 @@ def lacks_sections(data: dict[str, Any]) -> bool:
 
 
 def search(count: int) -> None:
-    specs = [source.read(path).data for path in SHIPPED]
+    specs = [source.read_file(path).data for path in SHIPPED]
     for seed in range(count):
         rng = random.Random(seed)
         changed = mutant(rng.choice(specs), rng)

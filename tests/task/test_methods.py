@@ -13,7 +13,7 @@ import taskspec
 from taskspec.base.limits import also
 from taskspec.exact import scores
 from taskspec.registry import task_ids
-from taskspec.source import read
+from taskspec.source import read_text
 from taskspec.task.build import build
 
 
@@ -71,11 +71,11 @@ info: [new_state]
 )
 def test_an_alias_is_a_name_of_its_own(alias: str, code: str) -> None:
     with pytest.raises(taskspec.SpecError, match=code):
-        build(read(ALIASED.replace("ALIAS", f"alias: {alias}")), None, {}, "")
+        build(read_text(ALIASED.replace("ALIAS", f"alias: {alias}")), None, {}, "")
 
 
 def test_infos_are_flat_and_say_what_is_asked_for() -> None:
-    task = build(read(ALIASED.replace("ALIAS", "alias: length")), None, {"length": 5}, "")
+    task = build(read_text(ALIASED.replace("ALIAS", "alias: length")), None, {"length": 5}, "")
     assert task.values == {"L": 5}
     env = taskspec.make(task)
     env.reset(seed=0)
@@ -89,7 +89,7 @@ def test_infos_are_flat_and_say_what_is_asked_for() -> None:
 
 def test_a_task_is_built_once_for_the_same_values() -> None:
     """Checks try many settings, some of them more than once; what differs in a value, or under another limit, is another task."""
-    document = read(ALIASED.replace("ALIAS", "alias: length"))
+    document = read_text(ALIASED.replace("ALIAS", "alias: length"))
     task = build(document, None, {"L": 5})
     assert build(document, None, {"L": 5}) is task
     assert build(document, None, {"L": 4}) is not task

@@ -61,7 +61,7 @@ def problems(text: str) -> list[tuple[str, str, str, str]]:
 
 @pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
 def test_our_own_specs_have_the_right_shape(path: Path) -> None:
-    assert check_shape(source.read(path)) == ()
+    assert check_shape(source.read_file(path)) == ()
 
 
 def test_a_whole_spec_loads() -> None:

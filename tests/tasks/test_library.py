@@ -23,7 +23,7 @@ def test_there_are_sixty_tasks() -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_a_spec_says_what_a_reader_looks_for(path: Path) -> None:
-    data = source.read(path).data
+    data = source.read_file(path).data
     assert {"summary", "capability", "figure"} <= set(data)
     known = beside([path])
     assert [s["key"] for s in data.get("sources", []) if s["key"] not in known] == []

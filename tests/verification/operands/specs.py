@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from taskspec.base.diagnostics import SpecError
-from taskspec.source import read
+from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.verification.operands.forms import KINDS, POINTS, SINGLE
@@ -42,7 +42,7 @@ def task_of(held: Sequence[Held], shapes: Sequence[int], small: bool = False, si
     lines.append("  - else: false")
     seen = [(n, h.text) for n, h in enumerate(held) if "'" not in h.text and not small]
     lines += ["observation:", "  space: dict", "  k: k", *(f"  o{n}: {json.dumps(text)}" for n, text in seen)]
-    return build(read("\n".join(lines)), None, {}, "")
+    return build(read_text("\n".join(lines)), None, {}, "")
 
 
 def _head(single: bool) -> list[str]:
@@ -84,7 +84,7 @@ def typed(texts: Sequence[str], shapes: Sequence[int]) -> list[Held]:
         lines = [*_head(False), *_sections((), shapes, True), "reward: 0", "observation:"]
         spec = "\n".join([*lines, *(f"  o{n}: {json.dumps(text)}" for n, text in enumerate(plain))])
         try:
-            components = build(read(spec), None, {}, "").observation.components
+            components = build(read_text(spec), None, {}, "").observation.components
         except SpecError as error:
             broken = {d.span.line - len(lines) - 1 for d in error.diagnostics if d.span is not None}
             assert broken and min(broken) >= 0, error
