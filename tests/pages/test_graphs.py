@@ -171,7 +171,7 @@ def test_every_format_shows_the_same(seed: int) -> None:
         len(labels), len(shapes), len(lines), sum(x.arrow for x in lines),
     )  # fmt: skip
     _, axes = raster._canvas(found.width, found.height)
-    raster._draw_all(axes, found, 1.0)
+    raster._draw(axes, found, 1.0)
     assert (len(axes.texts), len(axes.patches)) == (len(labels), len(shapes) + len(lines) + sum(x.arrow for x in lines))
 
 
