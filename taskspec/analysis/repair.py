@@ -18,6 +18,8 @@ MOST_REPAIRS = 40
 _CLOSERS = {"(": ")", "[": "]", "{": "}"}
 _KEY = re.compile(r"""^(\s*(?:- +)*(?:[\w'./() ,-]+|"[^"]*"|'[^']*')\s*:)(?:\s|$)""")
 
+_BEGUN = re.compile(r"^\s*(?:- +)*[^\W\d]\w*'?\s*$")
+
 
 class Reading(NamedTuple):
     """A text as a document, with what was wrong with it as YAML, and the numbers of the lines that were repaired."""
@@ -40,25 +42,33 @@ def read_tolerantly(text: str, name: str) -> Reading:
             number = _next(number, repaired, lines)
         if number is None:
             break
-        repaired.add(number)
-        document, problems = _repair(lines, number, name, problems)
+        document, problems, changed = _repair(lines, number, name, problems)
+        repaired |= {number, changed}
     return Reading(document, first, frozenset(repaired))
 
 
 def _repair(
     lines: list[str], number: int, name: str, problems: tuple[Diagnostic, ...]
-) -> tuple[Document | None, tuple[Diagnostic, ...]]:
-    """Put the first repair in the place of a line after which the text can be read further; else leave the line out."""
+) -> tuple[Document | None, tuple[Diagnostic, ...], int]:
+    """Put the first repair in the place of a line after which the text can be read further; else leave the line out.
+
+    Returns:
+        The document or the problems that are left, and the number of the line that was changed.
+    """
     before = _line_of(problems, len(lines)) or 0
-    for candidate in _candidates(lines[number - 1]):
+    candidates = [(number, candidate) for candidate in _candidates(lines[number - 1])]
+    above = next((at for at in range(number - 1, 0, -1) if lines[at - 1].strip()), None)
+    if above is not None and _BEGUN.match(lines[above - 1]):  # a key that is begun is noticed a line further down
+        candidates.insert(0, (above, f"{lines[above - 1].rstrip()}: ~"))
+    for at, candidate in candidates:
         tried = [*lines]
-        tried[number - 1] = candidate
+        tried[at - 1] = candidate
         document, left = _read(tried, name)
         after = _line_of(left, len(lines)) or 0
         if document is not None or after > before or candidate == "":
             lines[:] = tried
-            return document, left
-    return None, problems
+            return document, left, at
+    return None, problems, number
 
 
 def _candidates(line: str) -> Iterator[str]:

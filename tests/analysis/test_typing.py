@@ -95,6 +95,16 @@ def test_a_half_written_line_is_one_mistake() -> None:
     assert found.declarations["trap"].noun == "label"
 
 
+def test_a_key_that_is_begun_hides_nothing_below_it() -> None:
+    text = (ROOT / "tasks" / "derail" / "noisy_obs.yaml").read_text(encoding="utf-8")
+    start = text.index("summary:", text.index("variants:"))
+    typed = text[: start + 2] + text[text.index("\n", start) :]
+    seals = analyse(text, "typed.yaml").document.data["variants"]["seals"]
+    found = analyse(typed, "typed.yaml").document.data["variants"]["seals"]
+    assert list(found) == ["su", *list(seals)[1:]]
+    assert len(seals) > 4 and [found[key] for key in seals if key != "summary"] == list(seals.values())[1:]
+
+
 def test_all_mistakes_are_found_and_fixed_in_their_places(tmp_path: Path) -> None:
     from taskspec.analysis.fixes import fix_files
 

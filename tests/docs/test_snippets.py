@@ -38,6 +38,7 @@ from docs.tools import pages, pictures
 from taskspec import registry
 from taskspec.check.file_checks import check_file
 from taskspec.cli.check import check_other, examine
+from taskspec.exam import findings, results
 from taskspec.learners import learner
 from taskspec.targets import files_of
 from tests.conftest import needs_vectors
@@ -151,6 +152,14 @@ def test_pictures_show_what_commands_print(update_golden: bool) -> None:
         drawn = (pictures.PICTURES / f"{name}.svg").read_text(encoding="utf-8")
         assert pictures.example().digest in drawn, "python -m docs.tools.pictures"
     assert (pictures.PICTURES / "card-light.svg").read_text(encoding="utf-8") == pictures.card()
+
+
+@pytest.mark.parametrize(
+    "folder", sorted(DOCS.glob("results/*/*/")), ids=lambda folder: f"{folder.parent.name}/{folder.name}"
+)
+def test_results_have_the_diagnoses_of_the_present_rules(folder: Path) -> None:
+    exam = results.read(folder)
+    assert [dict(each) for each in exam["diagnoses"]] == [dict(each) for each in findings.diagnose(exam, "derail")]
 
 
 def test_the_readme_is_read_in_a_minute() -> None:

@@ -13,6 +13,7 @@ import pytest
 from tests.studio.browser import CHROMIUM, TABS, Page, Served, chromium, served
 
 expect = pytest.importorskip("playwright.sync_api").expect
+expect.set_options(timeout=60_000)  # it is a busy machine that tests run on
 for _package in ("pygls", "starlette", "uvicorn", "websockets"):
     pytest.importorskip(_package)
 

@@ -69,7 +69,6 @@ const LATE = 150;
 /** A part of the page that follows answers: what it shows stays, greyed, until the next answer is there. */
 export class Part {
   constructor(label, attributes = {}) {
-    this.late = null;
     this.content = make("div");
     this.problem = make("p", { class: "problem", role: "status" });
     this.element = make("section", { "aria-label": label, ...attributes }, this.problem, this.content);

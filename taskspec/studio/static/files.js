@@ -36,12 +36,13 @@ export class Files {
     return !this.isUnsaved || confirm("Leave this text without saving it?");
   }
 
-  /** Show what the address shares, else the spec that the command was given, else the first template. */
+  /** Show what the address shares, else the spec that the command was given, else the first of the folder, else a template. */
   async start() {
     this.studio.folder = await this.studio.live.ask("files");
-    const { opened, templates } = this.studio.folder;
+    const { opened, files, templates } = this.studio.folder;
     if (await this.loadShared()) return;
-    if (opened) this.load("open", { path: opened });
+    const path = opened ?? files[0];
+    if (path) this.load("open", { path });
     else this.load("new", { from: templates[0].id, path: null });
   }
 

@@ -2,17 +2,15 @@
 
 import { Part, make, quiet } from "./dom.js";
 
-/** Return a result in a frame or an image of its own: it is from a file, and nothing in it may run. */
-function shown({ title, html, svg }) {
-  if (html) return make("iframe", { sandbox: "", srcdoc: html, title });
-  return make("img", { src: `data:image/svg+xml,${encodeURIComponent(svg)}`, alt: title });
-}
-
-function card(result) {
-  const title = result.title ?? result.path;
-  const head = make("summary", {}, title, " ", make("span", { class: "quiet" }, result.path));
+/** Return a result in a frame or an image of its own, which is loaded once it is open: nothing of a file may run here. */
+function card({ title, path, html, svg }) {
+  const name = title ?? path;
+  const frame = { sandbox: "", srcdoc: html, title: name };
+  const image = { src: `data:image/svg+xml,${encodeURIComponent(svg)}`, alt: name };
+  const head = make("summary", {}, name, " ", make("span", { class: "quiet" }, path));
   const made = make("details", { class: "result" }, head);
-  made.addEventListener("toggle", () => made.append(shown({ ...result, title })), { once: true });
+  const open = () => made.append(html ? make("iframe", frame) : make("img", image));
+  made.addEventListener("toggle", open, { once: true });
   return made;
 }
 

@@ -16,7 +16,7 @@ export class SpecTab {
     this.figure = new Part("Figure");
     this.scores = new Part("Exact scores");
     this.mathematics = new Part("Printed mathematics", { class: "printed" });
-    this.claims = new Part("Claims");
+    this.claims = new Part("Claims", { class: "claims" });
     const first = make("div", { class: "beside" }, this.figure.element, this.scores.element);
     this.content = [first, this.mathematics.element, this.claims.element];
   }
@@ -26,8 +26,8 @@ export class SpecTab {
     this.mathematics.follow(page, ({ mathematics }) => [written("div", {}, mathematics)]);
     const scores = this.studio.ask("scores");
     this.scores.follow(scores, (answer) => this.drawn(answer));
-    this.claims.follow(scores.then((answer) => (answer.ok && !answer.outdated ? this.studio.ask("claims") : answer)),
-      ({ claims }) => this.said(claims));
+    const claims = scores.then((answer) => (answer.ok && !answer.outdated ? this.studio.ask("claims") : answer));
+    this.claims.follow(claims, (answer) => this.judged(answer.claims));
   }
 
   drawn({ title, rows, remark }) {
@@ -35,11 +35,10 @@ export class SpecTab {
     return [make("h2", {}, title), scores, ...(remark ? [quiet(remark)] : [])];
   }
 
-  said(claims) {
-    if (!claims.length) return [];
+  judged(claims) {
     const holding = claims.filter(({ holds }) => holds).length;
-    const list = make("ul", { class: "claims", "aria-label": "Claims" }, ...claims.map((claim) => this.claim(claim)));
-    return [quiet(`${holding} of ${claims.length} claims hold`), list];
+    const count = claims.length ? `${holding} of ${claims.length} claims hold` : "no claims";
+    return [make("h2", {}, count), make("ul", {}, ...claims.map((claim) => this.claim(claim)))];
   }
 
   claim({ text, holds, words, detail, line }) {

@@ -34,20 +34,17 @@ or a policy are explained by a mistake that is not.
 
 {right}
 
-| part of the exam | what counts |
-|---|---|
-| old tasks | lower scores, twins that differ, peeking, failures and new diagnoses, on DERAIL |
-| probes | the same on the suite `probes` |
-| values | other numbers that differ: learned values and rewards, learning curves, drawn actions, a longer horizon |
-| fingerprints | learned values, rewards or policies that a known mistake explains, without a right version |
+- old tasks: lower scores, twins that differ, peeking, failures and new diagnoses, on DERAIL
+- probes: the same on the suite `probes`
+- values: other numbers that differ: learned values and rewards, learning curves, drawn actions, a longer horizon
+- fingerprints: learned values, rewards or policies that a known mistake explains, without a right version
 
-`python -m tests.verification.exam_study` does it again. The tables have all new mistakes, and first ones whose cause is not
+`python -m tests.verification.exam_study` does it again. The lists have all new mistakes, and first ones whose cause is not
 named; o, p, v and f are the parts that flag them.{earlier}
 """
 EARLIER = "earlier run"
-EARLIER_TEXT = """ Rows with a star are of an earlier run, in which every diagnosis that the right version
+EARLIER_TEXT = """ Those with a star are of an earlier run, in which every diagnosis that the right version
 did not get counted as new, whether scores differed or not."""
-HEAD = "| mistake | flagged by | cause |\n|---|---|---|"
 
 
 def written(results: Mapping[str, Found]) -> None:
@@ -64,7 +61,7 @@ def written(results: Mapping[str, Found]) -> None:
         if missing:
             waiting.append(f"{missing} of {title}")
         if rows:
-            parts.append("\n".join([f"## {title}", "", HEAD, *rows]))
+            parts.append("\n".join([f"## {title}", "", *rows]))
     if waiting:
         parts.append(
             f"## Not examined\n\n{', '.join(waiting)}: these mistakes are written down, and wait for the next run."
@@ -109,7 +106,8 @@ def _row(bug: Bug, found: Found) -> str:
         cause = f"named wrongly: {cause}"
     elif found.cause(bug) != "right":
         cause = f"not named: {bug.why}" if bug.why else "not named"
-    return f"| {bug.what} | {marks}{'*' * _is_earlier(found)} | {cause} |"
+    flagged = f"{marks or 'not flagged'}{'*' * _is_earlier(found)}"
+    return f"- {bug.what} ({flagged}): {cause}"
 
 
 def _right(right: Mapping[str, Found]) -> str:
