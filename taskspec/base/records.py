@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
+from functools import cache
 from operator import attrgetter
+from types import CodeType, FunctionType
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 if TYPE_CHECKING:
@@ -15,7 +17,7 @@ else:
         """Make a data class, as `dataclasses.dataclass` does, for modules that the first `gym.make` imports.
 
         `dataclasses` compiles six methods for each class, and the ninety classes on that path took a third of its time.
-        Here `__init__` is compiled when the class is first used, and classes share the other methods.
+        Here classes share the code of their methods.
         """
         return lambda cls: _made(cls, options)
 
@@ -41,38 +43,62 @@ def _made(cls: type, options: dict[str, Any]) -> Any:
 
 
 def _initializer(cls: Any, kw_only: bool) -> Any:
-    """Return the `__init__` of a class, which is compiled on its first call: many classes are never used in a process."""
+    """Return the `__init__` of a class, which is made on its first call: many classes are never used in a process."""
 
     def first(self: Any, *values: Any, **named: Any) -> None:
-        cls.__init__ = _compiled(cls, kw_only)
+        cls.__init__ = _named_initializer(cls, kw_only)
         cls.__init__(self, *values, **named)
 
     return first
 
 
-def _compiled(cls: type, kw_only: bool) -> Any:
-    """Compile the `__init__` of a class."""
+def _named_initializer(cls: type, kw_only: bool) -> Any:
+    """Return the `__init__` of a class: the code that classes with equally many fields share, with its own names and defaults."""
+    fields = dataclasses.fields(cls)
+    made = tuple(i for i, field in enumerate(fields) if field.default_factory is not dataclasses.MISSING)
+    code = _initializer_code(len(fields), made, kw_only, hasattr(cls, "__post_init__"))
+    names = {f"_{i}": field.name for i, field in enumerate(fields)}
+    variables = tuple(names.get(name, name) for name in code.co_varnames)
+    constants = tuple(names.get(value, value) for value in code.co_consts)
+    scope: dict[str, Any] = {"_set": object.__setattr__, "_MISSING": dataclasses.MISSING}
+    defaults: dict[str, Any] = {}
+    for i, field in enumerate(fields):
+        if i in made:
+            scope[f"_make{i}"] = field.default_factory
+        if i in made or field.default is not dataclasses.MISSING:
+            defaults[field.name] = field.default
+    init = FunctionType(code.replace(co_varnames=variables, co_consts=constants), scope)
+    if kw_only:
+        init.__kwdefaults__ = defaults
+    else:
+        init.__defaults__ = tuple(defaults.values())
+    return init
+
+
+@cache
+def _initializer_code(count: int, made: tuple[int, ...], kw_only: bool, continues: bool) -> CodeType:
+    """Compile the `__init__` of classes with so many fields, which are called `_0`, `_1` and so on here.
+
+    Args:
+        made: the fields whose defaults are made for each object.
+        kw_only: whether all fields are given by keyword.
+        continues: whether `__post_init__` is called.
+    """
     arguments = ["self, *"] if kw_only else ["self"]
     lines = ["pass"]
-    scope: dict[str, Any] = {"_set": object.__setattr__, "_MISSING": dataclasses.MISSING}
-    for field in dataclasses.fields(cls):
-        name = field.name
-        argument = name
-        value = name
-        if field.default_factory is not dataclasses.MISSING:
-            scope[f"_make_{name}"] = field.default_factory
-            argument = f"{name}=_MISSING"
-            value = f"_make_{name}() if {name} is _MISSING else {name}"
-        elif field.default is not dataclasses.MISSING:
-            scope[f"_default_{name}"] = field.default
-            argument = f"{name}=_default_{name}"
-        arguments.append(argument)
-        lines.append(f"_set(self, {name!r}, {value})")
-    if hasattr(cls, "__post_init__"):
+    for i in range(count):
+        value = f"_{i}"
+        if i in made:
+            value = f"_make{i}() if _{i} is _MISSING else _{i}"
+        arguments.append(f"_{i}")
+        lines.append(f"_set(self, '_{i}', {value})")
+    if continues:
         lines.append("self.__post_init__()")
     body = "\n    ".join(lines)
+    scope: dict[str, Any] = {}
     exec(f"def __init__({', '.join(arguments)}):\n    {body}", scope)  # noqa: S102
-    return scope["__init__"]
+    code: CodeType = scope["__init__"].__code__
+    return code
 
 
 def _equal(self: Any, other: Any) -> Any:

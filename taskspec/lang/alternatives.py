@@ -144,7 +144,7 @@ def unify(
     for value, expr in zip(values, exprs, strict=True):
         with checker.refusing(expr):
             if labelled and want is not None:
-                nodes.append(numbered(checker, value, expr, want))
+                nodes.append(numbered(checker, value, want))
             else:
                 if value.domain != want:
                     check_comparable(value.domain, want)

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from taskspec.base.arrays import AnyArray, Array
+from taskspec.lang.evaluate import no_draws
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT_MAX, Kind
@@ -234,10 +235,6 @@ def array(node: Const) -> Array:
     made = np.array(values, dtype=DTYPES[node.type.kind]).reshape(*node.type.shape, 1)
     made.setflags(write=False)
     return made
-
-
-def no_draws(draw: Draw, args: list[Array]) -> Array:
-    raise AssertionError(f"a draw ({draw.base}) where none can be")
 
 
 def evaluate(

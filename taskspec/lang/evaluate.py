@@ -17,7 +17,7 @@ Sampler = Callable[[Draw, list[Flat]], Flat]
 """Gives the value of a draw from its evaluated arguments."""
 
 
-def no_draws(draw: Draw, args: list[Flat]) -> Flat:
+def no_draws(draw: Draw, args: list[Any]) -> Any:
     raise AssertionError(f"a draw ({draw.base}) where none can be")
 
 

@@ -361,7 +361,7 @@ class BaseChecker(ABC):
 # -- labels and ints: which label an int is, where a choice is given a value ------------------------------------------
 
 
-def numbered(checker: BaseChecker, value: Value, expr: s.Expr, domain: Domain) -> Node:
+def numbered(checker: BaseChecker, value: Value, domain: Domain) -> Node:
     """Return a value as positions of labels: a label of the choice, or an int, which is the label of that position or value.
 
     What is no label's is -1, or beyond the last position.

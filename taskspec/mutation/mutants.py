@@ -76,16 +76,12 @@ class _Walk:
         self.alike = _alike(document.data)
         self.states = frozenset(name for data in _specs(document.data) for name in data.get("state") or {})
 
-    def mutant(self, path: Path, place: Span, before: str, after: str, data: Any) -> Mutant:
-        return Mutant(path, place, before, after, data, self.document.others)
-
-    def changed(self, path: Path, value: Any, before: str, after: str) -> Mutant:
+    def changed(self, path: Path, value: Any, before: str, after: str, place: Span | None = None) -> Mutant:
         data = _replaced(self.document.data, path, value)
-        return self.mutant(path, self.document.span(path), before, after, data)
+        return Mutant(path, place or self.document.span(path), before, after, data, self.document.others)
 
     def without(self, path: Path) -> Mutant:
-        data = _replaced(self.document.data, path, MISSING)
-        return self.mutant(path, self.document.key_span(path), str(path[-1]), "(left out)", data)
+        return self.changed(path, MISSING, str(path[-1]), "(left out)", self.document.key_span(path))
 
     def exchanged(self, path: Path, one: Any, other: Any) -> Iterator[Mutant]:
         """Yield the values under two keys of a mapping, or two items of a list, exchanged."""
@@ -99,7 +95,8 @@ class _Walk:
         if isinstance(here, list):  # an item is named by itself where it is short
             names = [here[i] if isinstance(here[i], str | int | float) else f"item {i}" for i in names]
         words = " and ".join(map(str, names))
-        yield self.mutant((*path, one), self.document.key_span((*path, one)), words, EXCHANGED, data)
+        place = self.document.key_span((*path, one))
+        yield Mutant((*path, one), place, words, EXCHANGED, data, self.document.others)
 
     def sections(self, data: Mapping[str, Any], path: Path, optional: Sequence[str]) -> Iterator[Mutant]:
         """Yield changes of the sections of a spec, of a variant, or of an abstraction; those that are optional are left out."""
@@ -152,9 +149,8 @@ class _Walk:
         for change in changes(text, names):
             end = max(change.end, min(change.start + 1, len(text)))
             place = self.document.span(path, change.start, end)
-            data = _replaced(self.document.data, path, change.apply(text))
             before = text[change.start : change.end]
-            yield self.mutant(path, place, before, change.new or "(left out)", data)
+            yield self.changed(path, change.apply(text), before, change.new or "(left out)", place)
 
     def _number(self, value: int | float, path: Path) -> Iterator[Mutant]:
         text = self.document.text(path)

@@ -233,7 +233,7 @@ def _fit(checker: Checker, value: Value, expr: s.Expr, c: Component) -> Node:
     if c.domain is None:
         node = checker.number_of(value)
     else:
-        node = numbered(checker, value, expr, c.domain)
+        node = numbered(checker, value, c.domain)
     if node.type.kind > c.type.kind:
         message = f"'{c.name}' is {_NAMED[c.type.kind]}, but this is {_NAMED[node.type.kind]}"
         raise Refused(message, "E306", "compare it, e.g. `x > 0`" if c.type.kind is Kind.BOOL else _whole(expr, c))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -66,3 +67,28 @@ def test_the_page_is_a_module_that_renders() -> None:
     script = "import(process.argv[1]).then((page) => process.stdout.write(typeof page.default.render))"
     found = subprocess.run([node, "-e", script, PAGE.as_uri()], capture_output=True, text=True, check=True)
     assert found.stdout == "function"
+
+
+ABSENT = ("fcntl", "termios", "resource", "numba", "jax", "optax", "matplotlib", "pygls", "starlette", "uvicorn")
+"""What browsers do not have (JupyterLite), and what the extra `notebook` does not install."""
+IN_A_BROWSER = f"""
+import sys
+sys.modules |= dict.fromkeys({ABSENT})
+import numpy as np
+import taskspec
+from taskspec.exam import examine, learns_from
+from taskspec.exact import Results, check
+
+train = learns_from("reward")(lambda case: np.zeros((case.observation_space.n, case.action_space.n)))
+exam = examine(train, tasks=["RiskyPath"], seeds=1, steps=9)
+shown = taskspec.load("RiskyPath"), Results("RiskyPath"), check("RiskyPath"), exam
+assert all(each._repr_html_().startswith(("<table", "<svg")) for each in shown)
+widget = taskspec.notebook.explore("RiskyPath")
+widget.act(0)
+print(widget, len(widget.view["steps"]))
+"""
+
+
+def test_notebooks_need_no_more_than_a_browser_has() -> None:
+    found = subprocess.run([sys.executable, "-c", IN_A_BROWSER], capture_output=True, text=True, check=False)
+    assert (found.stdout, found.stderr) == ("<Explorer of derail/RiskyPath-v0> 1\n", "")
