@@ -230,7 +230,8 @@ def named(distances: Mapping[str, float], good: Sequence[str] = GOOD) -> list[st
     best = min(known, key=lambda name: known[name])
     wrong = {name: distance for name, distance in distances.items() if name not in good}
     nearest = min(wrong.values())
-    if nearest <= NEAR and nearest <= CLEARER * known[best]:
+    is_apart = known[best] - nearest >= SAME  # where both are near, what is right explains it
+    if nearest <= NEAR and nearest <= CLEARER * known[best] and is_apart:
         return [name for name, distance in wrong.items() if distance <= nearest + SAME]
     return [best] if known[best] <= RIGHT else []
 

@@ -34,8 +34,8 @@ class Document:
     _places: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
     others: Mapping[str, Document] = field(default_factory=dict)
     """The documents that this one extends, by how it names their files."""
-    merged: dict[str | None, Any] = field(default_factory=dict)
-    """Its variants, and itself (None), merged into what they are based on, as far as they were asked for."""
+    merged: dict[str | None, Any] = field(default_factory=dict, init=False)
+    """Not kept by `replace`: its variants, and itself (None), merged into what they are based on, as far as they were asked for."""
 
     @property
     def files(self) -> tuple[str, ...]:

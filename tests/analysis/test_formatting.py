@@ -144,7 +144,7 @@ def test_the_command_writes_shows_and_reports(tmp_path: Path) -> None:
     assert spec.read_text(encoding="utf-8") == BEFORE
     written = runner.invoke(app, ["fmt", str(tmp_path)])
     assert written.exit_code == 1
-    assert "bad.yaml:2:7: error[E111" in written.stderr
+    assert "bad.yaml:2:7:" in written.stderr and "error[E111" in written.stderr
     assert "1 file changed, 1 left as they are" in written.stderr
     assert spec.read_text(encoding="utf-8") == AFTER
     assert bad.read_text(encoding="utf-8") == "taskspec: 1\nname: [\n"

@@ -17,7 +17,7 @@ from taskspec import draws  # noqa: E402
 from taskspec.backends.jax import Functional, library  # noqa: E402
 from taskspec.backends.jax.library import threefry  # noqa: E402
 from taskspec.envs.functional import TaskFuncEnv  # noqa: E402
-from taskspec.source import read  # noqa: E402
+from taskspec.source import read_text  # noqa: E402
 from taskspec.task.build import build  # noqa: E402
 from tests.shared.sparse import sparse  # noqa: E402
 
@@ -119,7 +119,10 @@ reward: 0
 
 
 def test_draws_are_equal_to_the_bit_in_vmapped_programs() -> None:
-    functional, env = Functional(build(read(RAW), None, {}, "")), taskspec.make(build(read(RAW), None, {}, ""))
+    functional, env = (
+        Functional(build(read_text(RAW), None, {}, "")),
+        taskspec.make(build(read_text(RAW), None, {}, "")),
+    )
     seeds = jnp.arange(64, dtype=jnp.uint32)
 
     @jax.jit

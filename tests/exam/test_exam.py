@@ -371,13 +371,17 @@ def test_what_cannot_be_is_told_with_a_code(arguments: tuple[str, ...], told: st
 # -- what is concluded --------------------------------------------------------------------------------------------
 
 
+PAIRED = ("policy", "EarlyTermPos")
+"""The flag of a cloner that pairs actions with other observations."""
+
+
 def flagged(exam: Any) -> set[tuple[str, str]]:
     return {(flag["kind"], flag["task"].removeprefix("derail/").removesuffix("-v0")) for flag in exam["flags"]}
 
 
 def test_a_learner_that_is_right_by_luck_is_flagged_and_the_right_one_is_not() -> None:
     right, wrong = (examine(f, tasks=FINITE, seeds=13) for f in (counting.clone, counting.clone_off_by_one))
-    assert flagged(right) == set() and flagged(wrong) == {("twin", task) for task in FINITE}
+    assert flagged(right) == set() and flagged(wrong) == {*(("twin", task) for task in FINITE), PAIRED}
     assert {v["verdict"] for v in right["verdicts"].values()} == {"masters"}
     assert {v["verdict"] for v in wrong["verdicts"].values()} == {"fails"}
     early = wrong["verdicts"]["early termination"]
@@ -471,7 +475,8 @@ def test_twins_that_differed_in_the_baseline_are_no_news(tmp_path: Path) -> None
         found = examine(
             counting.clone_off_by_one, out=out, against=tmp_path / "before" if name == "after" else None, **asked
         )
-        assert flagged(found) == ({("twin", "EarlyTermPos"), ("twin", "Branching")} if name == "before" else set())
+        twins = {("twin", "EarlyTermPos"), ("twin", "Branching")} if name == "before" else set()
+        assert flagged(found) == {*twins, PAIRED}
 
 
 def test_a_learner_that_peeks_is_flagged() -> None:
@@ -481,7 +486,7 @@ def test_a_learner_that_peeks_is_flagged() -> None:
 
 def test_one_seed_tells_nothing_of_others() -> None:
     found = examine(counting.clone_off_by_one, tasks=["EarlyTermPos"], seeds=1)
-    assert found["flags"] == [] and found["verdicts"]["early termination"]["verdict"] == "unsure"
+    assert flagged(found) == {PAIRED} and found["verdicts"]["early termination"]["verdict"] == "unsure"
 
 
 def test_what_has_become_worse_is_flagged_against_an_earlier_exam(tmp_path: Path) -> None:

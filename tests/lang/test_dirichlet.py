@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from taskspec import draws
-from taskspec.draws import GAMMA_WORDS, variates
+from taskspec.draws import GAMMA_WORDS
 from taskspec.model.transitions import expected
 from taskspec.source import read_text
 from taskspec.task.build import build
@@ -123,6 +123,6 @@ def test_the_mean_is_exact() -> None:
 def test_variates_below_the_normal_float32_are_0() -> None:
     """Some machines would flush those to 0, and others not; down to there all are kept."""
     words = np.random.default_rng(0).integers(0, 2**32, (GAMMA_WORDS, 40_000), np.uint32)
-    found = variates.gammas(words, np.full((1, 40_000), 0.02))[0]
+    found = draws.gammas(words, np.full((1, 40_000), 0.02))[0]
     assert np.count_nonzero(found == 0) > 100
     assert 2.0**-126 < found[found > 0].min() < 2.0**-125

@@ -202,7 +202,7 @@ def test_pages_say_what_it_remembers() -> None:
 
 WRONG = {
     "lead: {type: int, low: -9, high: 9, initial: tiger, next: lead}": ("E302", "'tiger' is not"),
-    "lead: {type: int, low: -9, high: 9, initial: 0, next: lead + tiger}": ("E302", "`heard'`"),
+    "lead: {type: int, low: -9, high: 9, initial: 0, next: lead + tiger}": ("E302", "with a prime"),
     "lead: {type: int, low: -9, high: 9, initial: 0, next: lead + heard}": ("E302", "before the step"),
     "lead: {type: int, low: -9, high: 9, initial: 0, next: lead + Bernoulli(1/2)}": ("E311", "seen and done"),
     "lead: {type: int, low: -9, high: 9, initial: 0}": ("E203", "`next`"),

@@ -76,7 +76,7 @@ def _library() -> dict[str, Any]:
         "inner": lambda f: f, "apart": lambda f: f, "intrinsic": lambda f: f, "select": lambda c, a, b: a if c else b,
         "f32": _cast(np.float32), "f64": _cast(np.float64), "i32": _cast(np.int32), "i64": _cast(np.int64),
         "u32": _cast(np.uint32), "u64": _cast(np.uint64), "as_f32": _bits(np.float32), "as_i32": _bits(np.int32),
-        "f32s": None, "u32s": None,
+        "f32s": None, "i64s": None, "u32s": None,
     }  # fmt: skip
     text = (FOLDER / "kernel_draws.py").read_text()
     lines = [x for x in text.splitlines() if not x.startswith("from taskspec.backends.numba.runtime")]
