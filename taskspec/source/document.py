@@ -35,7 +35,7 @@ class Document:
     others: Mapping[str, Document] = field(default_factory=dict)
     """The documents that this one extends, by how it names their files."""
     merged: dict[str | None, Any] = field(default_factory=dict, init=False)
-    """Not kept by `replace`: its variants, and itself (None), merged into what they are based on, as far as they were asked for."""
+    """Its variants, and itself (None), merged into what they are based on, if they were asked for; not kept by `replace`."""
 
     @property
     def files(self) -> tuple[str, ...]:

@@ -96,7 +96,13 @@ def blocks(text: str) -> list[Block]:
 # -- generated pages ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", GENERATED)
+TRAINED = ("probes.md",)
+"""Pages that are made by training learners, in about 20 s."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in TRAINED else ()) for name in GENERATED]
+)
 def test_generated_pages_are_up_to_date(name: str, update_golden: bool) -> None:
     path, text = DOCS / name, GENERATED[name]()
     if update_golden:
