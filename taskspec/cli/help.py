@@ -62,7 +62,9 @@ class Commands(TyperGroup):
         panels: dict[str, list[tuple[str, str]]] = {}
         for name in self.list_commands(ctx):
             command: Any = self.get_command(ctx, name)
-            panels.setdefault(command.rich_help_panel, []).append((name, command.get_short_help_str(400)))
+            panel = command.rich_help_panel
+            title = panel if isinstance(panel, str) else "Commands"
+            panels.setdefault(title, []).append((name, command.get_short_help_str(400)))
         panels["Options"] = [_record(param, ctx) for param in self.get_params(ctx)]
         _print_help(self, ctx, panels)
 
