@@ -37,16 +37,12 @@ def reach(
     first: dict[int, Range] = {}
     found = {c.name: _within(bounds(n, first), declared[c.name]) for c, n in zip(state, initial, strict=True)}
 
-    nodes = list(walk(following))
+    nodes = [(node, tuple(map(id, children(node)))) for node in walk(following)]
+    known: dict[int, Range] = {}
 
     def step(reached: dict[str, Interval]) -> dict[str, Interval]:
+        _move(nodes, known, reached)
         wider = {}
-        known: dict[int, Range] = {}
-        for node in nodes:
-            if isinstance(node, Read) and node.role is Role.STATE:
-                known[id(node)] = Range(*reached[node.name])
-            else:
-                known[id(node)] = interval.step(node, [known[id(c)] for c in children(node)])
         for c, node in zip(state, following, strict=True):
             low, high = _within(known[id(node)][:2], declared[c.name])
             wider[c.name] = (min(reached[c.name][0], low), max(reached[c.name][1], high))
@@ -62,6 +58,25 @@ def reach(
     while (wider := step(found)) != found:  # what still moves may go anywhere
         found = {name: edge if wider[name] == edge else declared[name] for name, edge in found.items()}
     return found
+
+
+def _move(nodes: Iterable[tuple[Node, tuple[int, ...]]], known: dict[int, Range], reached: dict[str, Interval]) -> None:
+    """Update what is known of nodes for other bounds of the state; what these do not change is not worked out again.
+
+    Args:
+        nodes: arguments first, each with the ids of its own.
+    """
+    changed: set[int] = set()
+    for node, args in nodes:
+        if isinstance(node, Read) and node.role is Role.STATE:
+            now = Range(*reached[node.name])
+        elif id(node) in known and changed.isdisjoint(args):
+            continue
+        else:
+            now = interval.step(node, [known[arg] for arg in args])
+        if known.get(id(node)) != now:
+            known[id(node)] = now
+            changed.add(id(node))
 
 
 def over(roots: Sequence[Node], reached: dict[str, Interval]) -> dict[int, Range]:
