@@ -14,6 +14,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import visible
 from taskspec.base.extras import install_package, need
@@ -58,11 +59,16 @@ def text(task: Task, state: dict[str, Any], time: int) -> str:
     for name, value in state.items():
         shown = visible(str(value), keep="")
         if isinstance(value, np.ndarray):
-            shown = np.array2string(value, precision=4, suppress_small=True, threshold=32)
+            shown = array_text(value)
         elif isinstance(value, float):
             shown = f"{value:.6g}"
         lines.append(f"  {name:<{width}} = {shown}")
     return "\n".join(lines)
+
+
+def array_text(value: Array) -> str:
+    """Return an array in four digits, the middle of a long one left out."""
+    return np.array2string(value, precision=4, suppress_small=True, threshold=32)
 
 
 def heading(task: Task, time: int) -> str:

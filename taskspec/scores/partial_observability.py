@@ -22,7 +22,7 @@ from taskspec.solve.infinite_horizon import chain_values, followed
 from taskspec.solve.plans import uniform_plan
 from taskspec.solve.pomdp import BeliefSearch, ReactiveSearch, hides, observation_classes
 from taskspec.solve.rational import Rational
-from taskspec.solve.solve import occupancy
+from taskspec.solve.solve import occupancy, visits_by_time
 from taskspec.task.task import Task
 
 SEARCHES = {"remembering": BeliefSearch, "memoryless": ReactiveSearch}
@@ -89,7 +89,7 @@ def hidden_bits(model: Model) -> float:
     is_timed = TIME in reads(nodes)
     if is_timed and model.horizon is None:
         refuse("the observation depends on the time, and there is no horizon")
-    visits = _visits_by_time(model) if is_timed else [_visits(model)]
+    visits = list(visits_by_time(model, uniform_plan(model), model.horizon or 0)) if is_timed else [_visits(model)]
     outcomes = count(draws(nodes), {})
     if outcomes == np.inf:
         refuse("the noise on what is seen of a state has infinitely many outcomes")
@@ -137,14 +137,3 @@ def _visits(model: Model) -> Array:
         return occupancy(undiscounted(model), plan)
     mean_length(model, plan)  # refuses where episodes may never end
     return chain_values(followed(model.step(0).P, plan(0)).T.tocsr(), model.start, model.acting)
-
-
-def _visits_by_time(model: Model) -> list[Array]:
-    """Return the probability (S,) of each state at each time under random actions."""
-    plan = uniform_plan(model)
-    found = []
-    now = model.start
-    for t in range(model.horizon or 0):
-        found.append(now)
-        now = model.step(t).P.T @ (plan(t) * now).reshape(-1)
-    return found

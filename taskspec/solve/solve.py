@@ -201,12 +201,18 @@ def occupancy(model: Model, plan: Plan) -> Array:
     The sum ends where less than 1e-12 is left.
     """
     total = np.zeros(model.n_states)
-    now = model.start.copy()
     factor = 1.0
-    for t in range(model.horizon or MOST_STEPS):
+    for now in visits_by_time(model, plan, model.horizon or MOST_STEPS):
         if factor * now.sum() <= 1e-12:
             break
         total += factor * now
-        now = model.step(t).P.T @ (plan(t) * now).reshape(-1)
         factor *= model.discount
     return total
+
+
+def visits_by_time(model: Model, plan: Plan, times: int) -> Iterator[Array]:
+    """Yield for so many times, from 0 on, the probability (S,) that a policy acts in each state then."""
+    now = model.start
+    for t in range(times):
+        yield now
+        now = model.step(t).P.T @ (plan(t) * now).reshape(-1)

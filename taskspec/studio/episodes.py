@@ -23,8 +23,9 @@ from taskspec.policies.policy import greedy
 from taskspec.scores.returns import Results
 from taskspec.solve.backward import Boltzmann, Greedy, Plan, Rule, Uniform, action_values, backward
 from taskspec.solve.bounded import Bound, Bounded
-from taskspec.solve.infinite_horizon import InfiniteHorizon, chain_values
+from taskspec.solve.infinite_horizon import InfiniteHorizon, chain_values, followed
 from taskspec.solve.plans import MaxEnt, tables
+from taskspec.solve.solve import visits_by_time
 from taskspec.soundness.phases import entries
 from taskspec.soundness.places import SectionScope, narrow
 from taskspec.studio.folder import Folder
@@ -65,7 +66,7 @@ def values(results: Results, message: Mapping[str, Any]) -> dict[str, Any]:
     plan = tables(model, rule)
     Q, V = _evaluated(model, plan, t)
     pi = plan(t)
-    visits = _visits(model, plan, t)
+    (visits,) = deque(visits_by_time(model, plan, t + 1), maxlen=1)
     shown = np.flatnonzero(model.acting)
     order = shown[np.argsort(-visits[shown], kind="stable")][:MOST_STATES]
     lines = _lines(results.task, model) if model.n_states * model.n_actions <= MOST_PAIRS else None
@@ -115,21 +116,12 @@ def _evaluated(model: Model, plan: Plan, first: int) -> tuple[Array, Array]:
     if model.horizon is None:
         pi = plan(0)
         step = model.step(0)
-        blocks = [step.P[a * shape[1] : (a + 1) * shape[1]].multiply(pi[a][:, None]) for a in range(shape[0])]
         gain = (pi * step.R.reshape(shape)).sum(axis=0)
-        V = chain_values(gamma * sum(blocks[1:], blocks[0]).tocsr(), gain, InfiniteHorizon(model).live)
+        V = chain_values(gamma * followed(step.P, pi), gain, InfiniteHorizon(model).live)
         return Q_at(0, V), V
     steps = backward(Q_at, lambda t, Q: (plan(t) * Q).sum(axis=0), np.zeros(shape[1]), model.horizon, first)
     ((_, Q, V),) = deque(steps, maxlen=1)
     return Q, V
-
-
-def _visits(model: Model, plan: Plan, time: int) -> Array:
-    """Return how likely an episode is in each state at a time, (S,), and goes on."""
-    now = model.start
-    for t in range(time):
-        now = model.step(t).P.T @ (plan(t) * now).reshape(-1)
-    return now
 
 
 def _overlay(model: Model, V: Array, pi: Array, visits: Array, name: str, t: int, layers: Sequence[str]) -> Overlay:
@@ -282,5 +274,5 @@ def _words(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{name} = {_words(part)}" for name, part in value.items())
     if isinstance(value, np.ndarray):
-        return np.array2string(value, precision=4, suppress_small=True, threshold=32)
+        return window.array_text(value)
     return number(value, 6) if isinstance(value, float) else str(value)
