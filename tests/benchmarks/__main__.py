@@ -1,4 +1,4 @@
-"""Benchmarks, in a checkout: `python -m tests.benchmarks [seals|vector|exact|studio|compare]`."""
+"""Benchmarks, in a checkout: `python -m tests.benchmarks [seals|vector|exact|first|studio|compare]`."""
 
 from __future__ import annotations
 
@@ -118,6 +118,16 @@ def exact(
     _end(benchmark.bench(rounds, json), strict)
 
 
+def first(
+    rounds: Annotated[int, typer.Option("--rounds", min=1, help="Number of processes of each program.")] = 12,
+    strict: Strict = False,
+) -> None:
+    """How long the first gym.make of a process takes, compared with seals."""
+    from tests.benchmarks import first as benchmark
+
+    _end(benchmark.bench(rounds), strict)
+
+
 def studio(
     edits: Annotated[int, typer.Option("--edits", min=1, help="Number of edits of each task.")] = 40,
     strict: Strict = False,
@@ -144,7 +154,7 @@ def compare(context: typer.Context) -> None:
 app = typer.Typer(
     no_args_is_help=True, help=flowed(HELP), cls=Commands, pretty_exceptions_enable=False, add_completion=False
 )
-for _function in (seals, vector, exact, studio):
+for _function in (seals, vector, exact, first, studio):
     app.command(help=flowed(_function.__doc__ or ""))(_function)
 _FORWARDED = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 app.command(help=compare.__doc__, context_settings=_FORWARDED)(compare)
