@@ -119,7 +119,7 @@ def exact(
 
 
 def first(
-    rounds: Annotated[int, typer.Option("--rounds", min=1, help="Number of processes of each program.")] = 12,
+    rounds: Annotated[int, typer.Option("--rounds", min=1, help="Number of processes of each program.")] = 40,
     strict: Strict = False,
 ) -> None:
     """How long the first gym.make of a process takes, compared with seals."""
