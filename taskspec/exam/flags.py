@@ -20,16 +20,10 @@ Column = tuple[str, str, str]
 """A number that is compared: its task, its side and its name."""
 
 
-def _drawn(score: Score) -> float | None:
-    if score["stochastic"] == score["deterministic"]:
-        return None
-    return score["stochastic"]
-
-
 SCORE = "score"
 COMPARED: dict[str, Number] = {
     SCORE: best_score,
-    "score of drawn actions": _drawn,
+    "score of drawn actions": lambda score: score["stochastic"],
     "mean of the learning curve": lambda score: area(score["curve"]),
     "value of the first states": lambda score: score.get("value"),
     "distance of the learned reward": lambda score: score["starc"],
@@ -179,11 +173,13 @@ def _numbers(
         if known is None or known["content_hash"] != about["content_hash"]:
             continue
         own = {is_now: [s for s in both[is_now] if s["task"] == task and _place(s) in places] for is_now in both}
+        known_values: list[Any] = []  # numbers that say the same, such as both scores of deterministic policies
         for which, (name, number) in itertools.product(("printed", "twin"), COMPARED.items()):
             values = {is_now: by_seed(own[is_now], task, which, number) for is_now in both}
-            if values[True] and values[False]:
+            if values[True] and values[False] and values not in known_values:
                 column = (task, which, name)
                 columns.append(column)
+                known_values.append(values)
                 for is_now, by_exam in values.items():
                     for seed, value in by_exam.items():
                         rows[is_now, seed][column] = value

@@ -107,6 +107,24 @@ def test_the_exam_flags_a_new_diagnosis(tmp_path: Path) -> None:
     assert flag["task"] == "derail/Branching-v0" and "Loses credit over ten steps" in flag["message"]
 
 
+def test_a_policy_that_still_explores_is_flagged_although_its_best_actions_are_right(tmp_path: Path) -> None:
+    """The policy of the baseline has no chance, so that its drawn actions are its best ones."""
+
+    @learns_from("reward")
+    def greedy(case: Case) -> Learned:
+        best = tabular(case.task).R[: case.observation_space.n].argmax(axis=1)
+        return Learned(np.eye(case.action_space.n)[best])
+
+    @learns_from("reward")
+    def exploring(case: Case) -> Learned:
+        return Learned(0.5 * greedy(case).policy + 0.5 / case.action_space.n)
+
+    terms: Any = {"tasks": [f"derail/{TASK}-v0"], "seeds": 5, "steps": 100, "twins": 0}
+    examine(greedy, out=tmp_path, **terms)
+    changed = [flag for flag in examine(exploring, against=tmp_path, **terms)["flags"] if flag["kind"] == "changed"]
+    assert ["the score of drawn actions is" in flag["message"] for flag in changed] == [True]
+
+
 def test_values_that_differ_are_flagged_although_scores_are_equal(tmp_path: Path) -> None:
     terms: dict[str, Any] = {"tasks": ["probes/EndInPlace"], "steps": 100, "twins": 0}
     examine(values_of_a_walk(1.0), **terms, seeds=range(6), out=tmp_path)
