@@ -1,4 +1,4 @@
-"""Benchmarks, in a checkout: `python -m tests.benchmarks [seals|vector|exact|first|studio|compare]`."""
+"""Benchmarks, in a checkout: `python -m tests.benchmarks [seals|vector|accelerator|learners|exact|first|studio|compare]`."""
 
 from __future__ import annotations
 
@@ -107,6 +107,35 @@ def vector(
     _end(bench(wanted), strict)
 
 
+def accelerator(
+    lanes: Annotated[
+        list[int] | None,
+        typer.Option("--lanes", "-l", metavar="N", min=1, max=Limits.lanes, help="2^14 and 2^20 by default.", show_default=False),
+    ] = None,
+    rounds: Rounds = 5,
+    seconds: Seconds = 0.2,
+    json: Json = False,
+) -> None:  # fmt: skip
+    """Many lanes inside scan, on the device that JAX finds: DERAIL, and games compared with gymnax."""
+    from tests.benchmarks import accelerator as benchmark
+
+    benchmark.bench(lanes or benchmark.LANES, rounds, seconds, json)
+
+
+def learners(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[LEARNER]...", show_default=False)] = None,
+    task: Annotated[str, typer.Option("--task", "-t", metavar="ID", help="What they learn.")] = "derail/RiskyPath-v0",
+    seeds: Annotated[
+        list[int] | None, typer.Option("--seeds", metavar="N", min=1, help="Trained together; 15 by default.", show_default=False)
+    ] = None,
+    json: Json = False,
+) -> None:  # fmt: skip
+    """Training steps per second of learners with nets, on the device that JAX finds."""
+    from tests.benchmarks import learners as benchmark
+
+    benchmark.bench(names or benchmark.LEARNERS, task, seeds or (15,), json)
+
+
 def exact(
     rounds: Annotated[int, typer.Option("--rounds", min=1, help="Number of runs; the best one counts.")] = 3,
     strict: Strict = False,
@@ -154,7 +183,7 @@ def compare(context: typer.Context) -> None:
 app = typer.Typer(
     no_args_is_help=True, help=flowed(HELP), cls=Commands, pretty_exceptions_enable=False, add_completion=False
 )
-for _function in (seals, vector, exact, first, studio):
+for _function in (seals, vector, accelerator, learners, exact, first, studio):
     app.command(help=flowed(_function.__doc__ or ""))(_function)
 _FORWARDED = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 app.command(help=compare.__doc__, context_settings=_FORWARDED)(compare)

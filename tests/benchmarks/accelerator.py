@@ -1,0 +1,72 @@
+"""Many lanes inside `scan`, on the device that JAX finds: the tasks of DERAIL, and games beside gymnax."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from taskspec.base.extras import is_installed, machine
+from taskspec.cli.console import console, say, write_json
+from taskspec.registry import load
+from tests.benchmarks import peers, printed
+from tests.benchmarks.race import Contestant, Rate, ours, race
+from tests.benchmarks.tables import CHOSEN, SUITE
+from tests.shared.specs import spec_file
+
+LANES = (2**14, 2**20)
+
+
+def bench(lanes: Sequence[int], rounds: int, seconds: float, json: bool) -> None:
+    """Print steps per second, in wall-clock time, of each task and number of lanes."""
+    import jax
+
+    device = jax.devices()[0].device_kind
+    rates: list[Rate] = []
+    missing: dict[str, str] = {}
+    for group in _groups(lanes):
+        say(f"{group[0].task}, {group[0].lanes:,} lanes", err=True)
+        rates += _raced(group, rounds, seconds, missing)
+    if json:
+        results = [rate.data() for rate in rates]
+        write_json({"machine": machine(), "device": device, "rounds": rounds, "results": results, "missing": missing})
+        return
+    rates.sort(key=lambda rate: rate.contestant.task)
+    console(wide=True).print(printed.sections(rates))
+    for name, why in missing.items():
+        say(f"{name}: not measured ({why})")
+    packages = {"python", "numpy", "jax", "gymnax"}
+    printed.footer(f"steps per second inside scan, with resets, on {device}", rounds, "wall", packages)
+
+
+def _groups(lanes: Sequence[int]) -> list[list[Contestant]]:
+    """Return what is compared: ours alone, or beside gymnax, for each task and number of lanes."""
+    found = []
+    for count in lanes:
+        for game in CHOSEN:
+            task = load(spec_file(game.spec), **game.parameters)
+            group = [ours(task, "jax-scan", count, name=task.name)]
+            if is_installed("gymnax"):
+                group.append(peers.gymnax(game.gymnax, task.name, count, game.options, game.params))
+            found.append(group)
+        for name in SUITE:
+            found.append([ours(load(f"derail/{name}-v0"), "jax-scan", count, name=name)])
+    return found
+
+
+def _raced(group: Sequence[Contestant], rounds: int, seconds: float, missing: dict[str, str]) -> list[Rate]:
+    """Return the rates of those in a group that fit into the memory of the device."""
+    ready = []
+    drives: list[Any] = []
+    for contestant in group:
+        try:
+            drive = contestant.make()
+            drive()
+        except Exception as error:  # the memory of the device, or the code of others
+            label = f"{contestant.task} on {contestant.program}, {contestant.lanes:,} lanes"
+            missing[label] = str(error).partition("\n")[0]
+            continue
+        ready.append(contestant)
+        drives.append(drive)
+    measured = race(drives, rounds, seconds, time.perf_counter)
+    return [Rate(contestant, rounds_of) for contestant, rounds_of in zip(ready, measured, strict=True)]

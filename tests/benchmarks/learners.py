@@ -1,0 +1,49 @@
+"""Training steps per second of learners with nets, for numbers of seeds that are trained together."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from taskspec.base.extras import machine
+from taskspec.cli.console import console, say, write_json
+from taskspec.cli.tables import Columns
+from taskspec.exam.case import Case, ExamTerms
+from taskspec.learners import learner
+from taskspec.registry import load
+from tests.benchmarks import printed
+
+LEARNERS = ("ppo", "gail_im", "airl_im_sa", "drlhp_sa")
+SHORT, LONG = 12_800, 64_000
+"""Granted steps of two trainings: what both take, such as compilation, is no part of the rate."""
+
+
+def bench(names: Sequence[str], task: str, seeds: Sequence[int], json: bool) -> None:
+    """Print granted steps per second of wall-clock time, summed over the seeds."""
+    import jax
+
+    device = jax.devices()[0].device_kind
+    rows = []
+    for name in names:
+        for count in seeds:
+            short = _seconds(name, task, count, SHORT)
+            long = _seconds(name, task, count, LONG)
+            rows.append({"learner": name, "seeds": count, "steps_per_second": count * (LONG - SHORT) / (long - short)})
+            say(f"{name}, {count} seeds: {short:.1f} s and {long:.1f} s", err=True)
+    if json:
+        write_json({"machine": machine(), "device": device, "task": task, "results": rows})
+        return
+    table = Columns("learner", "seeds", "thousand steps/s", right=(1, 2))
+    for row in rows:
+        table.add_row(row["learner"], f"{row['seeds']:,}", f"{row['steps_per_second'] / 1000:,.0f}")
+    console().print(table)
+    printed.footer(f"granted steps per second on {task}, on {device}", 1, "wall", {"python", "jax", "optax"})
+
+
+def _seconds(name: str, task: str, seeds: int, steps: int) -> float:
+    """Return the wall-clock time of a training, compilation included."""
+    train = learner(name)
+    case = Case(load(task), tuple(range(seeds)), ExamTerms(steps, train.learns_from, steps), False)
+    begin = time.perf_counter()
+    train(case)
+    return time.perf_counter() - begin
