@@ -25,13 +25,12 @@ def bench(lanes: Sequence[int], rounds: int, seconds: float, json: bool) -> None
     rates: list[Rate] = []
     missing: dict[str, str] = {}
     for group in _groups(lanes):
-        say(f"{group[0].task}, {group[0].lanes:,} lanes", err=True)
+        say(group[0].task, err=True)
         rates += _raced(group, rounds, seconds, missing)
     if json:
         results = [rate.data() for rate in rates]
         write_json({"machine": machine(), "device": device, "rounds": rounds, "results": results, "missing": missing})
         return
-    rates.sort(key=lambda rate: rate.contestant.task)
     console(wide=True).print(printed.sections(rates))
     for name, why in missing.items():
         say(f"{name}: not measured ({why})")
@@ -40,17 +39,17 @@ def bench(lanes: Sequence[int], rounds: int, seconds: float, json: bool) -> None
 
 
 def _groups(lanes: Sequence[int]) -> list[list[Contestant]]:
-    """Return what is compared: ours alone, or beside gymnax, for each task and number of lanes."""
+    """Return what is compared: a group for each task, with gymnax where that has the same game."""
     found = []
-    for count in lanes:
-        for game in CHOSEN:
-            task = load(spec_file(game.spec), **game.parameters)
-            group = [ours(task, "jax-scan", count, name=task.name)]
-            if is_installed("gymnax"):
-                group.append(peers.gymnax(game.gymnax, task.name, count, game.options, game.params))
-            found.append(group)
-        for name in SUITE:
-            found.append([ours(load(f"derail/{name}-v0"), "jax-scan", count, name=name)])
+    for game in CHOSEN:
+        task = load(spec_file(game.spec), **game.parameters)
+        group = [ours(task, "jax-scan", count, name=task.name) for count in lanes]
+        if is_installed("gymnax"):
+            group += [peers.gymnax(game.gymnax, task.name, count, game.options, game.params) for count in lanes]
+        found.append(group)
+    for name in SUITE:
+        task = load(f"derail/{name}-v0")
+        found.append([ours(task, "jax-scan", count, name=name) for count in lanes])
     return found
 
 

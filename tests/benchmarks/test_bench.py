@@ -22,7 +22,7 @@ from taskspec.backends import backend_table as select
 from taskspec.backends.backend_table import PROGRAMS
 from taskspec.base.extras import is_installed
 from taskspec.cli.console import STYLES
-from tests.benchmarks import chart, printed, tables
+from tests.benchmarks import accelerator, chart, learners, printed, tables
 from tests.benchmarks import vector as bench_vector
 from tests.benchmarks.__main__ import app
 from tests.benchmarks.race import Contestant, Rate, spread
@@ -98,6 +98,26 @@ def test_json_says_all_that_was_measured_and_on_what() -> None:
         assert result["steps_per_second"] == statistics.median(result["rounds"])
         assert result["spread"] == spread(result["rounds"])
         assert result["target"] is None and result["met"] and result["ratio"] is None
+
+
+@pytest.mark.skipif(not is_installed("jax"), reason="JAX is not installed")
+def test_lanes_inside_scan_are_measured_in_wall_clock_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(accelerator, "CHOSEN", ())
+    monkeypatch.setattr(accelerator, "SUITE", ("RiskyPath",))
+    found = Done("accelerator", "-l", 2, "-l", 3, *QUICK, "--json").data
+    assert [(r["task"], r["program"], r["lanes"]) for r in found["results"]] == [
+        ("RiskyPath", "jax-scan", 2),
+        ("RiskyPath", "jax-scan", 3),
+    ]
+    assert found["missing"] == {} and found["device"] == "cpu"
+
+
+@pytest.mark.skipif(not is_installed("jax"), reason="JAX is not installed")
+def test_what_two_trainings_have_in_common_is_no_part_of_their_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    seconds = {learners.SHORT: 10.0, learners.LONG: 14.0}
+    monkeypatch.setattr(learners, "_seconds", lambda name, task, seeds, steps: seconds[steps])
+    (row,) = Done("learners", "ppo", "--seeds", 5, "--json").data["results"]
+    assert row["steps_per_second"] == 5 * (learners.LONG - learners.SHORT) / 4
 
 
 @needs_vectors()
