@@ -21,7 +21,7 @@ from taskspec.task.merge import Merged
 from taskspec.task.task import Task
 
 if TYPE_CHECKING:
-    from taskspec.envs.metered import MeteredVector
+    from taskspec.envs.metered_vector import MeteredVector
 
 _WITHHELD = ("expert", "memory", "claims", "examples", "measures")
 """Sections of a spec that no learner sees: what an expert does and earns, and what is measured beside the reward."""
@@ -304,7 +304,7 @@ class Case:
 
     def make_vec(self, lanes: int, **options: Any) -> MeteredVector:
         """Environments that are stepped together, as `taskspec.make_vec` makes them; a step of all counts once for each."""
-        from taskspec.envs.metered import MeteredVector
+        from taskspec.envs.metered_vector import MeteredVector
 
         return MeteredVector(self._judge, lanes, _Meter(self), self._next_seed(), **options)
 
