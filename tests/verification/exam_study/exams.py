@@ -66,9 +66,9 @@ TERMS = {
     "replay": Terms(4_000, twins=0, is_shipped=False, right=50),
     "actor_critic": Terms(12_800, (), twins=0, is_shipped=False, right=50),
     "traces": Terms(3_000, (), twins=0, is_shipped=False, right=100),
-    "sb3_dqn": Terms(5_000, (), 0, False, 1, FEW, 5),
-    "sb3_ppo": Terms(4_000, (), 0, False, 3, FEW, 5),
-    "imitation_bc": Terms(1_000, (), 1, False, 5, ("SecondThought", "Echo", "Slip", "Patience"), 5),
+    "sb3_dqn": Terms(5_000, (), 0, False, 3, FEW),
+    "sb3_ppo": Terms(4_000, (), 0, False, 4, FEW),
+    "imitation_bc": Terms(1_000, (), 1, False, 5, ("SecondThought", "Echo", "Slip", "Patience")),
 }
 
 
