@@ -8,9 +8,8 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from taskspec.analysis.analysis import Analysis, own
-from taskspec.analysis.cursor import cursor
-from taskspec.analysis.forms import schemas, type_of
-from taskspec.analysis.meanings import describe
+from taskspec.analysis.meanings import describe, schemas, type_of
+from taskspec.analysis.repair import cursor
 from taskspec.base.display import setting
 from taskspec.lang.check import CONSTANTS
 from taskspec.lang.dists import CATEGORICAL, DISTS

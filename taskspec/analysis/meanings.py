@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 from taskspec.analysis.analysis import Analysis
-from taskspec.analysis.cursor import cursor, word_at
-from taskspec.analysis.forms import schemas
+from taskspec.analysis.repair import cursor, word_at
 from taskspec.base.codes import codes
 from taskspec.base.diagnostics import Fix, Origin, Span
 from taskspec.base.display import interval, setting
@@ -24,6 +24,7 @@ from taskspec.printers import text as printed
 from taskspec.rules import claim_rules
 from taskspec.source import Path
 from taskspec.task.names import signature
+from taskspec.task.schema.export import json_schema
 
 _CALLED = re.compile(r"[^\W\d]\w*$")
 
@@ -217,3 +218,92 @@ def _of_mistakes(analysis: Analysis, offset: int) -> str | None:
 def _nowhere(start: int, end: int) -> Span:
     """Return the place of a name that only an editor looks up; nothing that is reported there is shown."""
     return Span(Origin("", ""), 1, 1, 1, 1)
+
+
+# -- the JSON Schema of specs, by path --------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=512)
+def schemas(path: Path) -> tuple[dict[str, Any], ...]:
+    """Return what the JSON Schema of specs says of the value at a path, one entry for each form that it may have."""
+    root = _root()
+    if not path:
+        return tuple(_forms(root["$defs"]["Spec"]))
+    found: list[dict[str, Any]] = []
+    for outer in schemas(path[:-1]):
+        found += _forms(_below(outer, path[-1]))
+    return tuple({id(each): each for each in found}.values())
+
+
+def _below(schema: dict[str, Any], step: str | int) -> Any:
+    if isinstance(step, int):
+        return schema.get("items")
+    properties = schema.get("properties", {})
+    return properties.get(step, schema.get("additionalProperties"))
+
+
+def _forms(schema: Any) -> Iterator[dict[str, Any]]:
+    """Yield a schema and those that it refers to, each a form of the value."""
+    if not isinstance(schema, dict):
+        return
+    yield schema
+    reference = schema.get("$ref")
+    if reference is not None:
+        yield from _forms(_root()["$defs"][reference.rpartition("/")[2]])
+    for word in ("then", "else"):
+        yield from _forms(schema.get(word))
+    for word in ("anyOf", "oneOf", "allOf"):
+        for each in schema.get(word, ()):
+            yield from _forms(each)
+
+
+@lru_cache
+def _root() -> dict[str, Any]:
+    return json_schema()
+
+
+def type_of(schema: dict[str, Any]) -> str:
+    kinds = [each.get("title") or each.get("type") for each in _forms(schema)]
+    return next((str(kind) for kind in kinds[::-1] if isinstance(kind, str) and kind != "null"), "")
+
+
+# -- words in the expressions of a text, for editors that colour by meaning -------------------------------------------
+
+TOKEN_KINDS = ("parameter", "variable", "property", "function", "enumMember", "number")
+"""Kinds of tokens, as the protocol of editors calls them: an action is a property, a label a member of an enumeration."""
+
+_NOUNS = {
+    "parameter": "parameter",
+    "alias of a parameter": "parameter",
+    "constant": "parameter",
+    "action component": "property",
+    "label": "enumMember",
+}
+
+
+def tokens(analysis: Analysis) -> list[tuple[str, Span]]:
+    """Return each token with its kind, by place; tokens do not overlap."""
+    found: dict[Span, str] = {}
+    for attempt in analysis.attempts:
+        for expr in attempt.merged.parsed.values():
+            for node in s.below(expr):
+                place, kind = _token(node, analysis)
+                if place is not None:
+                    span = place.span
+                    if span.origin.name == analysis.name and span.line == span.end_line:
+                        found[span] = kind
+    return [(kind, span) for span, kind in sorted(found.items(), key=lambda each: (each[0].line, each[0].column))]
+
+
+def _token(node: object, analysis: Analysis) -> tuple[s.Place | None, str]:
+    match node:
+        case s.Call(name_place=place):
+            return place, "function"
+        case s.Number(place=place):
+            return place, "number"
+        case s.Quoted(place=place):
+            return place, "enumMember"
+        case s.Name(id=name, place=place):
+            declared = analysis.declarations.get(name)
+            return place, _NOUNS.get(declared.noun, "variable") if declared else "variable"
+    return None, ""

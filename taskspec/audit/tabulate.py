@@ -15,8 +15,8 @@ import numpy as np
 
 from taskspec.audit.snapshot import Place, drawn, place_value, reseed, snapshot
 from taskspec.audit.subject import Deadline, EnvEpisode, EnvInstance, EnvStep, Subject, Trace, TracePart, frozen
+from taskspec.model.extract import tabulated
 from taskspec.model.model import Model
-from taskspec.model.tabulated import tabulated
 
 MOST_STATES = 20_000
 STARTS = 300

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.source_text import literal
+from taskspec.backends import literal
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, are_constant, children, plain, walk
 from taskspec.lang.operators import OPERATORS, Operator
 from taskspec.lang.types import Kind, Type

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
-from taskspec.backends.source_text import literal, tuple_of
+from taskspec.backends import literal, tuple_of
 from taskspec.base.records import dataclass
 from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, walk

@@ -28,13 +28,12 @@ from taskspec.cli.mutate import mutate
 from taskspec.cli.options import flowed
 from taskspec.cli.report import report
 from taskspec.cli.separate import freeze, separate
-from taskspec.cli.studio import studio
 from taskspec.cli.sweep import sweep
 
 COMMANDS: dict[str, tuple[Callable[..., None], ...]] = {
     "Read tasks": (overview.list_, overview.show, overview.explain),
     "Write tasks": (
-        scaffold.new, check, fmt, diff, mutate, build, freeze, import_, scaffold.schema, scaffold.lsp, studio,
+        scaffold.new, check, fmt, diff, mutate, build, freeze, import_, scaffold.schema, scaffold.lsp, scaffold.studio,
     ),
     "Run and score tasks": (
         running.run, running.play, scoring.solve, scoring.score, sweep, exam, report, separate, audit, demos, preferences,

@@ -18,7 +18,7 @@ from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.audit.report import Audit
+    from taskspec.audit.findings import Audit
     from taskspec.audit.subject import Subject
 
 
@@ -40,7 +40,7 @@ def audit(
     A small one is tabulated and solved exactly; a large one is sampled. Faults end with exit status 1; facts, such as that
     the state is hidden, do not. Each comes with a trace, a seed and actions, that [green]--replay[/] plays again.
     """
-    from taskspec.audit.report import examined
+    from taskspec.audit.findings import examined
     from taskspec.audit.subject import Subject
     from taskspec.making import register
 

@@ -73,7 +73,7 @@ def check(
     others = others_of(targets or [])
     reports = _checked(others, files, not quick, jobs)
     if fix:
-        from taskspec.analysis.fixes import fix_files
+        from taskspec.analysis.formatting import fix_files
 
         number = fix_files(d for report in reports for d in report.diagnostics)
         console(err=True).print(f"{plural(number, 'mistake')} put right")
@@ -125,8 +125,8 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Report:
 
 def _looks(task: Task) -> list[Diagnostic]:
     """Return warnings about how a task is drawn and printed."""
+    from taskspec.check.spec_warnings import look_alikes
     from taskspec.figures import undrawn
-    from taskspec.printers.look_alikes import look_alikes
 
     return [*undrawn(task), *look_alikes(task)]
 

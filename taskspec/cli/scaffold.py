@@ -1,16 +1,20 @@
-"""`taskspec new`, `taskspec schema` and `taskspec lsp`: a spec to start from, and help for editors."""
+"""`taskspec new`, `schema`, `lsp` and `studio`: a spec to start from, and help for editors."""
 
 from __future__ import annotations
 
 import re
+import webbrowser
 from pathlib import Path
 from typing import Annotated
 
+import typer
 from typer import Argument, Option
 
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import visible_json
+from taskspec.base.extras import need
 from taskspec.base.files import write_text
+from taskspec.cli import options
 from taskspec.cli.console import misuse, say, write_output
 from taskspec.cli.options import file_option
 
@@ -121,3 +125,30 @@ def lsp() -> None:
     from taskspec.editor import serve
 
     serve()
+
+
+def studio(
+    target: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE|FOLDER", help="A spec, or a folder of specs.", autocompletion=options.complete_paths
+        ),
+    ] = Path(),
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="The port; 0 takes one that is free.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+) -> None:
+    """Write specs in the browser: mathematics, figure, exact scores and episodes follow the text.
+
+    It serves a page on this machine alone, until Ctrl-C, and reads and writes no file outside the folder. It needs the extra
+    [green]studio[/].
+    """
+    for package in ("starlette", "uvicorn", "websockets"):
+        need(package, "studio", "the studio")
+    from taskspec.studio.server import Studio, run
+
+    def ready(address: str) -> None:
+        say(f"{address}\nCtrl-C ends the studio.")
+        if browser:
+            webbrowser.open(address)
+
+    run(Studio.of(target, port, SCAFFOLD), ready)

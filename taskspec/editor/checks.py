@@ -76,8 +76,8 @@ def results(text: str, name: str) -> Iterator[dict[str, Any]]:
     from taskspec import exact
     from taskspec.base.diagnostics import SpecError, records
     from taskspec.check.file_checks import check_file
+    from taskspec.check.spec_warnings import look_alikes
     from taskspec.figures import undrawn
-    from taskspec.printers.look_alikes import look_alikes
     from taskspec.registry import suite_of
     from taskspec.targets import File
 

@@ -19,7 +19,7 @@ from pygls.workspace.position_codec import ServerTextPosition, ServerTextRange
 
 from taskspec.analysis import Analysis, analyse, complete, definition, hover, name_at, references, rename, signature_at
 from taskspec.analysis.formatting import formatted
-from taskspec.analysis.tokens import TOKEN_KINDS, tokens
+from taskspec.analysis.meanings import TOKEN_KINDS, tokens
 from taskspec.base import __version__
 from taskspec.base.codes import codes
 from taskspec.base.diagnostics import Diagnostic, Fix, Span, SpecError

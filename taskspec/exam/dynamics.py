@@ -6,7 +6,7 @@ reward.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -14,9 +14,12 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.exam.reward_changes import REWARD_CHANGES, with_changed_reward
+from taskspec.lang.builder import Builder
+from taskspec.lang.ir import Node
+from taskspec.lang.types import Kind
 from taskspec.model.extract import extract
 from taskspec.model.model import Model, refuse
+from taskspec.modifiers.core import paying
 from taskspec.policies.policy import greedy
 from taskspec.solve.backward import action_values
 from taskspec.task.task import Task
@@ -218,3 +221,35 @@ def dynamics_of(task: Task, gamma: float) -> Dynamics:
 def greedy_behaviour(Q: Array, exploration: float) -> Array:
     """Return probabilities (A, S): greedy for Q (A, S), with a share of random actions."""
     return (1 - exploration) * greedy(Q.T).T + exploration / len(Q)
+
+
+# -- rewards that a learner sees in place of the true ones ------------------------------------------------------------
+
+
+def _clipped(b: Builder, task: Task) -> Node:
+    at_least = b.apply("max2", task.process.reward, b.scalar(-1))
+    return b.apply("min2", at_least, b.scalar(1))
+
+
+def _sign(b: Builder, task: Task) -> Node:
+    return b.apply("sign", task.process.reward)
+
+
+def _unfinished(b: Builder, task: Task) -> Node:
+    """Return the reward, 0 where the step ends the episode."""
+    return b.apply("where", task.process.terminal, b.scalar(0.0), b.cast(task.process.reward, Kind.REAL))
+
+
+REWARD_CHANGES: dict[str, Callable[[Builder, Task], Node]] = {
+    "clipped": _clipped, "signs": _sign, "unfinished": _unfinished,
+}  # fmt: skip
+"""From a task to what is seen of its reward, by name."""
+
+
+def with_changed_reward(task: Task, name: str) -> Task:
+    """Return a task whose every reward is changed by an entry of `REWARD_CHANGES`.
+
+    Expected rewards of the result are not those of the task, changed: what is random is changed outcome by outcome.
+    """
+    b = task.new_builder()
+    return paying(b, task, REWARD_CHANGES[name](b, task))

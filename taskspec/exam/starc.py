@@ -19,7 +19,7 @@ from taskspec.abstraction.abstraction import abstraction
 from taskspec.base.arrays import Array, part_at
 from taskspec.base.diagnostics import SpecError
 from taskspec.data import Tabular, tabular
-from taskspec.exam.reward_changes import with_changed_reward
+from taskspec.exam.dynamics import with_changed_reward
 from taskspec.model.model import misused, refuse
 from taskspec.policies.policy import greedy
 from taskspec.registry import load

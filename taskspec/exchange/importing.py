@@ -14,9 +14,8 @@ from taskspec.base.limits import limits
 from taskspec.exchange.formats import read
 from taskspec.exchange.settled import PHASE
 from taskspec.exchange.tables import FrozenTask, Number, plain_names, separated, visited
-from taskspec.model.extract import OVERHEAD, SWEEP
+from taskspec.model.extract import OVERHEAD, SWEEP, tabulated
 from taskspec.model.model import NoModel
-from taskspec.model.tabulated import tabulated
 from taskspec.solve.backward import Greedy, Uniform
 from taskspec.solve.solve import Solvers
 

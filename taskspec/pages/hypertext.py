@@ -13,8 +13,8 @@ from markupsafe import Markup
 from taskspec.base.bibliography import Reference
 from taskspec.base.display import ON_PAGES, visible
 from taskspec.pages import prose as p
+from taskspec.pages.render import html_environment
 from taskspec.pages.sections import Section, SectionLine
-from taskspec.pages.templating import html_environment
 from taskspec.printers import tree as m
 from taskspec.printers.markup import mathml
 from taskspec.printers.text import plain

@@ -9,8 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from taskspec.analysis import analyse
-from taskspec.analysis.fixes import fixed
-from taskspec.analysis.formatting import formatted
+from taskspec.analysis.formatting import fixed, formatted
 from taskspec.backends.scalar import compile_scalar
 from taskspec.base.diagnostics import Fix
 from taskspec.cli.app import app

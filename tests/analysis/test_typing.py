@@ -11,9 +11,9 @@ import pytest
 
 from taskspec.analysis import analyse, complete
 from taskspec.analysis.analysis import own
-from taskspec.analysis.cursor import cursor
-from taskspec.analysis.fixes import fixed
-from taskspec.analysis.tokens import tokens
+from taskspec.analysis.formatting import fixed
+from taskspec.analysis.meanings import tokens
+from taskspec.analysis.repair import cursor
 
 ROOT = Path(__file__).parents[2]
 SPECS = sorted(
@@ -106,7 +106,7 @@ def test_a_key_that_is_begun_hides_nothing_below_it() -> None:
 
 
 def test_all_mistakes_are_found_and_fixed_in_their_places(tmp_path: Path) -> None:
-    from taskspec.analysis.fixes import fix_files
+    from taskspec.analysis.formatting import fix_files
 
     text = (ROOT / "tasks" / "derail" / "branching.yaml").read_text(encoding="utf-8")
     wrong = text.replace("horizon:", "horzon:", 1).replace("reward:", "rewrd:", 1)

@@ -12,7 +12,7 @@ import pytest
 
 from taskspec.audit import subject as subjects
 from taskspec.audit.evidence import Evidence
-from taskspec.audit.report import Audit, examined
+from taskspec.audit.findings import Audit, examined
 from taskspec.audit.subject import Subject, frozen
 from tests.audit.environments import PLANTED, RIGHT
 from tests.shared.commands import Done

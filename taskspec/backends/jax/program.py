@@ -12,10 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from taskspec import draws
+from taskspec.backends import indent, names_of, run, tuple_of
 from taskspec.backends.array_form import ArrayForm, arrays
 from taskspec.backends.jax import library
 from taskspec.backends.lowering import compared, folded, word_names
-from taskspec.backends.source_text import indent, names_of, run, tuple_of
 from taskspec.backends.vector_program import Buffers, Episodes, LanesNotRunningError, Mode, Options, action_reader
 from taskspec.base.arrays import AnyArray, Array
 from taskspec.base.diagnostics import spec_error

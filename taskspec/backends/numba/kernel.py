@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.backends import literal
 from taskspec.backends.lane_form import LaneEmitter, LaneValue
-from taskspec.backends.source_text import literal
 from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, walk
 from taskspec.lang.operators import Operator

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from taskspec.backends import indent, literal, without_unused
 from taskspec.backends.lane_form import LaneValue
 from taskspec.backends.lowering import compared, word_names
 from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
 from taskspec.backends.numpy.step import never
-from taskspec.backends.source_text import indent, literal, without_unused
 from taskspec.backends.vector_program import Mode
 from taskspec.base.records import all_names
 from taskspec.lang.builder import Builder

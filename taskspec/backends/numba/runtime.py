@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import intrinsic
 
-from taskspec.backends.source_text import run
+from taskspec.backends import run
 
 f32 = np.float32
 f64 = np.float64

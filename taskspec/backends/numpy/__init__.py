@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
+from taskspec.backends import run
 from taskspec.backends.array_form import UFUNCS, arrays
 from taskspec.backends.lowering import Hoisted, hoist, tabulate
 from taskspec.backends.numpy.step import RUNTIME, Again, generate, never
-from taskspec.backends.source_text import run
 from taskspec.backends.vector_program import (
     Buffers,
     Episodes,

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.backends import indent, names_of, tuple_of
 from taskspec.backends.array_form import ArrayForm, Scratch, Sink
 from taskspec.backends.lowering import Hoisted
-from taskspec.backends.source_text import indent, names_of, tuple_of
 from taskspec.base.arrays import Array
 from taskspec.lang.batch import UNSORTED, Runtime, network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk

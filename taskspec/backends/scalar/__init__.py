@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from taskspec import draws
+from taskspec.backends import run
 from taskspec.backends.lowering import Invariants, cold_components
 from taskspec.backends.scalar.interface import is_kept, row_names, sees_state
 from taskspec.backends.scalar.module import Parts, generate
 from taskspec.backends.scalar.phase import Phase, phase_stream
-from taskspec.backends.source_text import run
 from taskspec.base.arrays import Array
 from taskspec.base.records import dataclass
 from taskspec.lang.evaluate import evaluate

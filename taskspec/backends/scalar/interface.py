@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.backends import indent, literal, names_of
 from taskspec.backends.lane_form import UNROLLED, LaneEmitter, LaneValue
 from taskspec.backends.scalar.phase import Phase, is_filled, stream
-from taskspec.backends.source_text import indent, literal, names_of
 from taskspec.lang.ir import Node, Read
 from taskspec.lang.types import Kind, total_size
 from taskspec.task.parts import are_finite

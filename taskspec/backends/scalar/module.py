@@ -6,11 +6,11 @@ import re
 from collections.abc import Container, Iterable, Sequence
 from typing import Any
 
+from taskspec.backends import indent, names_of, without_unused
 from taskspec.backends.lane_form import LaneEmitter, LaneValue
 from taskspec.backends.lowering import Invariants, frozen_components
 from taskspec.backends.scalar import interface
 from taskspec.backends.scalar.phase import Phase
-from taskspec.backends.source_text import indent, names_of, without_unused
 from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Role

@@ -19,8 +19,8 @@ from taskspec.figures.machine import state_labels
 from taskspec.pages.facts import lines as score_lines
 from taskspec.pages.hypertext import HtmlWriter, origin_of
 from taskspec.pages.page import Page
+from taskspec.pages.render import html_environment
 from taskspec.pages.render.suite import Suite, notation
-from taskspec.pages.templating import html_environment
 from taskspec.printers.text import plain
 
 MOST_ITEMS = 2000  # larger figures are drawn once, without overlays

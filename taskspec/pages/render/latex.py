@@ -12,9 +12,9 @@ from taskspec.figures import tikz
 from taskspec.figures.vector_formats import tikz_colors
 from taskspec.pages import prose as p
 from taskspec.pages.page import Family, Page, Sibling, families
+from taskspec.pages.render import text_environment
 from taskspec.pages.render.suite import Suite, notation
 from taskspec.pages.sections import Section, SectionLine
-from taskspec.pages.templating import text_environment
 from taskspec.printers import tree as m
 from taskspec.printers.markup import LONG, escape, latex
 

@@ -10,9 +10,9 @@ from urllib.parse import quote
 from taskspec.base.display import ON_PAGES, visible
 from taskspec.pages import prose as p
 from taskspec.pages.page import Page
+from taskspec.pages.render import text_environment
 from taskspec.pages.render.suite import Suite
 from taskspec.pages.sections import Section, SectionLine
-from taskspec.pages.templating import text_environment
 from taskspec.printers import tree as m
 from taskspec.printers.markup import latex
 
