@@ -16,7 +16,7 @@ from taskspec.exam.score_rows import duration
 from taskspec.pages.render.html import page_of
 from taskspec.rules.evaluator import Truth
 from taskspec.rules.rule_books import EXAM, FINDINGS, RuleBook, file_of, read_exam, read_findings
-from taskspec.rules.score_rules import ONE, Comparison, ScoreEvaluator, SeedScores
+from taskspec.rules.score_rules import ONE, Comparison, ScoreEvaluator, SeedScores, short_name
 from taskspec.task.schema.experiments import DiagnosisEntry, FindingEntry, FindingsDocument
 
 Outcome = Literal["confirmed", "refuted", "undecided", "not run"]
@@ -132,6 +132,7 @@ def setups(exams: Sequence[Exam]) -> list[str]:
     steps = ", ".join(f"{n:,}" for n in sorted({exam["steps"] for exam in exams}))
     spent = duration(sum(exam["cost"].get("seconds", 0.0) for exam in exams))
     lines = [f"{len(exams)} exams, of {seeds} seeds and {steps} steps each; {spent} of training"]
+    lines += [f"tasks: {', '.join(map(short_name, exam['tasks']))}" for exam in exams]
     lines += [f"by `{exam['command']}`" for exam in exams if exam["command"]]
     lines += [f"with {_listed(exam['versions'])}" for exam in exams]
     lines += [f"on {_listed(exam['machine'])}" for exam in exams]
