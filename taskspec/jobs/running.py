@@ -175,10 +175,11 @@ class _Run:
 
 LOOK = 0.5
 """Seconds between looks at whether a process is still there that does not answer."""
-ONE_THREAD = {"PJRT_NPROC": "1"}
-"""The environment of a process, unless it says otherwise: one thread for JAX.
+SHARED = {"PJRT_NPROC": "1", "XLA_PYTHON_CLIENT_PREALLOCATE": "false"}
+"""The environment of a process, unless it says otherwise: one thread for JAX, and no more of an accelerator's memory than it needs.
 
-There may be a process for each processor, and with two threads JAX was seen to wait for ever.
+There may be a process for each processor: with two threads JAX was seen to wait for ever, and it takes three quarters of the
+memory by default.
 """
 START = """
 import os, pickle, signal, sys
@@ -237,7 +238,7 @@ class _Process:
         os.close(handle)
         self._trace = Path(name)
         self._answers: Queue[Ending | None] = Queue()
-        environment = {**ONE_THREAD, **os.environ}
+        environment = {**SHARED, **os.environ}
         pipe = subprocess.PIPE
         command = [sys.executable, "-c", START, *sys.argv[:1]]
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment)

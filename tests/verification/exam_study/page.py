@@ -20,8 +20,7 @@ TEXT = """\
 
 Learners that are right as far as we know are given typical mistakes, one at a time: small ones of our own, and those of
 Stable-Baselines3 and imitation. Each is [examined](exam.md) on finite tasks of DERAIL and on the probes, against stored results
-of the right version, on {seeds} seeds that were not used before. Learners of libraries have three or four probes and two seeds,
-too few to compare scores: their mistakes are named without a right version.
+of the right version, on {seeds} seeds that were not used before; learners of libraries on three or four probes alone.
 
 | | first mistakes | new mistakes | all |
 |---|---|---|---|
@@ -40,11 +39,8 @@ or a policy are explained by a mistake that is not.
 - fingerprints: learned values, rewards or policies that a known mistake explains, without a right version
 
 `python -m tests.verification.exam_study` does it again. The lists have all new mistakes, and first ones whose cause is not
-named; o, p, v and f are the parts that flag them.{earlier}
+named; o, p, v and f are the parts that flag them.
 """
-EARLIER = "earlier run"
-EARLIER_TEXT = """ Those with a star are of an earlier run, in which every diagnosis that the right version
-did not get counted as new, whether scores differed or not."""
 
 
 def written(results: Mapping[str, Found]) -> None:
@@ -82,12 +78,7 @@ def _summary(wrong: Sequence[tuple[Bug, Found]], right: Mapping[str, Found]) -> 
         ["another cause named", *(_share([found.cause(bug) == "wrong" for bug, found in group]) for group in groups)]
     )
     summary = "\n".join(f"| {' | '.join(row)} |" for row in rows)
-    earlier = EARLIER_TEXT if any(map(_is_earlier, (found for _, found in wrong))) else ""
-    return TEXT.format(seeds=SEEDS, summary=summary, right=_right(right), earlier=earlier)
-
-
-def _is_earlier(found: Found) -> bool:
-    return any(EARLIER in texts for texts in found.flagged.values())
+    return TEXT.format(seeds=SEEDS, summary=summary, right=_right(right))
 
 
 def _is_one_of(bug: Bug, found: Found) -> bool:
@@ -106,8 +97,7 @@ def _row(bug: Bug, found: Found) -> str:
         cause = f"named wrongly: {cause}"
     elif found.cause(bug) != "right":
         cause = f"not named: {bug.why}" if bug.why else "not named"
-    flagged = f"{marks or 'not flagged'}{'*' * _is_earlier(found)}"
-    return f"- {bug.what} ({flagged}): {cause}"
+    return f"- {bug.what} ({marks or 'not flagged'}): {cause}"
 
 
 def _right(right: Mapping[str, Found]) -> str:
