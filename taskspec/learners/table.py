@@ -116,6 +116,7 @@ class Reward:
         inputs: what theta sees.
         scaled: boxes whose bounds are all finite, and declared in the spec, are scaled to [0, 1].
         standardised: observations by a running mean and deviation of what was seen.
+        weights: first ones: by Glorot and Bengio, as TensorFlow has them, or uniform up to 1 / sqrt(inputs), as PyTorch has them.
     """
 
     hidden: tuple[int, ...] = (32, 32)
@@ -124,6 +125,7 @@ class Reward:
     shaped: bool = False
     scaled: bool = False
     standardised: bool = False
+    weights: Literal["xavier", "fan in"] = "xavier"
     learning_rate: float = 1e-3
 
 

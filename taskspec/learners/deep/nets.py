@@ -16,33 +16,42 @@ from taskspec.learners.interface import Vectors
 
 Net = tuple[tuple[AnyArray, AnyArray], ...]
 """Weights (inputs, outputs) and biases (outputs,) of each layer."""
-Weights = Callable[[AnyArray, int, int, bool], AnyArray]
-"""An initialiser: from a key, the numbers of inputs and outputs, and whether the layer is the last, to a matrix."""
+Layer = tuple[AnyArray, AnyArray]
+Initialiser = Callable[[AnyArray, int, int, bool], Layer]
+"""From a key, the numbers of inputs and outputs, and whether it is the last, to a new layer."""
 _FUNCTIONS = {"relu": jax.nn.relu, "tanh": jnp.tanh}
 
 
-def orthogonal(last: float) -> Weights:
-    """Return an initialiser by orthogonal matrices times the square root of 2; the last one times `last`."""
+def orthogonal(last: float) -> Initialiser:
+    """Return an initialiser by orthogonal matrices times the square root of 2, the last one times `last`, and biases of 0."""
 
-    def made(key: AnyArray, inputs: int, outputs: int, is_last: bool) -> AnyArray:
-        return jax.nn.initializers.orthogonal(last if is_last else 2**0.5)(key, (inputs, outputs), jnp.float32)
+    def made(key: AnyArray, inputs: int, outputs: int, is_last: bool) -> Layer:
+        scale = last if is_last else 2**0.5
+        return jax.nn.initializers.orthogonal(scale)(key, (inputs, outputs), jnp.float32), jnp.zeros(
+            outputs, jnp.float32
+        )
 
     return made
 
 
-def xavier(key: AnyArray, inputs: int, outputs: int, is_last: bool) -> AnyArray:
-    """Return a matrix of uniform numbers (Glorot and Bengio, 2010)."""
-    return jax.nn.initializers.glorot_uniform()(key, (inputs, outputs), jnp.float32)
+def xavier(key: AnyArray, inputs: int, outputs: int, is_last: bool) -> Layer:
+    """Return a matrix of uniform numbers (Glorot and Bengio, 2010), and biases of 0."""
+    return jax.nn.initializers.glorot_uniform()(key, (inputs, outputs), jnp.float32), jnp.zeros(outputs, jnp.float32)
 
 
-def net(key: AnyArray, inputs: int, hidden: Sequence[int], outputs: int, weights: Weights = xavier) -> Net:
-    """Return a new net with biases of 0."""
+def fan_in(key: AnyArray, inputs: int, outputs: int, is_last: bool) -> Layer:
+    """Return weights and biases that are uniform up to 1 / sqrt(inputs), as PyTorch makes them."""
+    bound = inputs**-0.5
+    layer = jax.random.uniform(key, (inputs + 1, outputs), jnp.float32, -bound, bound)
+    return layer[:-1], layer[-1]
+
+
+def net(key: AnyArray, inputs: int, hidden: Sequence[int], outputs: int, layer: Initialiser = xavier) -> Net:
+    """Return a new net."""
     sizes = (inputs, *hidden, outputs)
     keys = jax.random.split(key, len(sizes) - 1)
-    layers = list(zip(keys, sizes, sizes[1:], strict=False))
-    return tuple(
-        (weights(k, a, b, i == len(layers) - 1), jnp.zeros(b, jnp.float32)) for i, (k, a, b) in enumerate(layers)
-    )
+    last = len(keys) - 1
+    return tuple(layer(keys[i], sizes[i], sizes[i + 1], i == last) for i in range(len(keys)))
 
 
 def forward(layers: Net, x: AnyArray, activation: str = "tanh") -> AnyArray:

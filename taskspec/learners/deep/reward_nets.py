@@ -11,10 +11,12 @@ import optax
 
 from taskspec.base.arrays import AnyArray
 from taskspec.data import Demonstrations
-from taskspec.learners.deep.nets import Net, forward, gradient_step, net
+from taskspec.learners.deep.nets import Net, fan_in, forward, gradient_step, net, xavier
 from taskspec.learners.deep.world import StepBatch, World
 from taskspec.learners.interface import LearnedReward
 from taskspec.learners.table import Novelty, Reward
+
+INITIALISERS = {"xavier": xavier, "fan in": fan_in}
 
 
 class RewardInputs(NamedTuple):
@@ -71,9 +73,11 @@ class RewardModel:
         config = self.config
         state = self.world.seen.size + self.world.absorbs
         inputs = state + (self.world.head.vectors.size if config.inputs == "state, action" else 0)
-        phi = net(second, state, config.hidden, 1) if config.shaped else None
+        layer = INITIALISERS[config.weights]
+        theta = net(first, inputs, config.hidden, 1, layer)
+        phi = net(second, state, config.hidden, 1, layer) if config.shaped else None
         size = self.world.seen.size
-        return RewardNets(net(first, inputs, config.hidden, 1), phi, jnp.zeros(size), jnp.ones(size), jnp.float32(0))
+        return RewardNets(theta, phi, jnp.zeros(size), jnp.ones(size), jnp.float32(0))
 
     def __call__(self, nets: RewardNets, at: RewardInputs) -> AnyArray:
         """Return the rewards f (...) of steps (..., D)."""
