@@ -2,8 +2,8 @@
 
 - `first-light.svg`, `first-dark.svg`: the spec of `docs/index.md` beside what commands print of it: figure, mathematics, exact
   scores. LaTeX and pdftocairo typeset the mathematics.
-- `card-light.svg`, `card-dark.svg`: the report of an exam whose results are in the repository; `paper.svg`: that of all learners
-  of the paper.
+- `card-light.svg`, `card-dark.svg`: the report of an exam whose results are in the repository; `paper.svg`, `corrected.svg`: those of
+  all learners, as published and corrected.
 - `recall.png`: the printed page of the task of the tutorial.
 """
 
@@ -21,9 +21,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs/pictures"
-RUN = "docs/results/paper"
-EXAMINED = f"{RUN}/gail_im"
-"""The results that the matrix and the card show."""
+RESULTS = ROOT / "docs/results"
+FAMILIES = ("paper", "corrected")
+"""Sets of results, each shown as a matrix."""
+EXAMINED = "docs/results/paper/gail_im"
+"""The results that the card shows."""
 SPEC = r"<!-- (?:file|add): {name} -->\n```yaml\n(.*?)```"
 """A block of a page that writes a file, or adds to it."""
 FORMULAS = re.compile(r"^(?:- \*\*Rewards\*\*:|  -) (\$.*(?:xrightarrow|R\(s).*\$)$", re.MULTILINE)
@@ -190,10 +192,10 @@ def card() -> str:
         return drawn.read_text(encoding="utf-8")
 
 
-def matrix() -> str:
-    """Return the scores of all learners of the paper as a picture."""
+def matrix(family: str) -> str:
+    """Return the scores of all learners of a family as a picture."""
     with tempfile.TemporaryDirectory() as name:
-        run(["report", str(ROOT / RUN), "-f", "svg", "-o", name], ROOT)
+        run(["report", str(RESULTS / family), "-f", "svg", "-o", name], ROOT)
         return (Path(name) / "table.svg").read_text(encoding="utf-8")
 
 
@@ -220,7 +222,8 @@ def main() -> None:
     drawn = card()
     for theme in (LIGHT, DARK):
         (PICTURES / f"card-{theme.name}.svg").write_text(recolored(drawn, theme), encoding="utf-8")
-    (PICTURES / "paper.svg").write_text(matrix(), encoding="utf-8")
+    for family in FAMILIES:
+        (PICTURES / f"{family}.svg").write_text(matrix(family), encoding="utf-8")
     (PICTURES / "recall.png").write_bytes(tutorial())
 
 
