@@ -2,8 +2,8 @@
 
 - `first-light.svg`, `first-dark.svg`: the spec of `docs/index.md` beside what commands print of it: figure, mathematics, exact
   scores. LaTeX and pdftocairo typeset the mathematics.
-- `card-light.svg`, `card-dark.svg`: the report of an exam whose results are in the repository; `paper.svg`, `corrected.svg`: those of
-  all learners, as published and corrected.
+- `card-light.svg`, `card-dark.svg`: the report of an exam whose results are in the repository.
+- `paper.svg`, `corrected.svg`: those of all learners, as published and corrected.
 - `recall.png`: the printed page of the task of the tutorial.
 """
 

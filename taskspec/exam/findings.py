@@ -133,10 +133,26 @@ def setups(exams: Sequence[Exam]) -> list[str]:
     spent = duration(sum(exam["cost"].get("seconds", 0.0) for exam in exams))
     lines = [f"{len(exams)} exams, of {seeds} seeds and {steps} steps each; {spent} of training"]
     lines += [f"tasks: {', '.join(map(short_name, exam['tasks']))}" for exam in exams]
-    lines += [f"by `{exam['command']}`" for exam in exams if exam["command"]]
+    lines += _commands(exams)
     lines += [f"with {_listed(exam['versions'])}" for exam in exams]
     lines += [f"on {_listed(exam['machine'])}" for exam in exams]
     return list(dict.fromkeys(lines))
+
+
+def _commands(exams: Sequence[Exam]) -> list[str]:
+    """Return a line for each command; one for all that differ by the name of the learner alone."""
+    learners: dict[str, list[str]] = {}
+    for exam in exams:
+        if exam["command"]:
+            command = exam["command"].replace(exam["learner"], "LEARNER")
+            learners.setdefault(command, []).append(exam["learner"])
+    lines = []
+    for command, names in learners.items():
+        if len(names) > 1 and "LEARNER" in command:
+            lines.append(f"by `{command}` for {', '.join(names)}")
+        else:
+            lines.append(f"by `{command.replace('LEARNER', names[0])}`")
+    return lines
 
 
 def _listed(facts: Mapping[str, Any]) -> str:
