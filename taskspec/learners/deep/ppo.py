@@ -160,5 +160,8 @@ def init_actor(key: AnyArray, world: World, hidden: tuple[int, ...]) -> PolicyNe
 
 
 def sampler(world: World, actor: PolicyNet) -> Act:
-    """Return a function that samples actions of a policy."""
+    """Return a function that samples actions of a policy; the net runs once for each value of a single finite observation."""
+    if world.seen.single:
+        outputs = forward(actor.net, jnp.eye(world.seen.size))
+        return lambda seen, noise: world.head.sample(seen @ outputs, actor.deviations, noise)
     return lambda seen, noise: world.head.sample(forward(actor.net, seen), actor.deviations, noise)
