@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -24,21 +24,34 @@ OUTCOMES: tuple[Outcome, ...] = ("confirmed", "refuted", "undecided", "not run")
 _WORDS: dict[bool | None, Outcome] = {True: "confirmed", False: "refuted", None: "undecided"}
 
 
+SLACK = 0.1
+"""By how much thresholds are moved to see whether a finding depends on them."""
+
+
 @dataclass(frozen=True)
 class FindingResult:
-    """A finding, and whether it holds, by the name of a set of results."""
+    """A finding, and whether it holds, by the name of a set of results.
+
+    Attributes:
+        varied: the same with other actions or thresholds, in words, by the name of a set.
+    """
 
     name: str
     entry: FindingEntry
     truths: Mapping[str, Truth[Comparison]]
+    varied: Mapping[str, Mapping[str, Truth[Comparison]]]
 
     def outcome(self, results: str) -> Outcome:
         """Return the outcome: `not run` if all results that could decide it are missing."""
-        truth = self.truths[results]
-        is_missing = truth.holds is None and all(each.is_missing for each in truth.evidence)
-        if is_missing:
-            return "not run"
-        return _WORDS[truth.holds]
+        return _outcome_of(self.truths[results])
+
+    def sensitivity(self, results: str) -> dict[str, Outcome]:
+        """Return the outcomes that differ with other actions or thresholds; none of a finding that was not run."""
+        others = {how: _outcome_of(truth) for how, truth in self.varied[results].items()}
+        outcome = self.outcome(results)
+        if outcome == "not run":
+            return {}
+        return {how: other for how, other in others.items() if other not in (outcome, "not run")}
 
     def deciding(self, results: str) -> Comparison | None:
         """Return the closest of the comparisons that decide, or leave it open."""
@@ -53,7 +66,15 @@ class FindingResult:
             {"text": each.text, "value": _finite(each.value), "low": _finite(each.low), "high": _finite(each.high)}
             for each in self.truths[results].evidence
         ]
-        return {"outcome": self.outcome(results), "comparisons": comparisons}
+        return {
+            "outcome": self.outcome(results), "comparisons": comparisons, "sensitivity": self.sensitivity(results),
+        }  # fmt: skip
+
+
+def _outcome_of(truth: Truth[Comparison]) -> Outcome:
+    if truth.holds is None and all(each.is_missing for each in truth.evidence):
+        return "not run"
+    return _WORDS[truth.holds]
 
 
 @dataclass(frozen=True)
@@ -98,12 +119,16 @@ def evaluate(suite: str | Path, sets: Mapping[str, Mapping[str, Mapping[str, Any
         raise SpecError([Diagnostic("E710", None, f"the suite '{suite}' has no findings")])
     book = read_findings(path)
     evaluators = {name: _evaluator(book, exams) for name, exams in sets.items()}
-    results = tuple(
-        FindingResult(rule.name, rule.entry, {name: evaluators[name].truth(rule.condition) for name in sets})
-        for rule in book.rules
-        if isinstance(rule.entry, FindingEntry)
-    )
-    return FindingsResult(book, results, tuple(sets))
+    others = {name: _variations(book, exams, evaluators[name]) for name, exams in sets.items()}
+    results = []
+    for rule in book.rules:
+        assert isinstance(rule.entry, FindingEntry)
+        truths = {name: evaluator.truth(rule.condition) for name, evaluator in evaluators.items()}
+        varied = {}
+        for name, by_words in others.items():
+            varied[name] = {how: evaluator.truth(rule.condition) for how, evaluator in by_words.items()}
+        results.append(FindingResult(rule.name, rule.entry, truths, varied))
+    return FindingsResult(book, tuple(results), tuple(sets))
 
 
 def sets_of(exams: Mapping[Path, Exam]) -> dict[str, dict[str, dict[str, Any]]]:
@@ -159,8 +184,11 @@ def _listed(facts: Mapping[str, Any]) -> str:
     return ", ".join(f"{key} {value}" for key, value in facts.items())
 
 
-def _evaluator(book: RuleBook, exams: Mapping[str, Mapping[str, Any]]) -> ScoreEvaluator:
+def _evaluator(book: RuleBook, exams: Mapping[str, Mapping[str, Any]], other_actions: bool = False) -> ScoreEvaluator:
     """Return the evaluator of findings on one set of results.
+
+    Args:
+        other_actions: compare best actions where the file says drawn ones, and the other way round.
 
     Raises:
         SpecError: E713 for a learner that the findings do not name.
@@ -172,8 +200,21 @@ def _evaluator(book: RuleBook, exams: Mapping[str, Mapping[str, Any]]) -> ScoreE
         hint = f"it is about {', '.join(book.names.learners)}"
         raise SpecError([Diagnostic("E713", None, f"no finding is about a learner '{unknown}'", hint)])
     instances = {instance: name for name, instance in described.instances.items()}
-    scores = SeedScores(exams, described.floor, described.drawn, described.same, instances)
+    drawn = described.drawn != other_actions
+    scores = SeedScores(exams, described.floor, drawn, described.same, instances)
     return ScoreEvaluator(scores, book.names, {name: tuple(tasks) for name, tasks in described.unable.items()})
+
+
+def _variations(
+    book: RuleBook, exams: Mapping[str, Mapping[str, Any]], evaluator: ScoreEvaluator
+) -> dict[str, ScoreEvaluator]:
+    """Return evaluators with other actions and with other thresholds, by words for the page."""
+    actions = "best actions" if evaluator.scores.drawn else "drawn actions"
+    return {
+        actions: _evaluator(book, exams, other_actions=True),
+        f"{SLACK} easier": replace(evaluator, slack=SLACK),
+        f"{SLACK} harder": replace(evaluator, slack=-SLACK),
+    }
 
 
 def _finite(value: float) -> float | None:
@@ -186,7 +227,11 @@ def _finite(value: float) -> float | None:
 
 
 SIGNS: dict[Outcome, str] = {"confirmed": "✓", "refuted": "✗", "undecided": "?", "not run": "·"}
-LEGEND = "A finding is confirmed if it holds everywhere in the 95 % intervals (in brackets), refuted if nowhere."
+LEGEND = (
+    "A finding is confirmed if its condition holds everywhere in the 95 % intervals (in brackets), refuted if nowhere. It is "
+    "sensitive to what would give another outcome: the best actions of policies, instead of drawn ones, or thresholds of scores "
+    f"that are {SLACK} easier or harder to meet."
+)
 
 
 def markdown(found: FindingsResult, origin: Sequence[str] = ()) -> str:
@@ -206,7 +251,7 @@ def markdown(found: FindingsResult, origin: Sequence[str] = ()) -> str:
     if described.doc:
         lines += [described.doc, ""]
     rows = [_row(each, found.sets) for each in found.results]
-    lines += _table(["", "the paper says", *found.sets], rows)
+    lines += _table(["", "the paper says", *found.sets, "sensitive to"], rows)
     if origin:
         lines += ["", "## How it was run", "", *(f"- {line}" for line in origin)]
     return "\n".join(lines) + "\n"
@@ -218,7 +263,7 @@ def html(found: FindingsResult, origin: Sequence[str] = ()) -> str:
     findings = [
         {
             "name": each.name, "says": each.entry.says, "where": each.entry.where, "note": each.entry.note,
-            "outcomes": [_outcome(each, name) for name in found.sets],
+            "holds": " ".join(each.entry.holds.split()), "outcomes": [_outcome(each, name) for name in found.sets],
         }
         for each in found.results
     ]  # fmt: skip
@@ -235,20 +280,33 @@ def _outcome(each: FindingResult, name: str) -> dict[str, Any]:
         evidence = str(deciding)
     else:
         evidence = ""
-    return {"set": name, "outcome": outcome, "evidence": evidence, "more": len(each.truths[name].evidence) - 1}
+    more = len(each.truths[name].evidence) - 1
+    return {
+        "set": name, "outcome": outcome, "evidence": evidence, "more": more, "sensitivity": _sensitivity(each, name),
+    }  # fmt: skip
+
+
+def _sensitivity(each: FindingResult, name: str) -> str:
+    """Return what gives other outcomes, in words: `best actions (refuted)`."""
+    return ", ".join(f"{how} ({outcome})" for how, outcome in each.sensitivity(name).items())
 
 
 def _row(each: FindingResult, sets: Sequence[str]) -> list[str]:
     entry = each.entry
-    says = f"{entry.says} *({entry.where})*" + (f" {entry.note}" if entry.note else "")
-    return [each.name, says, *(_cell(**_outcome(each, name)) for name in sets)]
+    says = f"{entry.says} *({entry.where})* `{' '.join(entry.holds.split())}`"
+    if entry.note:
+        says += f" {entry.note}"
+    outcomes = [_outcome(each, name) for name in sets]
+    sensitive = [f"{o['set']}: {o['sensitivity']}" for o in outcomes if o["sensitivity"]]
+    return [each.name, says, *map(_cell, outcomes), "; ".join(sensitive)]
 
 
-def _cell(set: str, outcome: Outcome, evidence: str, more: int) -> str:
-    if not evidence:
-        return outcome
-    compared, sign, value = evidence.partition(" = ")
-    others = f" and {more} more" if more else ""
+def _cell(found: Mapping[str, Any]) -> str:
+    outcome: Outcome = found["outcome"]
+    if not found["evidence"]:
+        return SIGNS[outcome]
+    compared, sign, value = found["evidence"].partition(" = ")
+    others = f" and {found['more']} more" if found["more"] else ""
     return f"**{outcome}**: `{compared}`{sign}{value}{others}"
 
 

@@ -129,16 +129,30 @@ def test_results_of_copies_count_and_scores_are_cut_and_drawn() -> None:
     assert [each.value for each in found.truths["s"].evidence] == [-1.0, -1.0]
 
 
+def test_a_finding_says_which_thresholds_and_actions_it_is_sensitive_to() -> None:
+    near = exam({"EarlyTermNeg": 0.85}, learner="gail_fu")
+    (found,) = [each for each in evaluate("derail", {"s": {"gail_fu": near}}).results if each.name == "F03"]
+    assert found.outcome("s") == "refuted" and found.sensitivity("s") == {"0.1 easier": "confirmed"}
+    for score in near["scores"]:
+        score["deterministic"] = 0.95
+    results = evaluate("derail", {"s": {"gail_fu": near}})
+    (found,) = [each for each in results.results if each.name == "F03"]
+    assert found.sensitivity("s") == {"best actions": "confirmed", "0.1 easier": "confirmed"}
+    (row,) = [line for line in markdown(results).splitlines() if line.startswith("| F03")]
+    assert row.endswith("| s: best actions (confirmed), 0.1 easier (confirmed) |")
+    assert "`score(gail_fu, EarlyTermNeg) > 0.9`" in row
+
+
 def test_sets_of_results_stand_beside_each_other_on_the_page() -> None:
     world = learners()
     right = world | {"gail_im": world["gail_im"] | {"EarlyTermNeg": 1.0}}
     found = evaluate("derail", {"paper": results(world), "corrected": results(right)})
     lines = markdown(found, ["on a machine"]).splitlines()
-    assert "- on a machine" in lines and "|  | the paper says | paper | corrected |" in lines
+    assert "- on a machine" in lines and "|  | the paper says | paper | corrected | sensitive to |" in lines
     (row,) = [line for line in lines if line.startswith("| F01 |")]
     assert "**confirmed**: `score(gail_im, EarlyTermNeg)` = −0.90 and 1 more" in row
     assert "**refuted**: `score(gail_im, EarlyTermNeg)` = 1.00 |" in row
-    assert all(line.count("|") - line.count("\\|") == 5 for line in lines if line.startswith("| F"))
+    assert all(line.count("|") - line.count("\\|") == 6 for line in lines if line.startswith("| F"))
 
 
 def test_the_page_in_html_stands_alone() -> None:
