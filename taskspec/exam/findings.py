@@ -229,8 +229,8 @@ def _finite(value: float) -> float | None:
 SIGNS: dict[Outcome, str] = {"confirmed": "✓", "refuted": "✗", "undecided": "?", "not run": "·"}
 LEGEND = (
     "A finding is confirmed if its condition holds everywhere in the 95 % intervals (in brackets), refuted if nowhere. It is "
-    "sensitive to what would give another outcome: the best actions of policies instead of drawn ones (or the other way round), "
-    f"and thresholds of scores that are {SLACK} easier or harder to meet."
+    "sensitive to what would give another outcome: the best actions of policies, instead of drawn ones, or thresholds of scores "
+    f"that are {SLACK} easier or harder to meet."
 )
 
 
@@ -280,7 +280,10 @@ def _outcome(each: FindingResult, name: str) -> dict[str, Any]:
         evidence = str(deciding)
     else:
         evidence = ""
-    return {"set": name, "outcome": outcome, "evidence": evidence, "sensitivity": _sensitivity(each, name)}
+    more = len(each.truths[name].evidence) - 1
+    return {
+        "set": name, "outcome": outcome, "evidence": evidence, "more": more, "sensitivity": _sensitivity(each, name),
+    }  # fmt: skip
 
 
 def _sensitivity(each: FindingResult, name: str) -> str:
@@ -303,7 +306,8 @@ def _cell(found: Mapping[str, Any]) -> str:
     if not found["evidence"]:
         return SIGNS[outcome]
     compared, sign, value = found["evidence"].partition(" = ")
-    return f"**{outcome}**: `{compared}`{sign}{value}"
+    others = f" and {found['more']} more" if found["more"] else ""
+    return f"**{outcome}**: `{compared}`{sign}{value}{others}"
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
