@@ -13,7 +13,9 @@ from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
 from taskspec.exam.flags import differs
 from taskspec.exam.results import Diagnosis, Exam, Flag
 from taskspec.exam.score_rows import duration
+from taskspec.lang.syntax import Expr
 from taskspec.pages.render.html import page_of
+from taskspec.rollout.statistics import CONFIDENCE
 from taskspec.rules.evaluator import Truth
 from taskspec.rules.rule_books import EXAM, FINDINGS, RuleBook, file_of, read_exam, read_findings
 from taskspec.rules.score_rules import ONE, Comparison, ScoreEvaluator, SeedScores, short_name
@@ -33,12 +35,14 @@ class FindingResult:
     """A finding, and whether it holds, by the name of a set of results.
 
     Attributes:
-        varied: the same with other actions or thresholds, in words, by the name of a set.
+        comparisons: of known scores that its condition makes.
+        varied: whether it holds with other actions or thresholds, in words, by the name of a set.
     """
 
     name: str
     entry: FindingEntry
     truths: Mapping[str, Truth[Comparison]]
+    comparisons: Mapping[str, int]
     varied: Mapping[str, Mapping[str, Truth[Comparison]]]
 
     def outcome(self, results: str) -> Outcome:
@@ -67,7 +71,8 @@ class FindingResult:
             for each in self.truths[results].evidence
         ]
         return {
-            "outcome": self.outcome(results), "comparisons": comparisons, "sensitivity": self.sensitivity(results),
+            "outcome": self.outcome(results), "comparisons": comparisons, "of": self.comparisons[results],
+            "sensitivity": self.sensitivity(results),
         }  # fmt: skip
 
 
@@ -123,12 +128,28 @@ def evaluate(suite: str | Path, sets: Mapping[str, Mapping[str, Mapping[str, Any
     results = []
     for rule in book.rules:
         assert isinstance(rule.entry, FindingEntry)
-        truths = {name: evaluator.truth(rule.condition) for name, evaluator in evaluators.items()}
+        truths = {}
+        comparisons = {}
         varied = {}
-        for name, by_words in others.items():
-            varied[name] = {how: evaluator.truth(rule.condition) for how, evaluator in by_words.items()}
-        results.append(FindingResult(rule.name, rule.entry, truths, varied))
+        for name in sets:
+            truths[name], comparisons[name] = _decided(evaluators[name], rule.condition)
+            varied[name] = {how: _decided(other, rule.condition)[0] for how, other in others[name].items()}
+        results.append(FindingResult(rule.name, rule.entry, truths, comparisons, varied))
     return FindingsResult(book, tuple(results), tuple(sets))
+
+
+def _decided(evaluator: ScoreEvaluator, condition: Expr) -> tuple[Truth[Comparison], int]:
+    """Return whether a finding holds, and the number of comparisons of known scores.
+
+    What rests on all of its comparisons is decided by 95 % intervals. What rests on some of them might do so by chance: each of k
+    then needs an interval of 1 - 5 % / k (the first step of Holm, 1979).
+    """
+    made: list[Comparison] = []
+    found = replace(evaluator, made=made).truth(condition)
+    if found.holds is not None and len(found.evidence) < len(made):
+        confidence = 1 - (1 - CONFIDENCE) / len(made)
+        found = replace(evaluator, confidence=confidence).truth(condition)
+    return found, len(made)
 
 
 def sets_of(exams: Mapping[Path, Exam]) -> dict[str, dict[str, dict[str, Any]]]:
@@ -228,9 +249,10 @@ def _finite(value: float) -> float | None:
 
 SIGNS: dict[Outcome, str] = {"confirmed": "✓", "refuted": "✗", "undecided": "?", "not run": "·"}
 LEGEND = (
-    "A finding is confirmed if its condition holds everywhere in the 95 % intervals (in brackets), refuted if nowhere. It is "
-    "sensitive to what would give another outcome: the best actions of policies, instead of drawn ones, or thresholds of scores "
-    f"that are {SLACK} easier or harder to meet."
+    "A finding is confirmed if its condition holds everywhere in the 95 % intervals (in brackets), refuted if nowhere. Behind "
+    "them is how many of its comparisons it rests on; where these are not all k, they hold in intervals of 1 − 5 % / k. It is "
+    "sensitive to what would give another outcome: the best actions of policies instead of drawn ones (or the other way round), "
+    f"and thresholds of scores that are {SLACK} easier or harder to meet."
 )
 
 
@@ -280,9 +302,10 @@ def _outcome(each: FindingResult, name: str) -> dict[str, Any]:
         evidence = str(deciding)
     else:
         evidence = ""
-    more = len(each.truths[name].evidence) - 1
+    number = sum(not comparison.is_missing for comparison in each.truths[name].evidence)
     return {
-        "set": name, "outcome": outcome, "evidence": evidence, "more": more, "sensitivity": _sensitivity(each, name),
+        "set": name, "outcome": outcome, "evidence": evidence, "number": number,
+        "of": each.comparisons[name], "sensitivity": _sensitivity(each, name),
     }  # fmt: skip
 
 
@@ -306,8 +329,8 @@ def _cell(found: Mapping[str, Any]) -> str:
     if not found["evidence"]:
         return SIGNS[outcome]
     compared, sign, value = found["evidence"].partition(" = ")
-    others = f" and {found['more']} more" if found["more"] else ""
-    return f"**{outcome}**: `{compared}`{sign}{value}{others}"
+    number = f" ({found['number']} of {found['of']})" if found["of"] > 1 else ""
+    return f"**{outcome}**: `{compared}`{sign}{value}{number}"
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

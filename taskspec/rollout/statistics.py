@@ -102,9 +102,13 @@ class Estimate:
     @property
     def interval(self) -> tuple[float, float]:
         """The 95 % interval; (-inf, inf) where there are too few seeds for one."""
+        return self.interval_at(CONFIDENCE)
+
+    def interval_at(self, confidence: float) -> tuple[float, float]:
+        """Return the interval of another confidence."""
         if np.isnan(self.draws).any():
             return -np.inf, np.inf
-        tail = 50 * (1 - CONFIDENCE)
+        tail = 50 * (1 - confidence)
         low, high = np.percentile(self.draws, [tail, 100 - tail])
         return round(float(low), DIGITS), round(float(high), DIGITS)
 

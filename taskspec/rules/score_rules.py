@@ -15,7 +15,7 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, suggest
 from taskspec.lang import syntax as s
-from taskspec.rollout.statistics import Estimate, Statistic, estimate
+from taskspec.rollout.statistics import CONFIDENCE, Estimate, Statistic, estimate
 from taskspec.rules.evaluator import Evaluator, Truth, Undecidable, Word, combine, evidence_for
 from taskspec.solve.enclosure import Enclosure, compare
 
@@ -266,6 +266,8 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         bound: variables of comprehensions, each with its task or learner.
         of_means: whether numbers over seeds count as known exactly, without intervals.
         slack: by how much every comparison of scores may fail and still hold; negative to ask for more.
+        confidence: of the intervals in which a comparison has to hold everywhere, or nowhere.
+        made: takes every comparison that is made.
         collector: for mistakes in a rule that is only checked: one member of each group is tried.
     """
 
@@ -275,6 +277,8 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
     bound: Mapping[str, str] = field(default_factory=dict)
     of_means: bool = False
     slack: float = 0.0
+    confidence: float = CONFIDENCE
+    made: list[Comparison] = field(default_factory=list)
     collector: Collector | None = None
     _known: dict[tuple[str, str, str, str], Estimate] = field(default_factory=dict)
 
@@ -285,7 +289,7 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             match expr:
                 case s.Call(function="most"):
                     parts = list(self._each(expr))
-                    holds = _compare(">", _counted(parts).map(np.subtract, Estimate.exactly(len(parts) / 2)))
+                    holds = self._holds(">", _counted(parts).map(np.subtract, Estimate.exactly(len(parts) / 2)))
                     return Truth(holds, evidence_for(holds, parts))
                 case s.Call(function="all"):
                     return combine("and", self._each(expr))
@@ -313,11 +317,20 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
             number = difference
             text = f"{self._text(left)} − {self._text(right)}"
         if isinstance(left, s.Call) and left.function == "learns_from":  # no evidence, but what the rule is for
-            return Truth(_compare(op, difference))
+            return Truth(self._holds(op, difference))
         low, high = difference.interval
         found = Comparison(text, number.value, *number.interval, tasks, learners, max(low, -high))
+        self.made.append(found)
         eased = difference.map(np.add, Estimate.exactly(self._slack(op, (left, right))))
-        return Truth(_compare(op, eased), (found,))
+        return Truth(self._holds(op, eased), (found,))
+
+    def _holds(self, op: str, difference: Estimate) -> bool | None:
+        """Return whether the left side is greater, smaller or equal, by the interval of the difference of both."""
+        ends: list[Any] = list(difference.interval_at(self.confidence))
+        for i, end in enumerate(ends):
+            if math.isfinite(end):
+                ends[i] = Fraction(end)
+        return compare(op, Enclosure(*ends), Enclosure.exactly(0), Fraction(0))
 
     def _slack(self, op: str, exprs: Sequence[s.Expr]) -> float:
         """Return what is added to the difference of two sides; deviations between seeds are compared as they are."""
@@ -498,12 +511,3 @@ def _counted(parts: Sequence[Truth[Comparison]]) -> Estimate:
     if undecided:
         return Estimate.between(true, true + undecided)
     return Estimate.exactly(true)
-
-
-def _compare(op: str, difference: Estimate) -> bool | None:
-    """Return whether the left side is greater, smaller or equal, by the interval of the difference of both."""
-    ends: list[Any] = list(difference.interval)
-    for i, end in enumerate(ends):
-        if math.isfinite(end):
-            ends[i] = Fraction(end)
-    return compare(op, Enclosure(*ends), Enclosure.exactly(0), Fraction(0))

@@ -150,8 +150,8 @@ def test_sets_of_results_stand_beside_each_other_on_the_page() -> None:
     lines = markdown(found, ["on a machine"]).splitlines()
     assert "- on a machine" in lines and "|  | the paper says | paper | corrected | sensitive to |" in lines
     (row,) = [line for line in lines if line.startswith("| F01 |")]
-    assert "**confirmed**: `score(gail_im, EarlyTermNeg)` = −0.90 and 1 more" in row
-    assert "**refuted**: `score(gail_im, EarlyTermNeg)` = 1.00 |" in row
+    assert "**confirmed**: `score(gail_im, EarlyTermNeg)` = −0.90 (2 of 2)" in row
+    assert "**refuted**: `score(gail_im, EarlyTermNeg)` = 1.00 (1 of 2) |" in row
     assert all(line.count("|") - line.count("\\|") == 6 for line in lines if line.startswith("| F"))
 
 
