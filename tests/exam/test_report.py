@@ -412,7 +412,7 @@ def test_numerals_are_the_means_of_the_data() -> None:
             scores = [x["deterministic"] for x in found["scores"] if x["task"] == task and x["twin"] is None]
             known = [score for score in scores if score is not None]
             expected.append("cannot" if about.get("cannot") else f"{sum(known) / len(known):.2f}".replace("-", "−"))
-    assert "−16.97" in expected
+    assert any(float(x.replace("−", "-")) < told.FLOOR for x in expected if x != "cannot")
     page = report.page_of_several(exams)
     assert re.findall(r'<td class="\w*">([^<]*)', page) == [x.replace("−0.00", "0.00") for x in expected]
     drawn = [text for text in labels(pictures.table(matrix(exams))) if re.fullmatch(r"−?\d+\.\d\d|cannot", text)]
