@@ -146,9 +146,9 @@ def _row(task: Task) -> tuple[str, str]:
     """Return a task with its size and returns, and what it is."""
     results = Results(task)
     facts = [size(task).replace(" × ", "×")]
-    for name, found in (("optimal", results.optimal), ("random", results.random)):
-        if found is not None:
-            facts.append(f"{name} {_shown(found)}")
+    if results.random is not None:
+        best = "?" if results.optimal is None else _shown(results.optimal)
+        facts.append(f"{_shown(results.random)}→{best}")
     return f"{code(task.name)} ({', '.join(facts)})", task.summary
 
 

@@ -51,8 +51,12 @@ def learned() -> str:
 
 
 def _mistake(mistake: KnownMistake) -> str:
+    """Return what a learner does, without the words that join it to "a learner", and the code that does it."""
+    what = mistake.what.removeprefix("that ").removeprefix("for which ")
+    if what.startswith("whose "):
+        what = what.replace("whose", "its", 1)
     code_of_it = f" ({mistake.code})" if mistake.code else ""
-    return f"a learner {mistake.what}{code_of_it}"
+    return f"{what}{code_of_it}"
 
 
 def modifiers() -> str:

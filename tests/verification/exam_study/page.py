@@ -39,7 +39,7 @@ or a policy are explained by a mistake that is not.
 - fingerprints: learned values, rewards or policies that a known mistake explains, without a right version
 
 `python -m tests.verification.exam_study` does it again. The lists have all new mistakes, and first ones whose cause is not
-named; o, p, v and f are the parts that flag them.
+named; o, p, v and f are the parts that flag them. A cause follows a colon; a dash, why none is named.
 """
 
 
@@ -92,12 +92,12 @@ def _share(holds: Sequence[bool]) -> str:
 def _row(bug: Bug, found: Found) -> str:
     marks = "".join(part[0] for part in PARTS if found.flagged[part])
     told = [name for name in bug.causes if name in found.told]
-    cause = ", ".join(found.named or told)
+    cause = f": {', '.join(found.named or told)}"
     if found.cause(bug) == "wrong":
-        cause = f"named wrongly: {cause}"
+        cause = f": named wrongly{cause}"
     elif found.cause(bug) != "right":
-        cause = f"not named: {bug.why}" if bug.why else "not named"
-    return f"- {bug.what} ({marks or 'not flagged'}): {cause}"
+        cause = f" – {bug.why}" if bug.why else ""
+    return f"- {bug.what} ({marks or 'not flagged'}){cause}"
 
 
 def _right(right: Mapping[str, Found]) -> str:
