@@ -359,7 +359,7 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
     if path is None:
         return []
     book = read_exam(path)
-    scores = SeedScores({ONE: exam})
+    scores = SeedScores({ONE: exam}, same=book.described.same)
     truths = _truths(book, scores)
     holding = {name for name, truth in truths.items() if truth.holds}
     alone = {rule.name for rule in book.rules if isinstance(rule.entry, DiagnosisEntry) and rule.entry.alone}
@@ -411,7 +411,7 @@ def undecided(exam: Mapping[str, Any], suite: str | Path) -> list[str]:
     if path is None:
         return []
     book = read_exam(path)
-    scores = SeedScores({ONE: exam})
+    scores = SeedScores({ONE: exam}, same=book.described.same)
     truths = _truths(book, scores)
     at_means = _truths(book, scores, of_means=True)
     found = []

@@ -118,9 +118,9 @@ class _RuleReader:
                 kind = "learner"
                 members_known = learners
             self.check_members(members, members_known, kind, ("groups", name))
+        for name, other in described.same.items():
+            self.check_members([other], tasks, "task", ("same", name))
         if isinstance(described, FindingsDocument):
-            for name, other in described.same.items():
-                self.check_members([other], tasks, "task", ("same", name))
             for name, members in described.unable.items():
                 self.check_members([name], learners, "learner", ("unable",))
                 self.check_members(members, tasks, "task", ("unable", name))

@@ -240,6 +240,7 @@ class ExamDocument(Strict):
     tasks: list[str] = listed(_TASKS)
     steps: int | None = optional("Environment steps of each training run; 500,000 unless given.", ge=1)
     groups: dict[Name, list[str]] = named("Names for several tasks, for `all(... for t in group)`.")
+    same: dict[str, str] = named("Tasks whose results count as those of another, where that was not run.")
     evaluate: Evaluation | None = optional("A longer horizon, on which policies are scored as well.")
     diagnoses: dict[Name, DiagnosisEntry] = named("Rules over the scores of one learner, by name.")
 
