@@ -222,7 +222,7 @@ def _evaluator(book: RuleBook, exams: Mapping[str, Mapping[str, Any]], other_act
         raise SpecError([Diagnostic("E713", None, f"no finding is about a learner '{unknown}'", hint)])
     instances = {instance: name for name, instance in described.instances.items()}
     drawn = described.drawn != other_actions
-    scores = SeedScores(exams, described.floor, drawn, described.same, instances)
+    scores = SeedScores(exams, described.floor, drawn, book.same, instances)
     return ScoreEvaluator(scores, book.names, {name: tuple(tasks) for name, tasks in described.unable.items()})
 
 
@@ -359,7 +359,7 @@ def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
     if path is None:
         return []
     book = read_exam(path)
-    scores = SeedScores({ONE: exam}, same=book.described.same)
+    scores = SeedScores({ONE: exam}, same=book.same)
     truths = _truths(book, scores)
     holding = {name for name, truth in truths.items() if truth.holds}
     alone = {rule.name for rule in book.rules if isinstance(rule.entry, DiagnosisEntry) and rule.entry.alone}
@@ -411,7 +411,7 @@ def undecided(exam: Mapping[str, Any], suite: str | Path) -> list[str]:
     if path is None:
         return []
     book = read_exam(path)
-    scores = SeedScores({ONE: exam}, same=book.described.same)
+    scores = SeedScores({ONE: exam}, same=book.same)
     truths = _truths(book, scores)
     at_means = _truths(book, scores, of_means=True)
     found = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,12 +41,17 @@ class ScoreRule:
 
 @dataclass(frozen=True)
 class RuleBook:
-    """A file of rules: its entries, the names that they use, and the sources that they cite."""
+    """A file of rules: its entries, the names that they use, and the sources that they cite.
+
+    Attributes:
+        same: tasks whose results count as those of another, where that was not run.
+    """
 
     described: ExamDocument | FindingsDocument
     names: RuleNames
     rules: tuple[ScoreRule, ...]
     references: Mapping[str, Reference]
+    same: Mapping[str, str]
     diagnostics: tuple[Diagnostic, ...] = ()
 
 
@@ -56,8 +61,12 @@ def read_exam(path: str | os.PathLike[str]) -> RuleBook:
 
 
 def read_findings(path: str | os.PathLike[str]) -> RuleBook:
-    """Read the findings in a file."""
-    return _read(Path(path), FindingsDocument, "entries", "holds")
+    """Read the findings in a file; the exam beside it says which tasks are the same."""
+    found = _read(Path(path), FindingsDocument, "entries", "holds")
+    exam = Path(path).parent / EXAM
+    if not exam.is_file():
+        return found
+    return replace(found, same=read_exam(exam).same)
 
 
 def file_of(suite: str | os.PathLike[str], name: str) -> Path | None:
@@ -88,7 +97,8 @@ def _read(path: Path, model: type[ExamDocument | FindingsDocument], section: str
             reader.check_reference(entry.source.key, references, (section, name, "source", "key"))
         reader.check_members(getattr(entry, "unless", []), tuple(entries), "diagnosis", (section, name, "unless"))
     reader.collector.raise_if_errors()
-    return RuleBook(described, names, tuple(rules), references, reader.collector.diagnostics)
+    same = described.same if isinstance(described, ExamDocument) else {}
+    return RuleBook(described, names, tuple(rules), references, same, reader.collector.diagnostics)
 
 
 @dataclass(frozen=True)
@@ -118,9 +128,10 @@ class _RuleReader:
                 kind = "learner"
                 members_known = learners
             self.check_members(members, members_known, kind, ("groups", name))
-        for name, other in described.same.items():
-            self.check_members([other], tasks, "task", ("same", name))
-        if isinstance(described, FindingsDocument):
+        if isinstance(described, ExamDocument):
+            for name, other in described.same.items():
+                self.check_members([other], tasks, "task", ("same", name))
+        else:
             for name, members in described.unable.items():
                 self.check_members([name], learners, "learner", ("unable",))
                 self.check_members(members, tasks, "task", ("unable", name))

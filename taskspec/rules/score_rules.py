@@ -334,8 +334,8 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
 
     def _slack(self, op: str, exprs: Sequence[s.Expr]) -> float:
         """Return what is added to the difference of two sides; deviations between seeds are compared as they are."""
-        functions = {n.function for expr in exprs for n in s.names(expr) if isinstance(n, s.Call)}
-        if "sd" in functions:
+        calls = [n.function for expr in exprs for n in s.names(expr) if isinstance(n, s.Call)]
+        if any(NUMBERS[name].statistic == "sd" for name in calls if name in NUMBERS):
             return 0.0
         return {">": self.slack, ">=": self.slack, "<": -self.slack, "<=": -self.slack}.get(op, 0.0)
 

@@ -15,7 +15,7 @@ import yaml
 
 from taskspec import registry
 from taskspec.base.diagnostics import SpecError
-from taskspec.exam.findings import evaluate, html, markdown
+from taskspec.exam.findings import diagnose, evaluate, html, markdown
 from taskspec.exam.results import LIMIT
 from taskspec.rules.rule_books import read_findings
 from taskspec.task.schema.experiments import FindingsDocument, document_schema
@@ -129,6 +129,23 @@ def test_results_of_copies_count_and_scores_are_cut_and_drawn() -> None:
     assert [each.value for each in found.truths["s"].evidence] == [-1.0, -1.0]
 
 
+def test_one_of_several_comparisons_needs_a_wider_interval() -> None:
+    near = (
+        [0.632] * 7 + [0.8] + [0.968] * 7
+    )  # 0.9 is 2.3 standard errors above the mean: between 2.14 (95 %) and 2.51 (97.5 %)
+    alone = {"gail_im": exam({"EarlyTermPos": near}, learner="gail_im")}
+    both = alone | {"gail_sb": exam({"EarlyTermPos": 1.0}, learner="gail_sb")}
+    found = [{each.name: each for each in evaluate("derail", {"s": x}).results}["F02"] for x in (alone, both)]
+    assert [(each.outcome("s"), each.comparisons["s"]) for each in found] == [("refuted", 1), ("undecided", 2)]
+
+
+def test_diagnoses_hold_on_the_forms_of_seals() -> None:
+    printed = exam({"EarlyTermPos": 1.0, "EarlyTermNeg": -1.0})
+    names = [each["name"] for each in diagnose(printed, "derail")]
+    seals = json.loads(re.sub(r"(EarlyTerm\w{3})", r"\1Seals", json.dumps(printed)))
+    assert "survival_pays" in names and [each["name"] for each in diagnose(seals, "derail")] == names
+
+
 def test_a_finding_says_which_thresholds_and_actions_it_is_sensitive_to() -> None:
     near = exam({"EarlyTermNeg": 0.85}, learner="gail_fu")
     (found,) = [each for each in evaluate("derail", {"s": {"gail_fu": near}}).results if each.name == "F03"]
@@ -238,7 +255,6 @@ def test_the_file_is_checked_and_its_schema_takes_it(tmp_path: Path) -> None:
         ("for l in demonstrated)", "for l in demonstrates)", "E302", "did you mean 'demonstrated'?"),
         ("compared: [drlhp_sa, drlhp_so]", "compared: [drlhp_sa, drlhp_os]", "E302", "did you mean 'drlhp_so'?"),
         ("  gail_fu: [Sort]", "  gail_fu: [Sorts]", "E302", "did you mean 'Sort'?"),
-        ("SortSeals: Sort", "SortSeals: Sor", "E302", "did you mean 'Sort'?"),
     ],
 )
 def test_bad_names_are_told_at_their_place(old: str, new: str, code: str, hint: str | None, tmp_path: Path) -> None:

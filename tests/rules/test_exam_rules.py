@@ -327,6 +327,7 @@ def test_a_bad_rule_is_told_at_its_place(when: str, code: str, column: int, hint
         ("exam: 1", "exam: 2", "E207", "1:7"),
         ("exam: 1\n", "exam: 1\ntasks: [Sorted]\n", "E302", "2:9"),
         ("exam: 1\n", "exam: 1\ngroups: {easy: [Sort, Pong]}\n", "E302", "2:23"),
+        ("exam: 1\n", "exam: 1\nsame: {Sorted: Sor}\n", "E302", "2:16"),
         ("    try: t\n", "    try: t\n    unless: [f]\n", "E302", "7:14"),
     ],
 )

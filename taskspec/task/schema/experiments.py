@@ -240,7 +240,9 @@ class ExamDocument(Strict):
     tasks: list[str] = listed(_TASKS)
     steps: int | None = optional("Environment steps of each training run; 500,000 unless given.", ge=1)
     groups: dict[Name, list[str]] = named("Names for several tasks, for `all(... for t in group)`.")
-    same: dict[str, str] = named("Tasks whose results count as those of another, where that was not run.")
+    same: dict[str, str] = named(
+        "Tasks whose results count as those of another, where that was not run; for findings, too."
+    )
     evaluate: Evaluation | None = optional("A longer horizon, on which policies are scored as well.")
     diagnoses: dict[Name, DiagnosisEntry] = named("Rules over the scores of one learner, by name.")
 
@@ -264,7 +266,6 @@ class FindingsDocument(Strict):
     tasks: list[str] = listed(_TASKS)
     learners: dict[Name, str] = Field(description="The learners, by the names that conditions use, with what they are.")
     groups: dict[Name, list[str]] = named("Names for several learners, or for several tasks.")
-    same: dict[str, str] = named("Tasks whose results count as those of another, where that was not run.")
     instances: dict[Name, str] = named("Names for tasks at other values of their parameters: `NoisyObs?L=50&M=7`.")
     floor: float | None = optional("Scores below it count as it.")
     drawn: bool = Field(
