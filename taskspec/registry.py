@@ -10,7 +10,7 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from taskspec.base import ids
 from taskspec.base.diagnostics import spec_error, suggest
@@ -145,6 +145,14 @@ def load(
     from taskspec.modifiers import modify
 
     return modify(found, *wanted)
+
+
+def role(task: Task, who: Literal["expert", "learner"]) -> Task:
+    """Return the task in the variant in which somebody acts; the task itself where its spec tells no roles apart."""
+    key = task.roles.get(who)
+    if key is None or key == task.source.variant:
+        return task
+    return load(task, key, **{p.name: p.value for p in task.parameters if p.value != p.default})
 
 
 def listed(modifiers: Any) -> tuple[Written, ...]:

@@ -38,7 +38,8 @@ def filled(page: Path, parts: Mapping[str, str]) -> str:
     text = page.read_text(encoding="utf-8")
     for name, part in parts.items():
         place = re.compile(rf"(<!-- {name} -->(\n?)).*?(\n?<!-- /{name} -->)", re.DOTALL)
-        text, count = place.subn(lambda found, part=part: f"{found[1]}{part}{found[3]}", text)
-        if count != 1:
+        places = list(place.finditer(text))
+        if len(places) != 1:
             raise ValueError(f"{page.name} needs one part {name}")
+        text = text[: places[0].end(1)] + part + text[places[0].start(3) :]
     return text

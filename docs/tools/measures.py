@@ -1,4 +1,4 @@
-"""Draw `docs/measures.svg`: measures of difficulty beside the steps that Q-learning needs: `python -m docs.tools.measures`.
+"""Draw `docs/measures.svg`: measures of difficulty beside the steps that learners need: `python -m docs.tools.measures`.
 
 Results are kept in `build/measures`; a run that was stopped goes on from there.
 """
@@ -16,34 +16,39 @@ from scipy import stats
 from docs.tools.markdown import filled
 from taskspec.base.display import fixed
 from taskspec.exam.case import Case, ExamTerms
-from taskspec.exam.trial import key_of
+from taskspec.exam.curves import steps_to
+from taskspec.exam.trial import Trial, key_of, run_trial
 from taskspec.experiments.instances import Instance
 from taskspec.experiments.races import family_of, rounds
 from taskspec.experiments.references import GAMMA, STEP_SIZE, ObservationTable
 from taskspec.figures import chart
-from taskspec.figures.chart import Axes, Scale
-from taskspec.figures.shapes import Item, Line, Scene
+from taskspec.figures.chart import Axes, Scale, Shape
+from taskspec.figures.shapes import Item, Line, Paint, Scene
 from taskspec.figures.vector_formats import svg
 from taskspec.jobs.running import Running, run
 from taskspec.jobs.store import Job, Store
+from taskspec.learners.learner import learner
 from taskspec.policies.values import observed_value
 from taskspec.scores.difficulty import MEASURES, difficulty
-from taskspec.scores.returns import Results
+from taskspec.scores.returns import Results, normalised
 
 DOCS = Path(__file__).parents[1]
 FAMILIES = ("tables", "chains", "trees", "grids", "delays")
 EACH = 40
 """Tasks of each family."""
 SEEDS = 3
-STEPS = 5_000
+STEPS = {"Q-learning": 5_000, "PPO": 20_000}
 EVERY = 100
-"""Steps between looks at the greedy policy."""
+"""Steps between looks at the greedy policy of Q-learning."""
+LOOKS = 78
+"""Looks at the policy of PPO, one after every second round of 128 steps."""
 SOLVED = 0.9
 SHOWN = [name for name in MEASURES if name not in ("hidden_bits",)]
+MARKS: dict[str, tuple[Shape, Paint]] = {"Q-learning": ("circle", chart.BLUE), "PPO": ("square", chart.VERMILION)}
 
 
 def measured(instance: Instance) -> dict[str, float | None]:
-    """Return the measures of a task, and the median number of steps after which Q-learning solves it.
+    """Return the measures of a task, and the median numbers of steps after which Q-learning and PPO solve it.
 
     Nothing is returned for a task on which random actions are as good as any.
     """
@@ -51,30 +56,47 @@ def measured(instance: Instance) -> dict[str, float | None]:
     if results.random is None or results.optimal is None or results.optimal.value - results.random.value < 1e-6:
         return {}
     found = dict(difficulty(results, SHOWN))
-    needed = [steps_to_solve(results, seed) for seed in range(SEEDS)]
-    return {**found, "steps": float(np.median(needed))}
+    return {**found, "Q-learning": float(np.median(q_learning(results))), "PPO": float(np.median(ppo(results)))}
 
 
-def steps_to_solve(results: Results, seed: int) -> float:
-    """Return the steps after which the greedy policy of Q-learning has a score of 0.9; infinite where it never has."""
-    random = results.random
-    best = results.optimal
-    assert random is not None and best is not None
-    case = Case(results.task, (seed,), ExamTerms(STEPS, ("reward",)))
+def score(results: Results, value: float) -> float:
+    assert results.random is not None and results.optimal is not None
+    return normalised(value, results.random.value, results.optimal.value)
+
+
+def q_learning(results: Results) -> list[float]:
+    """Return the steps of each seed after which the greedy policy has a score of 0.9; infinite where it never has."""
+    return [_q_learning(results, seed) for seed in range(SEEDS)]
+
+
+def _q_learning(results: Results, seed: int) -> float:
+    case = Case(results.task, (seed,), ExamTerms(STEPS["Q-learning"], ("reward",)))
     Q = ObservationTable(case)
     env = case.env()
-    obs, _ = env.reset()
-    for step in range(STEPS):
-        if step % EVERY == 0:
-            value = observed_value(results, Q, seed).deterministic.value
-            if value - random.value >= SOLVED * (best.value - random.value):
-                return step
-        a = Q.explored(obs)
-        after, reward, terminated, truncated, _ = env.step(Q.first + a)
+    obs, info = env.reset()
+    for step in range(case.steps):
+        if step % EVERY == 0 and score(results, observed_value(results, Q, seed).deterministic.value) >= SOLVED:
+            return step
+        a = Q.explored(obs, info)
+        after, reward, terminated, truncated, info = env.step(Q.first + a)
         V = 0.0 if terminated else Q[after].max()
         Q[obs][a] += STEP_SIZE * (reward + GAMMA * V - Q[obs][a])
-        obs = env.reset()[0] if terminated or truncated else after
+        obs = after
+        if terminated or truncated:
+            obs, info = env.reset()
     return math.inf
+
+
+def ppo(results: Results) -> list[float]:
+    """Return the steps of each seed after which the best actions of PPO have a score of 0.9; infinite where they never have."""
+    from taskspec.learners.deep import world
+
+    world.CHUNKS = LOOKS  # a finer learning curve than exams need
+    terms = ExamTerms(STEPS["PPO"], ("reward",))
+    rows = run_trial(Trial(results.task, False, "ppo", "", terms, tuple(range(SEEDS)), 1000, ""), learner("ppo"))
+    curves = [[(steps, score(results, value)) for steps, value in row["curve"]] for row in rows]
+    needed = [steps_to(curve, SOLVED) for curve in curves]
+    return [math.inf if steps is None else steps for steps in needed]
 
 
 def rows() -> list[dict[str, float | None]]:
@@ -82,7 +104,7 @@ def rows() -> list[dict[str, float | None]]:
     jobs = []
     for family in FAMILIES:
         for instance in next(rounds(family_of(f"families/{family}"), 0))[:EACH]:
-            key = key_of("measures", instance.id, instance.content_hash, SHOWN, SEEDS, STEPS)
+            key = key_of("measures", instance.id, instance.content_hash, SHOWN, SEEDS, STEPS, LOOKS)
             jobs.append(Job(key, instance.id, "docs.tools.measures:measured", (instance,)))
     with Store(Path("build/measures/results.sqlite")) as store:
         found = run(jobs, store, Running(seconds=600), "measures")
@@ -99,10 +121,10 @@ class Correlation(NamedTuple):
     tasks: int
 
 
-def correlations(found: Sequence[dict[str, float | None]]) -> Iterator[Correlation]:
+def correlations(found: Sequence[dict[str, float | None]], learner: str) -> Iterator[Correlation]:
     """Yield Spearman's correlations, with the intervals of Bonett and Wright (2000)."""
     for name in SHOWN:
-        pairs = [(row[name], row["steps"]) for row in found if row[name] is not None]
+        pairs = [(row[name], row[learner]) for row in found if row[name] is not None]
         if len({value for value, _ in pairs}) < 2:
             continue
         value = float(stats.spearmanr(*zip(*pairs, strict=True)).statistic)
@@ -112,30 +134,42 @@ def correlations(found: Sequence[dict[str, float | None]]) -> Iterator[Correlati
         )
 
 
-def picture(found: Sequence[Correlation]) -> Scene:
-    """Draw correlations as marks with their intervals, one row for each measure."""
-    ends = Scale(
-        -1, 1, tuple((x, f"{x:g}") for x in (-1, -0.5, 0, 0.5, 1)), "rank correlation with the steps of Q-learning"
+def picture(found: dict[str, dict[str, Correlation]]) -> Scene:
+    """Draw correlations as marks with their intervals, one row for each measure.
+
+    Args:
+        found: by learner and measure.
+    """
+    first, second = found.values()
+    names = sorted(first, key=lambda name: -first[name].value - second[name].value)
+    ticks = tuple(
+        (len(names) - 1 - i, f"{n}  {fixed(first[n].value, 2)}  {fixed(second[n].value, 2)}")
+        for i, n in enumerate(names)
     )
-    ticks = tuple((len(found) - 1 - i, f"{c.name}  {fixed(c.value, 2)}") for i, c in enumerate(found))
-    names = Scale(-0.5, len(found) - 0.5, ticks)
-    plot = Axes(0.0, 0.0, 8.0, 0.5 * len(found), ends, names)
+    values = tuple((x, f"{x:g}") for x in (-1, -0.5, 0, 0.5, 1))
+    across = Scale(-1, 1, values, "rank correlation with the steps of a learner")
+    plot = Axes(0.0, 0.0, 8.0, 0.6 * len(names), across, Scale(-0.5, len(names) - 0.5, ticks))
     items: list[Item] = [*chart.frame(plot), chart.upright(plot, 0)]
-    for i, each in enumerate(found):
-        y = len(found) - 1 - i
-        items.append(Line((plot.at(each.low, y), plot.at(each.high, y)), color=chart.BLUE))
-        items.append(chart.mark(plot.at(each.value, y), "circle", chart.BLUE, filled=True))
-    return chart.chart(items, "Rank correlations of measures of difficulty with the steps that Q-learning needs")
+    for offset, (who, by_measure) in zip((0.15, -0.15), found.items(), strict=True):
+        shape, color = MARKS[who]
+        for i, name in enumerate(names):
+            each = by_measure[name]
+            y = len(names) - 1 - i + offset
+            items.append(Line((plot.at(each.low, y), plot.at(each.high, y)), color=color))
+            items.append(chart.mark(plot.at(each.value, y), shape, color, filled=True))
+    entries = [chart.LegendEntry(who, color, shape=shape, filled=True) for who, (shape, color) in MARKS.items()]
+    items += chart.legend(entries, plot.left, plot.bottom + 1.3, plot.width)
+    return chart.chart(items, "Rank correlations of measures of difficulty with the steps that Q-learning and PPO need")
 
 
 def main() -> None:
-    """Draw the figure, and write the number of tasks that were solved."""
+    """Draw the figure, and write the numbers of tasks that were solved."""
     found = rows()
-    ordered = sorted(correlations(found), key=lambda each: -each.value)
-    (DOCS / "measures.svg").write_text(svg(picture(ordered)) + "\n", encoding="utf-8")
-    solved = sum(row["steps"] != math.inf for row in found)
+    by_learner = {who: {each.name: each for each in correlations(found, who)} for who in STEPS}
+    (DOCS / "measures.svg").write_text(svg(picture(by_learner)) + "\n", encoding="utf-8")
+    solved = {who: f"{sum(row[who] != math.inf for row in found)}" for who in STEPS}
     page = DOCS / "difficulty.md"
-    page.write_text(filled(page, {"solved": f"{solved} of {len(found)}"}), encoding="utf-8")
+    page.write_text(filled(page, {**solved, "compared": f"{len(found)}"}), encoding="utf-8")
 
 
 if __name__ == "__main__":

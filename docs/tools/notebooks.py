@@ -20,7 +20,7 @@ def executed(path: Path) -> Any:
     import nbformat
     from nbclient import NotebookClient
 
-    book = nbformat.read(path, as_version=4)
+    book = nbformat.read(path, as_version=4)  # type: ignore[no-untyped-call]
     with tempfile.TemporaryDirectory() as outer:
         folder = Path(outer) / "mine"
         folder.mkdir()
@@ -65,7 +65,7 @@ def main() -> None:
     import nbformat
 
     for path in sorted(FOLDER.glob("*.ipynb")):
-        nbformat.write(executed(path), path)
+        nbformat.write(executed(path), path)  # type: ignore[no-untyped-call]
 
 
 if __name__ == "__main__":

@@ -85,7 +85,7 @@ def _keeps(entry: ModifierEntry) -> str:
     """Return what a modifier keeps, and under which conditions."""
     if entry.keeps == "nothing":
         return ""
-    text = entry.keeps
+    text: str = entry.keeps
     if entry.condition:
         text += f", where {entry.condition}"
     if entry.observed is not never:

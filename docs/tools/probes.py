@@ -8,8 +8,8 @@ import numpy as np
 
 from docs.tools.markdown import entries, filled, table
 from taskspec.base.diagnostics import SpecError
+from taskspec.exam.asked_tasks import tasks_of
 from taskspec.exam.dynamics import dynamics_of
-from taskspec.exam.examining import tasks_of
 from taskspec.exam.fingerprints import fingerprint, greedy_ways
 from taskspec.exam.operators import GOOD, OPERATORS
 from taskspec.policies.policy import greedy
@@ -35,7 +35,7 @@ def probes() -> str:
     missed -= set(GOOD)
     for task, found in exposures.items():
         own = {name: gamma for name, gamma in found.items() if name not in common}
-        rows.append((task.name, task.capability, _listed(own)))
+        rows.append((task.name, task.capability or "", _listed(own)))
         missed -= set(found)
     parts = {
         "probes": table(("probe", "capability", "fails for learners with the mistake"), rows),
@@ -70,7 +70,7 @@ def scores(task: Task, gamma: float) -> dict[str, float]:
     """Return the score of the greedy policy of each operator's fixed point; nothing where observations hide the state."""
     try:
         dynamics = dynamics_of(task, gamma)
-        fingerprint(task, q=lambda seen: np.zeros((len(seen), task.action_space.n)), discount=gamma)
+        fingerprint(task, q=lambda seen: np.zeros((len(seen), task.action_layout.counts[0])), discount=gamma)
     except SpecError:
         return {}
     results = Results(task, 1)

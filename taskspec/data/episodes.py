@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import count, islice
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from taskspec.envs.options import positive, seed_of
 from taskspec.model.model import misused
 from taskspec.policies.adapters import policy_of
 from taskspec.policies.policy import EpisodeBatch, SeededDraws, TaskPolicy
-from taskspec.registry import load
+from taskspec.registry import load, role
 from taskspec.task.parts import by_name
 from taskspec.task.task import Task, TaskLike
 
@@ -326,14 +326,6 @@ def demonstrations(
     data = recorded(found, policy, episodes, transitions, seed, positive("jobs", jobs))
     told = described(found, "demonstrations", acting, seed) | {"episodes": len(data.starts), "transitions": len(data)}
     return Demonstrations(**columns(data), metadata=told, task=found)
-
-
-def role(task: Task, who: Literal["expert", "learner"]) -> Task:
-    """Return the task in the variant in which somebody acts; the task itself where its spec tells no roles apart."""
-    key = task.roles.get(who)
-    if key is None or key == task.source.variant:
-        return task
-    return load(task, key, **{p.name: p.value for p in task.parameters if p.value != p.default})
 
 
 def described(task: Task, kind: str, acting: TaskPolicy, seed: int) -> dict[str, Any]:

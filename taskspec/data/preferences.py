@@ -13,12 +13,12 @@ import numpy as np
 from taskspec import draws
 from taskspec.base.arrays import Array
 from taskspec.base.extras import need
-from taskspec.data.episodes import EXTRA, Trajectory, Transitions, columns, described, recorded, role
+from taskspec.data.episodes import EXTRA, Trajectory, Transitions, columns, described, recorded
 from taskspec.envs.options import positive, seed_of
 from taskspec.model.model import misused, refuse
 from taskspec.policies.adapters import policy_of
 from taskspec.policies.policy import parsed, unknown
-from taskspec.registry import load
+from taskspec.registry import load, role
 from taskspec.scores.returns import Results
 from taskspec.task.task import Task, TaskLike
 

@@ -13,7 +13,7 @@ from taskspec.base.display import html_table
 from taskspec.base.limits import tell
 from taskspec.base.records import entries_by_name
 from taskspec.model.model import Model, misused, refuse
-from taskspec.scores import measures
+from taskspec.scores import baselines, lookahead, measures
 from taskspec.scores.partial_observability import hidden_bits
 from taskspec.scores.returns import Results
 from taskspec.solve.backward import Boltzmann
@@ -91,11 +91,30 @@ def _episodes_to_reward(results: Results) -> float:
     return 1 / chance
 
 
+def _best_constant(results: Results) -> float:
+    if results.abstraction is not None and results.abstraction.stand_in.action_layout != results.task.action_layout:
+        refuse("the abstraction has other actions")
+    return baselines.score_of(results, baselines.best_constant(_model(results)))
+
+
+def _best_state_reward(results: Results) -> float:
+    if results.abstraction is not None:
+        refuse("the abstraction has other states")
+    return baselines.score_of(results, baselines.best_state_reward(_model(results)))
+
+
 LAIDLAW = (
     "C. Laidlaw, S. Russell and A. Dragan, “Bridging RL Theory and Practice with the Effective Horizon” (NeurIPS 2023)"
 )
 MAILLARD = (
     "O.-A. Maillard, T. Mann and S. Mannor, “How Hard Is My MDP? The Distribution-Norm to the Rescue” (NeurIPS 2014)"
+)
+SIMCHOWITZ = (
+    "M. Simchowitz and K. Jamieson, “Non-Asymptotic Gap-Dependent Regret Bounds for Tabular MDPs” (NeurIPS 2019)"
+)
+SKALSE = (
+    "J. Skalse, L. Farnik, S. Motwani, E. Jenner, A. Gleave and A. Abate, “STARC: A General Framework For Quantifying "
+    "Differences Between Reward Functions” (ICLR 2024)"
 )
 ZIEBART = "B. Ziebart, “Modeling Purposeful Adaptive Behavior with the Principle of Maximum Causal Entropy” (2010)"
 SHANNON = "C. Shannon, “A Mathematical Theory of Communication” (1948)"
@@ -145,22 +164,47 @@ _MEASURES = [
         "0 where observations identify the state.",
         r"H(S) - I(S; O)", SHANNON, _hidden_bits),
     Measure(
+        "smallest_gap", "",
+        "The smallest difference between the optimal value and the action value of an action that is not optimal, over the "
+        "states and times at which episodes act.",
+        r"\Delta_{\min} = \min \{\Delta_t(s, a) > 0\}, \; \Delta_t(s, a) = V^*_t(s) - Q^*_t(s, a)", SIMCHOWITZ,
+        _on_model(lambda model: float(lookahead.action_gaps(model).min()))),
+    Measure(
+        "inverse_gaps", "",
+        "The sum of the inverses of these differences, to which the steps of a learner that explores well are in proportion.",
+        r"\sum_{t, s, a : \Delta_t(s, a) > 0} 1 / \Delta_t(s, a)", SIMCHOWITZ,
+        _on_model(lambda model: float((1 / lookahead.action_gaps(model)).sum()))),
+    Measure(
+        "best_constant", "score",
+        "The score of the best policy that always takes the same action, where random actions have 0 and optimal ones 1.",
+        r"\max_a \, (J(a) - J(\text{random})) / (J(\pi^*) - J(\text{random}))", "", _best_constant),
+    Measure(
+        "best_state_reward", "score",
+        "The same score of the optimal policy for that reward of the next state alone whose advantages for random actions are "
+        "nearest to the true ones.",
+        r"\operatorname{argmin}_g \sum_{t, s, a} (A^{\text{random}}_g - A^{\text{random}}_r)^2", SKALSE, _best_state_reward),
+    Measure(
+        "coverage", "probability",
+        "How much the states that the expert (or else the optimal policy) acts in overlap with those that random actions act in, "
+        "each in the variant of its role.",
+        r"\textstyle\sum_s \min(d_{\text{expert}}(s), d_{\text{random}}(s))", "", baselines.coverage),
+    Measure(
         "lookahead", "steps",
         "The least k such that acting greedily on the action values of random actions, after k - 1 Bellman backups, is optimal.",
         r"\min \{k : \operatorname{greedy}(Q^k) \subseteq \Pi^*\}, \; Q^1 = Q^{\text{random}}, \; Q^{k+1} = \mathcal{T} Q^k",
-        LAIDLAW, _on_model(measures.least_lookahead)),
+        LAIDLAW, _on_model(lookahead.least_lookahead)),
     Measure(
         "value_norm", "",
         "The largest standard deviation of the optimal value of the next state (0 after an end), over states, actions and times: "
         "how much chance matters.",
         r"\max_{t, s, a} \sqrt{\operatorname{Var}_{s' \sim P(\cdot \mid s, a)} V^*_{t+1}(s')}", MAILLARD,
-        _on_model(measures.value_norm)),
+        _on_model(lookahead.value_norm)),
     Measure(
         "effective_horizon", "steps",
         "The least k + log_A m for which greedy over random policy, which judges every sequence of k actions by m random "
         "episodes, is optimal with probability 1/2, in a deterministic task.",
         r"\min \{k + \log_{\lvert A \rvert} m : P(\text{GORP}(k, m) \text{ is optimal}) \geq \tfrac12\}",
-        LAIDLAW, _on_model(measures.effective_horizon)),
+        LAIDLAW, _on_model(lookahead.effective_horizon)),
 ]  # fmt: skip
 MEASURES: dict[str, Measure] = entries_by_name(_MEASURES)
 """Every measure by name."""

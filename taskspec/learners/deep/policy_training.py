@@ -11,7 +11,6 @@ import numpy as np
 import optax
 
 from taskspec.base.arrays import AnyArray
-from taskspec.data.episodes import role
 from taskspec.learners.deep.nets import forward, gradient_step
 from taskspec.learners.deep.ppo import ActorCritic, PolicyNet, PpoUpdate, init_actor, sampler
 from taskspec.learners.deep.trpo import TrpoUpdate
@@ -20,6 +19,7 @@ from taskspec.learners.interface import LearnerCase, NetPolicy
 from taskspec.learners.table import Cloning, Experience, Ppo, Trpo
 from taskspec.model.model import misused
 from taskspec.modifiers import modify
+from taskspec.registry import role
 from taskspec.task.task import Task
 
 Update = PpoUpdate | TrpoUpdate
