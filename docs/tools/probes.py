@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from taskspec.exam.fingerprints import fingerprint, greedy_ways
 from taskspec.exam.operators import GOOD, OPERATORS
 from taskspec.policies.policy import greedy
 from taskspec.rules.rule_books import EXAM, file_of, read_exam
+from taskspec.scores.difficulty import difficulty
 from taskspec.scores.returns import Results
 from taskspec.task.schema.experiments import DiagnosisEntry
 from taskspec.task.task import Task
@@ -35,15 +37,23 @@ def probes() -> str:
     missed -= set(GOOD)
     for task, found in exposures.items():
         own = {name: gamma for name, gamma in found.items() if name not in common}
-        rows.append((task.name, task.capability or "", _listed(own)))
+        rows.append((task.name, task.capability or "", *_difficulty(task), _listed(own)))
         missed -= set(found)
     parts = {
-        "probes": table(("probe", "capability", "fails for learners with the mistake"), rows),
+        "probes": table(
+            ("probe", "capability", "lookahead", "value norm", "fails for learners with the mistake"), rows
+        ),
         "common": ", ".join(common),
         "missed": ", ".join(name for name in OPERATORS if name in missed),
         "diagnoses": _diagnoses(),
     }
     return filled(PAGE, parts)
+
+
+def _difficulty(task: Task) -> Iterator[str]:
+    """Yield how far one has to look ahead, and how much chance matters; nothing where that is not known."""
+    for value in difficulty(task, ["lookahead", "value_norm"]).values():
+        yield "" if value is None else f"{value:.3g}"
 
 
 def _diagnoses() -> str:
