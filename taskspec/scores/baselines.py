@@ -26,11 +26,13 @@ SOLVE_RATE = 3e9
 
 def score_of(results: Results, value: float) -> float:
     """Return a return on the scale where random actions have 0 and the optimal policy has 1."""
-    if results.optimal is None or results.random is None:
+    optimal = results.enclosure("optimal")
+    random = results.enclosure("random")
+    if optimal is None or random is None:
         refuse(results.unsettled or "the optimal or the random return is not known")
-    if results.optimal.value == results.random.value:
+    if optimal.value == random.value:
         refuse("random actions are optimal")
-    return normalised(value, results.random.value, results.optimal.value, floor=None)
+    return normalised(value, random.value, optimal.value, floor=None)
 
 
 def best_constant(model: Model) -> float:
@@ -121,26 +123,27 @@ def coverage(results: Results) -> float:
     Where a spec has roles, the expert acts in its variant and random actions in the learner's. Without an expert the optimal
     policy is taken.
     """
-    expert, acts = _in_role(results, "expert")
-    learner, _ = _in_role(results, "learner")
+    shows = _in_role(results, "expert")
+    expert = shows.known_model
+    learner = _in_role(results, "learner").known_model
     if expert.states.components != learner.states.components:
         misused("expert and learner have different states")
-    shown = _shares(expert, acts or optimal_plan(expert))
+    if shows.task.annotations.expert is not None and shows.expert_plan is None:
+        refuse("the actions of the expert are not known for each state")
+    shown = _shares(expert, shows.expert_plan or optimal_plan(expert))
     visited = _shares(learner, uniform_plan(learner))
     both = expert.codes[holds(expert.codes, learner.codes)]
-    overlap = np.minimum(shown[np.searchsorted(expert.codes, both)], visited[np.searchsorted(learner.codes, both)])
-    return float(overlap.sum())
+    of_expert = shown[np.searchsorted(expert.codes, both)]
+    of_learner = visited[np.searchsorted(learner.codes, both)]
+    return float(np.minimum(of_expert, of_learner).sum())
 
 
-def _in_role(results: Results, who: Literal["expert", "learner"]) -> tuple[Model, Plan | None]:
-    """Return the model of the variant in which somebody acts, and the plan of its expert."""
+def _in_role(results: Results, who: Literal["expert", "learner"]) -> Results:
+    """Return the results of the variant in which somebody acts."""
     task = role(results.task, who)
-    own = results if task is results.task else Results(task, limit=results.limit)
-    if own.model is None:
-        refuse(own.why_not or "there is no exact model", own.remedy)
-    if who == "expert" and task.annotations.expert is not None and own.expert_plan is None:
-        refuse("the actions of the expert are not known for each state")
-    return own.model, own.expert_plan
+    if task is results.task:
+        return results
+    return Results(task, limit=results.limit)
 
 
 def _shares(model: Model, plan: Plan) -> Array:

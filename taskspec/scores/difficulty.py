@@ -43,15 +43,8 @@ class Measure:
     of: Callable[[Results], float]
 
 
-def _model(results: Results) -> Model:
-    """Return the exact model; raise E712 if there is none."""
-    if results.model is None:
-        refuse(results.why_not or "there is no exact model", results.remedy)
-    return results.model
-
-
 def _on_model(function: Callable[[Model], float]) -> Callable[[Results], float]:
-    return lambda results: function(_model(results))
+    return lambda results: function(results.known_model)
 
 
 def _branching(model: Model) -> float:
@@ -69,23 +62,16 @@ def _hidden_bits(results: Results) -> float:
         return 0.0
     if results.abstraction is not None:
         refuse("the abstraction does not say what is observed")
-    return hidden_bits(_model(results))
+    return hidden_bits(results.known_model)
 
 
 def _soft_gap(results: Results) -> float:
-    _model(results)
-    optimal = results.enclosure("optimal")
-    random = results.enclosure("random")
-    if optimal is None or random is None:
-        refuse(results.unsettled or "the optimal or the random return is not known")
-    if optimal.value == random.value:
-        refuse("random actions are optimal")
     soft = results.solvers.of(Boltzmann(1.0)).value(Boltzmann(1.0)).value
-    return (optimal.value - soft) / (optimal.value - random.value)
+    return 1 - baselines.score_of(results, soft)
 
 
 def _episodes_to_reward(results: Results) -> float:
-    chance = measures.reward_chance(_model(results))
+    chance = measures.reward_chance(results.known_model)
     if chance == 0:
         refuse("random actions never get a reward")
     return 1 / chance
@@ -94,13 +80,13 @@ def _episodes_to_reward(results: Results) -> float:
 def _best_constant(results: Results) -> float:
     if results.abstraction is not None and results.abstraction.stand_in.action_layout != results.task.action_layout:
         refuse("the abstraction has other actions")
-    return baselines.score_of(results, baselines.best_constant(_model(results)))
+    return baselines.score_of(results, baselines.best_constant(results.known_model))
 
 
 def _best_state_reward(results: Results) -> float:
     if results.abstraction is not None:
         refuse("the abstraction has other states")
-    return baselines.score_of(results, baselines.best_state_reward(_model(results)))
+    return baselines.score_of(results, baselines.best_state_reward(results.known_model))
 
 
 LAIDLAW = (

@@ -58,9 +58,7 @@ def pomdp_bounds(results: Results) -> PomdpBounds | None:
 
 def best_observing(results: Results, which: str, as_written: bool = False) -> Enclosure:
     """Return the best return of policies that remember, or of memoryless ones (a key of `SEARCHES`)."""
-    model = results.model
-    if model is None:
-        refuse(results.why_not or "there is no exact model")
+    model = results.known_model
     if results.abstraction is not None:
         refuse("what is seen is not told of an abstraction")
     if model.horizon is None:

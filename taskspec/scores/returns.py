@@ -175,6 +175,13 @@ class Results(InNotebooks):
         return None
 
     @property
+    def known_model(self) -> Model:
+        """The exact model; raises E712 where there is none."""
+        if self.model is None:
+            refuse(self.why_not or "there is no exact model", self.remedy)
+        return self.model
+
+    @property
     def why_not(self) -> str | None:
         """The reason why there is no exact model, or why some return is unknown; None if there is none."""
         found = self._extracted
@@ -193,8 +200,7 @@ class Results(InNotebooks):
 
     @cached_property
     def solvers(self) -> Solvers:
-        assert self.model is not None
-        return Solvers(self.model)
+        return Solvers(self.known_model)
 
     @cached_property
     def remembering(self) -> Results:
