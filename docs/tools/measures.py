@@ -146,7 +146,7 @@ def picture(found: dict[str, dict[str, Correlation]]) -> Scene:
         (len(names) - 1 - i, f"{n}  {fixed(first[n].value, 2)}  {fixed(second[n].value, 2)}")
         for i, n in enumerate(names)
     )
-    values = tuple((x, f"{x:g}") for x in (-1, -0.5, 0, 0.5, 1))
+    values = tuple((x, fixed(x, 1)) for x in (-1, -0.5, 0, 0.5, 1))
     across = Scale(-1, 1, values, "rank correlation with the steps of a learner")
     plot = Axes(0.0, 0.0, 8.0, 0.6 * len(names), across, Scale(-0.5, len(names) - 0.5, ticks))
     items: list[Item] = [*chart.frame(plot), chart.upright(plot, 0)]
