@@ -13,7 +13,7 @@ from taskspec.base.display import html_table
 from taskspec.base.limits import tell
 from taskspec.base.records import entries_by_name
 from taskspec.model.model import Model, misused, refuse
-from taskspec.scores import baselines, lookahead, measures
+from taskspec.scores import lookahead, measures
 from taskspec.scores.partial_observability import hidden_bits
 from taskspec.scores.returns import Results
 from taskspec.solve.backward import Boltzmann
@@ -67,7 +67,7 @@ def _hidden_bits(results: Results) -> float:
 
 def _soft_gap(results: Results) -> float:
     soft = results.solvers.of(Boltzmann(1.0)).value(Boltzmann(1.0)).value
-    return 1 - baselines.score_of(results, soft)
+    return 1 - measures.score_of(results, soft)
 
 
 def _episodes_to_reward(results: Results) -> float:
@@ -80,13 +80,13 @@ def _episodes_to_reward(results: Results) -> float:
 def _best_constant(results: Results) -> float:
     if results.abstraction is not None and results.abstraction.stand_in.action_layout != results.task.action_layout:
         refuse("the abstraction has other actions")
-    return baselines.score_of(results, baselines.best_constant(results.known_model))
+    return measures.score_of(results, measures.best_constant(results.known_model))
 
 
 def _best_state_reward(results: Results) -> float:
     if results.abstraction is not None:
         refuse("the abstraction has other states")
-    return baselines.score_of(results, baselines.best_state_reward(results.known_model))
+    return measures.score_of(results, measures.best_state_reward(results.known_model))
 
 
 LAIDLAW = (
@@ -173,7 +173,7 @@ _MEASURES = [
         "coverage", "probability",
         "How much the states that the expert (or else the optimal policy) acts in overlap with those that random actions act in, "
         "each in the variant of its role.",
-        r"\textstyle\sum_s \min(d_{\text{expert}}(s), d_{\text{random}}(s))", "", baselines.coverage),
+        r"\textstyle\sum_s \min(d_{\text{expert}}(s), d_{\text{random}}(s))", "", measures.coverage),
     Measure(
         "lookahead", "steps",
         "The least k such that acting greedily on the action values of random actions, after k - 1 Bellman backups, is optimal.",

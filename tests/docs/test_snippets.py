@@ -161,10 +161,12 @@ def test_pictures_show_what_commands_print(update_golden: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    "folder", sorted(DOCS.glob("results/*/*/")), ids=lambda folder: f"{folder.parent.name}/{folder.name}"
+    "path",
+    sorted(DOCS.glob("results/**/exam.json.gz")),
+    ids=lambda path: path.parent.relative_to(DOCS / "results").as_posix(),
 )
-def test_results_have_the_diagnoses_of_the_present_rules(folder: Path) -> None:
-    exam = results.read(folder)
+def test_results_have_the_diagnoses_of_the_present_rules(path: Path) -> None:
+    exam = results.read(path.parent)
     assert [dict(each) for each in exam["diagnoses"]] == [dict(each) for each in findings.diagnose(exam, "derail")]
 
 

@@ -13,8 +13,7 @@ import pytest
 from taskspec import load
 from taskspec.model.extract import extract
 from taskspec.scores.difficulty import difficulty
-from taskspec.scores.gorp import Gorp
-from taskspec.scores.lookahead import _Lookahead
+from taskspec.scores.lookahead import Gorp, _Lookahead
 from tests.shared.written_out import TABLES, Table, best_from
 
 # -- what observations leave open ------------------------------------------------------------------------------------
