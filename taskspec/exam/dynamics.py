@@ -20,8 +20,7 @@ from taskspec.lang.types import Kind
 from taskspec.model.extract import extract
 from taskspec.model.model import Model, refuse
 from taskspec.modifiers.core import paying
-from taskspec.policies.policy import greedy
-from taskspec.solve.backward import action_values
+from taskspec.policies.policy import best_actions
 from taskspec.task.task import Task
 
 STEPS = 5000
@@ -57,7 +56,7 @@ class Dynamics:
 
     def following(self, V: Array) -> Array:
         """Return the expected value (A, S) of the next state, 0 where the episode ends."""
-        return action_values(self.P, np.zeros_like(self.R), 1.0, self.learned(V))
+        return self.expected(self.P, self.learned(V))
 
     def first(self, V: Array) -> float:
         """Return the expected value of the first state."""
@@ -77,7 +76,12 @@ class Dynamics:
         """Return the expected value (A, S) of the state in which the episode ends, 0 where it goes on."""
         if self.P_end is None:
             return np.zeros_like(self.R)
-        return action_values(self.P_end, np.zeros_like(self.R), 1.0, self.learned(V))
+        return self.expected(self.P_end, self.learned(V))
+
+    def expected(self, P: Any, V: Array) -> Array:
+        """Return the expectation (A, S) of V (S,) under probabilities (A * S, S)."""
+        found: Array = (P @ V).reshape(self.R.shape)
+        return found
 
     def visits(self, pi: Array) -> Array:
         """Return float64 (H, S): how often a policy (A, S) acts in each state at each time; without a horizon, one row."""
@@ -119,6 +123,12 @@ class Behaviour:
     def rates(self) -> Array:
         """The share (A, S) of all steps that each action takes in each state."""
         found: Array = self.pi * self.total / self.total.sum()
+        return found
+
+    @cached_property
+    def visited(self) -> Array:
+        """1 for actions (A, S) that are ever taken, else 0."""
+        found: Array = (self.rates > 0).astype(np.float64)
         return found
 
     @cached_property
@@ -173,7 +183,7 @@ class Behaviour:
         s = self.dynamics
         paid = (self.pi * s.R).sum(axis=0)
         first = s.first(paid)
-        following = action_values(s.P, np.zeros_like(s.R), 1.0, paid)
+        following = s.expected(s.P, paid)
         found: Array = (1 - self.last) * following + first * (1 - (1 - self.last) * s.going_on)
         return found
 
@@ -218,9 +228,21 @@ def dynamics_of(task: Task, gamma: float) -> Dynamics:
     return replace(found, acted=found.visits(uniform).sum(axis=0) > 0)
 
 
-def greedy_behaviour(Q: Array, exploration: float) -> Array:
-    """Return probabilities (A, S): greedy for Q (A, S), with a share of random actions."""
-    return (1 - exploration) * greedy(Q.T).T + exploration / len(Q)
+class EpsilonGreedy:
+    """Greedy actions for Q (A, S), with a share of random ones: probabilities (A, S)."""
+
+    def __init__(self, exploration: float) -> None:
+        self.exploration = exploration
+        self._known: dict[bytes, Array] = {}
+        """The probabilities by the best actions, which stay the same while Q-values change."""
+
+    def __call__(self, Q: Array) -> Array:
+        best = best_actions(Q.T)
+        key = best.tobytes()
+        if key not in self._known:
+            pi = best / best.sum(axis=-1, keepdims=True)
+            self._known[key] = (1 - self.exploration) * pi.T + self.exploration / len(Q)
+        return self._known[key]
 
 
 # -- rewards that a learner sees in place of the true ones ------------------------------------------------------------

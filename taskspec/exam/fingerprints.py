@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from taskspec.base.arrays import Array, parts_of
-from taskspec.exam.dynamics import Behaviour, Dynamics, dynamics_of, greedy_behaviour
+from taskspec.exam.dynamics import Behaviour, Dynamics, EpsilonGreedy, dynamics_of
 from taskspec.exam.operators import GOOD, OPERATORS, BellmanOperator
 from taskspec.model.model import Model, misused, refuse
 from taskspec.policies.adapters import ProbabilisticPolicy
@@ -95,20 +95,23 @@ def way(dynamics: Dynamics, operator: BellmanOperator, acts: Acts, is_critic: bo
     slowest = np.inf
     for number in range(STRIDES):
         pi = acts(Q)
-        behaviour = behaviours.setdefault(pi.tobytes(), Behaviour(dynamics, pi))
+        key = pi.tobytes()
+        if key not in behaviours:
+            behaviours[key] = Behaviour(dynamics, pi)
+        behaviour = behaviours[key]
         V = _reduced(dynamics, operator, Q, behaviour, is_critic)
         points.append(V if is_critic else Q)
         error = operator.targets(dynamics, behaviour, Q, V) - Q
-        rates = behaviour.rates
+        visited = behaviour.visited
+        rates = behaviour.rates if by_visits else visited
         if is_critic:
-            rates = rates.sum(axis=0)
-        if not by_visits:
-            rates = (rates > 0).astype(np.float64)
+            visited = visited.max(axis=0)
+            rates = rates.sum(axis=0) if by_visits else visited
         if stride is None:
             stride = FIRST_STRIDE / rates.max()
         Q = Q - np.expm1(-stride * rates) * error
         stride *= GROWTH
-        change = float(np.abs(error * (rates > 0)).max())
+        change = float(np.abs(error * visited).max())
         if change <= PRECISION * size:
             settles = True
             break
@@ -133,7 +136,7 @@ def _reduced(dynamics: Dynamics, operator: BellmanOperator, Q: Array, behaviour:
 def greedy_ways(task: Task, gamma: float, initial: float = 0.0) -> dict[str, list[Way]]:
     """Return the ways of learners that act greedily, with several shares of random actions, by operator."""
     dynamics = replace(dynamics_of(task, gamma), initial=initial)
-    acts = [partial(greedy_behaviour, exploration=exploration) for exploration in EXPLORATIONS]
+    acts = [EpsilonGreedy(exploration) for exploration in EXPLORATIONS]
     return _ways(dynamics, acts, is_critic=False)
 
 

@@ -153,10 +153,15 @@ def greedy(values: Array, legal: Array | None = None) -> Array:
     """Return the probabilities (..., A) of the greedy policy of values (..., A), uniform over tied actions that are `legal`."""
     if legal is not None:
         values = np.where(legal, values, -np.inf)
-    high = values.max(axis=-1, keepdims=True)
-    best = values >= high - TIE * np.maximum(np.abs(high), 1)
+    best = best_actions(values)
     found: Array = best / best.sum(axis=-1, keepdims=True)
     return found
+
+
+def best_actions(values: Array) -> Array:
+    """Return which actions, bool (..., A), have the largest of values (..., A), ties within rounding included."""
+    high = values.max(axis=-1, keepdims=True)
+    return np.asarray(values >= high - TIE * np.maximum(np.abs(high), 1))
 
 
 def observation_of(observations: Any, lane: int) -> Any:
