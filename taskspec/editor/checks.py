@@ -69,6 +69,7 @@ async def check(text: str, name: str, take: Callable[[dict[str, Any]], None]) ->
     finally:
         with suppress(ProcessLookupError):
             process.kill()
+        await process.wait()
 
 
 def results(text: str, name: str) -> Iterator[dict[str, Any]]:

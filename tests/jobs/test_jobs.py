@@ -143,6 +143,18 @@ def test_jax_computes_with_one_thread_in_each_process(tmp_path: Path, monkeypatc
         assert found["threads"].value == count
 
 
+@pytest.mark.parametrize(("given", "count"), [(None, "1"), ("2", "2")])
+def test_libraries_with_openmp_have_one_thread_in_each_process_unless_told_otherwise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: str | None, count: str
+) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    if given is not None:
+        monkeypatch.setenv("OMP_NUM_THREADS", given)
+    with Store(tmp_path / "results.sqlite") as store:
+        found = run([Job("seen", "seen", "tests.shared.jobs:variable", ("OMP_NUM_THREADS",))], store, Running(1))
+    assert found["seen"].value == count
+
+
 @pytest.mark.parametrize("wrong", [{"workers": 0}, {"workers": 2, "cluster": "tcp://x"}, {"seconds": 0.0}], ids=str)
 def test_numbers_that_cannot_be_are_a_message(tmp_path: Path, wrong: dict[str, Any]) -> None:
     with Store(tmp_path / "store") as store, pytest.raises(SpecError) as error:

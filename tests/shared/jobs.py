@@ -35,6 +35,10 @@ def threads() -> int:
     return sum("XLAEigen" in name for name in names)
 
 
+def variable(name: str) -> str:
+    return os.environ[name]
+
+
 def wrong(text: str) -> None:
     raise ValueError(text)
 
