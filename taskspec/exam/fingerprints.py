@@ -9,7 +9,7 @@ The operators are in `taskspec.exam.operators`, the symbols of this file in `tas
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -239,14 +239,17 @@ def named(distances: Mapping[str, float], good: Sequence[str] = GOOD) -> list[st
     return [best] if known[best] <= RIGHT else []
 
 
-def pooled(distances: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return the mean distance over tasks and seeds of each operator that all of them have."""
-    means = {}
-    for name in distances[0]:
-        found = [each[name] for each in distances if name in each]
-        if len(found) == len(distances):
-            means[name] = float(np.mean(found))
-    return means
+def pooled(by_task: Iterable[Sequence[Mapping[str, float]]]) -> dict[str, float]:
+    """Return the distance of each operator that all runs have: the mean over tasks of the median of the runs of a task.
+
+    A run that has not converged may be far from what is right, and nearer to some mistake: one of several decides nothing.
+    """
+    medians = []
+    for distances in by_task:
+        common = [name for name in distances[0] if all(name in each for each in distances)]
+        medians.append({name: float(np.median([each[name] for each in distances])) for name in common})
+    common = [name for name in medians[0] if all(name in each for each in medians)]
+    return {name: float(np.mean([each[name] for each in medians])) for name in common}
 
 
 def first_value(task: TaskLike, *, q: Any = None, values: Any = None, **_: Any) -> float | None:

@@ -153,9 +153,9 @@ class Explanation:
 
     Attributes:
         names: in `MISTAKES`; none if nothing known is near.
-        distance: the mean distance of the first of them.
-        right: the mean distance of what is right.
-        task: the one whose mean distance of what is right is largest.
+        distance: that of the first of them, the mean over tasks of the median of their runs.
+        right: that of what is right.
+        task: the one where that is largest.
     """
 
     kind: Kind
@@ -202,15 +202,14 @@ def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
         known = [score for score in scores if score.get(entry) and score["peek"] is None and _has_learned(score)]
         if not known:
             continue
-        distances: list[dict[str, float]] = [score[entry] for score in known]  # type: ignore[literal-required]
-        means = pooled(distances)
+        by_task: dict[str, list[dict[str, float]]] = {}
+        for score in known:
+            by_task.setdefault(score["task"], []).append(score[entry])  # type: ignore[literal-required]
+        means = pooled(by_task.values())
         names = named(means, good)
         if "constant" in names:
             names = ["constant"]  # others are constant, too, where they are as near
-        by_task: dict[str, list[float]] = {}
-        for score, each in zip(known, distances, strict=True):
-            by_task.setdefault(score["task"], []).append(each[good[0]])
-        task = max(by_task, key=lambda name: float(np.mean(by_task[name])))
+        task = max(by_task, key=lambda name: pooled([by_task[name]])[good[0]])
         first = (names or good)[0]
         yield Explanation(kind, tuple(names), means[first], means[good[0]], task)
 

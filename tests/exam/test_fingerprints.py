@@ -87,7 +87,7 @@ def target(
 
 
 def explained(tables: Sequence[tuple[str, np.ndarray]]) -> list[str]:
-    return named(pooled([fingerprint(task, q=table, discount=GAMMA) for task, table in tables]))
+    return named(pooled([[fingerprint(task, q=table, discount=GAMMA)] for task, table in tables]))
 
 
 SAMPLED = (
