@@ -202,10 +202,10 @@ def train_seeds(
         shared: arrays that all seeds read.
     """
 
-    def chunk(state: Any, keys: AnyArray, numbers: AnyArray, shared: Any) -> Any:
+    def chunk(state: Any, keys: AnyArray, first: AnyArray, end: AnyArray, shared: Any) -> Any:
         def one(state: Any, key: AnyArray) -> Any:
-            body = lambda s, n: (advance(s, jax.random.fold_in(key, n), shared), None)  # noqa: E731
-            return jax.lax.scan(body, state, numbers)[0]
+            body = lambda n, s: advance(s, jax.random.fold_in(key, n), shared)  # noqa: E731
+            return jax.lax.fori_loop(first, end, body, state)
 
         return jax.vmap(one)(state, keys)
 
@@ -216,10 +216,10 @@ def train_seeds(
     size = max(1, plan.rounds // CHUNKS)
     for first in range(0, plan.rounds, size):
         tell(f"{case.task.name}: round {first:,} of {plan.rounds:,}, {len(case.seeds)} seeds")
-        numbers = np.arange(first, min(first + size, plan.rounds))
-        state = run(state, halves[:, 1], numbers, shared)
-        case.count(plan.steps * len(numbers), plan.comparisons * len(numbers))
-        if plan.shown is not None and numbers[-1] + 1 < plan.rounds:
+        end = min(first + size, plan.rounds)
+        state = run(state, halves[:, 1], first, end, shared)
+        case.count(plan.steps * (end - first), plan.comparisons * (end - first))
+        if plan.shown is not None and end < plan.rounds:
             case.show(*plan.shown(state))
     return state
 
