@@ -42,6 +42,10 @@ STRIDES = 2000
 """Strides of a way, at most."""
 SLOWEST = 200
 """Strides in which the change of the values has to be halved."""
+ALIKE = 0.01
+"""Two changes that differ by less than this share, but for their length, go the same way."""
+LINE = np.linspace(0.02, 1, 50)
+"""Points of a straight part of a way, as shares of its length."""
 PRECISION = 1e-4
 """Change of the values, as a share of the largest reward, at which they are taken for the fixed point."""
 
@@ -60,7 +64,8 @@ class Way:
     """Values (N, A, S), or (N, S) of a critic, that learners pass who apply an operator; the last ones are its fixed point.
 
     They begin at the value before anything is learned. In a stride, values move towards their targets: all that are visited
-    alike, or as much as their visits say, so that what is visited rarely is learned late.
+    alike, or as much as their visits say, so that what is visited rarely is learned late. Where all reach their targets, and
+    each change is a part of the one before, the rest of the way is one stride along a line.
 
     Attributes:
         points: the values, from the first to the last ones.
@@ -93,6 +98,7 @@ def way(dynamics: Dynamics, operator: BellmanOperator, acts: Acts, is_critic: bo
     settles = False
     stride: float | None = None
     slowest = np.inf
+    change_before = np.zeros_like(Q)
     for number in range(STRIDES):
         pi = acts(Q)
         key = pi.tobytes()
@@ -109,17 +115,40 @@ def way(dynamics: Dynamics, operator: BellmanOperator, acts: Acts, is_critic: bo
             rates = rates.sum(axis=0) if by_visits else visited
         if stride is None:
             stride = FIRST_STRIDE / rates.max()
-        Q = Q - np.expm1(-stride * rates) * error
+        shares = -np.expm1(-stride * rates)
+        change = shares * error
+        Q = Q + change
         stride *= GROWTH
-        change = float(np.abs(error * visited).max())
-        if change <= PRECISION * size:
+        largest = float(np.abs(error * visited).max())
+        if largest <= PRECISION * size:
             settles = True
             break
         if number % SLOWEST == SLOWEST - 1:
-            if not change < slowest / 2:
+            if not largest < slowest / 2:
                 break
-            slowest = change
+            slowest = largest
+        reach_targets = bool((shares >= 0.99 * (rates > 0)).all())
+        rest = _rest(change, change_before) if reach_targets else None
+        change_before = change
+        if rest is None or acts(Q + rest).tobytes() != key:
+            continue
+        line = Q + LINE[:, None, None] * rest
+        points += list((pi * line).sum(axis=1) if is_critic else line)
+        Q = line[-1]
+        change_before = np.zeros_like(Q)
     return Way(np.array(points), Q, settles)
+
+
+def _rest(change: Array, before: Array) -> Array | None:
+    """Return the sum (A, S) of all changes to come, if each is the same part of the one before; None if they are not."""
+    squared = float((before**2).sum())
+    if squared == 0:
+        return None
+    ratio = float((change * before).sum()) / squared
+    if not 0 < ratio < 1 or np.abs(change - ratio * before).max() > ALIKE * np.abs(change).max():
+        return None
+    found: Array = change * ratio / (1 - ratio)
+    return found
 
 
 def _reduced(dynamics: Dynamics, operator: BellmanOperator, Q: Array, behaviour: Behaviour, is_critic: bool) -> Array:
