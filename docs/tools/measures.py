@@ -30,7 +30,8 @@ from taskspec.jobs.store import Job, Store
 from taskspec.learners.learner import learner
 from taskspec.policies.values import observed_value
 from taskspec.scores.difficulty import MEASURES, difficulty
-from taskspec.scores.returns import Results, normalised
+from taskspec.scores.measures import score_of
+from taskspec.scores.returns import Results
 
 DOCS = Path(__file__).parents[1]
 FAMILIES = ("tables", "chains", "trees", "grids", "delays")
@@ -59,11 +60,6 @@ def measured(instance: Instance) -> dict[str, float | None]:
     return {**found, "Q-learning": float(np.median(q_learning(results))), "PPO": float(np.median(ppo(results)))}
 
 
-def score(results: Results, value: float) -> float:
-    assert results.random is not None and results.optimal is not None
-    return normalised(value, results.random.value, results.optimal.value)
-
-
 def q_learning(results: Results) -> list[float]:
     """Return the steps of each seed after which the greedy policy has a score of 0.9; infinite where it never has."""
     return [_q_learning(results, seed) for seed in range(SEEDS)]
@@ -75,7 +71,7 @@ def _q_learning(results: Results, seed: int) -> float:
     env = case.env()
     obs, info = env.reset()
     for step in range(case.steps):
-        if step % EVERY == 0 and score(results, observed_value(results, Q, seed).deterministic.value) >= SOLVED:
+        if step % EVERY == 0 and score_of(results, observed_value(results, Q, seed).deterministic.value) >= SOLVED:
             return step
         a = Q.explored(obs, info)
         after, reward, terminated, truncated, info = env.step(Q.first + a)
@@ -94,7 +90,7 @@ def ppo(results: Results) -> list[float]:
     world.CHUNKS = LOOKS  # a finer learning curve than exams need
     terms = ExamTerms(STEPS["PPO"], ("reward",))
     rows = run_trial(Trial(results.task, False, "ppo", "", terms, tuple(range(SEEDS)), 1000, ""), learner("ppo"))
-    curves = [[(steps, score(results, value)) for steps, value in row["curve"]] for row in rows]
+    curves = [[(steps, score_of(results, value)) for steps, value in row["curve"]] for row in rows]
     needed = [steps_to(curve, SOLVED) for curve in curves]
     return [math.inf if steps is None else steps for steps in needed]
 
