@@ -288,7 +288,8 @@ def best_state_reward(model: Model) -> float:
     def top(t: int, Q: Array) -> Array:
         V: Array = model.among_legal(Q, -np.inf).max(axis=0)
         rounding = 100 * NOTHING * np.abs(Q).max()
-        best = model.among_legal(V - Q <= rounding, False)
+        lost = V - Q
+        best = model.among_legal(lost <= rounding, False)
         plans.append(best / best.sum(axis=0))
         return V
 
