@@ -13,6 +13,7 @@ import math
 import zlib
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from statistics import NormalDist
 from typing import Any, Literal, TypeVar
 
@@ -76,6 +77,8 @@ def seeds_interval(sample: Sequence[float]) -> tuple[float, float]:
 
 
 DRAWS = 10_000
+LEVELS = (np.arange(DRAWS) + 0.5) / DRAWS
+"""The levels of the quantiles that are drawn, each once."""
 SEED = 20201203  # the seed of the draws: the same results always have the same intervals
 
 
@@ -134,16 +137,16 @@ def estimate(sample: Sequence[float] | Array, statistic: Statistic, key: str) ->
     """
     values = np.sort(np.asarray(sample, float))
     rng = np.random.default_rng([SEED, zlib.crc32(key.encode())])
-    levels = (rng.permutation(DRAWS) + 0.5) / DRAWS
+    order = rng.permutation(DRAWS)
     if len(values) < 2:
         return Estimate(float(values.mean()) if statistic != "sd" else 0.0, np.array([np.nan]))
     match statistic:
         case "mean":
-            return Estimate(float(values.mean()), _mean_quantiles(values, levels))
+            return Estimate(float(values.mean()), _mean_quantiles(values, LEVELS)[order])
         case "sd":
-            return Estimate(float(values.std(ddof=1)), _sd_quantiles(values, levels))
+            return Estimate(float(values.std(ddof=1)), _sd_quantiles(values, LEVELS)[order])
         case "median":
-            return Estimate(float(np.median(values)), _median_quantiles(values, levels))
+            return Estimate(float(np.median(values)), _median_quantiles(values, LEVELS)[order])
         case "highest":
             return Estimate.exactly(float(values[-1]))
         case "lowest":
@@ -161,7 +164,13 @@ def _two_values(values: Array) -> tuple[float, float, int] | None:
 
 def _rate_quantiles(successes: int, count: int, levels: Array) -> Array:
     """Return the quantiles of a rate: ends of Clopper-Pearson intervals, lower ones below 1/2, upper ones above."""
+    return _known_rate_quantiles(successes, count, levels.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _known_rate_quantiles(successes: int, count: int, packed: bytes) -> Array:
     special = need("scipy.special", "exact")
+    levels = np.frombuffer(packed)
     low = np.zeros_like(levels)
     high = np.ones_like(levels)
     if successes > 0:
@@ -179,7 +188,14 @@ def _mean_quantiles(values: Array, levels: Array) -> Array:
         bottom, top, successes = found
         return bottom + (top - bottom) * _rate_quantiles(successes, count, levels)
     error = float(values.std(ddof=1)) / math.sqrt(count)
-    quantiles: Array = values.mean() + error * need("scipy.special", "exact").stdtrit(count - 1, levels)
+    quantiles: Array = values.mean() + error * _student_quantiles(count - 1, levels.tobytes())
+    return quantiles
+
+
+@lru_cache(maxsize=64)
+def _student_quantiles(freedom: int, packed: bytes) -> Array:
+    """Return the quantiles of Student's distribution at packed levels."""
+    quantiles: Array = need("scipy.special", "exact").stdtrit(freedom, np.frombuffer(packed))
     return quantiles
 
 

@@ -20,6 +20,7 @@ from taskspec.figures.shapes import Box, Circle, Item, Label, Line, Scene
 from taskspec.printers.text import plain
 from taskspec.task.task import Task
 from tests.shared.scripts import script
+from tests.shared.sparse import sparse
 
 CONTACT = script("contact")
 FONT = FontProperties(family=FONTS)
@@ -66,7 +67,7 @@ def words(found: Scene) -> str:
     return " ".join(plain(x.text) for x in found.items if isinstance(x, Label))
 
 
-@pytest.mark.parametrize("name", [*CONTACT.drawn_names(), *CONTACT.foreign_specs()])
+@pytest.mark.parametrize("name", sparse([*CONTACT.drawn_names(), *CONTACT.foreign_specs()], 2))
 def test_figures_are_drawn_and_can_be_read(name: str) -> None:
     settings = list(CONTACT.shown([name]))
     assert len(settings) >= (3 if len(settings[0][1]) and "Parabola" not in name else 1)

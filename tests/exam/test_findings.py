@@ -21,6 +21,7 @@ from taskspec.rules.rule_books import read_findings
 from taskspec.task.schema.experiments import FindingsDocument, document_schema
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, exam
+from tests.shared.sparse import sparse
 
 SUITE, DOCS = registry.tasks_root() / "derail", Path(__file__).parents[2] / "docs"
 LUCK = [0.0, 1.0] * 7
@@ -86,26 +87,26 @@ def test_every_finding_can_be_confirmed_and_each_by_its_own_results() -> None:
     assert set(undone) <= {"F20", "F31"}, undone
 
 
-@pytest.mark.parametrize(
-    ("name", "learner", "task", "score"),
-    [
-        ("F01", "gail_im", "EarlyTermNeg", 1.0),
-        ("F04", "gail_fu", "EarlyTermPos", 1.0),
-        ("F07", "airl_im_so", "Parabola", 0.5),
-        ("F08", "airl_fu", "Parabola", 0.98),
-        ("F10", "bc", "Sort", 0.86),
-        ("F12", "bc", "NoisyObs", LUCK),
-        ("F13", "drlhp_sa", "Branching", 1.0),
-        ("F16", "maxent", "RiskyPath", 1.0),
-        ("F18", "drlhp_sa", "EarlyTermPos", 1.0),
-        ("F21", "bc", "InitShiftLearner", 1.0),
-        ("F22", "maxent", "InitShiftLearner", 0.0),
-        ("F25", "drlhp_so", "LargestSum", 0.9),
-        ("F29", "ppo", "RiskyPath", 0.66),
-        ("F32", "drlhp_eps", "Sort", 0.0),
-        ("F35", "drlhp_rnd", "NoisyObs", 0.0),
-    ],
-)
+REFUTED = [
+    ("F01", "gail_im", "EarlyTermNeg", 1.0),
+    ("F04", "gail_fu", "EarlyTermPos", 1.0),
+    ("F07", "airl_im_so", "Parabola", 0.5),
+    ("F08", "airl_fu", "Parabola", 0.98),
+    ("F10", "bc", "Sort", 0.86),
+    ("F12", "bc", "NoisyObs", LUCK),
+    ("F13", "drlhp_sa", "Branching", 1.0),
+    ("F16", "maxent", "RiskyPath", 1.0),
+    ("F18", "drlhp_sa", "EarlyTermPos", 1.0),
+    ("F21", "bc", "InitShiftLearner", 1.0),
+    ("F22", "maxent", "InitShiftLearner", 0.0),
+    ("F25", "drlhp_so", "LargestSum", 0.9),
+    ("F29", "ppo", "RiskyPath", 0.66),
+    ("F32", "drlhp_eps", "Sort", 0.0),
+    ("F35", "drlhp_rnd", "NoisyObs", 0.0),
+]
+
+
+@pytest.mark.parametrize(("name", "learner", "task", "score"), sparse(REFUTED, 3))
 def test_other_results_refute_a_finding(name: str, learner: str, task: str, score: Any) -> None:
     world = learners()
     assert confirmed()[name] == "confirmed"

@@ -76,6 +76,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_every_mistake_is_separated_by_the_fewest_tasks_also_after_kill(folder: Path) -> None:
     """Of these tasks a bootstrap past the end fails on EndInPlace alone, and clipped rewards on Sizes (see docs/probes.md)."""
     process = subprocess.Popen([sys.executable, "-m", "taskspec", *COMMAND], start_new_session=True, env={**os.environ})

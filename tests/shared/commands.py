@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+import typer.testing
 from typer.testing import CliRunner
 
 from taskspec.cli.app import app
+
+typer.testing._get_command = cache(typer.testing._get_command)  # the commands are the same each time
 
 
 class Done:

@@ -13,6 +13,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,7 @@ PARTLY = {
 SNIPPET = re.compile(r"(<!-- .*? -->\n+)?^```yaml\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
+@cache
 def validator() -> Draft202012Validator:
     return Draft202012Validator(json_schema())
 

@@ -11,6 +11,7 @@ from taskspec.exam import examine, read
 from taskspec.exam.learned import explanations
 from taskspec.policies.files import function_of
 from tests.shared.commands import Done
+from tests.shared.sparse import sparse
 from tests.verification.exam_study.bugs import LEARNERS, Bug, bugs
 from tests.verification.exam_study.exams import PROBES, TERMS, TRANSITIONS
 
@@ -43,7 +44,7 @@ NAMED = (
 """Mistakes in the learner with a replay buffer that one seed on the probes shows."""
 
 
-@pytest.mark.parametrize("name", NAMED)
+@pytest.mark.parametrize("name", sparse(NAMED, 2))
 def test_a_mistake_is_named_by_learned_values(name: str, tmp_path: Path) -> None:
     bug = next(each for each in bugs() if (each.learner, each.name) == ("replay", name))
     path = tmp_path / "replay.py"
