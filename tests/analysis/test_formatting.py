@@ -118,7 +118,7 @@ def test_layout() -> None:
     assert formatted(BEFORE.replace("\n", "\r\n")) == AFTER.replace("\n", "\r\n")
 
 
-@pytest.mark.parametrize("path", sparse(SPECS, 2), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sparse(SPECS, 4), ids=lambda path: path.stem)
 def test_the_layout_of_a_spec_changes_no_task_and_is_its_own_layout(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     new = formatted(text, str(path))

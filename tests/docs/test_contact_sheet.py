@@ -67,7 +67,7 @@ def words(found: Scene) -> str:
     return " ".join(plain(x.text) for x in found.items if isinstance(x, Label))
 
 
-@pytest.mark.parametrize("name", sparse([*CONTACT.drawn_names(), *CONTACT.foreign_specs()], 2))
+@pytest.mark.parametrize("name", sparse([*CONTACT.drawn_names(), *CONTACT.foreign_specs()], 4))
 def test_figures_are_drawn_and_can_be_read(name: str) -> None:
     settings = list(CONTACT.shown([name]))
     assert len(settings) >= (3 if len(settings[0][1]) and "Parabola" not in name else 1)

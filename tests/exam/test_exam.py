@@ -325,7 +325,7 @@ def test_scores_above_the_optimum_are_flagged_as_impossible(tmp_path: Path) -> N
 
 
 def held(tmp_path: Path, name: str, *options: str) -> tuple[int, Any]:
-    done = Done("exam", f"{LEARNERS}:{name}", "--out", str(tmp_path), "--json", "-j", "2", *options)
+    done = Done("exam", f"{LEARNERS}:{name}", "--out", str(tmp_path), "--json", "-j", "1", *options)
     assert done.status in (0, 1), done.err
     return done.status, json.loads(done.out)
 

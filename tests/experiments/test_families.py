@@ -11,6 +11,7 @@ import pytest
 from taskspec.base.limits import written
 from taskspec.exam import Case, learns_from
 from taskspec.experiments.races import Contestant, family_of, race, rounds
+from tests.shared.sparse import sparse
 
 SHIPPED = ("aliased", "chains", "delays", "grids", "levers", "marks", "measured", "tables", "trees")
 INSTANCES = 6
@@ -64,7 +65,7 @@ def negated(case: Case) -> AnyTable:
     return learn(case, -1.0)
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", sparse(SHIPPED, 2))
 def test_instances_of_a_family_tell_learners_apart(name: str) -> None:
     """A right learner of tables wins instances on which one of the negative reward loses."""
     instances = next(rounds(family_of(f"families/{name}"), 0))
