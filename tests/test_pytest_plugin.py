@@ -87,6 +87,7 @@ def test_a_right_learner_passes_and_a_wrong_one_fails_with_cause_task_and_comman
     assert again.returncode == 1 and "the time limit ends" in " ".join(again.stdout.split())
 
 
+@pytest.mark.slow
 def test_workers_of_xdist_and_options_of_the_command_line(pytester: pytest.Pytester) -> None:
     pytest.importorskip("xdist")
     result = ran(

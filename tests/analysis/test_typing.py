@@ -14,6 +14,7 @@ from taskspec.analysis.analysis import own
 from taskspec.analysis.formatting import fixed
 from taskspec.analysis.meanings import tokens
 from taskspec.analysis.repair import cursor
+from tests.shared.sparse import sparse
 
 ROOT = Path(__file__).parents[2]
 SPECS = sorted(
@@ -61,7 +62,7 @@ def test_the_word_that_follows_is_offered() -> None:
     assert len(missed) <= 0.02 * number, missed
 
 
-@pytest.mark.parametrize("path", SPECS[::7], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sparse(SPECS[::7], 2), ids=lambda path: path.stem)
 def test_nothing_that_is_typed_raises_and_what_is_above_keeps_its_meaning(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     whole = analyse(text, str(path))

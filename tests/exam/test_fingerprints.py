@@ -103,7 +103,7 @@ SLOW = ("least action", "action before", "reward discounted")
 """Mistakes whose learners need more steps until their values settle."""
 
 
-@pytest.mark.parametrize("mistake", sparse(SAMPLED, 2))
+@pytest.mark.parametrize("mistake", sparse(SAMPLED, 4))
 def test_a_sampled_learner_is_named_by_its_values(mistake: str) -> None:
     steps = 60_000 if mistake in SLOW else 25_000
     tables = [(task, learned_q(task, mistake, 11, steps)) for task in TASKS]

@@ -127,6 +127,7 @@ def test_a_law_that_a_learner_declares_is_judged_and_others_are_reported() -> No
     assert "'Box' object has no attribute 'n'" in str(by_law["distractors"]["error"])
 
 
+@pytest.mark.slow
 def test_the_command_line_tries_all_laws(tmp_path: Path) -> None:
     (tmp_path / "bandit.yaml").write_text(BANDIT, encoding="utf-8")
     (tmp_path / "mine.py").write_text(MINE, encoding="utf-8")

@@ -141,6 +141,7 @@ def test_no_difference_is_found_between_right_learners(folder: Path) -> None:
     assert done.out == "No difference found in 20 tasks of few.yaml.\n"
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_the_best_so_far(folder: Path) -> None:
     def interrupted(words: str) -> None:
         if "worse" in words:

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from taskspec.cli.app import app
 from taskspec.pages.write import write
 from tests.shared.commands import Done
+from tests.shared.sparse import sparse
 from tests.shared.specs import spec_file
 
 FAMILY = [f"derail/{name}-v0" for name in ("Branching", "BranchingSeals", "Sort")]
@@ -225,7 +226,7 @@ def test_the_text_of_figures_is_about_as_large_as_that_around_them(brief: bool, 
 
 @TEX
 @pytest.mark.usefixtures("kept_log")
-@pytest.mark.parametrize("brief", [False, True], ids=["whole", "brief"])
+@pytest.mark.parametrize("brief", sparse([True, False], 2))
 def test_pages_of_other_tasks_are_filled_and_end_above_their_number(brief: bool, tmp_path: Path) -> None:
     """Long tasks with figures beside their text: by the last line of each page."""
     specs = [spec_file(name) for name in ("taxi", "tiger", "frozen_lake", "key_door", "blackjack")]

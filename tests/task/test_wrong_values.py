@@ -294,13 +294,13 @@ def ids(value: Any) -> str:
     return value if isinstance(value, str) else ".".join(map(str, value))
 
 
-@pytest.mark.parametrize(("feature", "path"), sparse(PLACES, 5), ids=ids)
+@pytest.mark.parametrize(("feature", "path"), sparse(PLACES, 10), ids=ids)
 def test_wrong_values_in_a_spec(feature: str, path: Path) -> None:
     for value in WRONG:
         assert_said(feature, replaced(feature, path, value))
 
 
-@pytest.mark.parametrize(("feature", "path"), sparse(OVERRIDABLE, 5), ids=ids)
+@pytest.mark.parametrize(("feature", "path"), sparse(OVERRIDABLE, 10), ids=ids)
 def test_wrong_values_in_a_variant(feature: str, path: Path) -> None:
     """Every second of them: a variant is merged first, and then read as a spec is."""
     for value in WRONG[OVERRIDABLE.index((feature, path)) % 2 :: 2]:
