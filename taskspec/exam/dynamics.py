@@ -188,8 +188,8 @@ class Behaviour:
         return found
 
     def expected(self, Q: Array) -> Array:
-        """Return V (S,) of the policy."""
-        found: Array = (self.pi * Q).sum(axis=0)
+        """Return V (..., S) of the policy from Q (..., A, S)."""
+        found: Array = (self.pi * Q).sum(axis=-2)
         return found
 
     @staticmethod

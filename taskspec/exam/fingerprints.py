@@ -42,8 +42,8 @@ STRIDES = 2000
 """Strides of a way, at most."""
 SLOWEST = 200
 """Strides in which the change of the values has to be halved."""
-ALIKE = 0.01
-"""Two changes that differ by less than this share, but for their length, go the same way."""
+STRAIGHT = 0.01
+"""Two changes of values have the same direction if they differ by less than this share, but for their length."""
 LINE = np.linspace(0.02, 1, 50)
 """Points of a straight part of a way, as shares of its length."""
 PRECISION = 1e-4
@@ -133,7 +133,7 @@ def way(dynamics: Dynamics, operator: BellmanOperator, acts: Acts, is_critic: bo
         if rest is None or acts(Q + rest).tobytes() != key:
             continue
         line = Q + LINE[:, None, None] * rest
-        points += list((pi * line).sum(axis=1) if is_critic else line)
+        points += list(behaviour.expected(line) if is_critic else line)
         Q = line[-1]
         change_before = np.zeros_like(Q)
     return Way(np.array(points), Q, settles)
@@ -145,7 +145,7 @@ def _rest(change: Array, before: Array) -> Array | None:
     if squared == 0:
         return None
     ratio = float((change * before).sum()) / squared
-    if not 0 < ratio < 1 or np.abs(change - ratio * before).max() > ALIKE * np.abs(change).max():
+    if not 0 < ratio < 1 or np.abs(change - ratio * before).max() > STRAIGHT * np.abs(change).max():
         return None
     found: Array = change * ratio / (1 - ratio)
     return found

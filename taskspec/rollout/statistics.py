@@ -58,7 +58,7 @@ ALIKE = 0.02  # scores that differ by less count as one value, where scores have
 def rate_interval(successes: int, count: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
     """Return the exact interval of a rate (Clopper and Pearson 1934), by default the 95 % one."""
     tail = (1 - confidence) / 2
-    low, high = _rate_quantiles(successes, count, np.array([tail, 1 - tail])).tolist()
+    low, high = _rate_quantiles(successes, count, (tail, 1 - tail)).tolist()
     return low, high
 
 
@@ -72,12 +72,12 @@ def seeds_interval(sample: Sequence[float]) -> tuple[float, float]:
     if len(values) < 2:
         return -math.inf, math.inf
     tail = (1 - CONFIDENCE) / 2
-    low, high = _mean_quantiles(values, np.array([tail, 1 - tail]))
+    low, high = _mean_quantiles(values, (tail, 1 - tail))
     return round(float(low), DIGITS), round(float(high), DIGITS)
 
 
 DRAWS = 10_000
-LEVELS = (np.arange(DRAWS) + 0.5) / DRAWS
+LEVELS = tuple((i + 0.5) / DRAWS for i in range(DRAWS))
 """The levels of the quantiles that are drawn, each once."""
 SEED = 20201203  # the seed of the draws: the same results always have the same intervals
 
@@ -162,51 +162,46 @@ def _two_values(values: Array) -> tuple[float, float, int] | None:
     return float(values[is_low].mean()), float(values[is_high].mean()), int(is_high.sum())
 
 
-def _rate_quantiles(successes: int, count: int, levels: Array) -> Array:
-    """Return the quantiles of a rate: ends of Clopper-Pearson intervals, lower ones below 1/2, upper ones above."""
-    return _known_rate_quantiles(successes, count, levels.tobytes())
-
-
 @lru_cache(maxsize=64)
-def _known_rate_quantiles(successes: int, count: int, packed: bytes) -> Array:
+def _rate_quantiles(successes: int, count: int, levels: tuple[float, ...]) -> Array:
+    """Return the quantiles of a rate: ends of Clopper-Pearson intervals, lower ones below 1/2, upper ones above."""
     special = need("scipy.special", "exact")
-    levels = np.frombuffer(packed)
-    low = np.zeros_like(levels)
-    high = np.ones_like(levels)
+    low = np.zeros(len(levels))
+    high = np.ones(len(levels))
     if successes > 0:
         low = special.betaincinv(successes, count - successes + 1, levels)
     if successes < count:
         high = special.betaincinv(successes + 1, count - successes, levels)
-    quantiles: Array = np.where(levels < 0.5, low, high)
+    quantiles: Array = np.where(np.array(levels) < 0.5, low, high)
     return quantiles
 
 
-def _mean_quantiles(values: Array, levels: Array) -> Array:
+def _mean_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
     count = len(values)
     found = _two_values(values)
     if found is not None:
         bottom, top, successes = found
         return bottom + (top - bottom) * _rate_quantiles(successes, count, levels)
     error = float(values.std(ddof=1)) / math.sqrt(count)
-    quantiles: Array = values.mean() + error * _student_quantiles(count - 1, levels.tobytes())
+    quantiles: Array = values.mean() + error * _student_quantiles(count - 1, levels)
     return quantiles
 
 
 @lru_cache(maxsize=64)
-def _student_quantiles(freedom: int, packed: bytes) -> Array:
-    """Return the quantiles of Student's distribution at packed levels."""
-    quantiles: Array = need("scipy.special", "exact").stdtrit(freedom, np.frombuffer(packed))
+def _student_quantiles(freedom: int, levels: tuple[float, ...]) -> Array:
+    """Return the quantiles of Student's distribution."""
+    quantiles: Array = need("scipy.special", "exact").stdtrit(freedom, levels)
     return quantiles
 
 
-def _sd_quantiles(values: Array, levels: Array) -> Array:
+def _sd_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
     """Return the quantiles of a standard deviation; NaN for fewer than five values that are not equal."""
     count = len(values)
     variance = float(values.var(ddof=1))
     if variance <= ALIKE**2 * 1e-6:
-        return np.full_like(levels, math.sqrt(variance))
+        return np.full(len(levels), math.sqrt(variance))
     if count < 5:
-        return np.full_like(levels, np.nan)
+        return np.full(len(levels), np.nan)
     found = _two_values(values)
     if found is not None:
         bottom, top, successes = found
@@ -224,15 +219,16 @@ def _sd_quantiles(values: Array, levels: Array) -> Array:
     return quantiles
 
 
-def _median_quantiles(values: Array, levels: Array) -> Array:
+def _median_quantiles(values: Array, levels: tuple[float, ...]) -> Array:
     """Return the quantiles of a median: ends of intervals between order statistics; NaN for fewer than six values."""
     count = len(values)
     below = np.cumsum([math.comb(count, k) / 2**count for k in range(count + 1)])
     if below[0] > (1 - CONFIDENCE) / 2:
-        return np.full_like(levels, np.nan)
-    tails = np.minimum(levels, 1 - levels)
+        return np.full(len(levels), np.nan)
+    at = np.array(levels)
+    tails = np.minimum(at, 1 - at)
     rank = np.clip(np.searchsorted(below, tails, side="right") - 1, 0, (count - 1) // 2)
-    quantiles: Array = np.where(levels < 0.5, values[rank], values[count - 1 - rank])
+    quantiles: Array = np.where(at < 0.5, values[rank], values[count - 1 - rank])
     return quantiles
 
 
