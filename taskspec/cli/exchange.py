@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Argument, Option
@@ -16,15 +16,13 @@ from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.exchange.formats import ModelFormat
+    from taskspec.exchange.tables import FrozenTask
+    from taskspec.model.model import Model
     from taskspec.task.task import Task
 
-FORMATS = ("umb", "prism", "jani", "drn", "gym-p", "npz")
-READ = ("umb", "drn", "gym-p", "npz")
-ExportFormat = Annotated[
-    str, options.formats_option(FORMATS, "umb, prism, jani and drn for model checkers, gym-p and npz for Python.")
-]
-ImportFormat = Annotated[str | None, options.formats_option(READ, "Format of the file; by default from its suffix.")]
+FORMATS = ("umb", "gym-p", "npz")
+ExportFormat = Annotated[str, options.formats_option(FORMATS, "umb for model checkers, gym-p and npz for Python.")]
+ImportFormat = Annotated[str | None, options.formats_option(FORMATS, "Format of the file; by default from its suffix.")]
 
 
 def export(
@@ -50,6 +48,8 @@ def export(
     from taskspec.targets import task_of
 
     chosen = formats.FORMATS[options.checked_choice("--format", format, FORMATS)]
+    if verify and chosen.name != "umb":
+        raise misuse("--verify goes with --format umb", code="E726")
     found = task_of(task, variant, parameters or [], modifiers or [])
     if output is None and not (verify or chosen.is_text):
         raise misuse(f"--format {chosen.name} is binary", f"--output {found.name}{chosen.suffix}")
@@ -64,15 +64,15 @@ def export(
         for note in formats.notes(found, tables, chosen):
             say(f"  {note}", err=True)
     if verify:
-        _verify(found, chosen, model, tables, json)
+        _verify(found, model, tables, json)
 
 
-def _verify(task: Task, format: ModelFormat, model: Any, tables: Any, json: bool) -> None:
+def _verify(task: Task, model: Model, tables: FrozenTask, json: bool) -> None:
     """Print our returns beside Storm's; the exit status is 1 where they differ."""
     from taskspec.exchange.storm import compared
 
     with progress(f"{task.instance_id} by Storm"):
-        rows = list(compared(model, tables, format))
+        rows = list(compared(model, tables))
     if json:
         write_json(
             [
@@ -100,13 +100,11 @@ def import_(
         int | None, Option("--horizon", min=1, help="Steps of an episode, where the source has none.")
     ] = None,
 ) -> None:
-    """Write a spec of a finite task that another tool has: UMB, DRN, or Gymnasium's table P.
+    """Write a spec of a finite task that another tool has: UMB, arrays, or Gymnasium's table P.
 
     The returns of the source become claims, which [green]taskspec check[/] proves of the spec. Nothing in a file is executed;
     an environment is made by [green]gymnasium.make[/].
     """
     from taskspec.exchange.importing import imported
 
-    if format is not None:
-        options.checked_choice("--format", format, READ)
     write_output(imported(source, format, name, horizon).spec(), output)

@@ -9,10 +9,10 @@ from pathlib import Path
 from taskspec.abstraction.abstraction import abstraction
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.records import entries_by_name
-from taskspec.exchange import arrays, drn, prism, umb
+from taskspec.exchange import arrays, umb
 from taskspec.exchange.freeze import tables
 from taskspec.exchange.reading import MOST_BYTES, ForeignFile, guarded
-from taskspec.exchange.settled import settled, unsettled
+from taskspec.exchange.settled import property_of, settled, unsettled
 from taskspec.exchange.tables import FrozenTask
 from taskspec.model.extract import extract
 from taskspec.model.model import Model
@@ -29,31 +29,26 @@ class ModelFormat:
 
     Attributes:
         write: gives the content of a file.
-        read: gives the task of a file; None where files are only written.
+        read: gives the task of a file.
         is_settled: whether it is for model checkers: in rationals, of a settled task.
         is_text: whether files are text.
-        pays_outcomes: whether it has rewards by next state, not by action alone.
-        has_labels: whether it has sets of states with names.
     """
 
     name: str
     suffix: str
     write: Callable[[FrozenTask], bytes]
-    read: Callable[[ForeignFile], FrozenTask] | None = None
-    is_settled: bool = True
-    is_text: bool = True
-    pays_outcomes: bool = True
-    has_labels: bool = True
+    read: Callable[[ForeignFile], FrozenTask]
+    is_settled: bool = False
+    is_text: bool = False
 
 
 FORMATS: dict[str, ModelFormat] = entries_by_name((
-    ModelFormat("umb", ".umb", umb.write, umb.read, is_text=False),
-    ModelFormat("prism", ".prism", prism.prism, pays_outcomes=False),
-    ModelFormat("jani", ".jani", prism.jani),
-    ModelFormat("drn", ".drn", drn.write, drn.read, pays_outcomes=False),
-    ModelFormat("gym-p", ".json", arrays.write_p, arrays.read_p, is_settled=False, has_labels=False),
-    ModelFormat("npz", ".npz", arrays.write_npz, arrays.read_npz, is_settled=False, is_text=False),
+    ModelFormat("umb", ".umb", umb.write, umb.read, is_settled=True),
+    ModelFormat("gym-p", ".json", arrays.write_p, arrays.read_p, is_text=True),
+    ModelFormat("npz", ".npz", arrays.write_npz, arrays.read_npz),
 ))  # fmt: skip
+STORM_READS = {".drn": "--explicit-drn", ".prism": "--prism", ".nm": "--prism", ".jani": "--jani"}
+"""Suffixes of files that Storm converts to UMB, with the option that reads them."""
 
 
 def exported(task: Task, format: ModelFormat = FORMATS["umb"]) -> tuple[Model, FrozenTask]:
@@ -95,9 +90,7 @@ def notes(task: Task, found: FrozenTask, format: ModelFormat) -> Iterator[str]:
         yield "probabilities and rewards: floats"
     elif any(isinstance(outcome.probability, float) for _, _, outcome in found.steps()):
         yield "probabilities: floats; a draw of the task has no rational ones"
-    if not format.pays_outcomes and _has_rewards_of_next_states(found):
-        yield "rewards: those expected of an action; the format has none by next state"
-    if not format.has_labels and found.labels:
+    if format.name == "gym-p" and found.labels:
         yield f"labels ({', '.join(found.labels)}): not in the file"
     yield from _notes_on_time(found, format)
 
@@ -114,15 +107,7 @@ def _notes_on_time(found: FrozenTask, format: ModelFormat) -> Iterator[str]:
     if sum(probability > 0 for probability in found.start) > 1:
         yield "start distribution: the first step, from the state labelled draw"
     ready = settled(found)
-    yield f"optimal return: {prism.property_of(ready, 'max')}; worst: {prism.property_of(ready, 'min')}"
-
-
-def _has_rewards_of_next_states(found: FrozenTask) -> bool:
-    for by_action in found.outcomes:
-        for outcomes in by_action:
-            if len({outcome.reward for outcome in outcomes}) > 1:
-                return True
-    return False
+    yield f"optimal return: {property_of(ready, 'max')}; worst: {property_of(ready, 'min')}"
 
 
 def read(place: str, format: str | None = None) -> FrozenTask:
@@ -138,12 +123,7 @@ def read(place: str, format: str | None = None) -> FrozenTask:
     path = Path(place)
     if format is None and not path.exists() and not path.suffix:
         return arrays.read_environment(place)
-    chosen = next(
-        (f for f in FORMATS.values() if format == f.name or (format is None and f.suffix == path.suffix)), None
-    )
-    if chosen is None or chosen.read is None:
-        known = ", ".join(f"{f.name} ({f.suffix})" for f in FORMATS.values() if f.read is not None)
-        raise spec_error("E726", f"'{format or path.suffix}' is not read", f"formats that are: {known}")
+    chosen = _format_of(path, format)
     try:
         if path.stat().st_size > MOST_BYTES:
             raise spec_error("E728", f"{place} has more than {MOST_BYTES:,} bytes")
@@ -152,3 +132,15 @@ def read(place: str, format: str | None = None) -> FrozenTask:
         raise spec_error("E711", f"{place}: {error.strerror or error}") from error
     found = guarded(chosen.read)(source)
     return unsettled(found) if chosen.is_settled else found
+
+
+def _format_of(path: Path, name: str | None) -> ModelFormat:
+    """Return the format with a name, or else the one of a suffix. SpecError: E726 for others."""
+    for known in FORMATS.values():
+        if name == known.name or (name is None and known.suffix == path.suffix):
+            return known
+    hint = "formats that are: " + ", ".join(f"{f.name} ({f.suffix})" for f in FORMATS.values())
+    option = STORM_READS.get(f".{name}" if name else path.suffix)
+    if option is not None:
+        hint = f"Storm converts it: storm {option} {path} --buildfull --buildchoicelab --exportbuild {path.stem}.umb"
+    raise spec_error("E726", f"'{name or path.suffix}' is not read", hint)

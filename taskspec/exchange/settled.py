@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
@@ -96,9 +96,10 @@ def legal_choices(by_action: Sequence[Outcomes]) -> Iterator[tuple[int, Outcomes
     return ((a, outcomes) for a, outcomes in enumerate(by_action) if outcomes)
 
 
-def expected_rewards(outcomes: Iterable[FrozenOutcome]) -> Number:
-    """Return the expected reward of a step."""
-    return sum((outcome.probability * outcome.reward for outcome in outcomes), Fraction(0))
+def property_of(task: FrozenTask, extreme: str) -> str:
+    """Return the property whose value is the largest (`max`) or smallest (`min`) expected return of a settled task."""
+    until = f"C<={task.horizon}" if task.horizon is not None else f'F "{END}"'
+    return f'R{{"reward"}}{extreme}=? [{until}]'
 
 
 def unsettled(task: FrozenTask) -> FrozenTask:

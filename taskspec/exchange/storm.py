@@ -10,14 +10,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
-from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import need
 from taskspec.base.files import write_bytes
-from taskspec.exchange.formats import ModelFormat
-from taskspec.exchange.prism import property_of
-from taskspec.exchange.settled import END, at_random, settled
+from taskspec.exchange import umb
+from taskspec.exchange.settled import END, at_random, property_of, settled
 from taskspec.exchange.tables import FrozenTask
 from taskspec.model.model import Model, refuse
 from taskspec.solve.backward import Uniform
@@ -40,12 +37,11 @@ def is_installed() -> bool:
         return False
 
 
-def solved(content: bytes, suffix: str, *properties: str) -> list[Fraction]:
-    """Return the values that Storm finds for properties at the first state of a file.
+def solved(task: FrozenTask, *properties: str) -> list[Fraction]:
+    """Return the values that Storm finds for properties at the first state of a UMB file.
 
     Args:
-        content: the file.
-        suffix: `.umb`, `.prism`, `.jani` or `.drn`.
+        task: a settled task, which is written to the file.
         properties: such as `R{"reward"}max=? [F "end"]`.
 
     Raises:
@@ -53,9 +49,9 @@ def solved(content: bytes, suffix: str, *properties: str) -> list[Fraction]:
     """
     stormpy = need("stormpy", "storm", "a comparison with Storm")
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"task{suffix}"
-        write_bytes(path, content)
-        model = _READERS[suffix](stormpy, str(path))
+        path = Path(folder) / "task.umb"
+        write_bytes(path, umb.write(task))
+        model = stormpy.build_model_from_umb(str(path))
     paid = model.reward_models["reward"]
     if not (paid.has_state_rewards or paid.has_state_action_rewards or paid.has_transition_rewards):
         return [Fraction(0) for _ in properties]  # Storm refuses to add up rewards where there are none
@@ -74,14 +70,6 @@ def _fraction(text: str) -> Fraction:
         return Fraction(text)
     finally:
         sys.set_int_max_str_digits(limit)
-
-
-_READERS: dict[str, Callable[[Any, str], Any]] = {
-    ".umb": lambda stormpy, path: stormpy.build_model_from_umb(path),
-    ".prism": lambda stormpy, path: stormpy.build_model[stormpy.Rational](stormpy.parse_prism_program(path)),
-    ".jani": lambda stormpy, path: stormpy.build_model[stormpy.Rational](stormpy.parse_jani_model(path)[0]),
-    ".drn": lambda stormpy, path: stormpy.build_model_from_drn[stormpy.Rational](path),
-}
 
 
 @dataclass(frozen=True)
@@ -110,23 +98,20 @@ class ComparedReturn:
         return str(self.storm) if self.storm.denominator < SHORT else digits(self.storm)
 
 
-def compared(model: Model, found: FrozenTask, format: ModelFormat) -> Iterator[ComparedReturn]:
-    """Yield the optimal, worst and random return of a task, solved by Storm from what a format says.
+def compared(model: Model, found: FrozenTask) -> Iterator[ComparedReturn]:
+    """Yield the optimal, worst and random return of a task, solved by Storm from a UMB file.
 
     Args:
         model: the exact model.
         found: its tables.
-        format: one that Storm reads.
 
     Raises:
-        SpecError: E705 without stormpy, E712 for a task whose returns are not known, E726 for other formats.
+        SpecError: E705 without stormpy, E712 for a task whose returns are not known.
     """
-    if format.suffix not in _READERS:
-        raise spec_error("E726", f"Storm does not read {format.name}", "--verify goes with umb, prism, jani and drn")
     ready = settled(found)
-    best, worst = solved(format.write(ready), format.suffix, property_of(ready, "max"), property_of(ready, "min"))
+    best, worst = solved(ready, property_of(ready, "max"), property_of(ready, "min"))
     random = at_random(ready)
-    (middle,) = solved(format.write(random), format.suffix, property_of(random, "max"))
+    (middle,) = solved(random, property_of(random, "max"))
     theirs = {"optimal": best, "random": middle, "worst": worst}
     for which, ours in _ours(model, found).items():
         yield ComparedReturn(which, ours, theirs[which])

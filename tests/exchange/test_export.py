@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import struct
 import tarfile
@@ -19,19 +20,6 @@ from taskspec.exchange import formats
 from taskspec.exchange.settled import settled
 from tests.shared.commands import Done, spec
 
-RISKY_PRISM = """\
-// derail/RiskyPath-v0, by taskspec
-// R{"reward"}max=? [C<=5]
-// R{"reward"}min=? [C<=5]
-mdp
-
-module task
-  s : [0..3] init 0;
-  [safe] s=0 -> 1 : (s'=1);
-  [risky] s=0 -> 1/2 : (s'=2) + 1/2 : (s'=3);
-  [safe] s=1 -> 1 : (s'=2);
-  [risky] s=1 -> 1 : true;
-"""
 CORRIDOR = """\
 taskspec: 1
 name: Corridor
@@ -51,77 +39,63 @@ figure: {kind: grid, at: [s, 0], highlight: {good: s == 2}}
 """
 
 
-def test_prism_has_a_command_for_each_state_and_action() -> None:
-    done = Done("export", "RiskyPath", "-f", "prism")
-    assert done.out.startswith(RISKY_PRISM)
-    assert "  [risky] s=0 : -99/2;\n" in done.out
-    assert 'label "good" = (s=2);' in done.out
-    assert 'label "end" = false;' in done.out
+def unpacked(content: bytes) -> dict[str, bytes]:
+    """The files of a UMB file, by the tar module alone."""
+    with tarfile.open(fileobj=io.BytesIO(content)) as tar:
+        return {name: tar.extractfile(name).read() for name in tar.getnames()}  # type: ignore[union-attr]
+
+
+def rationals(content: bytes) -> list[Fraction]:
+    """Numerators and denominators of 64 bits, side by side."""
+    halves = struct.unpack("<" + "qQ" * (len(content) // 16), content)
+    return [Fraction(*pair) for pair in zip(halves[::2], halves[1::2], strict=True)]
 
 
 def test_numbers_are_those_that_the_spec_writes(tmp_path: Path) -> None:
     """One tenth is 1/10, and neither probabilities nor rewards went through floats."""
-    done = Done("export", spec(tmp_path, CORRIDOR), "-f", "drn")
-    lines = done.out.splitlines()
-    first = lines.index("state 0 [0] init draw")
-    assert lines[first + 3 : first + 5] == ["\t\t1 : 1/3", "\t\t2 : 2/3"]
-    assert "\taction right [-7/100]" in lines  # -1/10 + 1/10 * 3/10
-    assert {line.partition(": ")[2] for line in lines if line.startswith("\t\t")} == {
-        "1/3", "2/3", "9/10", "1/10", "81/100", "9/100", "1/100", "1",
-    }  # fmt: skip
+    path = tmp_path / "corridor.umb"
+    Done("export", spec(tmp_path, CORRIDOR), "-o", path)
+    files = unpacked(path.read_bytes())
+    shares = rationals(files["branch-to-probability.bin"])
+    assert shares[:2] == [Fraction(1, 3), Fraction(2, 3)]
+    assert set(map(str, shares)) == {"1/3", "2/3", "9/10", "1/10", "81/100", "9/100", "1/100", "1"}
+    rewards = rationals(files["annotations/rewards/reward/branches/values.bin"])
+    assert set(map(str, rewards)) == {"0", "-1/10", "1/5"}
 
 
 def test_what_a_format_cannot_carry_is_said_by_name(tmp_path: Path) -> None:
     path = spec(tmp_path, CORRIDOR)
-    err = Done("export", path, "-f", "drn").err
+    err = Done("export", path, "-o", tmp_path / "x.umb").err
     for part in (
         "observations (o)",
         "measures (cost)",
-        "rewards: those expected",
         "discount 9/10",
         "start distribution",
     ):
         assert part in err
     assert 'R{"reward"}max=? [F "end"]' in err
     assert "labels (good, claim_1)" in Done("export", path, "-f", "gym-p").err
-    refused = Done("export", "derail/Parabola", "-f", "drn")
+    refused = Done("export", "derail/Parabola", "-f", "gym-p")
     assert refused.status == 1
     assert "E712" in refused.err
     assert "E726" in Done("export", "RiskyPath", "-f", "dot").err
     assert Done("export", "RiskyPath", "-f", "umb").status == 2
 
 
-def test_jani_has_rewards_by_next_state_and_whole_probabilities() -> None:
-    model = json.loads(Done("export", "RiskyPath", "-f", "jani").out)
-    (automaton,) = model["automata"]
-    assert len(automaton["edges"]) == 8
-
-    def value(exp: Any) -> Fraction:
-        return Fraction(exp) if isinstance(exp, int) else Fraction(exp["left"], exp["right"])
-
-    for edge in automaton["edges"]:
-        assert sum(value(d["probability"]["exp"]) for d in edge["destinations"]) == 1
-    risky = automaton["edges"][1]["destinations"]
-    assert [d["assignments"][-1]["value"] for d in risky] == [1, -100]
-
-
 def test_umb_holds_the_arrays_of_its_specification() -> None:
     """The bytes, read as the specification of the format says, without the reader."""
     _, found = formats.exported(load("RiskyPath"))
-    with tarfile.open(fileobj=io.BytesIO(formats.written(found, formats.FORMATS["umb"]))) as tar:
-        names = tar.getnames()
-        files = {name: tar.extractfile(name).read() for name in names}  # type: ignore[union-attr]
-    assert names[0] == "index.json"
+    files = unpacked(formats.written(found, formats.FORMATS["umb"]))
+    assert next(iter(files)) == "index.json"
     index = json.loads(files["index.json"])
     system = index["transition-system"]
     assert (system["#states"], system["#choices"], system["#branches"], system["#players"]) == (4, 8, 9, 1)
     assert struct.unpack("<5Q", files["state-to-choices.bin"]) == (0, 2, 4, 6, 8)
     assert struct.unpack("<9Q", files["choice-to-branches.bin"]) == (0, 1, 3, 4, 5, 6, 7, 8, 9)
     assert struct.unpack("<9Q", files["branch-to-target.bin"]) == (1, 2, 3, 2, 1, 2, 2, 3, 3)
-    halves = struct.unpack("<" + "qQ" * 9, files["branch-to-probability.bin"])
-    assert [Fraction(*pair) for pair in zip(halves[::2], halves[1::2], strict=True)][1:3] == [Fraction(1, 2)] * 2
-    paid = struct.unpack("<" + "qQ" * 9, files["annotations/rewards/reward/branches/values.bin"])
-    assert paid[::2] == (0, 1, -100, 1, 0, 1, 1, -100, -100)
+    assert rationals(files["branch-to-probability.bin"])[1:3] == [Fraction(1, 2)] * 2
+    paid = rationals(files["annotations/rewards/reward/branches/values.bin"])
+    assert paid == [0, 1, -100, 1, 0, 1, 1, -100, -100]
     assert files["actions/choices/strings.bin"] == b"saferisky"
     assert files["state-is-initial.bin"] == (1).to_bytes(8, "little")
     assert index["annotations"]["aps"]["good"]["applies-to"] == ["states"]
@@ -175,8 +149,11 @@ def test_npz_holds_arrays_that_load_without_pickles(tmp_path: Path) -> None:
 
 def test_illegal_actions_are_left_out_for_model_checkers() -> None:
     """Gambler may stake no more than there is; tables for Python have all actions, as environments do."""
-    program = Done("export", "textbook/Gambler", "-f", "prism").out
-    assert sum("] s=1 & phase=1 ->" in line for line in program.splitlines()) == 1
+    _, found = formats.exported(load("textbook/Gambler"))
+    files = unpacked(formats.written(found, formats.FORMATS["umb"]))
+    first = struct.unpack("<51Q", files["state-to-choices.bin"][: 51 * 8])
+    stakes = [after - before for before, after in itertools.pairwise(first)]
+    assert stakes == [min(s, 100 - s) for s in range(1, 51)]
     done = Done("export", "textbook/Gambler", "-f", "gym-p")
     assert len(json.loads(done.out)["P"]["1"]) == 50
     assert "legal actions: not in the file" in done.err
@@ -187,4 +164,4 @@ def test_time_becomes_a_component_of_the_state() -> None:
     assert model.is_timed
     ready = settled(found)
     assert {row["t"] for row in ready.values} == set(range(21))
-    assert "time: the component t" in Done("export", "bsuite/Umbrella", "-f", "drn").err
+    assert "time: the component t" in Done("export", "bsuite/Umbrella", "-f", "gym-p").err

@@ -28,7 +28,7 @@ TASKS = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("format", ["umb", "drn", "gym-p", "npz"])
+@pytest.mark.parametrize("format", ["umb", "gym-p", "npz"])
 @pytest.mark.parametrize("name", TASKS)
 def test_what_was_exported_has_the_same_returns_when_it_is_imported(name: str, format: str, tmp_path: Path) -> None:
     """The returns of the imported spec are those of the task; its claims are proved."""
@@ -82,68 +82,12 @@ def test_components_that_a_source_names_are_the_names_of_states(tmp_path: Path) 
     assert "{x0_y0: 1/4, x0_y4: 1/4, x4_y0: 1/4, x4_y4: 1/4}" in text
 
 
-def test_a_model_of_another_tool(tmp_path: Path) -> None:
-    """Rewards of states and actions add up, doubles are read, absorbing states are ends, actions may be missing."""
-    path = tmp_path / "other.drn"
-    path.write_text(OTHER)
-    text = Done("import", path, "--horizon", "10").out
-    assert "values: [go, __import__" not in text
-    assert "terminal: s' == s2" in text
-    spec = tmp_path / "spec.yaml"
-    spec.write_text(text)
-    assert Results(load(str(spec)), 1).optimal.value == pytest.approx(1 + 0.5 + 0.75 * 2)  # type: ignore[union-attr]
-
-
-OTHER = """\
-// Exported by storm
-@type: MDP
-@value_type: double
-@parameters
-
-@reward_models
-steps other
-@nr_states
-3
-@nr_choices
-4
-@model
-state 0 [1, 7] init "my label"
-\taction go [0.5, 0]
-\t\t1 : 0.75
-\t\t2 : 0.25
-\taction __import__('os').system('x') [0, 0]
-\t\t2 : 1
-state 1 [2, 0]
-\taction go [0, 0]
-\t\t2 : 1
-state 2 [0, 0] target
-\taction go
-\t\t2 : 1
-"""
-WRONG_DRN = {
-    "the probabilities of state 0 sum to": ("1 : 0.75", "1 : 0.5"),
-    "state 0 leads to state 9": ("1 : 0.75", "9 : 0.75"),
-    "is not a number": ("1 : 0.75", "1 : p"),
-    "divides by 0": ("1 : 0.75", "1 : 3/0"),
-    "'1e999999999' is not a number": ("1 : 0.75", "1 : 1e999999999"),
-    "not finite, or too large": ("[0.5, 0]", "[1e300, 0]"),
-    "state 1 is expected": ("state 1", "state 7"),
-    "this is no state": ("\taction go\n", "\taction\n"),
-    "type CTMC": ("MDP", "CTMC"),
-    "there is no state": ("@model", "@nothing"),
-}
-
-
-@pytest.mark.parametrize("message", WRONG_DRN)
-def test_a_wrong_drn_file_is_refused(message: str, tmp_path: Path) -> None:
-    path = tmp_path / "wrong.drn"
-    old, new = WRONG_DRN[message]
-    assert old in OTHER
-    path.write_text(OTHER.replace(old, new))
-    done = Done("import", path)
-    assert done.status == 1
-    assert "E728" in done.err
-    assert message in done.err
+def test_formats_that_storm_converts(tmp_path: Path) -> None:
+    for name, option in (("maze.drn", "--explicit-drn"), ("maze.prism", "--prism"), ("maze.jani", "--jani")):
+        done = Done("import", tmp_path / name)
+        assert done.status == 1
+        assert "E726" in done.err
+        assert f"storm {option}" in " ".join(done.err.split())
 
 
 def packed(index: Any, **files: bytes) -> bytes:
@@ -211,8 +155,8 @@ def test_wrong_arrays_and_tables_are_refused(tmp_path: Path, monkeypatch: pytest
         done = Done("import", path)
         assert (done.status, "E728" in done.err) == (1, True), path
     assert not Path("executed").exists()
-    assert "E726" in Done("import", "x.prism").err
-    assert "E711" in Done("import", "x.drn").err
+    assert "E726" in Done("import", "x.dot").err
+    assert "E711" in Done("import", "x.umb").err
     assert "E701" in Done("import", "NoSuchEnvironment").err
     assert "E728" in Done("import", "CartPole-v1").err
     assert "E713" in Done("import", "FrozenLake-v1", "--name", "../x").err

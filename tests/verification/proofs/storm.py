@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from taskspec.exchange import drn
-from taskspec.exchange.prism import property_of
 from taskspec.exchange.settled import END as ENDS
+from taskspec.exchange.settled import property_of
 from taskspec.exchange.storm import is_installed as is_installed
 from taskspec.exchange.storm import solved as solved_by_storm
 from taskspec.exchange.tables import FrozenOutcome, FrozenTask
@@ -95,6 +94,7 @@ def asked(places: dict[Place, list[Choice]], *extremes: str) -> list[Fraction]:
     start = tuple(Fraction(not i) for i in range(len(rows)))
     names = tuple(f"s{i}" for i in range(len(rows)))
     labels = {ENDS: frozenset({number[ENDED]})}
-    task = FrozenTask("process", names, actions, start, tuple(rows), None, labels=labels)
+    values = tuple({"s": i} for i in range(len(rows)))
+    task = FrozenTask("process", names, actions, start, tuple(rows), None, labels=labels, values=values)
     properties = [property_of(task, extreme) for extreme in extremes]
-    return [value - BEFORE for value in solved_by_storm(drn.write(task), ".drn", *properties)]
+    return [value - BEFORE for value in solved_by_storm(task, *properties)]
