@@ -9,12 +9,12 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 from taskspec.base import ids
 from taskspec.base.diagnostics import spec_error, suggest
-from taskspec.base.records import dataclass
 from taskspec.source import scan
 
 if TYPE_CHECKING:

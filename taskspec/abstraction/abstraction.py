@@ -13,7 +13,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector
-from taskspec.base.records import all_names
+from taskspec.base.named import all_names
 from taskspec.lang.batch import evaluate
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.abstraction.abstraction import in_words
-from taskspec.base.records import all_names
+from taskspec.base.named import all_names
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.model.points import SAMPLES, sampled

@@ -10,11 +10,10 @@ import marshal
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 from taskspec.backends import literal, tuple_of
-from taskspec.base.records import dataclass
 from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, walk
 from taskspec.lang.operators import OPERATORS, Elements, Operator, entry_of

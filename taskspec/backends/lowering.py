@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.records import dataclass
 from taskspec.draws import NEVER
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder

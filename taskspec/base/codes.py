@@ -7,10 +7,9 @@ the heading `### E302 unknown-name: title`, and an explanation in Markdown with 
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
-
-from taskspec.base.records import dataclass
 
 Severity = Literal["error", "warning"]
 """How bad a diagnostic is."""

@@ -8,13 +8,12 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal, NamedTuple, Protocol
 
 from taskspec.base.codes import Severity, codes, severity
 from taskspec.base.display import visible, visible_json
-from taskspec.base.records import dataclass
 
 __all__ = [
     "Advice", "Diagnostic", "Fix", "Format", "Origin", "Severity", "Span", "SpecError", "TaskspecError",

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from taskspec.base.diagnostics import spec_error
-from taskspec.base.records import dataclass
 
 _FORM = re.compile(r"(?P<name>.*?\.ya?ml|[^?+]*)(?:\?(?P<values>[^?+]*))?(?P<modifiers>(?:\+[^+]+)*)", re.DOTALL)
 _KEPT = "-._~/,()"

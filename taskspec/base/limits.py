@@ -6,12 +6,11 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from typing import TypeAlias, TypeVar
 
 from taskspec.base.diagnostics import spec_error, suggest
-from taskspec.base.records import dataclass
 
 VARIABLE = "TASKSPEC_LIMITS"
 """The environment variable that changes limits: `TASKSPEC_LIMITS=seconds=60,candidates=1e7`.

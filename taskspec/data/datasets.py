@@ -19,7 +19,7 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.extras import need
 from taskspec.base.files import whole, whole_folder
-from taskspec.base.records import entries_by_name
+from taskspec.base.named import entries_by_name
 from taskspec.data.episodes import COLUMNS, Demonstrations, Transitions, columns
 from taskspec.data.preferences import Preferences
 from taskspec.making import made_by

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from taskspec.abstraction.abstraction import abstraction
 from taskspec.base.diagnostics import spec_error
-from taskspec.base.records import entries_by_name
+from taskspec.base.named import entries_by_name
 from taskspec.exchange import arrays, umb
 from taskspec.exchange.freeze import tables
 from taskspec.exchange.reading import MOST_BYTES, ForeignFile, guarded

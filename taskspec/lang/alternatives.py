@@ -9,11 +9,11 @@ from __future__ import annotations
 import itertools
 import struct
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 from taskspec.base.limits import limits
-from taskspec.base.records import dataclass
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import is_distribution
 from taskspec.lang.ir import Const, Node, are_constant

@@ -15,7 +15,7 @@ from typing import NoReturn
 import numpy as np
 
 from taskspec.base.diagnostics import Collector, suggest
-from taskspec.base.records import all_names
+from taskspec.base.named import all_names
 from taskspec.lang import alternatives, dists, sets, types
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const, Node, Role, have_one_shape, reads

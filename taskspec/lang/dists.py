@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from taskspec.base.limits import Limits
-from taskspec.base.records import all_names, dataclass, entries_by_name
+from taskspec.base.named import all_names, entries_by_name
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.operators.entry import ENCLOSED, Brackets, Level, NodeMaker
 from taskspec.lang.types import INT, INT_MAX, Kind, Refused, Shape, Type

@@ -6,13 +6,12 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, NoReturn, TypeVar
 
 from taskspec.base.diagnostics import Collector
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.base.records import dataclass
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import is_distribution

@@ -7,6 +7,7 @@ comparison, chained ones included, is worked out once, so that what it draws is 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cached_property, partial, reduce
 from types import MappingProxyType
 from typing import Any
@@ -16,7 +17,6 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.limits import count as count_of
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.base.records import dataclass
 from taskspec.lang import alternatives, batch
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const, Node, Role, draws, have_one_shape, reads, walk

@@ -7,11 +7,10 @@ checker turns them into the typed core of `lang.ir`; the printers turn them back
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 from taskspec.base.diagnostics import Span
-from taskspec.base.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
-
-from taskspec.base.records import dataclass
 
 INF = math.inf
 Interval = tuple[float, float]

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any, NoReturn, TypeAlias
 
 from taskspec.base.diagnostics import spec_error, suggest
-from taskspec.base.records import all_names, entries_by_name
+from taskspec.base.named import all_names, entries_by_name
 from taskspec.lang.types import Refused
 from taskspec.modifiers import actions, observations, rewards, symmetries
 from taskspec.modifiers.core import forgetting

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Literal, TypeAlias, get_args
 
 from taskspec.base.display import decimal
-from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.types import Refused
 from taskspec.task.task import Task

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from taskspec.base.diagnostics import suggest
-from taskspec.base.records import all_names
+from taskspec.base.named import all_names
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Role

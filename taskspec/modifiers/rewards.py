@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
 from itertools import chain, pairwise, product
 from typing import TypeAlias
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Origin, Span, SpecError
-from taskspec.base.records import all_names, dataclass
+from taskspec.base.named import all_names
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker

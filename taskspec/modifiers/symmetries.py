@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from taskspec.base.diagnostics import suggest
-from taskspec.base.records import all_names, entries_by_name
+from taskspec.base.named import all_names, entries_by_name
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Read, Role
 from taskspec.lang.types import Kind

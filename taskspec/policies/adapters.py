@@ -16,7 +16,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.base.records import all_names
+from taskspec.base.named import all_names
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Role, draws, reads
 from taskspec.lang.types import Kind

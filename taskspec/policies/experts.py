@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taskspec.base.arrays import Array, part_at
-from taskspec.base.records import all_names
+from taskspec.base.named import all_names
 from taskspec.lang.ir import Read, Role, reads
 from taskspec.lang.types import Kind
 from taskspec.model.model import misused, refuse

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.base.records import all_names
+from taskspec.base.named import all_names
 from taskspec.lang.types import Kind
 from taskspec.policies.policy import Actions, EpisodeBatch, TaskPolicy
 from taskspec.task.parts import Component

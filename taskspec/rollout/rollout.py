@@ -16,7 +16,7 @@ import numpy as np
 from taskspec import draws
 from taskspec.base.arrays import Array
 from taskspec.base.limits import limits, tell
-from taskspec.base.records import all_names
+from taskspec.base.named import all_names
 from taskspec.lang.batch import evaluate
 from taskspec.lang.interval import bounds
 from taskspec.lang.ir import Const, Node, Role

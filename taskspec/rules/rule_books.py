@@ -12,7 +12,7 @@ from taskspec import registry
 from taskspec.base import ids
 from taskspec.base.bibliography import Reference, beside
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, suggest
-from taskspec.base.records import all_names
+from taskspec.base.named import all_names
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse_into
 from taskspec.rules.score_rules import RuleNames, check_rule

@@ -11,7 +11,7 @@ import numpy as np
 from taskspec.base.diagnostics import SpecError, suggest
 from taskspec.base.display import html_table
 from taskspec.base.limits import tell
-from taskspec.base.records import entries_by_name
+from taskspec.base.named import entries_by_name
 from taskspec.model.model import Model, misused, refuse
 from taskspec.scores import lookahead, measures
 from taskspec.scores.partial_observability import hidden_bits

@@ -11,7 +11,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
-from taskspec.base.records import entries_by_name
+from taskspec.base.named import entries_by_name
 from taskspec.lang import syntax as s
 from taskspec.lang.batch import evaluate
 from taskspec.lang.builder import Builder

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from taskspec.base.diagnostics import Origin, Span
-from taskspec.base.records import dataclass
 from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode, places
 
 Path: TypeAlias = tuple[str | int, ...]

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import itertools
 import re
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias
 
 from taskspec.base.diagnostics import Advice
 from taskspec.base.limits import Limits
-from taskspec.base.records import dataclass
 
 Style = Literal["plain", "'", '"', "|", ">"]
 

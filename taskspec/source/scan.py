@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Literal, TypeAlias, cast
 
-from taskspec.base.records import dataclass
 from taskspec.source.document import EXTENDS as EXTENDS
 
 REQUIRED = ("state", "action", "initial", "dynamics", "reward", "horizon")

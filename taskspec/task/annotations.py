@@ -9,7 +9,7 @@ from typing import Any
 
 from taskspec.base.diagnostics import suggest
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.base.records import all_names
+from taskspec.base.named import all_names
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node, Role, reads

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.limits import limits
-from taskspec.base.records import all_names, dataclass
+from taskspec.base.named import all_names
 from taskspec.lang.batch import DTYPES, evaluate
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, reads, walk
 from taskspec.lang.operators import Elements, entry_of

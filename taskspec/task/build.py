@@ -8,13 +8,13 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, in_order, raise_if_errors, spec_error
 from taskspec.base.limits import Limits, limits
-from taskspec.base.records import dataclass, entries_by_name
+from taskspec.base.named import entries_by_name
 from taskspec.lang.check import check_uncalled
 from taskspec.lang.ir import Role, reads
 from taskspec.lang.scope import FunctionDef

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from taskspec.base.diagnostics import Diagnostic, Span, SpecError, spec_error, suggest
-from taskspec.base.records import dataclass
 from taskspec.source import Document, Path
 from taskspec.source.scan import REQUIRED, task_name
 

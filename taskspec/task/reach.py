@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import chain
 
 from taskspec.base.diagnostics import Collector, Placed
-from taskspec.base.records import entries_by_name
+from taskspec.base.named import entries_by_name
 from taskspec.lang import interval
 from taskspec.lang.builder import Builder
 from taskspec.lang.interval import bounds, single

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from taskspec.base.display import decimal, setting
-from taskspec.base.records import all_names
+from taskspec.base.named import all_names
 from taskspec.lang.types import Domain, Kind
 from taskspec.task.parts import Component, Parameter, Soft, are_finite, counts_of
 from taskspec.task.spaces import SpaceLayout

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from taskspec.base.diagnostics import suggest
 from taskspec.base.limits import count, how_to_raise, limits
-from taskspec.base.records import all_names, entries_by_name
+from taskspec.base.named import all_names, entries_by_name
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.scope import Lazy, Poisoned, Scope, Value

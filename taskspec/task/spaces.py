@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from taskspec.base.records import dataclass
 from taskspec.lang.types import INT_MAX, Kind, total_size
 from taskspec.task.parts import Component, Observation, SpaceKind, are_finite, counts_of
 

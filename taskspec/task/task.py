@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -12,7 +12,6 @@ import numpy as np
 
 from taskspec.base.display import InNotebooks
 from taskspec.base.ids import InstanceId
-from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, walk

@@ -18,7 +18,7 @@ from taskspec.backends.jax.program import JaxProgram, State, StepResult, acted, 
 from taskspec.base.arrays import AnyArray
 from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error, suggest
 from taskspec.base.extras import need
-from taskspec.base.records import all_names, entries_by_name
+from taskspec.base.named import all_names, entries_by_name
 from taskspec.lang.types import INT_MAX
 from taskspec.registry import load
 from taskspec.task.build import build_varying

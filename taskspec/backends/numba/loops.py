@@ -14,7 +14,7 @@ from taskspec.backends.lowering import compared, word_names
 from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
 from taskspec.backends.numpy.step import never
 from taskspec.backends.vector_program import Mode
-from taskspec.base.records import all_names
+from taskspec.base.named import all_names
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Role
 from taskspec.lang.operators import OPERATORS

@@ -6,7 +6,7 @@ import math
 import operator
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -19,7 +19,6 @@ from taskspec.backends.scalar.interface import is_kept, row_names, sees_state
 from taskspec.backends.scalar.module import Parts, generate
 from taskspec.backends.scalar.phase import Phase, phase_stream
 from taskspec.base.arrays import Array
-from taskspec.base.records import dataclass
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.variates import sampler

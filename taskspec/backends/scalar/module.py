@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from taskspec.backends import indent, names_of, without_unused
@@ -11,7 +12,6 @@ from taskspec.backends.lane_form import LaneEmitter, LaneValue
 from taskspec.backends.lowering import Invariants, frozen_components
 from taskspec.backends.scalar import interface
 from taskspec.backends.scalar.phase import Phase
-from taskspec.base.records import dataclass
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Type

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
@@ -12,7 +13,6 @@ import numpy as np
 from taskspec import draws
 from taskspec.backends.lowering import WIDE, everywhere, maximal_draws, word_names
 from taskspec.base.arrays import Array
-from taskspec.base.records import dataclass
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, rewrite, walk

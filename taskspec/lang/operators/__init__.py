@@ -14,7 +14,7 @@ reals become ints by saturating at +-(2**31 - 1), nan becomes 0. An index is mov
 
 from __future__ import annotations
 
-from taskspec.base.records import entries_by_name
+from taskspec.base.named import entries_by_name
 from taskspec.lang.operators import elementwise, vectors
 from taskspec.lang.operators.entry import Elements as Elements
 from taskspec.lang.operators.entry import Function as Function

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from typing import Any, Protocol
 
-from taskspec.base.records import dataclass
 from taskspec.lang.ir import Apply, Const, Node
 from taskspec.lang.operators.rules import Promote, TypeRule, everything, never, stays_finite, to_result
 from taskspec.lang.types import Args, Interval, Kind, Shape, Type

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import reduce
 from itertools import accumulate, chain
 from typing import Any, ClassVar
 
-from taskspec.base.records import dataclass, entries_by_name
+from taskspec.base.named import entries_by_name
 from taskspec.lang.ir import Apply, Const, Node
 from taskspec.lang.operators import rules
 from taskspec.lang.operators.entry import (

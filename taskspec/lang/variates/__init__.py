@@ -11,13 +11,14 @@ alone, and on no simplification.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from taskspec import draws
 from taskspec.base.arrays import Array
-from taskspec.base.records import dataclass, entries_by_name
+from taskspec.base.named import entries_by_name
 from taskspec.lang.batch import DTYPES
 from taskspec.lang.ir import Draw, Node
 from taskspec.lang.ir import draws as draws_below

@@ -6,12 +6,12 @@ import itertools
 import math
 import operator
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from taskspec.base.arrays import AnyArray, Array
-from taskspec.base.records import dataclass
 from taskspec.lang.ir import Draw, Node
 from taskspec.lang.operators.entry import NodeMaker
 from taskspec.lang.types import EVERYTHING, Args, Interval, Kind
