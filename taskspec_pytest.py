@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from taskspec.pytest_plugin import ExamOutcome
+    from taskspec.learn.pytest_plugin import ExamOutcome
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -35,7 +35,7 @@ def exam(request: pytest.FixtureRequest) -> Callable[..., ExamOutcome]:
     """Return a function that examines a learner: `exam(train, tasks="RiskyPath").passes()`."""
 
     def examine_learner(learner: str | Callable[[Any], Any], **terms: Any) -> ExamOutcome:
-        from taskspec.pytest_plugin import examined
+        from taskspec.learn.pytest_plugin import examined
 
         __tracebackhide__ = True
         return examined(request, learner, terms)

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import yaml
 
-from taskspec import registry
 from taskspec.base.files import write_text
-from taskspec.pages.page import Page, briefly, page
-from taskspec.pages.render.markdown import MarkdownWriter
-from taskspec.pages.write import gather_pages
+from taskspec.language import registry
+from taskspec.show.pages.page import Page, briefly, page
+from taskspec.show.pages.render.markdown import MarkdownWriter
+from taskspec.show.pages.write import gather_pages
 
 DOCS = Path(__file__).parent
 INTRODUCTION = """\

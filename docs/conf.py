@@ -16,9 +16,9 @@ from typing import Any
 from docutils import nodes
 
 from taskspec import __version__
-from taskspec.pages.render.html import gallery_style
-from taskspec.printers import tex
-from taskspec.printers.markup import mathml
+from taskspec.language.printers import tex
+from taskspec.language.printers.markup import mathml
+from taskspec.show.pages.render.html import gallery_style
 
 project = "taskspec"
 author = project_copyright = "the taskspec authors"

@@ -18,13 +18,13 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from taskspec import registry
 from taskspec.base.files import write_text
-from taskspec.exam import report, results
-from taskspec.figures import Scene, scene, svg
-from taskspec.pages.render.html import gallery_style, page_style
-from taskspec.pages.write import gather_pages, write_pages
-from taskspec.task.task import Task
+from taskspec.language import registry
+from taskspec.language.task.task import Task
+from taskspec.learn.exam import report, results
+from taskspec.show.figures import Scene, scene, svg
+from taskspec.show.pages.render.html import gallery_style, page_style
+from taskspec.show.pages.write import gather_pages, write_pages
 
 ROOT = Path(__file__).resolve().parent.parent
 SETTINGS: Mapping[str, tuple[Mapping[str, Any], ...]] = {

@@ -6,12 +6,13 @@ import re
 from functools import lru_cache
 from pathlib import Path
 
-from taskspec import figures, pages, registry
 from taskspec.base.files import write_text
-from taskspec.pages.render.html import gallery
-from taskspec.pages.render.markdown import markdown
-from taskspec.pages.render.suite import Suite
-from taskspec.pages.write import gather_pages
+from taskspec.language import registry
+from taskspec.show import figures, pages
+from taskspec.show.pages.render.html import gallery
+from taskspec.show.pages.render.markdown import markdown
+from taskspec.show.pages.render.suite import Suite
+from taskspec.show.pages.write import gather_pages
 
 DOCS = Path(__file__).parent
 SUITES = {

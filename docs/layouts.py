@@ -16,15 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from taskspec import registry
-from taskspec.figures.graph import Plan, plan_of
-from taskspec.figures.machine import explore
-from taskspec.figures.overlays import Overlay
-from taskspec.figures.route import box
-from taskspec.figures.shapes import Line, bezier
-from taskspec.source import read_text
-from taskspec.task.build import build
-from taskspec.task.task import Task
+from taskspec.language import registry
+from taskspec.language.source import read_text
+from taskspec.language.task.build import build
+from taskspec.language.task.task import Task
+from taskspec.show.figures.graph import Plan, plan_of
+from taskspec.show.figures.machine import explore
+from taskspec.show.figures.overlays import Overlay
+from taskspec.show.figures.route import box
+from taskspec.show.figures.shapes import Line, bezier
 
 COUNT, INCH, PIECES = 40, 2.54, 12
 SUITE = ("Branching", "EarlyTermPos", "EarlyTermPosSeals", "InitShiftExpert", "InitShiftLearnerSeals", "RiskyPath")

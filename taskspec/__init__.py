@@ -9,23 +9,23 @@ import sys
 
 TYPE_CHECKING = False  # as in `typing`, which need not be imported
 if TYPE_CHECKING:
-    from taskspec import data as data
     from taskspec import envs as envs
     from taskspec import exact as exact
-    from taskspec import notebook as notebook
     from taskspec.base import __version__ as __version__
     from taskspec.base.diagnostics import Diagnostic as Diagnostic
     from taskspec.base.diagnostics import SpecError as SpecError
     from taskspec.base.diagnostics import TaskspecError as TaskspecError
     from taskspec.envs import Environment as Environment
-    from taskspec.figures import drawing as drawing
-    from taskspec.making import make as make
-    from taskspec.making import make_vec as make_vec
-    from taskspec.making import register as register
-    from taskspec.modifiers import modify as modify
-    from taskspec.registry import load as load
-    from taskspec.registry import task_ids as task_ids
-    from taskspec.task.task import Task as Task
+    from taskspec.envs import data as data
+    from taskspec.envs.making import make as make
+    from taskspec.envs.making import make_vec as make_vec
+    from taskspec.envs.making import register as register
+    from taskspec.language.modifiers import modify as modify
+    from taskspec.language.registry import load as load
+    from taskspec.language.registry import task_ids as task_ids
+    from taskspec.language.task.task import Task as Task
+    from taskspec.show.figures import drawing as drawing
+    from taskspec.tools import notebook as notebook
 
 _PUBLIC = {
     "__version__": "taskspec.base",
@@ -33,14 +33,14 @@ _PUBLIC = {
     "Environment": "taskspec.envs",
     "SpecError": "taskspec.base.diagnostics",
     "TaskspecError": "taskspec.base.diagnostics",
-    "Task": "taskspec.task.task",
-    "drawing": "taskspec.figures",
-    "load": "taskspec.registry",
-    "make": "taskspec.making",
-    "make_vec": "taskspec.making",
-    "modify": "taskspec.modifiers",
-    "register": "taskspec.making",
-    "task_ids": "taskspec.registry",
+    "Task": "taskspec.language.task.task",
+    "drawing": "taskspec.show.figures",
+    "load": "taskspec.language.registry",
+    "make": "taskspec.envs.making",
+    "make_vec": "taskspec.envs.making",
+    "modify": "taskspec.language.modifiers",
+    "register": "taskspec.envs.making",
+    "task_ids": "taskspec.language.registry",
 }
 __all__ = [
     "Diagnostic",
@@ -57,7 +57,7 @@ __all__ = [
     "task_ids",
 ]
 _ROOMS = ("data", "envs", "exact", "notebook")
-"""Packages whose names are public, too: `taskspec.data.episodes`."""
+"""Packages whose names are public, too: `taskspec.envs.data.episodes`."""
 
 
 def __getattr__(name: str) -> object:
@@ -87,4 +87,4 @@ def _is_command() -> bool:
 
 if not _is_command():
     # Gymnasium learns the ids of the shipped tasks. By name: an import would put the package above its layers.
-    __import__("taskspec.making").making.register()
+    __import__("taskspec.envs.making").making.register()

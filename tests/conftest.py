@@ -12,8 +12,8 @@ from typing import Any
 import gymnasium.vector
 import pytest
 
-from taskspec import modifiers
-from taskspec.task import build
+from taskspec.language import modifiers
+from taskspec.language.task import build
 from tests.shared.invariants import checked
 
 build._pipeline = checked(build._pipeline)  # every task that any test builds
@@ -42,7 +42,7 @@ def update_golden(request: pytest.FixtureRequest) -> bool:
 @pytest.fixture
 def kept_log(monkeypatch: pytest.MonkeyPatch) -> None:
     """What TeX logs stays beside the documents that compile."""
-    module = import_module("taskspec.pages.write")
+    module = import_module("taskspec.show.pages.write")
     monkeypatch.setattr(module, "_SCRATCH", tuple(ending for ending in module._SCRATCH if ending != "log"))
 
 

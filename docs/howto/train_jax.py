@@ -2,8 +2,8 @@ from typing import Any
 
 import jax
 
-from taskspec.backends.jax import Functional
 from taskspec.exact import score
+from taskspec.programs.jax import Functional
 
 env = Functional("RiskyPath").gymnax()
 

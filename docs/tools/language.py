@@ -12,23 +12,23 @@ from typing import Any
 from docs.tools.markdown import code, entries, filled, table
 from taskspec.base import limits
 from taskspec.base.diagnostics import Collector, Origin, Span, SpecError
-from taskspec.lang import dists
-from taskspec.lang.builder import Builder
-from taskspec.lang.check import Checker
-from taskspec.lang.ir import Const
-from taskspec.lang.operators import FUNCTIONS, INFIX
-from taskspec.lang.parse import parse
-from taskspec.lang.scope import Scope
-from taskspec.lang.syntax import SourceText
-from taskspec.rules import claim_rules
-from taskspec.scores.returns import CLAIMS, NUMBERS
-from taskspec.source import read_text
-from taskspec.source.scan import EXTENDS, REQUIRED
-from taskspec.task.build import build
-from taskspec.task.parts import FIGURE_KINDS
-from taskspec.task.schema.export import json_schema
-from taskspec.task.spaces import space
-from taskspec.task.task import Task
+from taskspec.exact.rules import claim_rules
+from taskspec.exact.scores.returns import CLAIMS, NUMBERS
+from taskspec.language.expressions import dists
+from taskspec.language.expressions.builder import Builder
+from taskspec.language.expressions.check import Checker
+from taskspec.language.expressions.ir import Const
+from taskspec.language.expressions.operators import FUNCTIONS, INFIX
+from taskspec.language.expressions.parse import parse
+from taskspec.language.expressions.scope import Scope
+from taskspec.language.expressions.syntax import SourceText
+from taskspec.language.source import read_text
+from taskspec.language.source.scan import EXTENDS, REQUIRED
+from taskspec.language.task.build import build
+from taskspec.language.task.parts import FIGURE_KINDS
+from taskspec.language.task.schema.export import json_schema
+from taskspec.language.task.spaces import space
+from taskspec.language.task.task import Task
 
 PAGE = Path(__file__).parents[1] / "language.md"
 MARK = re.compile(r"<!-- /(\w+(?: \w+)?) -->")

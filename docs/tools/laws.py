@@ -10,9 +10,9 @@ from typing import Any
 
 from docs.tools.law_learners import LEARNERS
 from docs.tools.markdown import code, filled, table
+from taskspec.exact.rules.score_rules import short_name
 from taskspec.exam import Running, examine
-from taskspec.exam.laws import LAWS
-from taskspec.rules.score_rules import short_name
+from taskspec.learn.exam.laws import LAWS
 
 SEEDS = 5
 SHOWN = 0.1

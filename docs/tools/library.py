@@ -9,11 +9,11 @@ from statistics import median
 from typing import NamedTuple
 
 from docs.tools.markdown import code, entries, filled
-from taskspec import registry
 from taskspec.base.display import number
 from taskspec.exact import Results, Return
-from taskspec.task.record import size
-from taskspec.task.task import Task
+from taskspec.language import registry
+from taskspec.language.task.record import size
+from taskspec.language.task.task import Task
 
 PAGE = Path(__file__).parents[1] / "library.md"
 SPEEDS = Path(__file__).with_name("library_speed.json")

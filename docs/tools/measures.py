@@ -15,23 +15,23 @@ from scipy import stats
 
 from docs.tools.markdown import filled
 from taskspec.base.display import fixed
-from taskspec.exam.case import Case, ExamTerms
-from taskspec.exam.curves import steps_to
-from taskspec.exam.trial import Trial, key_of, run_trial
-from taskspec.experiments.instances import Instance
-from taskspec.experiments.races import family_of, rounds
-from taskspec.experiments.references import GAMMA, STEP_SIZE, ObservationTable
-from taskspec.figures import chart
-from taskspec.figures.chart import Axes, Scale, Shape
-from taskspec.figures.shapes import Item, Line, Paint, Scene
-from taskspec.figures.vector_formats import svg
-from taskspec.jobs.running import Running, run
-from taskspec.jobs.store import Job, Store
-from taskspec.learners.learner import learner
-from taskspec.policies.values import observed_value
-from taskspec.scores.difficulty import MEASURES, difficulty
-from taskspec.scores.measures import score_of
-from taskspec.scores.returns import Results
+from taskspec.base.jobs.running import Running, run
+from taskspec.base.jobs.store import Job, Store
+from taskspec.exact.policies.values import observed_value
+from taskspec.exact.scores.difficulty import MEASURES, difficulty
+from taskspec.exact.scores.measures import score_of
+from taskspec.exact.scores.returns import Results
+from taskspec.learn.exam.case import Case, ExamTerms
+from taskspec.learn.exam.curves import steps_to
+from taskspec.learn.exam.trial import Trial, key_of, run_trial
+from taskspec.learn.experiments.instances import Instance
+from taskspec.learn.experiments.races import family_of, rounds
+from taskspec.learn.experiments.references import GAMMA, STEP_SIZE, ObservationTable
+from taskspec.learn.learners.learner import learner
+from taskspec.show.figures import chart
+from taskspec.show.figures.chart import Axes, Scale, Shape
+from taskspec.show.figures.shapes import Item, Line, Paint, Scene
+from taskspec.show.figures.vector_formats import svg
 
 DOCS = Path(__file__).parents[1]
 FAMILIES = ("tables", "chains", "trees", "grids", "delays")
@@ -85,7 +85,7 @@ def _q_learning(results: Results, seed: int) -> float:
 
 def ppo(results: Results) -> list[float]:
     """Return the steps of each seed after which the best actions of PPO have a score of 0.9; infinite where they never have."""
-    from taskspec.learners.deep import world
+    from taskspec.learn.learners.deep import world
 
     world.CHUNKS = LOOKS  # a finer learning curve than exams need
     terms = ExamTerms(STEPS["PPO"], ("reward",))

@@ -14,13 +14,13 @@ from docs.tools.language import language
 from docs.tools.library import library
 from docs.tools.markdown import code, entries, filled
 from docs.tools.probes import probes
-from taskspec.exam.mistakes import MISTAKES, KnownMistake
-from taskspec.exam.operators import OPERATORS
-from taskspec.exam.pairings import PAIRINGS
-from taskspec.exam.starc import REWARDS
-from taskspec.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
-from taskspec.modifiers.entry import never
-from taskspec.scores.difficulty import MEASURES
+from taskspec.exact.scores.difficulty import MEASURES
+from taskspec.language.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
+from taskspec.language.modifiers.entry import never
+from taskspec.learn.exam.mistakes import MISTAKES, KnownMistake
+from taskspec.learn.exam.operators import OPERATORS
+from taskspec.learn.exam.pairings import PAIRINGS
+from taskspec.learn.exam.starc import REWARDS
 
 DOCS = Path(__file__).parents[1]
 

@@ -9,16 +9,16 @@ import numpy as np
 
 from docs.tools.markdown import entries, filled, table
 from taskspec.base.diagnostics import SpecError
-from taskspec.exam.asked_tasks import tasks_of
-from taskspec.exam.dynamics import dynamics_of
-from taskspec.exam.fingerprints import fingerprint, greedy_ways
-from taskspec.exam.operators import GOOD, OPERATORS
-from taskspec.policies.policy import greedy
-from taskspec.rules.rule_books import EXAM, file_of, read_exam
-from taskspec.scores.difficulty import difficulty
-from taskspec.scores.returns import Results
-from taskspec.task.schema.experiments import DiagnosisEntry
-from taskspec.task.task import Task
+from taskspec.exact.policies.policy import greedy
+from taskspec.exact.rules.rule_books import EXAM, file_of, read_exam
+from taskspec.exact.scores.difficulty import difficulty
+from taskspec.exact.scores.returns import Results
+from taskspec.language.task.schema.experiments import DiagnosisEntry
+from taskspec.language.task.task import Task
+from taskspec.learn.exam.asked_tasks import tasks_of
+from taskspec.learn.exam.dynamics import dynamics_of
+from taskspec.learn.exam.fingerprints import fingerprint, greedy_ways
+from taskspec.learn.exam.operators import GOOD, OPERATORS
 
 PAGE = Path(__file__).parents[1] / "probes.md"
 GAMMAS = (0.9, 0.99)

@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from tests.studio.browser import Page, chromium, served
+from tests.tools.studio.browser import Page, chromium, served
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 SIZE = {"width": 1280, "height": 760}

@@ -71,7 +71,7 @@ def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[obje
 
 
 class InNotebooks:
-    """Something that notebooks show as `taskspec.notebook` writes it; the package finds this room on first use."""
+    """Something that notebooks show as `taskspec.tools.notebook` writes it; the package finds this room on first use."""
 
     def _repr_html_(self) -> str:
         return str(sys.modules["taskspec"].notebook.html(self))

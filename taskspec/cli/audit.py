@@ -18,8 +18,8 @@ from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.audit.findings import Audit
-    from taskspec.audit.subject import Subject
+    from taskspec.tools.audit.findings import Audit
+    from taskspec.tools.audit.subject import Subject
 
 
 def audit(
@@ -40,9 +40,9 @@ def audit(
     A small one is tabulated and solved exactly; a large one is sampled. Faults end with exit status 1; facts, such as that
     the state is hidden, do not. Each comes with a trace, a seed and actions, that [green]--replay[/] plays again.
     """
-    from taskspec.audit.findings import examined
-    from taskspec.audit.subject import Subject
-    from taskspec.making import register
+    from taskspec.envs.making import register
+    from taskspec.tools.audit.findings import examined
+    from taskspec.tools.audit.subject import Subject
 
     given = _kwargs(kwargs)
     with contextlib.redirect_stdout(sys.stderr), warnings.catch_warnings(action="ignore"), progress("audit"):
@@ -89,7 +89,7 @@ def _print(found: Audit) -> None:
 
 def _replay(subject: Subject, text: str) -> None:
     """Play a trace twice in new instances, and print what it gives and the code that does the same."""
-    from taskspec.audit.subject import first_difference, shown
+    from taskspec.tools.audit.subject import first_difference, shown
 
     trace = subject.read(text)
     with contextlib.redirect_stdout(sys.stderr), warnings.catch_warnings(action="ignore"):

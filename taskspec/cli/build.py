@@ -22,9 +22,9 @@ from taskspec.cli.options import LimitsGiven, Targets, folder_option
 from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
-    from taskspec.check.report import Report
-    from taskspec.pages.facts import Facts
-    from taskspec.task.task import Task
+    from taskspec.exact.check.report import Report
+    from taskspec.language.task.task import Task
+    from taskspec.show.pages.facts import Facts
 
 DOCS = {
     "html": "the documentation as a site: open index.html",
@@ -43,8 +43,8 @@ def build(
     An index of the tasks, their scores, the generated code, the schema for editors, and the documentation as a site
     (html), for a paper (latex) and for a repository (markdown). Nothing is written if a spec has an error.
     """
-    from taskspec.check.file_checks import check_file, counts
-    from taskspec.targets import files_of
+    from taskspec.exact.check.file_checks import check_file, counts
+    from taskspec.language.targets import files_of
 
     start = time.perf_counter()
     results = _Results()
@@ -77,7 +77,7 @@ class _Results:
 
     def examine(self, task: Task) -> Report:
         from taskspec.exact import scores
-        from taskspec.pages.facts import gather
+        from taskspec.show.pages.facts import gather
 
         report = examine(task)
         tell(f"scores of {task.id}")
@@ -92,10 +92,10 @@ class _Results:
 
 def _write(tasks: Sequence[Task], results: _Results, folder: Path) -> Iterator[tuple[Path, str]]:
     """Write everything that comes from tasks, and yield each path with a word on what it is."""
-    from taskspec.backends.scalar import compile_scalar
-    from taskspec.pages.write import gather_pages, write_pages
-    from taskspec.task.record import record
-    from taskspec.task.schema.export import json_schema
+    from taskspec.language.task.record import record
+    from taskspec.language.task.schema.export import json_schema
+    from taskspec.programs.scalar import compile_scalar
+    from taskspec.show.pages.write import gather_pages, write_pages
 
     yield _json(folder / "schema.json", json_schema()), "JSON Schema of specs, for editors"
     index = {"taskspec": __version__, "tasks": list(map(record, tasks))}

@@ -22,11 +22,11 @@ from taskspec.cli.tables import Columns
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taskspec.check.file_checks import Checked, FileCheck, FileReport
-    from taskspec.check.report import Report
-    from taskspec.source.scan import Kind
-    from taskspec.targets import File
-    from taskspec.task.task import Task
+    from taskspec.exact.check.file_checks import Checked, FileCheck, FileReport
+    from taskspec.exact.check.report import Report
+    from taskspec.language.source.scan import Kind
+    from taskspec.language.targets import File
+    from taskspec.language.task.task import Task
 
 FORMATS = ("text", "json", "github")
 ENTRIES: dict[Kind, str] = {"experiment": "instance", "exam": "rule", "findings": "finding"}
@@ -62,8 +62,8 @@ def check(
 
     Exit status 1 if there is an error.
     """
-    from taskspec.check.file_checks import counts
-    from taskspec.targets import files_of, others_of
+    from taskspec.exact.check.file_checks import counts
+    from taskspec.language.targets import files_of, others_of
 
     start = time.perf_counter()
     options.checked_choice("--format", format, FORMATS)
@@ -73,7 +73,7 @@ def check(
     others = others_of(targets or [])
     reports = _checked(others, files, not quick, jobs)
     if fix:
-        from taskspec.analysis.formatting import fix_files
+        from taskspec.tools.authoring.formatting import fix_files
 
         number = fix_files(d for report in reports for d in report.diagnostics)
         console(err=True).print(f"{plural(number, 'mistake')} put right")
@@ -98,8 +98,9 @@ def check(
 def _checked(
     others: Iterable[tuple[Path, Kind]], files: Iterable[File], sense: bool, jobs: int | None
 ) -> list[FileReport]:
-    from taskspec import exact, figures  # noqa: F401  # before processes are forked, which then need not import them again
-    from taskspec.check.file_checks import check_file, run_checks
+    from taskspec import exact  # noqa: F401  # before processes are forked, which then need not import them again
+    from taskspec.exact.check.file_checks import check_file, run_checks
+    from taskspec.show import figures  # noqa: F401  # before processes are forked, which then need not import them again
 
     checks: list[FileCheck] = [(path, partial(check_other, path, kind)) for path, kind in others]
     for file in files:
@@ -125,17 +126,17 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Report:
 
 def _looks(task: Task) -> list[Diagnostic]:
     """Return warnings about how a task is drawn and printed."""
-    from taskspec.check.spec_warnings import look_alikes
-    from taskspec.figures import undrawn
+    from taskspec.exact.check.spec_warnings import look_alikes
+    from taskspec.show.figures import undrawn
 
     return [*undrawn(task), *look_alikes(task)]
 
 
 def check_other(path: Path, kind: Kind) -> FileReport:
     """Check a file that is not a spec: its shape, and that all its instances, rules or findings mean something."""
-    from taskspec.check.file_checks import FileReport
+    from taskspec.exact.check.file_checks import FileReport
+    from taskspec.exact.rules.rule_books import read_exam, read_findings
     from taskspec.experiments import expand, read
-    from taskspec.rules.rule_books import read_exam, read_findings
 
     try:
         if kind == "experiment":
@@ -214,7 +215,7 @@ def _mark(diagnostics: Sequence[Diagnostic]) -> VisibleText:
 
 def verdict(reports: Sequence[FileReport], problems: Sequence[Diagnostic], seconds: float) -> VisibleText:
     """Return the last line: how many tasks, how many problems, how long."""
-    from taskspec.check.file_checks import counts
+    from taskspec.exact.check.file_checks import counts
 
     errors, warnings = counts(problems)
     tasks = sum(len(report.tasks) for report in reports)
@@ -239,7 +240,7 @@ def verdict(reports: Sequence[FileReport], problems: Sequence[Diagnostic], secon
 
 
 def _print_json(reports: Sequence[FileReport], problems: Sequence[Diagnostic], seconds: float) -> None:
-    from taskspec.check.file_checks import counts
+    from taskspec.exact.check.file_checks import counts
 
     errors, warnings = counts(problems)
     data: dict[str, Any] = {
@@ -263,7 +264,7 @@ def _print_json(reports: Sequence[FileReport], problems: Sequence[Diagnostic], s
 
 
 def _record(path: str, each: Checked) -> dict[str, Any]:
-    from taskspec.check.file_checks import counts
+    from taskspec.exact.check.file_checks import counts
 
     errors, warnings = counts(each.diagnostics)
     statuses = [claim["status"] for claim in each.claims]

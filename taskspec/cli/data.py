@@ -15,7 +15,7 @@ from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
     from taskspec.data import Demonstrations, Preferences
-    from taskspec.task.task import Task
+    from taskspec.language.task.task import Task
 
 FORMATS = ("npz", "parquet", "imitation", "minari")
 Seed = Annotated[int, seed_option("Episode i is that of [green]reset(seed=SEED+i)[/].")]
@@ -61,7 +61,7 @@ def demos(
     spec gives roles, they come from the variant in which the expert acts.
     """
     from taskspec.data import demonstrations
-    from taskspec.targets import tasks_of
+    from taskspec.language.targets import tasks_of
 
     if episodes is not None and transitions is not None:
         raise misuse("--episodes and --transitions cannot be combined")
@@ -92,7 +92,7 @@ def preferences(
     returns. Where the spec gives roles, trajectories come from the variant in which the learner acts.
     """
     from taskspec.data import preferences as compared
-    from taskspec.targets import tasks_of
+    from taskspec.language.targets import tasks_of
 
     make = partial(compared, pairs=pairs, policy=policy, length=length, teacher=teacher, seed=seed, jobs=jobs)
     _write(tasks_of(task, variant, parameters or [], modifiers or []), make, output, format, json)
@@ -107,8 +107,8 @@ def _write(
 ) -> None:
     """Make data of tasks and write it, in a file each."""
     from taskspec.data import write
-    from taskspec.data.datasets import format_of
-    from taskspec.targets import beside
+    from taskspec.envs.data.datasets import format_of
+    from taskspec.language.targets import beside
 
     format_of(output, format)  # a mistake is reported before the work
     records = []

@@ -17,8 +17,8 @@ from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.abstraction.difference import TaskRelation
-    from taskspec.task.task import Task
+    from taskspec.exact.abstraction.difference import TaskRelation
+    from taskspec.language.task.task import Task
 
 GIT = "git:"
 Side = Annotated[
@@ -46,7 +46,7 @@ def diff(
     that show it. Finite tasks are compared exactly, others in episodes. Of two versions of one task it says whether the
     version in the id must rise. The exit status is 1 if episodes differ.
     """
-    from taskspec.abstraction.difference import compare
+    from taskspec.exact.abstraction.difference import compare
 
     named = variant or []
     if len(named) > 2:
@@ -67,14 +67,14 @@ def diff(
 def _task(target: str, variant: str | None) -> Task:
     """Return the task of an id, a path or a revision of a path."""
     if not target.startswith(GIT):
-        from taskspec.registry import load
+        from taskspec.language.registry import load
 
         return load(target, variant)
     from pathlib import Path
 
-    from taskspec.registry import suite_of
-    from taskspec.source import read_text
-    from taskspec.task.build import build
+    from taskspec.language.registry import suite_of
+    from taskspec.language.source import read_text
+    from taskspec.language.task.build import build
 
     revision, _, path = target.removeprefix(GIT).partition(":")
     if not revision or not path or revision.startswith("-"):

@@ -19,8 +19,8 @@ from taskspec.cli.console import print_diagnostics, say, write_json
 from taskspec.cli.progress import progress
 
 if TYPE_CHECKING:
-    from taskspec.pages.facts import Facts
-    from taskspec.task.task import Task
+    from taskspec.language.task.task import Task
+    from taskspec.show.pages.facts import Facts
 
 FORMATS = ("html", "latex", "markdown", "svg", "pdf")
 OVERLAYS = ("values", "policy", "expert", "occupancy")
@@ -63,10 +63,10 @@ def docs(
 
     A spec with an error is reported and left out; exit status 1 then.
     """
-    from taskspec import pages
-    from taskspec.check.report import set_aside
-    from taskspec.figures import HINT
-    from taskspec.targets import settings
+    from taskspec.exact.check.report import set_aside
+    from taskspec.language.targets import settings
+    from taskspec.show import pages
+    from taskspec.show.figures import HINT
 
     wanted = options.checked_choices("--format", format or ["html"], FORMATS)
     columns = settings(parameters) if parameters else ()
@@ -101,8 +101,8 @@ def docs(
 def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[list[Task], list[Diagnostic]]:
     """Return all tasks of ids, files and folders, and of experiments that are named, and what is wrong with others."""
     from taskspec.experiments import expand, read
-    from taskspec.modifiers import modify
-    from taskspec.targets import files_of, kind_of, tasks_in
+    from taskspec.language.modifiers import modify
+    from taskspec.language.targets import files_of, kind_of, tasks_in
 
     named = [target for target in targets if kind_of(target) == "experiment"]
     others = [target for target in targets if target not in named]
@@ -132,8 +132,8 @@ def has_scores() -> bool:
 
 def _facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Facts]:
     """Return scores and verdicts at the defaults by id of the task, and add to the problems why a task has none."""
-    from taskspec.pages.facts import gather
-    from taskspec.pages.write import together
+    from taskspec.show.pages.facts import gather
+    from taskspec.show.pages.write import together
 
     found = {}
     printed = [task for task, _ in together(tasks)]
@@ -158,9 +158,9 @@ def card(
     Name, version, capability, sources, parameters, spaces, horizon, returns, claims and licence: as Markdown with front
     matter, or as JSON-LD in the terms of schema.org.
     """
-    from taskspec.pages import card as cards
-    from taskspec.pages.facts import Facts, gather
-    from taskspec.targets import task_of
+    from taskspec.language.targets import task_of
+    from taskspec.show.pages import card as cards
+    from taskspec.show.pages.facts import Facts, gather
 
     options.checked_choice("--format", format, ("md", "json"))
     found = task_of(task, variant, parameters or [], modifiers or [])
@@ -185,8 +185,8 @@ def figure(
 
     The states can be overlaid with their optimal values, the optimal or the expert's actions, and how often they are visited.
     """
-    from taskspec import pages
-    from taskspec.targets import beside, tasks_of
+    from taskspec.language.targets import beside, tasks_of
+    from taskspec.show import pages
 
     found = tasks_of(task, variant, parameters or [], modifiers or [])
     wanted = options.checked_choices("--overlay", overlays, OVERLAYS)

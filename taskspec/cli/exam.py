@@ -19,7 +19,7 @@ from taskspec.cli.progress import progress
 if TYPE_CHECKING:
     from taskspec.exam import Running
     from taskspec.experiments import ExperimentFile
-    from taskspec.task.task import TaskLike
+    from taskspec.language.task.task import TaskLike
 
 _TIME = re.compile(r"(\d+(?:\.\d+)?)([smh])")
 _SECONDS = {"s": 1, "m": 60, "h": 3600}
@@ -126,7 +126,7 @@ def exam(
     withheld from them, and failures. Exit status 1 if anything is flagged.
     """
     from taskspec.exam import Running
-    from taskspec.experiments.experiment_file import read_if_experiment
+    from taskspec.learn.experiments.experiment_file import read_if_experiment
 
     running = Running(jobs, cluster, time_limit, retry)
     counts = {"steps": _count("--steps", steps), "transitions": _count("--transitions", transitions)}
@@ -157,9 +157,9 @@ def _examine(learners: Sequence[str], output: Path | None, running: Running, ter
     """Examine one learner, or several, each in a folder of its own."""
     from taskspec.cli.report import show
     from taskspec.exam import examine
-    from taskspec.exam.comparison import compare
-    from taskspec.exam.report import write, write_several
-    from taskspec.exam.results import folder_name
+    from taskspec.learn.exam.comparison import compare
+    from taskspec.learn.exam.report import write, write_several
+    from taskspec.learn.exam.results import folder_name
 
     names = list(map(folder_name, learners))
     if len(set(names)) < len(names):
@@ -200,8 +200,8 @@ def _examine_all(
 
 def _tasks(names: Sequence[str]) -> list[TaskLike]:
     """Return tasks by name; those of an experiment where one is named."""
-    from taskspec.experiments.experiment_file import read_if_experiment
-    from taskspec.experiments.instances import expand
+    from taskspec.learn.experiments.experiment_file import read_if_experiment
+    from taskspec.learn.experiments.instances import expand
 
     found: list[TaskLike] = []
     for name in names:

@@ -16,9 +16,9 @@ from taskspec.cli.progress import progress
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.exchange.tables import FrozenTask
-    from taskspec.model.model import Model
-    from taskspec.task.task import Task
+    from taskspec.exact.model.model import Model
+    from taskspec.language.task.task import Task
+    from taskspec.tools.exchange.tables import FrozenTask
 
 FORMATS = ("umb", "gym-p", "npz")
 ExportFormat = Annotated[str, options.formats_option(FORMATS, "umb for model checkers, gym-p and npz for Python.")]
@@ -44,8 +44,8 @@ def export(
     cannot carry. [green]--verify[/] compares the optimal, random and worst return with Storm's, without rounding, and fails
     where they differ.
     """
-    from taskspec.exchange import formats
-    from taskspec.targets import task_of
+    from taskspec.language.targets import task_of
+    from taskspec.tools.exchange import formats
 
     chosen = formats.FORMATS[options.checked_choice("--format", format, FORMATS)]
     if verify and chosen.name != "umb":
@@ -69,7 +69,7 @@ def export(
 
 def _verify(task: Task, model: Model, tables: FrozenTask, json: bool) -> None:
     """Print our returns beside Storm's; the exit status is 1 where they differ."""
-    from taskspec.exchange.storm import compared
+    from taskspec.tools.exchange.storm import compared
 
     with progress(f"{task.instance_id} by Storm"):
         rows = list(compared(model, tables))
@@ -105,6 +105,6 @@ def import_(
     The returns of the source become claims, which [green]taskspec check[/] proves of the spec. Nothing in a file is executed;
     an environment is made by [green]gymnasium.make[/].
     """
-    from taskspec.exchange.importing import imported
+    from taskspec.tools.exchange.importing import imported
 
     write_output(imported(source, format, name, horizon).spec(), output)

@@ -36,9 +36,9 @@ def fmt(
     Comments, quotes, line breaks and the order of everything stay, and so does what the specs mean. A file that cannot be read
     stays as it is; the others are written all the same.
     """  # fmt: skip
-    from taskspec.analysis.formatting import formatted
-    from taskspec.source import read_file
-    from taskspec.targets import files_of
+    from taskspec.language.source import read_file
+    from taskspec.language.targets import files_of
+    from taskspec.tools.authoring.formatting import formatted
 
     problems: list[Diagnostic] = []
     changed = 0

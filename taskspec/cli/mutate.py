@@ -19,8 +19,8 @@ from taskspec.cli.tables import Columns
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taskspec.mutation.judge import Judgement
-    from taskspec.mutation.mutants import Mutant
+    from taskspec.tools.mutation.judge import Judgement
+    from taskspec.tools.mutation.mutants import Mutant
 
     Judged = tuple[Path, Mutant, Judgement]
 
@@ -43,10 +43,10 @@ def mutate(
     row, a bound left out) is put through the whole check. Changes that no error, warning, claim or example notices show
     which mistakes could stay undetected.
     """
-    from taskspec.mutation.judge import CLASSES, judgements
-    from taskspec.mutation.mutants import mutants
-    from taskspec.source import read_file
-    from taskspec.targets import files_of
+    from taskspec.language.source import read_file
+    from taskspec.language.targets import files_of
+    from taskspec.tools.mutation.judge import CLASSES, judgements
+    from taskspec.tools.mutation.mutants import mutants
 
     classes = [ALWAYS, *(checked_choice("--list", name, tuple(CLASSES)) for name in listed or ())]
     files = files_of(targets or [])
@@ -82,7 +82,7 @@ def mutate(
 
 def _print(judged: list[Judged], classes: list[str]) -> None:
     """Print how many changes there are of each class, spec by spec, and the changes of some classes."""
-    from taskspec.mutation.judge import CLASSES
+    from taskspec.tools.mutation.judge import CLASSES
 
     counts: dict[Path, Counter[str]] = {}
     total: Counter[str] = Counter()

@@ -50,7 +50,7 @@ def starting(incomplete: str, found: Completions) -> Completions:
 
 def complete_targets(incomplete: str) -> Completions:
     """Return ids of known tasks, and specs and folders on disk."""
-    from taskspec import registry
+    from taskspec.language import registry
 
     known = list(registry.known().values())
     found = starting(incomplete, [(e.id, e.path.name) for e in known])
@@ -79,7 +79,7 @@ def complete_paths(incomplete: str) -> Completions:
 
 def complete_experiments(incomplete: str) -> Completions:
     """Return the experiments that come with the suites, and files on disk."""
-    from taskspec.experiments.experiment_file import shipped
+    from taskspec.learn.experiments.experiment_file import shipped
 
     known = [(name, path.name) for name, path in shipped().items()]
     return starting(incomplete, known) + complete_paths(incomplete)
@@ -87,7 +87,7 @@ def complete_experiments(incomplete: str) -> Completions:
 
 def complete_learners(incomplete: str) -> Completions:
     """Return the learners that come with the package, experiments, and files on disk."""
-    from taskspec.learners import BUILT_IN
+    from taskspec.learn.learners import BUILT_IN
 
     known = [(entry.name, entry.summary) for entry in BUILT_IN.values()]
     return starting(incomplete, known) + complete_experiments(incomplete)
@@ -95,14 +95,14 @@ def complete_learners(incomplete: str) -> Completions:
 
 def complete_modifiers(incomplete: str) -> Completions:
     """Return `sticky=` and the others: with what they do."""
-    from taskspec.modifiers import MODIFIERS
+    from taskspec.language.modifiers import MODIFIERS
 
     return starting(incomplete, [(name + "=" * bool(e.arguments), e.doc) for name, e in MODIFIERS.items()])
 
 
 def complete_policies(incomplete: str) -> Completions:
     """Return names of policies, and files."""
-    from taskspec.policies.policy import NAMES
+    from taskspec.exact.policies.policy import NAMES
 
     return starting(incomplete, list(NAMES.items())) + complete_paths(incomplete)
 

@@ -26,8 +26,8 @@ from taskspec.cli.console import (
 from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
-    from taskspec.task.build import Outline
-    from taskspec.task.task import Task
+    from taskspec.language.task.build import Outline
+    from taskspec.language.task.task import Task
 
     Listed = Task | Outline
 
@@ -45,8 +45,8 @@ def list_(
 
     The size is states × actions, and tasks are grouped by the capability that they isolate.
     """
-    from taskspec.targets import files_of, outlines_in, tasks_in
-    from taskspec.task.record import record
+    from taskspec.language.targets import files_of, outlines_in, tasks_in
+    from taskspec.language.task.record import record
 
     files = files_of(targets or [])
     found = list(tasks_in(files) if json else outlines_in(files))
@@ -78,7 +78,7 @@ def _capability(task: Listed) -> str:
 
 def _print_tasks(tasks: Sequence[Listed]) -> None:
     """Print a row for each task, those that isolate the same thing side by side, in order of first mention."""
-    from taskspec.task.record import horizon, settings, size
+    from taskspec.language.task.record import horizon, settings, size
 
     order: dict[str, int] = {}
     for task in tasks:
@@ -113,10 +113,10 @@ def show(
     json: options.Json = False,
 ) -> None:
     """Show a task as a page, or the code generated from it."""
-    from taskspec.backends.scalar import compile_scalar
     from taskspec.cli.page import print_page
-    from taskspec.targets import tasks_of
-    from taskspec.task.record import constants, record
+    from taskspec.language.targets import tasks_of
+    from taskspec.language.task.record import constants, record
+    from taskspec.programs.scalar import compile_scalar
 
     found = tasks_of(task, variant, parameters or [], modifiers or [])
     records: list[dict[str, Any]] = []

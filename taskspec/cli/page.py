@@ -14,16 +14,16 @@ from taskspec.base.display import visible
 from taskspec.base.files import near
 from taskspec.cli.console import VisibleText
 from taskspec.cli.tables import Columns
-from taskspec.pages import prose as p
-from taskspec.pages.page import Page, page
-from taskspec.pages.sections import Section, SectionLine
-from taskspec.printers import plain
-from taskspec.printers import tree as m
-from taskspec.printers.names import expression
-from taskspec.printers.rewrites import draws
-from taskspec.task.merge import variant_names
-from taskspec.task.record import space_words
-from taskspec.task.task import Task
+from taskspec.language.printers import plain
+from taskspec.language.printers import tree as m
+from taskspec.language.printers.names import expression
+from taskspec.language.printers.rewrites import draws
+from taskspec.language.task.merge import variant_names
+from taskspec.language.task.record import space_words
+from taskspec.language.task.task import Task
+from taskspec.show.pages import prose as p
+from taskspec.show.pages.page import Page, page
+from taskspec.show.pages.sections import Section, SectionLine
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

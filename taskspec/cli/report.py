@@ -16,11 +16,11 @@ from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.exam import Exam
-    from taskspec.exam.card import Card
-    from taskspec.exam.comparison import LearnersComparison
-    from taskspec.exam.score_rows import TaskRow
     from taskspec.experiments import LearnersExamined
-    from taskspec.task.schema.experiments import Experiment
+    from taskspec.language.task.schema.experiments import Experiment
+    from taskspec.learn.exam.card import Card
+    from taskspec.learn.exam.comparison import LearnersComparison
+    from taskspec.learn.exam.score_rows import TaskRow
 
 FORMATS = ("html", "png", "pdf", "svg", "parquet")
 GRADES = {"masters": "good", "passes": "warn", "unsure": "warn", "fails": "bad"}
@@ -61,7 +61,7 @@ def report(
     same folder ([cyan]results/paper/bc[/], [cyan]results/paper/ppo[/]) are one set. A folder includes all exams below it.
     """
     from taskspec.exam import read
-    from taskspec.exam.report import write_several
+    from taskspec.learn.exam.report import write_several
 
     if findings is not None:
         _report_findings(findings, folders, output or Path("build/report"), json)
@@ -85,7 +85,7 @@ def report(
 
 def show(exams: Mapping[str, Exam], written: Sequence[Path]) -> None:
     """Print an exam, or several side by side, and the files that were written."""
-    from taskspec.exam.comparison import compare
+    from taskspec.learn.exam.comparison import compare
 
     if len(exams) == 1:
         (exam,) = exams.values()
@@ -98,7 +98,7 @@ def show(exams: Mapping[str, Exam], written: Sequence[Path]) -> None:
 
 def _exams_in(folder: Path) -> list[Path]:
     """Return the folders with an exam, where there are some below this one; else what was given."""
-    from taskspec.exam.results import NAMES
+    from taskspec.learn.exam.results import NAMES
 
     if folder.is_file():
         return [folder.parent]
@@ -108,7 +108,7 @@ def _exams_in(folder: Path) -> list[Path]:
 
 def print_exam(exam: Mapping[str, Any], out: Console | None = None) -> None:
     """Print the card of an exam, as `exam.json` holds it, with its diagnoses and flags."""
-    from taskspec.exam.card import card
+    from taskspec.learn.exam.card import card
 
     out = out or console()
     shown = card(exam)
@@ -143,7 +143,7 @@ def print_exam(exam: Mapping[str, Any], out: Console | None = None) -> None:
 
 def _laws(scores: Sequence[Mapping[str, Any]]) -> Columns:
     """Return a row for each law: the tasks that it was tried on, and those where it is broken."""
-    from taskspec.rules.score_rules import short_name
+    from taskspec.exact.rules.score_rules import short_name
 
     table = Columns("law", "tasks", "broken", right=(1,), styles=("name", "quiet"), fold=(2,))
     for law in dict.fromkeys(score["law"] for score in scores):
@@ -167,7 +167,7 @@ def _laws(scores: Sequence[Mapping[str, Any]]) -> Columns:
 
 def _strips(shown: Card, width: int) -> Columns:
     """Return a row for each task that needs a look: a strip, its scores, and the seeds that pass."""
-    from taskspec.exam.score_rows import FIXED, PUBLISHED, SAMPLED, forms_of
+    from taskspec.learn.exam.score_rows import FIXED, PUBLISHED, SAMPLED, forms_of
 
     forms = forms_of(shown.rows)
     heads = [form.replace(" ", "\n") for form in forms]
@@ -192,8 +192,8 @@ def _strips(shown: Card, width: int) -> Columns:
 
 def _strip(row: TaskRow, width: int, style: str) -> VisibleText:
     """Return the scores of a task as marks on an axis: relabelled ○ joined to published ●, and | for the best fixed action."""
-    from taskspec.exam.score_rows import FIXED, FLOOR, PUBLISHED, RELABELLED
-    from taskspec.exam.verdicts import MASTERED
+    from taskspec.learn.exam.score_rows import FIXED, FLOOR, PUBLISHED, RELABELLED
+    from taskspec.learn.exam.verdicts import MASTERED
 
     def place(score: float) -> int:
         share = (min(max(score, FLOOR), 1.0) - FLOOR) / (1.0 - FLOOR)
@@ -222,8 +222,8 @@ def _strip(row: TaskRow, width: int, style: str) -> VisibleText:
 
 def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -> None:
     """Show the exams of an experiment, and write the report of each, and pictures of them all."""
-    from taskspec.exam.report import write, write_several
-    from taskspec.experiments.picture import draw
+    from taskspec.learn.exam.report import write, write_several
+    from taskspec.learn.experiments.picture import draw
 
     print_matrix(found.exams)
     written: list[Path] = []
@@ -240,7 +240,7 @@ def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -
 
 def print_several(exams: Mapping[str, Mapping[str, Any]], found: LearnersComparison) -> None:
     """Print learners side by side: the matrix of scores and diagnoses, and numbers over all runs."""
-    from taskspec.exam.comparison import lines
+    from taskspec.learn.exam.comparison import lines
 
     print_matrix(exams)
     out = console(wide=True)
@@ -259,7 +259,7 @@ def print_several(exams: Mapping[str, Mapping[str, Any]], found: LearnersCompari
 
 def print_matrix(exams: Mapping[str, Mapping[str, Any]]) -> None:
     """Print learners and tasks as a matrix of scores and diagnoses, and what is wrong with each learner in a line."""
-    from taskspec.exam.card import matrix
+    from taskspec.learn.exam.card import matrix
 
     found = matrix(exams)
     out = console(wide=True)
@@ -282,7 +282,7 @@ def print_matrix(exams: Mapping[str, Mapping[str, Any]]) -> None:
 def _report_findings(suite: str, folders: Sequence[Path], output: Path, json: bool) -> None:
     """Evaluate a suite's findings, show them, and write them as a page and as JSON data."""
     from taskspec.exam import read
-    from taskspec.exam.findings import evaluate, html, markdown, sets_of, setups
+    from taskspec.learn.exam.findings import evaluate, html, markdown, sets_of, setups
 
     places = dict.fromkeys(place.resolve() for folder in folders for place in _exams_in(folder))
     exams = {place: read(place) for place in places}

@@ -21,8 +21,8 @@ from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.envs.rollouts import Episode, Summary, Watch
-    from taskspec.task.parts import RenderMode
-    from taskspec.task.task import Task
+    from taskspec.language.task.parts import RenderMode
+    from taskspec.language.task.task import Task
 
 EPISODES = 100
 MAX_STEPS = 10_000
@@ -67,7 +67,7 @@ def run(
     return, which [cyan]taskspec score[/] reads. [green]--render[/] shows the episodes; [green]-o video.gif[/] records them.
     """
     from taskspec.envs.rollouts import summarize
-    from taskspec.targets import beside, tasks_of
+    from taskspec.language.targets import beside, tasks_of
 
     kind = _kind_of(render, output)
     if json and kind == "ansi":
@@ -167,7 +167,7 @@ def _record(task: Task, policy: str, seed: int, summary: Summary, done: list[Epi
 
 def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
     from taskspec.envs.rollouts import ENDINGS
-    from taskspec.task.record import settings
+    from taskspec.language.task.record import settings
 
     out = console()
     given = f" {settings(task)}".rstrip()
@@ -207,7 +207,7 @@ def play(
     """Play a task with the keyboard, in a window; Escape ends it."""
     from taskspec.envs import Environment, window
     from taskspec.envs.options import seed_of
-    from taskspec.targets import task_of
+    from taskspec.language.targets import task_of
 
     found = task_of(task, variant, parameters or [], modifiers or [])
     env = Environment(found, render_mode="rgb_array")

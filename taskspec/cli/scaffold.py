@@ -104,8 +104,8 @@ def schema(
 
         [green]# yaml-language-server: $schema=taskspec.schema.json[/]
     """
-    from taskspec.task.schema.experiments import ExamDocument, Experiment, FindingsDocument, document_schema
-    from taskspec.task.schema.export import json_schema
+    from taskspec.language.task.schema.experiments import ExamDocument, Experiment, FindingsDocument, document_schema
+    from taskspec.language.task.schema.export import json_schema
 
     if experiment + exam + findings > 1:
         raise misuse("--experiment, --exam and --findings are three schemas; ask for one")
@@ -122,7 +122,7 @@ def lsp() -> None:
     It speaks the Language Server Protocol over standard input and output; an editor starts it. It needs the extra
     [green]editor[/].
     """
-    from taskspec.editor import serve
+    from taskspec.tools.editor import serve
 
     serve()
 
@@ -144,7 +144,7 @@ def studio(
     """
     for package in ("starlette", "uvicorn", "websockets"):
         need(package, "studio", "the studio")
-    from taskspec.studio.server import Studio, run
+    from taskspec.tools.studio.server import Studio, run
 
     def ready(address: str) -> None:
         say(f"{address}\nCtrl-C ends the studio.")

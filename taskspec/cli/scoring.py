@@ -18,7 +18,7 @@ from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.exact import Expectations, PomdpBounds, Results, Return, Score, Scores
-    from taskspec.task.task import Task
+    from taskspec.language.task.task import Task
 
 RETURNS = ("optimal", "expert", "random", "worst")
 MOST_CORNERS = 15  # corners of a front that are printed, about
@@ -60,7 +60,7 @@ def solve(
     their expected sums under the same policies.
     """
     from taskspec import exact
-    from taskspec.targets import beside, tasks_of
+    from taskspec.language.targets import beside, tasks_of
 
     records = []
     found = tasks_of(task, variant, parameters or [], modifiers or [])
@@ -124,8 +124,8 @@ def score(
     A score below -1 counts as -1, as in the paper that the derail suite comes from.
     """
     from taskspec import exact
-    from taskspec.scores.scores import read_returns
-    from taskspec.targets import task_of
+    from taskspec.exact.scores.scores import read_returns
+    from taskspec.language.targets import task_of
 
     found = task_of(task, variant, parameters or [], modifiers or [])
     known = None
@@ -152,8 +152,8 @@ def _bounds_record(bounds: PomdpBounds | None) -> dict[str, Any] | None:
 
 
 def _print_scores(task: Task, scores: Scores, bounds: PomdpBounds | None) -> None:
-    from taskspec.rollout.rollout import return_range
-    from taskspec.task.record import settings
+    from taskspec.exact.rollout.rollout import return_range
+    from taskspec.language.task.record import settings
 
     out = console()
     out.print(line((task.id, "name"), (f"  {settings(task)}", "value")))

@@ -17,8 +17,8 @@ from taskspec.cli.tables import Columns
 
 if TYPE_CHECKING:
     from taskspec.experiments import ExperimentFile
-    from taskspec.experiments.cover import Covering
-    from taskspec.experiments.separate import Separation
+    from taskspec.learn.experiments.cover import Covering
+    from taskspec.learn.experiments.separate import Separation
 
 FAMILY = "families/tables"
 Learner = Annotated[
@@ -77,7 +77,7 @@ def separate(
     With --cover, find the smallest set of tasks that separates every mistake of a zoo from its right version. The same command
     goes on with a search that was stopped.
     """
-    from taskspec.experiments.races import contestant, family_of
+    from taskspec.learn.experiments.races import contestant, family_of
 
     if not minutes > 0:
         raise misuse(f"--minutes is a number above 0, not {minutes:g}")
@@ -87,7 +87,7 @@ def separate(
     if zoo is not None:
         _cover(zoo, tasks, family, seed, steps, minutes, output, jobs, json)
         return
-    from taskspec.experiments.separate import Search
+    from taskspec.learn.experiments.separate import Search
 
     assert first is not None
     opponent = None if second is None else contestant(second)
@@ -104,8 +104,8 @@ def _cover(
     jobs: int | None, json: bool,
 ) -> None:  # fmt: skip
     """Search for the tasks that separate the mistakes of a zoo, print them, and write their specs."""
-    from taskspec.experiments.cover import CoverSearch, read_zoo
-    from taskspec.jobs.store import Store
+    from taskspec.base.jobs.store import Store
+    from taskspec.learn.experiments.cover import CoverSearch, read_zoo
 
     mistakes = read_zoo(zoo)
     folder = output or Path("build/covers") / safe_name(zoo.stem)
@@ -153,8 +153,8 @@ def _print_cover(found: Covering, family: str, folder: Path) -> None:
 
 def _report(found: Separation, family: str, output: Path, json: bool) -> None:
     """Print what was found, and write its spec."""
-    from taskspec.exchange.tables import FrozenTask
-    from taskspec.experiments.separate import finding
+    from taskspec.learn.experiments.separate import finding
+    from taskspec.tools.exchange.tables import FrozenTask
 
     if json:
         task = found.task
@@ -201,8 +201,8 @@ def freeze(
 
     States that no episode visits are left out; exact returns become claims.
     """
-    from taskspec.exchange.freeze import freeze as frozen
-    from taskspec.targets import task_of
+    from taskspec.language.targets import task_of
+    from taskspec.tools.exchange.freeze import freeze as frozen
 
     given = list(parameters or [])
     if seed is not None:

@@ -59,10 +59,10 @@ def sweep(
     Exit status 1 if an instance failed.
     """
     from taskspec import experiments
-    from taskspec.experiments import picture
-    from taskspec.experiments.sweeping import WRITERS
-    from taskspec.jobs.running import Running
-    from taskspec.targets import settings
+    from taskspec.base.jobs.running import Running
+    from taskspec.language.targets import settings
+    from taskspec.learn.experiments import picture
+    from taskspec.learn.experiments.sweeping import WRITERS
 
     wanted = options.checked_choices("--format", format or ["json,csv,svg"], FORMATS)
     written = experiments.read(experiment)

@@ -14,19 +14,19 @@ from typing import Any, ClassVar, get_args
 import gymnasium
 import numpy as np
 
-from taskspec import draws
-from taskspec.backends.scalar import Clock, Lane, ScalarProgram, compile_scalar
 from taskspec.base.arrays import Array
 from taskspec.envs import window
 from taskspec.envs.options import ENDINGS, ActionError, HasSpec, NotRunningError, one_of, reset_option, seed_of
 from taskspec.envs.state import flat_state, plain_state, require_legal
-from taskspec.lang.evaluate import evaluate
-from taskspec.lang.ir import Role
-from taskspec.lang.variates import sampler
-from taskspec.registry import load
-from taskspec.task.parts import Ending, RenderMode
-from taskspec.task.spaces import space
-from taskspec.task.task import Task, TaskLike
+from taskspec.language import draws
+from taskspec.language.expressions.evaluate import evaluate
+from taskspec.language.expressions.ir import Role
+from taskspec.language.expressions.variates import sampler
+from taskspec.language.registry import load
+from taskspec.language.task.parts import Ending, RenderMode
+from taskspec.language.task.spaces import space
+from taskspec.language.task.task import Task, TaskLike
+from taskspec.programs.scalar import Clock, Lane, ScalarProgram, compile_scalar
 
 Reset = Callable[..., tuple[Any, dict[str, Any]]]
 
@@ -64,7 +64,7 @@ class Environment(HasSpec, gymnasium.Env[Any, Any]):
             window.require()
         self.task: Task = load(task)
         if ending == "absorb" or observe_time:
-            from taskspec.modifiers import with_options
+            from taskspec.language.modifiers import with_options
 
             self.task = with_options(self.task, ending, observe_time)
         self.render_mode: str | None = render_mode

@@ -9,9 +9,9 @@ import gymnasium
 import numpy as np
 from gymnasium.experimental.functional import FuncEnv
 
-from taskspec.backends.jax import Functional, State
-from taskspec.task.spaces import space
-from taskspec.task.task import TaskLike
+from taskspec.language.task.spaces import space
+from taskspec.language.task.task import TaskLike
+from taskspec.programs.jax import Functional, State
 
 if TYPE_CHECKING:
     _FuncEnv = FuncEnv["FuncState", Any, Any, Any, Any, Any, Any]

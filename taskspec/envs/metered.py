@@ -9,7 +9,7 @@ import numpy as np
 
 from taskspec.base.arrays import Array, map_parts
 from taskspec.envs.env import Environment
-from taskspec.task.task import Task
+from taskspec.language.task.task import Task
 
 
 class Meter(Protocol):

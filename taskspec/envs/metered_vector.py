@@ -12,7 +12,7 @@ from taskspec.base.arrays import Array
 from taskspec.envs.metered import Meter
 from taskspec.envs.options import positive
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.task.task import Task
+from taskspec.language.task.task import Task
 
 
 class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):

@@ -11,8 +11,8 @@ import gymnasium.error
 
 from taskspec.base.diagnostics import SpecError, TaskspecError, spec_error, suggest
 from taskspec.base.limits import count, how_to_raise, limits
-from taskspec.task.parts import Ending
-from taskspec.task.task import Task
+from taskspec.language.task.parts import Ending
+from taskspec.language.task.task import Task
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taskspec.base.arrays import Array, map_parts
-from taskspec.lang.batch import DTYPES
-from taskspec.lang.types import BOOLEAN_LABELS, Kind
-from taskspec.policies.adapters import ObservationPolicy, policy_of
-from taskspec.policies.files import ScriptedPolicy, ScriptEnd, is_function, is_script
-from taskspec.policies.policy import EpisodeBatch, SharedDraws, TaskPolicy, is_name, observation_of, unknown
-from taskspec.task.parts import Component
-from taskspec.task.spaces import pack, unpack
-from taskspec.task.task import Task, recall
+from taskspec.exact.policies.adapters import ObservationPolicy, policy_of
+from taskspec.exact.policies.files import ScriptedPolicy, ScriptEnd, is_function, is_script
+from taskspec.exact.policies.policy import EpisodeBatch, SharedDraws, TaskPolicy, is_name, observation_of, unknown
+from taskspec.language.expressions.batch import DTYPES
+from taskspec.language.expressions.types import BOOLEAN_LABELS, Kind
+from taskspec.language.task.parts import Component
+from taskspec.language.task.spaces import pack, unpack
+from taskspec.language.task.task import Task, recall
 
 if TYPE_CHECKING:
     from taskspec.envs import Environment
@@ -109,7 +109,7 @@ def _array(c: Component, flat: Flat) -> Array:
 
 
 def _action_words(task: Task) -> str:
-    from taskspec.task.record import domain_words, space_words
+    from taskspec.language.task.record import domain_words, space_words
 
     listed = ", ".join(f"{c.name}: {domain_words(c)}" for c in task.action)
     return f"{listed} ({space_words(task.action_layout)})"

@@ -14,21 +14,21 @@ from typing import Any
 
 import numpy as np
 
-from taskspec import draws
-from taskspec.backends import backend_table
-from taskspec.backends.backend_table import BackendName
-from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Options
 from taskspec.base.arrays import map_parts, part_at
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import need
 from taskspec.envs.options import ActionError, NotRunningError, positive, seed_of, uncopied
 from taskspec.envs.state import RENDER_MODES, LaneView, lane_render_mode, refuse_to_set
 from taskspec.envs.window import Frames
-from taskspec.policies.experts import Expert
-from taskspec.registry import load
-from taskspec.task.parts import RenderMode
-from taskspec.task.spaces import space
-from taskspec.task.task import Task, TaskLike
+from taskspec.exact.policies.experts import Expert
+from taskspec.language import draws
+from taskspec.language.registry import load
+from taskspec.language.task.parts import RenderMode
+from taskspec.language.task.spaces import space
+from taskspec.language.task.task import Task, TaskLike
+from taskspec.programs import backend_table
+from taskspec.programs.backend_table import BackendName
+from taskspec.programs.vector_program import BadActionError, LanesNotRunningError, Options
 
 need("stable_baselines3", "sb3")
 from stable_baselines3.common.policies import BasePolicy  # noqa: E402  # after the message about its absence

@@ -11,9 +11,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from taskspec.backends.backend_table import BackendName
 from taskspec.envs.env import Environment
-from taskspec.task.task import Task
+from taskspec.language.task.task import Task
+from taskspec.programs.backend_table import BackendName
 
 Drive = Callable[[], int]
 """A function that takes many steps in all lanes and returns their number."""

@@ -14,12 +14,12 @@ from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.named import all_names
 from taskspec.envs import window
 from taskspec.envs.options import LaneError, NotRunningError, StateError, one_of
-from taskspec.lang.ir import Role
-from taskspec.lang.types import Domain, Kind
-from taskspec.task.legal import action_mask
-from taskspec.task.parts import Component, RenderMode, are_finite
-from taskspec.task.spaces import single, space
-from taskspec.task.task import Task
+from taskspec.language.expressions.ir import Role
+from taskspec.language.expressions.types import Domain, Kind
+from taskspec.language.task.legal import action_mask
+from taskspec.language.task.parts import Component, RenderMode, are_finite
+from taskspec.language.task.spaces import single, space
+from taskspec.language.task.task import Task
 
 # -- reading and setting the state --------------------------------------------------------------------------------
 
@@ -156,7 +156,7 @@ class Masks:
         self._task = task
         self._state = {c.name: part for c, part in zip(task.state, state, strict=True)}
         self._table: Array | None = None
-        from taskspec.model.space import Space
+        from taskspec.exact.model.space import Space
 
         space = Space(task.state, Role.STATE)
         if are_finite(task.state) and space.size * task.action_layout.counts[0] <= LOOKED_UP:
@@ -189,7 +189,7 @@ def masked(measures: Mapping[str, Array], lanes: Array) -> dict[str, Any]:
 
 
 if TYPE_CHECKING:
-    from taskspec.backends.vector_program import Engine
+    from taskspec.programs.vector_program import Engine
 
 RENDER_MODES: tuple[RenderMode, ...] = ("ansi", "rgb_array")
 """What lanes render: a window would be one too many for each."""

@@ -13,10 +13,6 @@ import gymnasium.vector
 import numpy as np
 from gymnasium.vector.utils import batch_space
 
-from taskspec import draws
-from taskspec.backends import backend_table
-from taskspec.backends.backend_table import BackendName
-from taskspec.backends.vector_program import BadActionError, LanesNotRunningError, Mode, Options
 from taskspec.base.arrays import Array, part_at
 from taskspec.base.diagnostics import spec_error
 from taskspec.base.extras import install_package
@@ -46,11 +42,15 @@ from taskspec.envs.state import (
     states,
 )
 from taskspec.envs.window import Frames
-from taskspec.modifiers import with_options
-from taskspec.registry import load
-from taskspec.task.parts import Ending, RenderMode
-from taskspec.task.spaces import space
-from taskspec.task.task import Task, TaskLike
+from taskspec.language import draws
+from taskspec.language.modifiers import with_options
+from taskspec.language.registry import load
+from taskspec.language.task.parts import Ending, RenderMode
+from taskspec.language.task.spaces import space
+from taskspec.language.task.task import Task, TaskLike
+from taskspec.programs import backend_table
+from taskspec.programs.backend_table import BackendName
+from taskspec.programs.vector_program import BadActionError, LanesNotRunningError, Mode, Options
 
 __all__ = ["VectorEnvironment"]
 

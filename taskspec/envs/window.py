@@ -19,10 +19,10 @@ from taskspec.base.diagnostics import spec_error
 from taskspec.base.display import visible
 from taskspec.base.extras import install_package, need
 from taskspec.envs.options import invalid
-from taskspec.lang.types import Kind
-from taskspec.task.parts import Component
-from taskspec.task.spaces import unpack
-from taskspec.task.task import Task
+from taskspec.language.expressions.types import Kind
+from taskspec.language.task.parts import Component
+from taskspec.language.task.spaces import unpack
+from taskspec.language.task.task import Task
 
 # Figures lie above environments in the layers, so they are resolved by name when needed.
 
@@ -104,7 +104,7 @@ def frame(
 
     `seen` are the states of the episode by time, the present one included.
     """
-    from taskspec.figures import render_frame  # what draws is not imported until something is drawn
+    from taskspec.show.figures import render_frame  # what draws is not imported until something is drawn
 
     title = heading(task, time)
     if note is not None:

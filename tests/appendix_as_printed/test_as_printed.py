@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from taskspec import exact, source
+from taskspec import exact
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.task.build import build
+from taskspec.language import source
+from taskspec.language.task.build import build
 
 FOLDER = Path(__file__).parent
 FILES = sorted(FOLDER.glob("*.yaml"))

@@ -11,7 +11,7 @@ import pytest
 import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import check, scores
-from taskspec.pages import scene
+from taskspec.show.pages import scene
 from tests.shared.walks import BASE, written
 
 EVIL = 'x"""\nraise SystemExit("ran")\n"""\\'

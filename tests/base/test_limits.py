@@ -24,12 +24,12 @@ from taskspec.base import limits
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.limits import Limits, changed, count, how_to_raise, progress_listener, table
 from taskspec.exact import check
-from taskspec.experiments.experiment_file import described
-from taskspec.model.extract import extract
-from taskspec.rollout.rollout import at_random, simulate
-from taskspec.source import read_text
-from taskspec.task.build import build
-from taskspec.task.task import Task
+from taskspec.exact.model.extract import extract
+from taskspec.exact.rollout.rollout import at_random, simulate
+from taskspec.language.source import read_text
+from taskspec.language.task.build import build
+from taskspec.language.task.task import Task
+from taskspec.learn.experiments.experiment_file import described
 from tests.shared.sections import text
 from tests.shared.sparse import sparse
 from tests.shared.specs import spec_file
@@ -68,7 +68,7 @@ def instances(entry: str) -> Any:
 
 def compiled() -> Any:
     """Lanes of a task that was never compiled before, on Numba."""
-    engine = pytest.importorskip("taskspec.backends.numba")
+    engine = pytest.importorskip("taskspec.programs.numba")
     loading, vector = (import_module(f"taskspec.{name}") for name in ("backends.numba.loading", "envs.vector"))
     engine.compile_numba.cache_clear()
     loading.load.cache_clear()
@@ -329,7 +329,7 @@ def test_a_map_is_read_in_time_that_grows_with_its_cells() -> None:
 
 
 def test_numba_says_that_it_takes_long_and_refuses_what_takes_too_long(caplog: Any, set_limits: Any) -> None:
-    loading = pytest.importorskip("taskspec.backends.numba.loading")
+    loading = pytest.importorskip("taskspec.programs.numba.loading")
     large = load(spec_file("catch"), rows=50, columns=50)
     vector = pytest.importorskip("taskspec.envs.vector", exc_type=SpecError)
     assert vector.VectorEnvironment(large, 2).backend == "numpy"
@@ -343,7 +343,7 @@ def test_numba_says_that_it_takes_long_and_refuses_what_takes_too_long(caplog: A
 
 
 def test_values_of_a_modifier_are_counted_before_they_are_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("taskspec.experiments.instances.modifier", lambda *_: pytest.fail("written out"))
+    monkeypatch.setattr("taskspec.learn.experiments.instances.modifier", lambda *_: pytest.fail("written out"))
     with pytest.raises(SpecError, match="1,000,000 instances are too many"):
         instances("Branching, modifiers: [{delay: {range: [1, 1000001]}}]")
     with pytest.raises(SpecError, match="1,000,000 instances are too many"):

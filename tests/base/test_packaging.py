@@ -39,7 +39,7 @@ MISSING = {
     "exact": ("scipy", "from taskspec.exact import extract; extract('RiskyPath')"),
     "numba": ("numba", "taskspec.make_vec('RiskyPath', num_envs=2, backend='numba')"),
     "jax": ("jax", "taskspec.make_vec('RiskyPath', num_envs=2, backend='jax')"),
-    "learners": ("jax", "import taskspec.learners.deep"),
+    "learners": ("jax", "import taskspec.learn.learners.deep"),
     "figures": ("matplotlib", "taskspec.make('RiskyPath', render_mode='rgb_array')"),
     "docs": ("pygments", "command('docs', 'RiskyPath')"),
     "cluster": ("distributed", "command('sweep', 'derail/noise', '--cluster', 'tcp://127.0.0.1:1')"),
@@ -182,9 +182,9 @@ def registered(code: str, package: Path) -> bool:
         "import taskspec, gymnasium",
         "import taskspec, gymnasium; gymnasium.make('derail/Branching-v0')",
         "import taskspec, gymnasium; gymnasium.make('taskspec:derail/Branching-v0')",
-        "import taskspec.registry",
-        "from taskspec import making",
-        "from taskspec.making import register",
+        "import taskspec.language.registry",
+        "from taskspec.envs import making",
+        "from taskspec.envs.making import register",
     ],
 )
 def test_tasks_are_registered_by_an_import(wheel: Path, code: str) -> None:
@@ -232,12 +232,12 @@ MADE = "import sys, taskspec; taskspec.make('RiskyPath')"
 @pytest.mark.parametrize(
     ("code", "unneeded"),
     [
-        (CHECKED, {"gymnasium", "jinja2", "taskspec.exam.examining", "taskspec.pages"}),
-        (MADE, {"jinja2", "pydantic", "scipy", "taskspec.exam", "taskspec.modifiers"}),
+        (CHECKED, {"gymnasium", "jinja2", "taskspec.learn.exam.examining", "taskspec.show.pages"}),
+        (MADE, {"jinja2", "pydantic", "scipy", "taskspec.exam", "taskspec.language.modifiers"}),
     ],
 )
 def test_what_is_not_needed_is_not_imported(code: str, unneeded: set[str]) -> None:
     """Imports are most of the time that a short command takes."""
     found = python(f"{code}\nprint(*sys.modules)", ROOT, ROOT).split()
-    assert "taskspec.task.build" in found
+    assert "taskspec.language.task.build" in found
     assert not unneeded & set(found)

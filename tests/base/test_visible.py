@@ -14,11 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from taskspec import registry
 from taskspec.base.diagnostics import Diagnostic, Origin, Span, render
 from taskspec.base.display import ON_PAGES, visible, visible_json
 from taskspec.cli.app import app
-from taskspec.pages.write import write
+from taskspec.language import registry
+from taskspec.show.pages.write import write
 
 ROOT = Path(__file__).parents[2]
 HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from taskspec.backends.backend_table import BACKENDS, PROGRAMS
 from taskspec.base.limits import Limits
 from taskspec.cli.app import Commands
 from taskspec.cli.console import misuse
 from taskspec.cli.options import Json, Parameters, checked_choice, complete_targets, flowed
+from taskspec.programs.backend_table import BACKENDS, PROGRAMS
 
 VECTOR = ("auto", *BACKENDS)
 

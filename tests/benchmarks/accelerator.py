@@ -8,7 +8,7 @@ from typing import Any
 
 from taskspec.base.extras import is_installed, machine
 from taskspec.cli.console import console, say, write_json
-from taskspec.registry import load
+from taskspec.language.registry import load
 from tests.benchmarks import peers, printed
 from tests.benchmarks.race import Contestant, Rate, ours, race
 from tests.benchmarks.tables import CHOSEN, SUITE

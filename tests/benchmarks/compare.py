@@ -83,9 +83,9 @@ def _vector(task: str, backend: str) -> Drive:
 
 def _load(task: str) -> Drive:
     """From the text of a spec to a task."""
-    from taskspec import registry
-    from taskspec.source import read_file
-    from taskspec.task.build import build
+    from taskspec.language import registry
+    from taskspec.language.source import read_file
+    from taskspec.language.task.build import build
 
     entry = registry.find(task)
 

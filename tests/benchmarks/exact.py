@@ -21,11 +21,11 @@ import numpy as np
 
 from taskspec.base.extras import is_installed
 from taskspec.cli.console import say, write_json
-from taskspec.model.extract import extract
-from taskspec.model.model import Model
-from taskspec.source import read_text
-from taskspec.task.build import build
-from taskspec.task.task import Task
+from taskspec.exact.model.extract import extract
+from taskspec.exact.model.model import Model
+from taskspec.language.source import read_text
+from taskspec.language.task.build import build
+from taskspec.language.task.task import Task
 from tests.shared.solved import optimal_return
 
 SPEC = """

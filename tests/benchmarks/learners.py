@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from taskspec.base.extras import machine
 from taskspec.cli.console import console, say, write_json
 from taskspec.cli.tables import Columns
-from taskspec.exam.case import Case, ExamTerms
-from taskspec.learners import learner
-from taskspec.registry import load
+from taskspec.language.registry import load
+from taskspec.learn.exam.case import Case, ExamTerms
+from taskspec.learn.learners import learner
 from tests.benchmarks import printed
 
 LEARNERS = ("ppo", "gail_im", "airl_im_sa", "drlhp_sa")

@@ -10,7 +10,7 @@ from typing import Any
 
 from taskspec.envs.env import Environment
 from taskspec.envs.speed import Clock, Drive, passes_in, rate, scalar, vector
-from taskspec.task.task import Task
+from taskspec.language.task.task import Task
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ def ours(
     num_threads: int = 1,
     target: float | None = None,
 ) -> Contestant:
-    """One of `taskspec.backends.backend_table.PROGRAMS`; a task goes by its `label` unless another name is given."""
+    """One of `taskspec.programs.backend_table.PROGRAMS`; a task goes by its `label` unless another name is given."""
 
     def make() -> Drive:
         match program:

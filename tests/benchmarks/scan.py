@@ -10,9 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from taskspec.backends.jax.functions import Functional
-from taskspec.task.spaces import SpaceLayout
-from taskspec.task.task import Task
+from taskspec.language.task.spaces import SpaceLayout
+from taskspec.language.task.task import Task
+from taskspec.programs.jax.functions import Functional
 
 STEPS = 128
 ACTIONS = 16

@@ -14,9 +14,9 @@ import tracemalloc
 from dataclasses import asdict, dataclass
 from typing import Any, cast
 
-from taskspec.backends.backend_table import BackendName
 from taskspec.base.diagnostics import TaskspecError
-from taskspec.task.task import Task
+from taskspec.language.task.task import Task
+from taskspec.programs.backend_table import BackendName
 from tests.benchmarks.race import label
 
 LANES = 1024

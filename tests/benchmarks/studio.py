@@ -11,7 +11,7 @@ import numpy as np
 from taskspec.cli.console import console, say, write_json
 from taskspec.cli.tables import Columns
 from tests.benchmarks.tables import SUITE
-from tests.studio.browser import VIEW, Page, chromium, served
+from tests.tools.studio.browser import VIEW, Page, chromium, served
 
 TARGET = 200.0
 """Milliseconds, at the 95th percentile."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from taskspec.backends import backend_table
-from taskspec.backends.backend_table import QUICKEST
 from taskspec.base.extras import is_installed
-from taskspec.registry import load
-from taskspec.task.task import Task
+from taskspec.language.registry import load
+from taskspec.language.task.task import Task
+from taskspec.programs import backend_table
+from taskspec.programs.backend_table import QUICKEST
 from tests.benchmarks import peers
 from tests.benchmarks.race import Contestant, label, ours
 from tests.shared.specs import spec_file

@@ -18,10 +18,10 @@ from rich.console import Console
 from rich.theme import Theme
 from typer.testing import CliRunner
 
-from taskspec.backends import backend_table as select
-from taskspec.backends.backend_table import PROGRAMS
 from taskspec.base.extras import is_installed
 from taskspec.cli.console import STYLES
+from taskspec.programs import backend_table as select
+from taskspec.programs.backend_table import PROGRAMS
 from tests.benchmarks import accelerator, chart, learners, printed, tables
 from tests.benchmarks import vector as bench_vector
 from tests.benchmarks.__main__ import app

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.backends.backend_table import PROGRAMS
 from taskspec.base.diagnostics import TaskspecError
 from taskspec.envs.speed import scalar
 from taskspec.envs.vector import VectorEnvironment
+from taskspec.programs.backend_table import PROGRAMS
 from tests.benchmarks import chart, peers, tables
 from tests.benchmarks.race import clock_for, jax_device, ours, race, spread
 from tests.benchmarks.starts import memory, start_times
@@ -118,7 +118,7 @@ def test_names_of_programs_are_those_of_the_help() -> None:
 
 
 def test_pairs_cover_every_task_of_the_suite() -> None:
-    twins = {entry.name for entry in taskspec.registry.shipped().values() if entry.name.endswith("Seals")}
+    twins = {entry.name for entry in taskspec.language.registry.shipped().values() if entry.name.endswith("Seals")}
     assert {pair.ours for pair in tables.PAIRS} == twins
 
 

@@ -11,16 +11,16 @@ from typing import Any
 
 import typer
 
-from taskspec.backends import backend_table as select
-from taskspec.backends.backend_table import BACKENDS, PROGRAMS, QUICKEST
 from taskspec.base.diagnostics import SpecError, TaskspecError, spec_error
 from taskspec.base.extras import is_installed, machine, need
 from taskspec.cli.console import console, misuse, print_diagnostics, say, write_json
 from taskspec.cli.options import checked_choice
 from taskspec.envs.speed import Drive
-from taskspec.registry import load
-from taskspec.targets import files_of, task_in, variants_of
-from taskspec.task.task import Task
+from taskspec.language.registry import load
+from taskspec.language.targets import files_of, task_in, variants_of
+from taskspec.language.task.task import Task
+from taskspec.programs import backend_table as select
+from taskspec.programs.backend_table import BACKENDS, PROGRAMS, QUICKEST
 from tests.benchmarks import printed, tables
 from tests.benchmarks.chart import draw
 from tests.benchmarks.printed import Progress

@@ -12,7 +12,7 @@ import pytest
 from rich.cells import cell_len
 
 from taskspec.base.codes import classes, codes
-from taskspec.registry import shipped, task_ids
+from taskspec.language.registry import shipped, task_ids
 from tests.shared.commands import Done, spec
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids, varied_files
@@ -239,7 +239,7 @@ def test_show_tells_values_equations_errata_claims_and_sources() -> None:
 
 def test_show_source_is_the_code_that_runs() -> None:
     from taskspec import load
-    from taskspec.backends.scalar import compile_scalar
+    from taskspec.programs.scalar import compile_scalar
 
     assert Done("show", "Sort", "--source").out.rstrip() == compile_scalar(load("derail/Sort")).source.rstrip()
     assert Done("show", "Sort", "--source", "--json").data["language"] == "python"

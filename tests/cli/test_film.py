@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from taskspec import figures
 from taskspec.cli import run
 from taskspec.cli.app import app
 from taskspec.envs import window
-from taskspec.figures import Overlay, raster, scene
-from taskspec.figures.shapes import Box, Label
-from taskspec.figures.states import expert_path, state_table
-from taskspec.printers.text import plain
-from taskspec.registry import load
+from taskspec.language.printers.text import plain
+from taskspec.language.registry import load
+from taskspec.show import figures
+from taskspec.show.figures import Overlay, raster, scene
+from taskspec.show.figures.shapes import Box, Label
+from taskspec.show.figures.states import expert_path, state_table
 
 matplotlib = pytest.importorskip("matplotlib")
 DERAIL = Path(__file__).parents[2] / "tasks" / "derail"

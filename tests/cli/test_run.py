@@ -15,7 +15,7 @@ import taskspec
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.limits import limits
 from taskspec.envs import rollouts
-from taskspec.pages import facts
+from taskspec.show.pages import facts
 from tests.shared import commands
 from tests.shared.sparse import sparse
 from tests.shared.specs import varied_files

@@ -7,7 +7,7 @@ from functools import cache
 
 import yaml
 
-from taskspec import registry
+from taskspec.language import registry
 from tests.shared.scripts import DOCS, script
 
 PRINTED = yaml.safe_load((DOCS / "printed.yaml").read_text(encoding="utf-8"))

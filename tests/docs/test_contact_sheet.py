@@ -11,14 +11,14 @@ import pytest
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 
-from taskspec import registry
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import extract
-from taskspec.figures import overlay, scene, undrawn
-from taskspec.figures.raster import FONTS, mathtext
-from taskspec.figures.shapes import Box, Circle, Item, Label, Line, Scene
-from taskspec.printers.text import plain
-from taskspec.task.task import Task
+from taskspec.language import registry
+from taskspec.language.printers.text import plain
+from taskspec.language.task.task import Task
+from taskspec.show.figures import overlay, scene, undrawn
+from taskspec.show.figures.raster import FONTS, mathtext
+from taskspec.show.figures.shapes import Box, Circle, Item, Label, Line, Scene
 from tests.shared.scripts import script
 from tests.shared.sparse import sparse
 

@@ -17,7 +17,7 @@ from tests.docs.test_snippets import PAGES, blocks
 from tests.shared.commands import Done
 
 FOR_CONTRIBUTORS = ("architecture.md", "extending.md", "correctness.md")
-NEEDS = {"taskspec.backends.jax": "jax", "taskspec.envs.functional": "jax", "taskspec.envs.sb3": "stable_baselines3"}
+NEEDS = {"taskspec.programs.jax": "jax", "taskspec.envs.functional": "jax", "taskspec.envs.sb3": "stable_baselines3"}
 
 
 @pytest.mark.parametrize("module", public_modules())

@@ -10,9 +10,9 @@ import pytest
 
 import taskspec
 from taskspec.envs import ActionError
-from taskspec.source import read_text
-from taskspec.task.build import build
-from taskspec.task.task import Task
+from taskspec.language.source import read_text
+from taskspec.language.task.build import build
+from taskspec.language.task.task import Task
 from tests.conftest import needs_vectors
 
 PUSH = """

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec import data, exact, pages
+from taskspec import data, exact
 from taskspec.envs import Environment
 from taskspec.envs.vector import VectorEnvironment
+from taskspec.show import pages
 
 ID = "derail/RiskyPath-v0"
 TASK = taskspec.load(ID)
@@ -23,7 +24,7 @@ PATH = Path(TASK.source.document.origin.name)
 
 def functional(source: Any) -> Any:
     pytest.importorskip("jax")
-    from taskspec.backends.jax import Functional
+    from taskspec.programs.jax import Functional
 
     return Functional(source).task
 
@@ -119,7 +120,7 @@ def test_the_first_observations_of_a_task_are_those_of_its_id() -> None:
 @pytest.mark.parametrize(
     ("package", "program", "extra"),
     [
-        ("jax", "from taskspec.backends.jax import Functional", "jax"),
+        ("jax", "from taskspec.programs.jax import Functional", "jax"),
         ("jax", "from taskspec.envs.functional import TaskFuncEnv", "jax"),
         ("jax", "import taskspec; taskspec.make_vec('RiskyPath', backend='jax')", "jax"),
         ("numba", "import taskspec; taskspec.make_vec('RiskyPath', backend='numba')", "numba"),
@@ -127,7 +128,7 @@ def test_the_first_observations_of_a_task_are_those_of_its_id() -> None:
         ("scipy", "from taskspec.exact import extract; extract('RiskyPath')", "exact"),
         ("scipy", "from taskspec.exact import scores; scores('RiskyPath')", "exact"),
         ("matplotlib", "import taskspec; taskspec.make('RiskyPath', render_mode='rgb_array')", "figures"),
-        ("matplotlib", "from taskspec.pages import figure; figure('RiskyPath', 'a.png')", "figures"),
+        ("matplotlib", "from taskspec.show.pages import figure; figure('RiskyPath', 'a.png')", "figures"),
         ("pygame", "import taskspec; from taskspec.envs import window; window.play(taskspec.make('Sort'))", "play"),
     ],
 )

@@ -12,7 +12,7 @@ import pytest
 import taskspec
 from taskspec import exact
 from taskspec.exact import Expert, extract, score, scores
-from taskspec.policies.policy import named
+from taskspec.exact.policies.policy import named
 
 TASK = taskspec.load("RiskyPath")
 

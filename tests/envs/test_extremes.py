@@ -10,7 +10,7 @@ import pytest
 import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import soundness
-from taskspec.task.task import Task
+from taskspec.language.task.task import Task
 from tests.shared.interpreter import Interpreter
 from tests.shared.walks import written
 

@@ -13,8 +13,8 @@ import pytest
 import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs import window
-from taskspec.task.legal import with_all_actions
-from taskspec.task.task import Task
+from taskspec.language.task.legal import with_all_actions
+from taskspec.language.task.task import Task
 from tests.conftest import VECTORS
 
 SPEC = """
@@ -119,8 +119,8 @@ def test_vector_environments_have_the_infos_of_scalar_ones(task: Task, backend: 
 
 def test_functions_in_jax_have_them_too(task: Task, form: str) -> None:
     jax = pytest.importorskip("jax")
-    from taskspec.backends.jax import Functional
     from taskspec.envs.functional import TaskFuncEnv
+    from taskspec.programs.jax import Functional
 
     functions = Functional(task)
     pure = TaskFuncEnv(task)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.task.task import Task
+from taskspec.language.task.task import Task
 from tests.conftest import VECTORS
 
 SPEC = """
@@ -72,7 +72,7 @@ def test_vector_environments_have_the_infos_of_scalar_ones(task: Task, backend: 
 
 def test_functions_in_jax_have_them_too(task: Task) -> None:
     jax = pytest.importorskip("jax")
-    from taskspec.backends.jax import Functional
+    from taskspec.programs.jax import Functional
 
     env = taskspec.make(task)
     env.reset(seed=3)

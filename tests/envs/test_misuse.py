@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.backends.backend_table import engine
-from taskspec.backends.vector_program import BadActionError, Options
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.options import ActionError, StateError
+from taskspec.programs.backend_table import engine
+from taskspec.programs.vector_program import BadActionError, Options
 from tests.shared.walks import written
 
 # -- misuse of environments -------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs import Environment, NotRunningError
 from taskspec.envs.window import Window
-from taskspec.figures import render_frame
+from taskspec.show.figures import render_frame
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids
 

@@ -12,12 +12,12 @@ from gymnasium.vector import AutoresetMode
 
 import taskspec
 from taskspec import SpecError
-from taskspec.backends import backend_table
-from taskspec.backends.backend_table import BACKENDS, BackendName
 from taskspec.envs import ActionError, NotRunningError
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.source.scan import scan
-from taskspec.task.task import Task
+from taskspec.language.source.scan import scan
+from taskspec.language.task.task import Task
+from taskspec.programs import backend_table
+from taskspec.programs.backend_table import BACKENDS, BackendName
 from tests.shared.conformance import Agreement, check_environment
 from tests.shared.sparse import sparse
 from tests.shared.specs import spec_file, varied_files
@@ -55,7 +55,7 @@ def test_numpy_walks_the_scalar_trajectories(task: tuple[str, str | None], lanes
 
 @pytest.mark.parametrize("task", TASKS[::4], ids=name_of)
 def test_numpy_walks_them_in_several_blocks(task: tuple[str, str | None], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("taskspec.backends.numpy.BLOCK", 9)
+    monkeypatch.setattr("taskspec.programs.numpy.BLOCK", 9)
     for mode in MODES:
         Agreement(load(task), "numpy", 20, mode).run(15)
 

@@ -8,9 +8,9 @@ import pytest
 from taskspec import load
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.source import read_text
-from taskspec.task.build import build
-from taskspec.task.task import Task
+from taskspec.language.source import read_text
+from taskspec.language.task.build import build
+from taskspec.language.task.task import Task
 from tests.shared.specs import spec_file
 
 SPEC = """
@@ -120,7 +120,7 @@ reward: 0
 
 def test_whole_actions_in_a_box_are_rounded_by_the_functions_for_jax() -> None:
     jax = pytest.importorskip("jax")
-    from taskspec.backends.jax import Functional
+    from taskspec.programs.jax import Functional
 
     task = build(read_text(MIXED), None, {}, "")
     functional = Functional(task)

@@ -16,8 +16,8 @@ import pytest
 
 import taskspec
 from taskspec.envs.state import flat_state
-from taskspec.model.transitions import Steps
-from taskspec.task.task import Task
+from taskspec.exact.model.transitions import Steps
+from taskspec.language.task.task import Task
 
 ALPHA = 1e-6
 """The level of tests of distributions, on fixed seeds."""

@@ -16,9 +16,9 @@ import pytest
 from gymnasium.envs.toy_text.frozen_lake import MAPS, generate_random_map
 
 import taskspec
-from taskspec import draws
-from taskspec.data.tabular import tabular
-from taskspec.lang.variates import WordLayout
+from taskspec.envs.data.tabular import tabular
+from taskspec.language import draws
+from taskspec.language.expressions.variates import WordLayout
 from tests.originals.beside import ALPHA, STEPS, Case, Gymnasium, among_outcomes, any_action, cases, side_by_side
 from tests.shared.specs import spec_file
 

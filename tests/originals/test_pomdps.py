@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.task.task import Task
+from taskspec.language.task.task import Task
 from tests.originals.beside import OutcomesOf, State
 from tests.shared.specs import spec_file
 

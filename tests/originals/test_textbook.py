@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.data.tabular import tabular
+from taskspec.envs.data.tabular import tabular
 from taskspec.exact import Results
 from tests.originals.beside import STEPS, Gymnasium, Result, State, side_by_side
 

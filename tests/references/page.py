@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from taskspec.exact.rollout.statistics import seeds_interval
 from taskspec.exam import Exam
-from taskspec.exam.score_rows import decimal, interval, named
-from taskspec.rollout.statistics import seeds_interval
+from taskspec.learn.exam.score_rows import decimal, interval, named
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE, PICTURE = DOCS / "learners.md", DOCS / "references.svg"

@@ -11,8 +11,8 @@ import gymnasium
 import numpy as np
 
 from taskspec.exam import Case, learns_from
-from taskspec.learners import learner
-from taskspec.learners.table import Adversarial, Cloning, Ppo
+from taskspec.learn.learners import learner
+from taskspec.learn.learners.table import Adversarial, Cloning, Ppo
 
 SETTINGS = Path(__file__).parent / "settings"
 T = TypeVar("T")

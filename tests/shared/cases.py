@@ -6,7 +6,7 @@ from typing import Any
 
 import taskspec
 from taskspec.data import Demonstrations, demonstrations
-from taskspec.task.task import Task
+from taskspec.language.task.task import Task
 
 
 class Granted:

@@ -14,13 +14,13 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from taskspec.backends.backend_table import BACKENDS, BackendName
 from taskspec.envs.env import Environment
 from taskspec.envs.options import Autoreset, NotRunningError
 from taskspec.envs.state import plain_state
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.task.spaces import pack, unpack
-from taskspec.task.task import Task
+from taskspec.language.task.spaces import pack, unpack
+from taskspec.language.task.task import Task
+from taskspec.programs.backend_table import BACKENDS, BackendName
 from tests.shared.interpreter import Interpreter
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from taskspec.lang import syntax as s
-from taskspec.printers.text import text
+from taskspec.language.expressions import syntax as s
+from taskspec.language.printers.text import text
 
 
 def data(expr: s.Expr) -> Any:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from taskspec import draws
-from taskspec.lang.evaluate import evaluate
-from taskspec.lang.ir import Role
-from taskspec.lang.variates import sampler
-from taskspec.task.task import Task
+from taskspec.language import draws
+from taskspec.language.expressions.evaluate import evaluate
+from taskspec.language.expressions.ir import Role
+from taskspec.language.expressions.variates import sampler
+from taskspec.language.task.task import Task
 
 Flat = tuple[Any, ...]
 

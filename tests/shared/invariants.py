@@ -10,14 +10,14 @@ from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from typing import Any
 
-from taskspec.lang import interval
-from taskspec.lang.ir import Apply, Const, Draw, Node, Role, draws, reads, walk
-from taskspec.lang.operators import OPERATORS, STRUCTURES
-from taskspec.lang.types import BOOL, INT_MAX, REAL, Kind, Type
-from taskspec.lang.variates import VARIATES
-from taskspec.modifiers.core import remembers_what_is_told
-from taskspec.task.parts import Component, Symmetry
-from taskspec.task.task import Task
+from taskspec.language.expressions import interval
+from taskspec.language.expressions.ir import Apply, Const, Draw, Node, Role, draws, reads, walk
+from taskspec.language.expressions.operators import OPERATORS, STRUCTURES
+from taskspec.language.expressions.types import BOOL, INT_MAX, REAL, Kind, Type
+from taskspec.language.expressions.variates import VARIATES
+from taskspec.language.modifiers.core import remembers_what_is_told
+from taskspec.language.task.parts import Component, Symmetry
+from taskspec.language.task.task import Task
 
 NodeRule = tuple[str, Callable[[Node], bool]]
 TaskRule = tuple[str, Callable[[Task], bool]]

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.jobs.running import Interrupted, Running, run
-from taskspec.jobs.store import Job, Store
+from taskspec.base.jobs.running import Interrupted, Running, run
+from taskspec.base.jobs.store import Job, Store
 
 
 def square(x: int, log: str | None = None, seconds: float = 0.0) -> dict[str, int]:

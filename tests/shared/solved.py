@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from taskspec.model.model import Model
-from taskspec.solve.backward import Uniform
-from taskspec.solve.bounded import Bound, Bounded
-from taskspec.solve.infinite_horizon import InfiniteHorizon
-from taskspec.solve.solve import Solvers, extreme
+from taskspec.exact.model.model import Model
+from taskspec.exact.solve.backward import Uniform
+from taskspec.exact.solve.bounded import Bound, Bounded
+from taskspec.exact.solve.infinite_horizon import InfiniteHorizon
+from taskspec.exact.solve.solve import Solvers, extreme
 
 
 def optimal_return(model: Model) -> float:

@@ -6,13 +6,13 @@ import re
 from functools import cache
 from pathlib import Path
 
-from taskspec import source
 from taskspec.base.diagnostics import SpecError
-from taskspec.registry import task_ids
-from taskspec.source import scan
-from taskspec.task.build import build
-from taskspec.task.merge import variant_names
-from taskspec.task.task import Task
+from taskspec.language import source
+from taskspec.language.registry import task_ids
+from taskspec.language.source import scan
+from taskspec.language.task.build import build
+from taskspec.language.task.merge import variant_names
+from taskspec.language.task.task import Task
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = "tasks/*/*.yaml"

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from taskspec import source
-from taskspec.abstraction.abstraction import abstraction
 from taskspec.exact import extract
-from taskspec.model.model import Model
-from taskspec.task.build import build
-from taskspec.task.task import Task
+from taskspec.exact.abstraction.abstraction import abstraction
+from taskspec.exact.model.model import Model
+from taskspec.language import source
+from taskspec.language.task.build import build
+from taskspec.language.task.task import Task
 from tests.shared.specs import spec_file
 
 ROOT = Path(__file__).parents[2]

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Node
-from taskspec.lang.types import Kind, Type
+from taskspec.language.expressions.builder import Builder
+from taskspec.language.expressions.ir import Node
+from taskspec.language.expressions.types import Kind, Type
 
 BACKENDS = ("numpy", "numba", "jax")
 SLOWLY = ("numpy", *(pytest.param(backend, marks=pytest.mark.slow) for backend in ("numba", "jax")))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 
-from taskspec.source import read_text
-from taskspec.task.build import build
-from taskspec.task.task import Task
+from taskspec.language.source import read_text
+from taskspec.language.task.build import build
+from taskspec.language.task.task import Task
 
 BASE = """\
 taskspec: 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from taskspec import draws
+from taskspec.language import draws
 
 TOP = 2**32 - 1
 EDGES = (0, 1, 255, 256, 2**31 - 1, 2**31, 2**31 + 1, TOP - 1, TOP)

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from docs.tools.library import EVIDENCE, SUITES
-from taskspec import registry, source
 from taskspec.base.bibliography import beside
-from taskspec.figures import scene
+from taskspec.language import registry, source
+from taskspec.show.figures import scene
 from tests.shared.specs import ROOT, specs
 
 FILES = specs(*(f"tasks/{suite}/*.yaml" for suite in SUITES))

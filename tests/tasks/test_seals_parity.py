@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec.backends.scalar import compile_scalar
-from taskspec.task.task import Task
+from taskspec.language.task.task import Task
+from taskspec.programs.scalar import compile_scalar
 from tests.shared.seals import State, fits, homogeneous, original, put
 
 

@@ -17,7 +17,7 @@ import yaml
 
 import taskspec
 from taskspec.exact import extract, scores
-from taskspec.task.task import Task
+from taskspec.language.task.task import Task
 from tests.shared.seals import ALPHA, fits, homogeneous, original, put, stats
 from tests.shared.sparse import sparse
 

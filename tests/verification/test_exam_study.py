@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 import taskspec
+from taskspec.exact.policies.files import function_of
 from taskspec.exam import examine, read
-from taskspec.exam.learned import explanations
-from taskspec.policies.files import function_of
+from taskspec.learn.exam.learned import explanations
 from tests.shared.commands import Done
 from tests.shared.sparse import sparse
 from tests.verification.exam_study.bugs import LEARNERS, Bug, bugs

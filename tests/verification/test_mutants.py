@@ -114,9 +114,9 @@ def test_a_sample_is_drawn_from_the_whole_room(room: str) -> None:
 
 def test_tests_that_run_the_line_are_asked() -> None:
     room = ROOMS["draws"]
-    (below, *_) = mutants("taskspec/draws/a.py", "def f(x):\n    y = x\n    return x < y\n")
+    (below, *_) = mutants("taskspec/language/draws/a.py", "def f(x):\n    y = x\n    return x < y\n")
     of_room = Seen(
-        Path("tests/draws/test_draws.py"),
+        Path("tests/language/draws/test_draws.py"),
         [Timed("slow", 2), Timed("fast", 1), Timed("no", 0)],
         {below.file: {3: [0, 1], 2: [2]}},
     )
@@ -128,8 +128,8 @@ def test_tests_that_run_the_line_are_asked() -> None:
 
 
 def test_a_line_of_a_table_is_asked_of_what_runs_the_file() -> None:
-    (_, *_, row) = mutants("taskspec/draws/a.py", "def f(x):\n    return x < 1\n\nTABLE = (1, 2)\n")
-    seen = Seen(Path("tests/draws/test_draws.py"), [Timed("one", 1)], {row.file: {2: [0], 4: []}})
+    (_, *_, row) = mutants("taskspec/language/draws/a.py", "def f(x):\n    return x < 1\n\nTABLE = (1, 2)\n")
+    seen = Seen(Path("tests/language/draws/test_draws.py"), [Timed("one", 1)], {row.file: {2: [0], 4: []}})
     assert [test.name for test in chosen(row, ROOMS["draws"], [seen])] == ["one"]
 
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from taskspec.rules.claim_rules import ClaimEvaluator
-from taskspec.scores.returns import Results
-from taskspec.solve import enclosure
-from taskspec.solve.enclosure import Enclosure
+from taskspec.exact.rules.claim_rules import ClaimEvaluator
+from taskspec.exact.scores.returns import Results
+from taskspec.exact.solve import enclosure
+from taskspec.exact.solve.enclosure import Enclosure
 from tests.verification.oracle.compare.cases import Case
 from tests.verification.oracle.reference.merging import read
 from tests.verification.oracle.reference.model import Model

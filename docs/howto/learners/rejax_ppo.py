@@ -2,9 +2,9 @@ import jax
 import numpy as np
 from rejax import PPO
 
-from taskspec.backends.jax import Functional
-from taskspec.backends.jax.functions import Gymnax
 from taskspec.exam import Case, learns_from
+from taskspec.programs.jax import Functional
+from taskspec.programs.jax.functions import Gymnax
 
 
 class OneDone(Gymnax):  # rejax 0.1.3 reads the steps of older gymnax, with one `done`

@@ -9,11 +9,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from taskspec.exact.policies.files import function_of
 from taskspec.exam import Case, Exam, examine
-from taskspec.exam.findings import new_diagnoses
-from taskspec.exam.flags import flags
-from taskspec.exam.learned import explanations, learned_flags
-from taskspec.policies.files import function_of
+from taskspec.learn.exam.findings import new_diagnoses
+from taskspec.learn.exam.flags import flags
+from taskspec.learn.exam.learned import explanations, learned_flags
 from tests.verification.exam_study.bugs import LEARNERS, Bug, content
 from tests.verification.exam_study.tables import Tables
 

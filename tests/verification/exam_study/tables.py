@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 import taskspec.exam
+from taskspec.exact.policies.values import is_table
 from taskspec.exam import Case, Learned
-from taskspec.exam.asked_tasks import exam_id
-from taskspec.exam.case import ExamTerms
-from taskspec.exam.learned import learned_fields
-from taskspec.exam.results import Exam, read, write
-from taskspec.policies.values import is_table
-from taskspec.registry import load
-from taskspec.task.task import Task
+from taskspec.language.registry import load
+from taskspec.language.task.task import Task
+from taskspec.learn.exam.asked_tasks import exam_id
+from taskspec.learn.exam.case import ExamTerms
+from taskspec.learn.exam.learned import learned_fields
+from taskspec.learn.exam.results import Exam, read, write
 
 NAME, EXPLAINED = "learned.npz", "explained.txt"
 FIELDS = ("policy", "q", "values", "reward", "discount")

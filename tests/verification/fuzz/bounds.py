@@ -2,7 +2,7 @@
 
     python -m tests.verification.fuzz.bounds --seconds 600
 
-prints how many values were looked at, and every one that lies outside what `taskspec.lang.interval` says of it.
+prints how many values were looked at, and every one that lies outside what `taskspec.language.expressions.interval` says of it.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.lang.ir import Node, walk
-from taskspec.lang.operators import OPERATORS
-from taskspec.lang.types import HUGE, INT_MAX, Kind
-from taskspec.task.reach import widest
+from taskspec.language.expressions.ir import Node, walk
+from taskspec.language.expressions.operators import OPERATORS
+from taskspec.language.expressions.types import HUGE, INT_MAX, Kind
+from taskspec.language.task.reach import widest
 from tests.verification.fuzz import forms
 from tests.verification.fuzz.expressions import Expressions, outside, points
 from tests.verification.fuzz.forms import Form, Key, Points

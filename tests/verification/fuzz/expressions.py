@@ -7,10 +7,10 @@ import random
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Node, Read, Role
-from taskspec.lang.operators import FUNCTIONS, OPERATORS
-from taskspec.lang.types import BOOL, INT, REAL, Kind, Refused, Type
+from taskspec.language.expressions.builder import Builder
+from taskspec.language.expressions.ir import Node, Read, Role
+from taskspec.language.expressions.operators import FUNCTIONS, OPERATORS
+from taskspec.language.expressions.types import BOOL, INT, REAL, Kind, Refused, Type
 
 Flat = tuple[Any, ...]
 INF, NAN = math.inf, math.nan

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends import scalar as scalars
-from taskspec.backends.array_form import ArrayForm, Scratch, arrays
-from taskspec.backends.lane_form import LaneEmitter, LaneValue
-from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
-from taskspec.backends.numpy import _NAMESPACE as NUMPY
-from taskspec.lang import batch
-from taskspec.lang.builder import Builder
-from taskspec.lang.evaluate import evaluate
-from taskspec.lang.ir import Node, Role, plain
-from taskspec.lang.types import Kind, Type
+from taskspec.language.expressions import batch
+from taskspec.language.expressions.builder import Builder
+from taskspec.language.expressions.evaluate import evaluate
+from taskspec.language.expressions.ir import Node, Role, plain
+from taskspec.language.expressions.types import Kind, Type
+from taskspec.programs import scalar as scalars
+from taskspec.programs.array_form import ArrayForm, Scratch, arrays
+from taskspec.programs.lane_form import LaneEmitter, LaneValue
+from taskspec.programs.numba.kernel import EVERYTHING, KernelLane
+from taskspec.programs.numpy import _NAMESPACE as NUMPY
 
 Key = tuple[Role, str]
 Flat = tuple[Any, ...]
@@ -86,7 +86,7 @@ def by_jax(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], points:
     """The generated code of JAX programs, compiled: float32 and int32."""
     import jax
 
-    from taskspec.backends.jax import library, program
+    from taskspec.programs.jax import library, program
 
     names = {key: f"x_{key[1]}" for key in types}
     form = ArrayForm(names, lambda d, a: "")
@@ -109,7 +109,7 @@ def by_numba(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], point
     """The generated code of compiled kernels, compiled."""
     import numba
 
-    from taskspec.backends.numba import kernel_draws, runtime
+    from taskspec.programs.numba import kernel_draws, runtime
 
     names, loads, rows = {}, [], {}
     for key, column in _columns(types, points).items():

@@ -20,14 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.numba.kernel import suits
 from taskspec.base.diagnostics import SpecError
-from taskspec.lang.types import Kind
-from taskspec.model.extract import extract
-from taskspec.soundness.soundness import examine
-from taskspec.source import read_text
-from taskspec.task.build import build
-from taskspec.task.task import Task
+from taskspec.exact.model.extract import extract
+from taskspec.exact.soundness.soundness import examine
+from taskspec.language.expressions.types import Kind
+from taskspec.language.source import read_text
+from taskspec.language.task.build import build
+from taskspec.language.task.task import Task
+from taskspec.programs.numba.kernel import suits
 from tests.shared.conformance import Agreement
 from tests.shared.interpreter import Interpreter
 from tests.shared.invariants import broken

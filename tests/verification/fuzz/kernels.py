@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from taskspec import draws
-from taskspec.backends.numba import loading, loops
-from taskspec.backends.numba.loops import Program
-from taskspec.lang.types import INT_MAX, Kind
-from taskspec.lang.variates import words_of
-from taskspec.task.task import Task
+from taskspec.language import draws
+from taskspec.language.expressions.types import INT_MAX, Kind
+from taskspec.language.expressions.variates import words_of
+from taskspec.language.task.task import Task
+from taskspec.programs.numba import loading, loops
+from taskspec.programs.numba.loops import Program
 
 Array = Any
 DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
@@ -79,7 +79,7 @@ def _library() -> dict[str, Any]:
         "f32s": None, "i64s": None, "u32s": None,
     }  # fmt: skip
     text = (FOLDER / "kernel_draws.py").read_text()
-    lines = [x for x in text.splitlines() if not x.startswith("from taskspec.backends.numba.runtime")]
+    lines = [x for x in text.splitlines() if not x.startswith("from taskspec.programs.numba.runtime")]
     exec("\n".join(lines), space)
     space["math"] = math
     exec(_called_by_kernels((FOLDER / "runtime.py").read_text()), space)
@@ -181,7 +181,7 @@ class _Row:
 def _compiled(source: str, constants: Mapping[str, Array]) -> Callable[..., Any]:
     import numba
 
-    from taskspec.backends.numba import kernel_draws, runtime
+    from taskspec.programs.numba import kernel_draws, runtime
 
     space = {**vars(math), **vars(runtime), **vars(kernel_draws), **vars(runtime), **constants}
     exec(source, space)

@@ -23,18 +23,18 @@ from typing import Any
 import numpy as np
 
 import taskspec
-from taskspec import pages
 from taskspec.base.codes import codes
 from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, render
-from taskspec.check.file_checks import check_file
 from taskspec.cli.check import examine
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.source import Document, read_file
-from taskspec.targets import File
-from taskspec.task.build import build
-from taskspec.task.merge import variant_names
-from taskspec.task.schema.check import check_shape
-from taskspec.task.task import Task
+from taskspec.exact.check.file_checks import check_file
+from taskspec.language.source import Document, read_file
+from taskspec.language.targets import File
+from taskspec.language.task.build import build
+from taskspec.language.task.merge import variant_names
+from taskspec.language.task.schema.check import check_shape
+from taskspec.language.task.task import Task
+from taskspec.show import pages
 
 PACKAGE = Path(pages.__file__).parents[1]
 FOLDER = next((p for p in (Path("/dev/shm"),) if os.access(p, os.W_OK)), Path(tempfile.gettempdir()))

@@ -1,6 +1,6 @@
 """Which tests run which lines of the rooms, and how long each takes: one process and one file of JSON for each file of tests.
 
-    python -m tests.verification.mutants.cover tests/lang/test_bounds.py map/test_bounds.json
+    python -m tests.verification.mutants.cover tests/language/expressions/test_bounds.py map/test_bounds.json
 
 runs one file under coverage.py, test by test. What a test runs in processes of its own is not seen.
 """

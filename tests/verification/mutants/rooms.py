@@ -17,23 +17,23 @@ class Room:
 
 
 ROOMS = {
-    "lang": Room("taskspec/lang", ("lang", "source", "base")),
-    "draws": Room("taskspec/draws", ("draws", "lang")),
-    "model": Room("taskspec/model", ("model", "solve", "scores")),
-    "solve": Room("taskspec/solve", ("solve", "scores", "rules", "verification")),
-    "soundness": Room("taskspec/soundness", ("check", "rules")),
-    "abstraction": Room("taskspec/abstraction", ("check",)),
-    "scores": Room("taskspec/scores", ("scores", "policies")),
-    "policies": Room("taskspec/policies", ("policies", "scores", "data")),
-    "rules": Room("taskspec/rules", ("rules", "exam")),
-    "check": Room("taskspec/check", ("check",)),
-    "printers": Room("taskspec/printers", ("printers", "pages")),
+    "lang": Room("taskspec/language/expressions", ("lang", "source", "base")),
+    "draws": Room("taskspec/language/draws", ("draws", "lang")),
+    "model": Room("taskspec/exact/model", ("model", "solve", "scores")),
+    "solve": Room("taskspec/exact/solve", ("solve", "scores", "rules", "verification")),
+    "soundness": Room("taskspec/exact/soundness", ("check", "rules")),
+    "abstraction": Room("taskspec/exact/abstraction", ("check",)),
+    "scores": Room("taskspec/exact/scores", ("scores", "policies")),
+    "policies": Room("taskspec/exact/policies", ("policies", "scores", "data")),
+    "rules": Room("taskspec/exact/rules", ("rules", "exam")),
+    "check": Room("taskspec/exact/check", ("check",)),
+    "printers": Room("taskspec/language/printers", ("printers", "pages")),
 }
 
 OF_ALL = ("test_oracle", "test_invariants", "test_generated_source")
 """Files of tests that are asked about every room, last."""
 
-NOT_CHANGED = ("taskspec/lang/operators/entry.py",)
+NOT_CHANGED = ("taskspec/language/expressions/operators/entry.py",)
 """Files that hold what tests are given."""
 
 

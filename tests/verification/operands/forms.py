@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import product
 
-from taskspec.lang.operators import FUNCTIONS, INFIX
+from taskspec.language.expressions.operators import FUNCTIONS, INFIX
 
 KINDS = "bir"
 SHAPES = (0, 3, 40)  # a number; a vector that is written out; one that is looped over, and too wide for Python numbers

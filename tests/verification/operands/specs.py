@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from taskspec.base.diagnostics import SpecError
-from taskspec.source import read_text
-from taskspec.task.build import build
-from taskspec.task.task import Task
+from taskspec.language.source import read_text
+from taskspec.language.task.build import build
+from taskspec.language.task.task import Task
 from tests.verification.operands.forms import KINDS, POINTS, SINGLE
 
 DECLARED = {"b": "bool", "i": "int, low: -7, high: 1000", "r": "real"}

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from taskspec.lang import syntax as s
+from taskspec.language.expressions import syntax as s
 from tests.verification.printed import algebra as al
 
 VECTORS = {"v", "w", "p", "s", "h"}  # p and s have lengths that the notation knows

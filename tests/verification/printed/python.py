@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 
-from taskspec.lang import syntax as s
+from taskspec.language.expressions import syntax as s
 from tests.verification.printed.trees import PLACE
 
 PRIME = "ʹ"

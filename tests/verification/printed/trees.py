@@ -7,10 +7,10 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from taskspec.lang import syntax as s
-from taskspec.lang.parse import parse
-from taskspec.printers import tree as m
-from taskspec.printers.names import Notation, nowhere, symbol
+from taskspec.language.expressions import syntax as s
+from taskspec.language.expressions.parse import parse
+from taskspec.language.printers import tree as m
+from taskspec.language.printers.names import Notation, nowhere, symbol
 from tests.verification.printed import algebra as al
 
 PLACE = s.Place(nowhere(""), 0, 0)

@@ -16,8 +16,8 @@ from unittest import mock
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import verdicts
-from taskspec.scores.returns import Results
-from taskspec.solve import rational
+from taskspec.exact.scores.returns import Results
+from taskspec.exact.solve import rational
 from tests.verification.oracle.compare import exact
 from tests.verification.oracle.compare.cases import Difference
 from tests.verification.oracle.worker import Hang, patience, peak_memory, say

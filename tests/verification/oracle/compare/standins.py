@@ -16,7 +16,7 @@ from typing import Any
 
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import verdicts
-from taskspec.scores.returns import Results
+from taskspec.exact.scores.returns import Results
 from tests.verification.oracle.compare.cases import Case, Data, Difference
 from tests.verification.oracle.compare.claims import Claim, about_number, written
 from tests.verification.oracle.compare.exact import reference_model

@@ -1,0 +1,1 @@
+"""Data for learners: demonstrations, preferences, and exact models as arrays."""

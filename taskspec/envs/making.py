@@ -1,0 +1,262 @@
+"""Makes environments of ids, paths and tasks, and registers tasks with Gymnasium.
+
+Gymnasium is imported inside functions only: its plugin hook may load this module while `import gymnasium` is still running.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import functools
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from taskspec.base import ids
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
+from taskspec.language import registry
+from taskspec.language.registry import entries, load, shipped
+
+if TYPE_CHECKING:
+    from gymnasium.envs.registration import EnvSpec
+
+    from taskspec.envs import Environment
+    from taskspec.envs.options import Autoreset
+    from taskspec.envs.vector import AutoresetMode, VectorEnvironment
+    from taskspec.language.modifiers import Written
+    from taskspec.language.task.parts import Ending, RenderMode
+    from taskspec.language.task.task import Task, TaskLike
+    from taskspec.programs.backend_table import BackendName
+
+SPEC_ID = "taskspec/Spec-v0"
+ENTRY_POINT = "taskspec.envs.making:make_registered"
+
+
+class UnexpectedKeywordError(SpecError, TypeError):
+    """A keyword argument of a maker that is neither an option nor a parameter of the task.
+
+    It is a TypeError with Python's wording, too, since wrappers of others try arguments and look for that.
+    """
+
+    def __init__(self, text: str, diagnostics: Iterable[Diagnostic] = ()) -> None:
+        """`text` alone is what `gym.make` gives when it raises the error again with words of its own."""
+        super().__init__(diagnostics or [Diagnostic("E702", None, text)])
+        self.text = text
+        self.args = (text, self.diagnostics)
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def make(
+    source: TaskLike,
+    /,
+    variant: str | None = None,
+    *,
+    render_mode: RenderMode | None = None,
+    ending: Ending = "terminate",
+    observe_time: bool = False,
+    modifiers: Iterable[Written] = (),
+    **parameters: Any,
+) -> Environment:
+    """Return the scalar environment of a task: `load` and `taskspec.envs.Environment` in one call."""
+    from taskspec.envs import Environment
+
+    task = _loaded(source, variant, {**parameters, "modifiers": modifiers})
+    return Environment(task, render_mode=render_mode, ending=ending, observe_time=observe_time)
+
+
+def register(folder: str | os.PathLike[str] | None = None) -> list[str]:
+    """Register specs with Gymnasium; they are not read in full.
+
+    Args:
+        folder: its specs, and those of its sub-folders; without one, the shipped tasks.
+
+    Returns:
+        The ids.
+
+    Raises:
+        SpecError: when the folder does not exist or a spec in it cannot be read.
+    """
+    _take_instances()
+    if folder is None:
+        for entry in shipped().values():
+            _add(entry.id, {"task": entry.id})
+        _add(SPEC_ID, {})
+        return [*shipped(), SPEC_ID]
+    from pathlib import Path
+
+    root = Path(folder)
+    if not root.is_dir():
+        raise spec_error("E710", f"there is no folder '{root}'")
+    folders = [root, *sorted(p for p in root.iterdir() if p.is_dir())]
+    found = [entry for each in folders for entry in entries(each.resolve())]
+    for entry in found:
+        registry.add(entry)
+        _add(entry.id, {"path": str(entry.path), "variant": entry.variant})
+    return [entry.id for entry in found]
+
+
+def _add(task_id: str, kwargs: dict[str, Any]) -> None:
+    from gymnasium.envs.registration import EnvSpec
+    from gymnasium.envs.registration import registry as known
+
+    # The environment checks order, horizon and actions itself, so that `gym.make` can return it bare. Gymnasium's `register`
+    # would look for other versions of each task among all tasks.
+    known[task_id] = EnvSpec(
+        task_id,
+        ENTRY_POINT,
+        vector_entry_point="taskspec.envs.making:make_vec_registered",
+        order_enforce=False,
+        disable_env_checker=True,
+        kwargs=kwargs,
+    )
+
+
+def _take_instances() -> None:
+    """Let `gym.make` and `gym.make_vec` take ids with parameters and modifiers."""
+    from gymnasium.envs import registration
+
+    find = getattr(registration, "_find_spec", None)
+    if find is None or hasattr(find, "__wrapped__"):
+        return
+
+    @functools.wraps(find)
+    def found(env_id: str) -> Any:
+        if not ids.is_instance(env_id):
+            return find(env_id)
+        asked = ids.parse(env_id)
+        spec = copy.deepcopy(find(asked.name))
+        if spec is None or spec.entry_point != ENTRY_POINT:
+            return find(env_id)
+        spec.kwargs.update(asked.parameters)
+        if asked.modifiers:
+            spec.kwargs["id_modifiers"] = asked.modifiers
+        return spec
+
+    registration._find_spec = found
+
+
+def make_vec(
+    source: TaskLike,
+    /,
+    variant: str | None = None,
+    *,
+    num_envs: int | None = None,
+    backend: BackendName = "auto",
+    autoreset_mode: AutoresetMode | Autoreset = "NextStep",
+    reuse: bool = False,
+    num_threads: int = 1,
+    ending: Ending = "terminate",
+    observe_time: bool = False,
+    render_mode: RenderMode | None = None,
+    modifiers: Iterable[Written] = (),
+    instance_seed: int | Sequence[int] | None = None,
+    **parameters: Any,
+) -> VectorEnvironment:
+    """Return many environments of a task, stepped together: `load` and `taskspec.envs.vector.VectorEnvironment` in one
+    call.
+
+    With a list as `instance_seed`, lane i is a scalar environment with the constants of the seed at i; the list is taken from
+    its beginning again where `num_envs` says that there are more lanes. `backend`, `reuse` and `num_threads` do not matter then.
+
+    Raises:
+        SpecError: E705 when Gymnasium is older than 1.1 or the backend's package is not installed.
+    """
+    from taskspec.envs.vector import VectorEnvironment
+
+    options: dict[str, Any] = {
+        "autoreset_mode": autoreset_mode, "ending": ending, "observe_time": observe_time, "render_mode": render_mode,
+    }  # fmt: skip
+    given = {**parameters, "modifiers": modifiers}
+    if isinstance(instance_seed, Sequence):
+        tasks = [_loaded(source, variant, {**given, "instance_seed": seed}) for seed in instance_seed]
+        lanes: VectorEnvironment = _instance_lanes(tasks, num_envs, options)
+        return lanes
+    if instance_seed is not None:
+        given["instance_seed"] = instance_seed
+    task = _loaded(source, variant, given)
+    if num_envs is None:
+        num_envs = 1
+    return VectorEnvironment(task, num_envs, backend=backend, reuse=reuse, num_threads=num_threads, **options)
+
+
+def _loaded(source: TaskLike, variant: str | None, given: Mapping[str, Any]) -> Task:
+    """Return the task for keyword arguments of a maker."""
+    try:
+        return load(source, variant, **given)
+    except SpecError as error:
+        unknown = [name for name in given for d in error.diagnostics if f"has no parameter '{name}'" in d.message]
+        if unknown:
+            text = f"{error}\n(got an unexpected keyword argument '{unknown[0]}')"
+            raise UnexpectedKeywordError(text, error.diagnostics) from None
+        raise
+
+
+def _instance_lanes(tasks: Sequence[Task], num_envs: int | None, options: dict[str, Any]) -> Any:
+    """Return lanes of several instances, taken in turn."""
+    from taskspec.envs.options import invalid, positive
+    from taskspec.envs.vector import InstanceLanes
+
+    count = len(tasks) if num_envs is None else positive("num_envs", num_envs)
+    if not 0 < len(tasks) <= count:
+        raise invalid(f"{len(tasks)} instances for {count} lanes")
+    return InstanceLanes([tasks[i % len(tasks)] for i in range(count)], **options)
+
+
+def made_by(task: Task) -> EnvSpec | None:
+    """Return how Gymnasium makes a task's environment; None where it knows no id of the task."""
+    from gymnasium.envs.registration import registry as known
+
+    found = known.get(task.id)
+    options = dict(task.values)
+    if task.modifiers:
+        options["modifiers"] = list(map(str, task.modifiers))
+    if found is None or load(task.id, **options) != task:
+        return None
+    return dataclasses.replace(found, kwargs=found.kwargs | options)
+
+
+def make_registered(**options: Any) -> Environment:
+    """Return what `gym.make` calls: keywords are those of `_made`."""
+    made: Environment = _made(make, **options)
+    return made
+
+
+def make_vec_registered(**options: Any) -> VectorEnvironment:
+    """Return what `gym.make_vec` calls: keywords are those of `_made`."""
+    made: VectorEnvironment = _made(make_vec, **options)
+    return made
+
+
+def _made(
+    maker: Callable[..., Any],
+    *,
+    task: str | None = None,
+    path: str | None = None,
+    variant: str | None = None,
+    max_episode_steps: int | None = None,
+    id_modifiers: Iterable[Written] = (),
+    modifiers: Iterable[Written] = (),
+    **options: Any,
+) -> Any:
+    """Return what a maker gives for keywords of Gymnasium: an id, or a spec's file, and parameters and options.
+
+    `id_modifiers` are those that stand in the id; others come after them. `max_episode_steps`, as the spec of an environment
+    has it, must be the horizon (E713): Gymnasium would cut episodes short, without a word.
+    """
+    if task is not None and path is not None:
+        raise spec_error("E713", "give `task` or `path`, not both")
+    source: TaskLike | None = task
+    if path is not None:
+        from pathlib import Path
+
+        source = Path(path)
+    if source is None:
+        raise spec_error("E713", f"{SPEC_ID} needs a spec", 'gym.make("taskspec/Spec-v0", path="my.yaml")')
+    made = maker(source, variant, modifiers=(*id_modifiers, *registry.listed(modifiers)), **options)
+    horizon = made.task.horizon
+    if max_episode_steps not in (None, horizon):
+        message = f"episodes of {made.task.id} have {horizon} steps, not {max_episode_steps}"
+        raise spec_error("E713", message, "a parameter of the task may decide it")
+    return made

@@ -1,0 +1,96 @@
+"""Abstractions: maps of every state of a task to one of a finite stand-in with the same actions.
+
+An abstraction is faithful, a homomorphism, if rewards, terminations and the distribution of the next mapped state depend on
+the mapped state alone; then values, and returns of policies of the mapped state, are those of the task itself (`verify`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Collector
+from taskspec.base.named import all_names
+from taskspec.exact.model.extract import extract as model_of
+from taskspec.exact.model.model import Model
+from taskspec.exact.model.space import shown
+from taskspec.exact.rollout.rollout import reads_of
+from taskspec.language.expressions.batch import evaluate
+from taskspec.language.expressions.check import Checker
+from taskspec.language.expressions.ir import Node
+from taskspec.language.modifiers import stand_in as modified_stand_in
+from taskspec.language.registry import load
+from taskspec.language.task.build import build_abstract
+from taskspec.language.task.context import assign
+from taskspec.language.task.parts import Component
+from taskspec.language.task.task import Task, TaskLike
+
+
+@dataclass(frozen=True)
+class Abstraction:
+    """A task, its finite stand-in, and the nodes that map a state to the stand-in's, in order of its components."""
+
+    task: Task
+    stand_in: Task
+    nodes: tuple[Node, ...]
+
+    def map(self, state: Mapping[str, Array]) -> dict[str, Array]:
+        """Return the mapped state, (*shape, lanes)."""
+        lanes = next(iter(state.values())).shape[-1]
+        values = evaluate(self.nodes, reads_of(state, {}, 0))
+        names = all_names(self.stand_in.state)
+        return {n: np.broadcast_to(v, (*v.shape[:-1], lanes)) for n, v in zip(names, values, strict=True)}
+
+
+def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = None) -> Model:
+    """Return the exact model of a finite task, or of its abstraction if the spec gives one: the model behind its scores.
+
+    Args:
+        task: the task, its id or its path.
+        reachable: only states that episodes enter (True), or all declared ones (False); None takes
+            all if that is cheap.
+        limit: non-zeros that the matrices may have, 12 bytes each; checked, like the time, in advance.
+
+    Raises:
+        SpecError: (E712) when the task is not finite or too large; (E705) without scipy.
+    """
+    task = load(task)
+    found = abstraction(task)
+    return model_of(task if found is None else found.stand_in, reachable, limit)
+
+
+def abstraction(task: Task) -> Abstraction | None:
+    """Return the abstraction that a task declares, or None."""
+    if task.annotations.memory is not None or task.annotations.remembers:  # the map does not read the memory
+        task = task.with_annotations(expert=None, memory=None)
+    written = task.source.surface.sections.get("abstraction")
+    if not isinstance(written, dict):
+        return None
+    as_written = build_abstract(task)
+    stand_in = None
+    if as_written is not None:
+        stand_in = modified_stand_in(task, as_written)
+    if stand_in is None:
+        return None
+    checker = Checker(task.new_builder(), Collector())
+    scope = task.source.surface.scopes["abstraction"]
+    nodes = [assign(checker, written[c.name], scope, c) for c in stand_in.state if c.name in written]
+    found = tuple(n for n in nodes if n is not None)
+    if len(found) == len(stand_in.state):
+        return Abstraction(task, stand_in, found)
+    return None
+
+
+def in_words(components: Iterable[Component], values: Mapping[str, Array], lane: int | None = None) -> str:
+    """Return values of some components in words, as `x = 2, y = 0`; those of a lane if they have a batch axis."""
+    found = []
+    for c in components:
+        if c.name in values:
+            value = values[c.name]
+            if lane is not None:
+                value = value[..., lane]
+            found.append(f"{c.name} = {shown(c, value)}")
+    return ", ".join(found)

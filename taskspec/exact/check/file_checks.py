@@ -1,0 +1,177 @@
+"""Check files: every task and variant of each, every problem once, and what was proved and how."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
+from taskspec.base.limits import progress_listener, tell, telling
+from taskspec.language.source import scan
+from taskspec.language.targets import File, name_of, task_in, variants_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from taskspec.exact.check.report import Accepted, Report
+    from taskspec.language.task.task import Task
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """The check of one task of a file.
+
+    `id` is None where the task could not be built, and `task` also where it was checked in another process. `how` says in a
+    few words how soundness was decided, `method` in full. `cases` counts the other parameter values that were tried; `claims`
+    and `symmetries` are as `--json` writes them. `accepted` are the warnings that the spec gives a reason for, which are not
+    among the `diagnostics`.
+    """
+
+    name: str
+    variant: str | None
+    diagnostics: tuple[Diagnostic, ...]
+    how: str
+    seconds: float
+    id: str | None = None
+    task: Task | None = None
+    method: str = ""
+    cases: int = 0
+    skipped: str | None = None
+    accepted: tuple[Accepted, ...] = ()
+    examples: int = 0
+    wrong_examples: int = 0
+    claims: tuple[dict[str, Any], ...] = ()
+    symmetries: tuple[dict[str, Any], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FileReport:
+    """One file: its tasks, each of its problems once, and the warnings that it accepts; of other kinds, how many entries."""
+
+    path: str
+    tasks: tuple[Checked, ...]
+    diagnostics: tuple[Diagnostic, ...]
+    accepted: tuple[Accepted, ...] = ()
+    kind: scan.Kind = "taskspec"
+    entries: int = 0
+
+
+FileCheck = tuple["Path", Callable[[], FileReport]]  # a file, and what checks it, here or in another process
+
+
+def run_checks(checks: Sequence[FileCheck], jobs: int | None = None) -> list[FileReport]:
+    """Return the reports of checks, in order.
+
+    Args:
+        checks: one for each file.
+        jobs: processes; None for one for each processor. In several, reports leave the tasks out.
+    """
+    processes = min(jobs or os.cpu_count() or 1, len(checks))
+    has_threads = threading.active_count() > 1 or "jax" in sys.modules
+    if processes < 2 or has_threads or sys.platform in ("darwin", "win32"):  # such a process cannot be forked safely
+        return [run() for _, run in telling(checks, lambda check: str(check[0]))]
+    longest_first = sorted(range(len(checks)), key=lambda i: -checks[i][0].stat().st_size)
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("fork")) as pool:
+        running = {i: pool.submit(_run_apart, checks[i][1]) for i in longest_first}
+        try:
+            done = {i: running[i].result() for i in telling(longest_first, lambda i: str(checks[i][0]))}
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return [done[i] for i in range(len(checks))]
+
+
+def _run_apart(run: Callable[[], FileReport]) -> FileReport:
+    with progress_listener(lambda what, share: None):  # the first process reports progress
+        report = run()
+    return replace(report, tasks=tuple(replace(each, task=None) for each in report.tasks))
+
+
+def check_file(file: File, prove: Callable[[Task], Report]) -> FileReport:
+    """Check all tasks of a file with `prove`; problems are part of the report, not raised."""
+    path = str(file.path)
+    try:
+        variants = variants_of(file)
+    except SpecError as error:
+        return FileReport(path, (), error.diagnostics)
+    checked = [check_task(file, variant, prove) for variant in variants]
+    accepted = {(a.warning.code, a.place.line, a.place.column): a for each in checked for a in each.accepted}
+    needed = {a.place for a in accepted.values()}
+    tasks = []
+    for each in checked:  # without W511 for an entry of `accept` that another task, which shares it, needs
+        left = tuple(d for d in each.diagnostics if d.code != "W511" or d.span not in needed)
+        tasks.append(replace(each, diagnostics=left))
+    return FileReport(path, tuple(tasks), once(tasks), tuple(accepted.values()))
+
+
+def check_task(file: File, variant: str | None, prove: Callable[[Task], Report]) -> Checked:
+    """Build one task, and check it with `prove`."""
+    start = time.perf_counter()
+    try:
+        task = task_in(file, variant)
+    except SpecError as error:
+        try:
+            name = name_of(file, variant)
+        except SpecError:  # an id whose file cannot be read
+            name = variant or file.path.stem
+        return Checked(name, variant, error.diagnostics, "not built", time.perf_counter() - start)
+    tell(task.id)
+    try:
+        report = prove(task)
+    except SpecError as error:  # of one task, so that the others are still looked at
+        place = task.source.document.span(("name",))
+        placed = in_order([d if d.span is not None else replace(d, span=place) for d in error.diagnostics])
+        return Checked(task.name, variant, placed, "given up", time.perf_counter() - start, task.id, task)
+    method = report.method
+    how = f"{method.points:,} samples"
+    if method.exact:
+        how = f"all {method.points:,} points" if method.points else "bounds"
+    return Checked(
+        task.name, variant, report.diagnostics, how, time.perf_counter() - start, task.id, task, str(method),
+        len(report.cases), report.skipped, report.accepted, report.examples, len(report.wrong_examples),
+        tuple(v.record() for v in report.verdicts), tuple(each.record() for each in report.symmetries),
+    )  # fmt: skip
+
+
+def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
+    """Return problems in order of place; those that several variants inherit once, with a note of who shares them."""
+    sharing: dict[tuple[Any, ...], list[str]] = {}
+    first: dict[tuple[Any, ...], Diagnostic] = {}
+    for each in checked:
+        seen: Counter[tuple[Any, ...]] = Counter()
+        for diagnostic in each.diagnostics:
+            span = diagnostic.span
+            here: tuple[Any, ...] = (diagnostic.code, diagnostic.message)
+            if span is not None:
+                here = (diagnostic.code, span.line, span.column, span.end_line, span.end_column)
+            seen[here] += 1
+            key = (*here, seen[here])  # several of one task at one place are several
+            first.setdefault(key, diagnostic)
+            names = sharing.setdefault(key, [])
+            if each.name not in names:
+                names.append(each.name)
+    found = []
+    for key, diagnostic in first.items():
+        names = sharing[key]
+        spec = checked[0].name  # the task of the spec itself, or of its first variant
+        if names != [spec]:
+            note = f"in {', '.join(names)}"
+            if names[0] == spec:
+                note = f"the same in {', '.join(names[1:])}"
+            diagnostic = replace(diagnostic, notes=(*diagnostic.notes, note))
+        found.append(diagnostic)
+    return tuple(sorted(found, key=lambda d: (0, 0) if d.span is None else (d.span.line, d.span.column)))
+
+
+def counts(diagnostics: Iterable[Diagnostic]) -> tuple[int, int]:
+    """Return the numbers of errors and of warnings."""
+    severities = [d.severity for d in diagnostics]
+    return severities.count("error"), severities.count("warning")

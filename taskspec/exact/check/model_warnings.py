@@ -1,0 +1,231 @@
+"""Warnings about states, rewards, actions and experts: what episodes can do, mostly by the exact model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import SpecError
+from taskspec.exact.check.warning_context import SAME, SMALL, Doubt, LintContext, followed_states
+from taskspec.exact.model.extract import extract
+from taskspec.exact.model.model import Model, differs
+from taskspec.exact.model.space import plain, words
+from taskspec.exact.rollout.rollout import at_random, is_bounded
+from taskspec.exact.scores.partial_observability import pomdp_bounds
+from taskspec.exact.scores.returns import Results
+from taskspec.language.expressions import syntax as s
+from taskspec.language.expressions.ir import Role, draws, reads
+from taskspec.language.task.build import build
+from taskspec.language.task.legal import with_all_actions
+from taskspec.language.task.parts import Component, Soft, by_name
+from taskspec.language.task.task import Task
+
+LONGER = 1000  # steps beyond the horizon that are searched for other rewards
+FEW = 32  # values of an action up to which all pairs are compared
+ROUNDING = 1e-12
+
+
+def unreachable(context: LintContext) -> Iterator[Doubt]:
+    """Yield values of a component that occur in no episode, however long, of this task or of one that shares its roles.
+
+    Tasks without an exact model of moderate size are passed over.
+    """
+    model = context.results.model
+    if model is None or model.entries > SMALL:
+        return
+    is_own = model.task is context.task
+    section = ("state",) if is_own else ("abstraction", "state")
+    models = [model]
+    if is_own:
+        models += _partners(context.task)
+    entered = [m.states.decode(m.codes[m.connected]) for m in models]
+    for c in model.task.state:
+        values = [e[Role.STATE, c.name] for e in entered]
+        seen = np.concatenate([v.reshape(c.type.size, v.shape[-1]) for v in values], 1)
+        missing = []
+        if c.type.is_scalar or not is_own:  # on a map, the outer cells are often walls
+            missing = _missing_values(c, seen)
+        if missing:
+            values_in_words = ", ".join(missing[:6]) + ", ..." * (len(missing) > 6)
+            subject = f"{c.name} = {values_in_words}"
+            if not c.type.is_scalar:
+                subject = f"an element {values_in_words} in {c.name}"
+            yield Doubt(context.key(*section, c.name), f"no episode visits a state with {subject}")
+
+
+def _missing_values(c: Component, seen: Array) -> list[str]:
+    """Return values that a component never has, in words; for a vector only those at the ends of its range."""
+    if c.most - c.least >= 100_000 or not seen.size:
+        return []
+    every = np.arange(int(c.least), int(c.most) + 1)
+    if not c.type.is_scalar:
+        if len(set(c.low)) > 1 or len(set(c.high)) > 1:
+            return []
+        every = every[(every < seen.min()) | (every > seen.max())]
+    return [words(plain(c, np.asarray(v))) for v in np.setdiff1d(every, seen.astype(np.int64))[:7]]
+
+
+def _partners(task: Task) -> Iterator[Model]:
+    """Yield the models of the variants in which expert and learner act."""
+    roles = task.spec.roles
+    given = {p.name: p.value for p in task.parameters if p.value != p.default}
+    for variant in dict.fromkeys((roles.expert, roles.learner) if roles is not None else ()):
+        if variant in (task.name, task.source.variant):
+            continue
+        try:
+            yield extract(build(task.source.document, str(variant), given, task.source.suite), reachable=False)
+        except SpecError:
+            continue
+
+
+def unread(context: LintContext) -> Iterator[Doubt]:
+    """Yield a component on which neither rewards nor ends depend, which is not shown, or is drawn all the same."""
+    task = context.task
+    is_state = task.observation.is_state
+    nexts = by_name(task.state, task.process.next)
+    measures = task.process.measures.values()
+    used = followed_states(nexts, (task.process.reward, task.process.terminal, *measures))
+    used |= followed_states(nexts, task.mask, of_step=False)
+    if not is_state:
+        used |= followed_states(nexts, task.observation.nodes)
+    for c, first, following in zip(task.state, task.process.initial, task.process.next, strict=True):
+        if c.name in used or c.low == c.high:
+            continue
+        if not is_state:
+            message = f"neither rewards nor ends depend on '{c.name}', and it is not observed"
+            yield Doubt(context.key("state", c.name), message)
+        elif draws((first, following)):
+            message = f"'{c.name}' is drawn, but neither rewards nor endings depend on it"
+            yield Doubt(context.key("state", c.name), message)
+
+
+def forgotten(context: LintContext) -> Iterator[Doubt]:
+    """Yield a component of the expert's memory that no action of it depends on."""
+    task = context.task
+    memory = task.annotations.memory
+    if memory is None:
+        return
+    nexts = {c.name: node for c, node in zip(memory.components, memory.next, strict=True) if c.type.size}
+    used = followed_states(nexts, task.annotations.expert_nodes, of_step=False)
+    for name in nexts:
+        if name not in used:
+            yield Doubt(context.key("memory", name), f"no action of the expert depends on '{name}'")
+
+
+def later_rewards(context: LintContext) -> Iterator[Doubt]:
+    """Yield the horizon where it ends episodes before rewards differ."""
+    later = _later_reward(context)
+    if later is not None and context.paid is not None:
+        value = words(context.paid[0])
+        message = f"within {context.task.horizon} steps every reward is {value}; longer episodes have others"
+        hint = f"the first of them is paid in step {later}"
+        yield Doubt(context.merged.span(("horizon",)), message, hint)
+
+
+def same_reward(context: LintContext) -> Iterator[Doubt]:
+    """Yield the reward if it is always the same, however long the episode."""
+    if context.is_constant and context.paid is not None and _later_reward(context) is None:
+        message = f"every possible step has reward {words(context.paid[0])}"
+        yield Doubt(context.merged.span(("reward",)), message)
+
+
+def _later_reward(context: LintContext) -> int | None:
+    """Return the first step in which a longer episode could have another reward, where all are the same up to the horizon."""
+    model = context.results.model
+    if not context.is_constant or context.paid is None or model is None or model.horizon is None or model.is_timed:
+        return None
+    level = model.start > 0
+    seen = np.zeros(model.n_states, np.bool_)
+    rewards = model.step(0).R.reshape(model.n_actions, -1)
+    for t in range(model.horizon + LONGER):
+        if not (level & ~seen).any():
+            return None
+        if np.ptp(np.append(rewards[:, level].reshape(-1), context.paid[0])) > SAME:
+            return t + 1
+        seen |= level
+        level = model.successors(model.step(0).P, level)
+    return None
+
+
+def indifferent(context: LintContext) -> Iterator[Doubt]:
+    """Yield the reward if the best return is that of random actions."""
+    if context.is_constant or context.results.optimal is None:
+        return
+    optimal = context.results.optimal
+    random = context.results.random  # simulated only if the best return is known
+    if random is not None and abs(optimal.value - random.value) <= SAME * max(1.0, abs(optimal.value)):
+        message = f"random actions are as good as the best: both return {words(optimal.value)}"
+        yield Doubt(context.merged.span(("reward",)), message)
+
+
+def inert(context: LintContext) -> Iterator[Doubt]:
+    """Yield a component of the action that changes nothing."""
+    model = context.model
+    task = context.task
+    read = reads(task.process.step_roots)
+    for c in task.action:
+        if c.is_finite and c.counts == (1,) * c.type.size:
+            continue
+        if (Role.ACTION, c.name) not in read:
+            yield Doubt(context.key("action", c.name), f"the action '{c.name}' is read nowhere")
+        elif model is not None and model.acting.any() and differs(model, c.name)[0] is False:
+            message = f"the action '{c.name}' changes neither the next state nor the reward, in any state"
+            yield Doubt(context.key("action", c.name), message)
+
+
+def illegal(context: LintContext) -> Iterator[Doubt]:
+    """Yield the condition for legal actions where a policy that ignores it can earn more."""
+    task = context.task
+    best = context.results.optimal
+    if not task.mask or best is None:
+        return
+    free = Results(with_all_actions(task), limit=context.results.limit).optimal
+    if free is not None and free.value > best.value + SAME * max(1.0, abs(best.value)):
+        message = f"illegal actions pay: the best policy returns {words(free.value)}, and {words(best.value)} with legal actions"
+        yield Doubt(context.key("legal"), message, "let them change nothing, or end the episode, or cost something")
+
+
+def expert(context: LintContext) -> Iterator[Doubt]:
+    """Yield an expert below the optimum, or no better than random actions where that is all there is to compare with."""
+    results = context.results
+    found = results.expert
+    task = context.task
+    annotations = task.annotations
+    if found is None or isinstance(annotations.expert, Soft):
+        return
+    if any(_compares_expert(claim.expr) for claim in annotations.claims):
+        return
+    value = f"the expert returns {found.value:.10g}"
+    optimal = results.optimal
+    if optimal is None:
+        if is_bounded(task):
+            random = results.random
+        else:
+            random = results.estimated(at_random(task), 200)
+        if random is not None and random.value >= found.value:
+            message = f"{value} on average, and random actions {random.value:.10g}"
+            notes = [f"from {found.episodes:,} and {random.episodes:,} episodes"]
+            yield Doubt(context.key("expert"), message, None, notes)
+        return
+    best = optimal.value
+    whose = ""
+    if task.annotations.memory is not None and (seen := pomdp_bounds(results)) is not None:
+        whose = ", which knows the state"
+        if seen.remembering is not None:
+            best = seen.remembering.value
+            whose = " of those who remember what they see"
+    gap = best - found.value
+    if gap > SAME * max(1.0, abs(best)):
+        yield Doubt(context.key("expert"), f"{value}, which is {gap:.6g} below the optimum of {best:.10g}{whose}")
+
+
+def _compares_expert(expr: s.Expr) -> bool:
+    """Return whether a claim says that the expert is below the optimum."""
+    if isinstance(expr, s.Logical):
+        return any(map(_compares_expert, expr.operands))
+    if not isinstance(expr, s.Compare):
+        return False
+    names = {n.id for n in s.names(expr) if isinstance(n, s.Name)}
+    return {"expert_return", "optimal_return"} <= names and any(op in ("<", ">", "!=") for op, _ in expr.rest)

@@ -1,0 +1,234 @@
+"""The report of all checks of a task: its warnings, which of them it accepts, and all else that is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, in_order
+from taskspec.base.display import html_table
+from taskspec.base.extras import install, is_installed
+from taskspec.exact.abstraction.symmetry_proofs import SymmetryCheck, verify_symmetry
+from taskspec.exact.check import model_warnings, spec_warnings
+from taskspec.exact.check.warning_context import Doubt, LintContext
+from taskspec.exact.model.points import Method
+from taskspec.exact.rules.claim_verdicts import Verdict, verdicts
+from taskspec.exact.rules.examples import wrong_examples
+from taskspec.exact.scores.returns import Results
+from taskspec.exact.soundness.soundness import check_ranges, examine
+from taskspec.language.modifiers import is_as_written
+from taskspec.language.registry import load
+from taskspec.language.task.merge import merge
+from taskspec.language.task.task import Task, TaskLike
+
+KINDS: tuple[tuple[str, Callable[[LintContext], Iterator[Doubt]]], ...] = (
+    ("W501", model_warnings.unreachable),
+    ("W502", model_warnings.later_rewards),
+    ("W503", model_warnings.same_reward),
+    ("W504", model_warnings.indifferent),
+    ("W505", model_warnings.inert),
+    ("W506", spec_warnings.unused_names),
+    ("W507", model_warnings.expert),
+    ("W510", spec_warnings.moved),
+    ("W516", spec_warnings.constant),
+    ("W518", spec_warnings.hidden),
+    ("W519", model_warnings.unread),
+    ("W519", model_warnings.forgotten),
+    ("W522", spec_warnings.unproved_abstraction),
+    ("W528", model_warnings.illegal),
+)  # codes of warnings, and the functions that find them
+
+
+def warnings(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic, ...]:
+    """Return the warnings about a task for its present parameters, sorted by place; without those that need a missing model.
+
+    Args:
+        results: of the task, where they are known already.
+    """
+    task = load(task)
+    context = LintContext(task, results or Results(task))
+    collector = Collector()
+    for code, find in KINDS:
+        for doubt in find(context):
+            collector.add(code, doubt.place, doubt.message, doubt.hint, doubt.notes)
+    return collector.diagnostics
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """A warning that the spec accepts, the reason, and its place."""
+
+    warning: Diagnostic
+    because: str
+    place: Span
+
+
+def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic], list[Accepted]]:
+    """Split diagnostics into those to report, and warnings that the task accepts."""
+    reasons = task.spec.accept
+    merged = merge(task.source.document, task.source.variant)
+    left = []
+    accepted = []
+    for each in found:
+        if each.severity == "warning" and each.code in reasons:
+            accepted.append(Accepted(each, reasons[each.code], merged.key_span(("accept", each.code))))
+        else:
+            left.append(each)
+    return left, accepted
+
+
+def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) -> list[Diagnostic]:
+    """Reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
+    merged = merge(task.source.document, task.source.variant)
+    needed = {each.warning.code for each in accepted}
+    found = []
+    for code in task.spec.accept:
+        if code not in needed and code not in unknown:
+            place = merged.key_span(("accept", code))
+            found.append(Diagnostic("W511", place, f"there is no {code} to accept", "remove this entry"))
+    return found
+
+
+MODERATE = 4_000_000  # entries up to which a model is extracted for warnings alone
+
+
+@dataclass(frozen=True)
+class Report:
+    """The result of `check`.
+
+    Args:
+        method: for soundness: all points, or samples.
+        cases: other parameter values that were checked.
+        examples: how many were checked.
+        skipped: checks that were not possible, and the reason; None if there are none.
+        accepted: warnings for which the spec itself gives a reason; they are not among the `diagnostics`.
+        wrong_examples: numbers of examples that are not confirmed.
+    """
+
+    task: Task
+    diagnostics: tuple[Diagnostic, ...]
+    method: Method
+    cases: tuple[Mapping[str, Any], ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
+    examples: int = 0
+    skipped: str | None = None
+    results: Results | None = field(default=None, repr=False)
+    accepted: tuple[Accepted, ...] = ()
+    wrong_examples: frozenset[int] = frozenset()
+    symmetries: tuple[SymmetryCheck, ...] = ()
+
+    @property
+    def errors(self) -> tuple[Diagnostic, ...]:
+        return tuple(d for d in self.diagnostics if d.severity == "error")
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        return tuple(d for d in self.diagnostics if d.severity == "warning")
+
+    @cached_property
+    def unlimited(self) -> Results:
+        """Returns by a model as large as limits allow; warnings alone use a moderate one."""
+        if self.results is None or self.results.limit is not None:
+            return Results(self.task)
+        return self.results
+
+    def __repr__(self) -> str:
+        counts = [
+            f"{len(found)} {name}" for name, found in (("problems", self.diagnostics), ("verdicts", self.verdicts))
+        ]
+        return f"<Report of {self.task.instance_id}: {', '.join(counts)}>"
+
+    def _repr_html_(self) -> str:
+        """Return diagnostics and verdicts on claims, for notebooks."""
+        found = [(f"{d.severity} {d.code}", d.span or "", d.message, d.hint or "") for d in self.diagnostics]
+        said = [(v.status, "", v.claim.text, v.detail) for v in self.verdicts]
+        caption = f"{self.task.id}: {len(self.errors)} errors, {len(self.warnings)} warnings"
+        return html_table(caption, ("", "where", "what", ""), [*found, *said])
+
+
+_MEANINGLESS = {"E404", "E406"}  # no warnings are given without a first state, or for rewards that are not numbers
+
+
+def check(  # noqa: C901
+    task: TaskLike,
+    *,
+    ranges: bool = True,
+    with_warnings: bool = True,
+    claims: bool = True,
+    beside: Callable[[Task], Sequence[Diagnostic]] | None = None,
+) -> Report:
+    """Check a task; a wrong task raises nothing, all mistakes are in the report.
+
+    Args:
+        ranges: whether to check soundness for other parameter values, too.
+        with_warnings: whether to look for warnings.
+        claims: whether to evaluate claims and examples.
+        beside: gives the warnings of other parts of the package (`ELSEWHERE`) for sound tasks; None if they are not looked for.
+    """
+    task = load(task)
+    sound = examine(task)
+    found = list(sound.diagnostics)
+    cases: tuple[Mapping[str, Any], ...] = ()
+    if ranges and task.parameters:
+        others = check_ranges(task)
+        found += others.diagnostics
+        cases = others.cases
+    symmetries = []
+    for symmetry in task.annotations.symmetries if is_as_written(task) else ():
+        each = verify_symmetry(task, symmetry)
+        symmetries.append(each)
+        if each.problem is not None:
+            place = merge(task.source.document, task.source.variant).key_span(("symmetries", each.symmetry.name))
+            found.append(Diagnostic("E605", place, f"'{each.symmetry.name}' is not a symmetry: {each.problem}"))
+    examples = 0
+    wrong = set()
+    if claims:
+        examples = len(task.annotations.examples)
+        for number, problem in wrong_examples(task):
+            wrong.add(number)
+            found.append(problem)
+    report = Report(
+        task, (), sound.method, cases, examples=examples, wrong_examples=frozenset(wrong), symmetries=tuple(symmetries)
+    )
+    if not is_installed("scipy"):
+        skipped = None
+        if with_warnings or claims:
+            skipped = f"sanity checks and claims need scipy: {install('exact')}"
+        return replace(report, diagnostics=in_order(found), skipped=skipped)
+    results = Results(task) if task.annotations.claims else Results(task, limit=MODERATE)
+    decided: tuple[Verdict, ...] = ()
+    if with_warnings and is_as_written(task) and not _MEANINGLESS & {d.code for d in sound.diagnostics}:
+        found += _warnings(task, results)
+    is_sound = not any(d.severity == "error" for d in sound.diagnostics)
+    if claims and is_sound:
+        decided = tuple(verdicts(task, results))
+        found += [v.diagnostic for v in decided if v.diagnostic is not None]
+    has_errors = any(d.severity == "error" for d in found)
+    unknown = ELSEWHERE
+    if beside is not None:
+        unknown = ()
+        if is_sound:
+            found += beside(task)
+    left, accepted = set_aside(task, found)
+    at_defaults = all(p.value == p.default for p in task.parameters)
+    if with_warnings and claims and at_defaults and not has_errors:
+        left += idle(task, accepted, unknown)
+    return replace(report, diagnostics=in_order(left), verdicts=decided, results=results, accepted=tuple(accepted))
+
+
+def _warnings(task: Task, results: Results) -> list[Diagnostic]:
+    try:
+        verified = results.abstraction_check
+    except SpecError as error:
+        return list(error.diagnostics)
+    found = list(warnings(task, results))
+    if verified is not None and verified.problem is not None:
+        expr = next(iter(task.source.surface.sections["abstraction"].values()))
+        problem = f"the abstraction is not faithful: {verified.problem}"
+        found.append(Diagnostic("E604", expr.place.span, problem))
+    return found
+
+
+ELSEWHERE: tuple[str, ...] = ("W523", "W524", "W527")  # warnings about how a task is drawn and printed

@@ -1,0 +1,192 @@
+"""Policies from files: functions of Python files (`model.py:fn`), and scripts of actions (JSON or CSV)."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import json
+import sys
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.named import all_names
+from taskspec.exact.policies.policy import Actions, EpisodeBatch, TaskPolicy
+from taskspec.language.expressions.types import Kind
+from taskspec.language.task.parts import Component
+from taskspec.language.task.task import Task
+
+
+def is_function(name: str) -> bool:
+    """Return whether a policy's name means a function of a file."""
+    return ".py:" in name
+
+
+def place_of(name: str) -> tuple[Path, str]:
+    """Return the file of `model.py:fn` and the name of the function; nothing is run."""
+    place, _, attribute = name.rpartition(":")
+    if not Path(place).is_file():
+        raise SpecError([Diagnostic("E710", None, f"there is no file '{place}'")])
+    return Path(place), attribute
+
+
+def function_of(name: str, form: str = "(observation)") -> Any:
+    """Run the file of `model.py:fn`, and return the function, or the object with `predict`.
+
+    Args:
+        form: the function's parameters, for a hint.
+    """
+    path, attribute = place_of(name)
+    found = getattr(_module(path), attribute, None)
+    if not (callable(found) or hasattr(found, "predict")):
+        message = f"'{path}' has no function '{attribute}', nor an object of that name with `predict`"
+        raise SpecError([Diagnostic("E713", None, message, f"def {attribute or 'act'}{form}: ...")])
+    return found
+
+
+def _module(path: Path) -> Any:
+    """Run a file as a module; as for a script, modules in its folder can be imported."""
+    name = f"{path.stem}_{zlib.crc32(str(path.resolve()).encode()):08x}"
+    sys.modules["taskspec"].register()  # the file may make environments by id; by name, since `making` is above
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # where dataclasses look for the module of a class
+    sys.path.insert(0, str(path.resolve().parent))
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        message = f"'{path}' cannot be run: {type(error).__name__}: {error}"
+        raise SpecError([Diagnostic("E711", None, message)]) from error
+    finally:
+        sys.path.pop(0)
+    return module
+
+
+SCRIPTS = (".json", ".csv")
+
+
+def is_script(name: str) -> bool:
+    """Return whether a policy's name means a script of actions."""
+    return Path(name).suffix in SCRIPTS
+
+
+class ScriptEnd(Exception):
+    """A script has no more actions for this episode."""
+
+
+class ScriptedPolicy(TaskPolicy):
+    """The actions of a file in order, for one episode at a time: the same for every episode, or a list for each.
+
+    JSON holds a list of actions, or of such lists; an action is a label, a number, a list, or a mapping by component. CSV
+    has one action a line.
+
+    Args:
+        path: the file.
+        task: the task in which it acts.
+        hint: what an action is, for messages.
+
+    Raises:
+        SpecError: E706 for an action outside the action space; E710, E711, E713 for a file that is no script.
+    """
+
+    def __init__(self, path: Path, task: Task, hint: str) -> None:
+        self.name = str(path)
+        self.task = task
+        self.episodes = []
+        for items in _episodes(path, task):
+            self.episodes.append([_action(task, item, path, hint) for item in items])
+        self.episode = -1
+
+    def choose(self, batch: EpisodeBatch) -> Actions:
+        """Return the next action."""
+        if batch.t == 0:
+            self.episode += 1
+        actions = self.episodes[self.episode % len(self.episodes)]
+        if batch.t >= len(actions):
+            raise ScriptEnd
+        pairs = zip(self.task.action, actions[batch.t], strict=True)
+        return {c.name: np.array(flat).reshape(*c.type.shape, 1) for c, flat in pairs}
+
+
+def _episodes(path: Path, task: Task) -> list[list[Any]]:
+    """Return the items of a script, one list for each episode."""
+    if not path.exists():
+        raise SpecError([Diagnostic("E710", None, f"there is no file '{path}'")])
+    text = path.read_text(encoding="utf-8", errors="replace")
+    is_list = len(task.action) > 1 or bool(task.action[0].type.shape)  # an action is written as a list
+    if path.suffix == ".csv":
+        items: list[Any] = []
+        for row in csv.reader(text.splitlines()):
+            if any(row):
+                cells = [_number(cell.strip()) for cell in row]
+                items.append(cells[0] if len(cells) == 1 and not is_list else cells)
+        names = all_names(task.action)
+        if items and items[0] in (names, names[0]):
+            items = items[1:]
+        return [items]
+    try:
+        data: Any = json.loads(text)
+    except ValueError as error:
+        raise SpecError([Diagnostic("E711", None, f"'{path}' is not JSON: {error}")]) from None
+    if not isinstance(data, list) or not data:
+        hint = 'for example: ["safe", "risky"]'
+        raise SpecError([Diagnostic("E713", None, f"'{path}' is not a list of actions", hint)])
+    is_nested = all(isinstance(item, list) for item in data)
+    if is_nested and is_list:
+        is_nested = all(isinstance(part, list | dict) for item in data for part in item)
+    if is_nested:
+        return data
+    return [data]
+
+
+def _number(cell: str) -> Any:
+    try:
+        return json.loads(cell)
+    except ValueError:
+        return cell
+
+
+def _action(task: Task, item: Any, path: Path, hint: str) -> list[tuple[Any, ...]]:
+    """Return an item of a script as flat values by component."""
+    try:
+        parts = [item[c.name] for c in task.action] if isinstance(item, dict) else _parts(task, item)
+        return [_flat(c, part) for c, part in zip(task.action, parts, strict=True)]
+    except (KeyError, ValueError, TypeError):
+        message = f"{path}: {json.dumps(item)} is not an action of {task.id}"
+        raise SpecError([Diagnostic("E706", None, message, hint)]) from None
+
+
+def _parts(task: Task, item: Any) -> Sequence[Any]:
+    """Return the values of the components of an action."""
+    if len(task.action) == 1:
+        return [item]
+    sizes = [c.type.size for c in task.action]
+    flat = list(item)
+    if len(flat) == len(sizes):
+        return flat
+    ends = np.cumsum(sizes)
+    return [flat[end - size : end] for end, size in zip(ends, sizes, strict=True)]
+
+
+def _flat(c: Component, part: Any) -> tuple[Any, ...]:
+    """Return a component's value, flat, with labels as their index."""
+    items = np.asarray(part, dtype=object).ravel().tolist()
+    if len(items) != c.type.size:
+        raise ValueError
+    return tuple(_element(c, item) for item in items)
+
+
+def _element(c: Component, item: Any) -> Any:
+    if c.domain is not None and isinstance(item, str):
+        return c.domain.labels.index(item)
+    if isinstance(item, str):
+        raise ValueError
+    if c.type.kind is Kind.REAL:
+        return float(item)
+    return int(item)

@@ -1,0 +1,185 @@
+"""Scores: the returns of a task that others are normalised by."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, spec_error
+from taskspec.base.display import html_table
+from taskspec.base.files import write_text
+from taskspec.base.limits import tell
+from taskspec.exact.model.model import misused
+from taskspec.exact.rollout.rollout import EPISODES
+from taskspec.exact.scores.returns import Results, Return, normalised
+from taskspec.language.registry import load
+from taskspec.language.task.task import TaskLike
+
+RETURNS = ("optimal", "random", "worst", "expert")
+
+
+@dataclass(frozen=True)
+class Scores:
+    """The returns that scores of a task are normalised by; None for those that cannot be computed."""
+
+    id: str
+    content_hash: str
+    parameters: Mapping[str, Any]
+    optimal: Return | None
+    random: Return | None
+    worst: Return | None
+    expert: Return | None
+    states: int | None
+    actions: int | None
+    why_not_exact: str | None
+    modifiers: tuple[str, ...]
+    measures: Mapping[str, Mapping[str, Return | None]] = field(default_factory=dict)
+    """The expected sum of each measure of the task under each of these policies."""
+
+    @property
+    def gap(self) -> float | None:
+        """The difference of the optimal return and the expert's; None if one of them is not known exactly."""
+        if self.optimal is None or self.expert is None or not (self.optimal.exact and self.expert.exact):
+            return None
+        return self.optimal.value - self.expert.value
+
+    def normalise(self, value: float, floor: float | None = -1.0) -> float:
+        """Return the score of a return: 0 for random actions, 1 for the expert (the optimum if there is none)."""
+        top = self.expert or self.optimal
+        if top is None or self.random is None:
+            return float("nan")
+        return normalised(value, self.random.value, top.value, floor)
+
+    def record(self) -> dict[str, Any]:
+        """Return all of it as plain data for JSON."""
+        returns = {name: getattr(self, name) for name in RETURNS}
+        found = asdict(self) | {"parameters": dict(self.parameters), "gap": self.gap}
+        for name, value in returns.items():
+            if value is not None:
+                found[name] = asdict(value) | {"status": value.status}
+        for name, under in self.measures.items():
+            known = {which: value for which, value in under.items() if value is not None}
+            found["measures"][name] |= {
+                which: asdict(value) | {"status": value.status} for which, value in known.items()
+            }
+        return found
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one flat row for each known return, as `pandas.DataFrame` takes them."""
+        rows = []
+        for name in RETURNS:
+            known = getattr(self, name)
+            if known is not None:
+                row = {**self.parameters, "id": self.id, "return": name}
+                rows.append(row | {"value": known.value, "error": known.error, "status": known.status})
+        return rows
+
+    def _repr_html_(self) -> str:
+        """Return the returns, for notebooks."""
+        rows = [(row["return"], row["value"], row["error"], row["status"]) for row in self.rows()]
+        return html_table(self.id, ("return", "value", "error", "status"), rows)
+
+    def save(self, path: str | Path) -> None:
+        """Write the scores to a JSON file, with the task's content hash."""
+        write_text(Path(path), json.dumps(self.record(), indent=2, default=str) + "\n")
+
+    @classmethod
+    def load(cls, path: str | Path, task: TaskLike) -> Scores:
+        """Return scores from a file.
+
+        Raises:
+            SpecError: E710, E711 if there is no such file, or it cannot be read; E713 if it contains no scores.
+            StaleScores: if they belong to another version of the task.
+        """
+        task = load(task)
+        try:
+            found = TypeAdapter(cls).validate_json(Path(path).read_bytes(), strict=True)
+        except FileNotFoundError:
+            raise SpecError([Diagnostic("E710", None, f"there is no file {str(path)!r}")]) from None
+        except ValidationError as error:
+            why = "it is no JSON object"
+            for part in error.errors()[0]["loc"][:1]:
+                why = f"`{part}` is missing, or wrong"
+            misused(f"{str(path)!r} contains no scores: {why}", "compute them again, and save them")
+        except (OSError, ValueError) as error:
+            raise SpecError([Diagnostic("E711", None, f"cannot read {str(path)!r}: {error}")]) from None
+        if found.content_hash != task.content_hash or found.id != task.id:
+            raise StaleScores(f"E714: {path} holds scores of {found.id} as it was; the task has changed since")
+        return found
+
+
+class StaleScores(TaskspecError, ValueError):
+    """Scores in a file belong to another version of the task (E714)."""
+
+
+def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) -> Scores:
+    """Return optimal, random, worst and expert return of a task: exact if it has a model, otherwise estimated.
+
+    Args:
+        task: the task, its id or its path; or its `Results`, with their own episodes and seed.
+        episodes: of each estimate.
+        seed: of these episodes.
+    """
+    tell("the exact model")
+    if isinstance(task, Results):
+        results = task
+    else:
+        results = Results(load(task), episodes, seed)
+    task = results.task
+    model = results.model
+    states = None
+    actions = None
+    if model is not None:
+        states = int(model.entered.sum())
+        actions = model.n_actions
+    return Scores(
+        task.id, task.content_hash, task.values, results.optimal, results.random, results.worst, results.expert,
+        states, actions, results.why_not, tuple(map(str, task.modifiers)), results.measures,
+    )  # fmt: skip
+
+
+def read_returns(path: Path) -> list[float]:
+    """Return returns of episodes from a file: a JSON list, or `returns` of a JSON object; or a column of CSV.
+
+    Raises:
+        SpecError: E710 when there is no file, E711 when it has no returns.
+    """
+    if not path.exists():
+        raise spec_error("E710", f"there is no file '{path}'")
+    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        values = _from_json(text) if path.suffix == ".json" else _from_csv(text)
+    except (ValueError, TypeError, KeyError, IndexError):
+        values = []
+    if not values:
+        raise spec_error("E711", f"'{path}' contains no returns", "a JSON list of numbers, or one number per line")
+    for i, value in enumerate(values, 1):
+        if math.isnan(value):
+            raise spec_error("E711", f"return number {i} of '{path}' is nan")
+    return values
+
+
+def _from_json(text: str) -> list[float]:
+    data = json.loads(text)
+    if isinstance(data, dict):
+        data = data["returns"]
+    return [float(value) for value in data]
+
+
+def _from_csv(text: str) -> list[float]:
+    """Return the column `r` or `return`, else the first one; comments start with `#`."""
+    rows = list(csv.reader(line for line in text.splitlines() if line.strip() and not line.startswith("#")))
+    header = [cell.strip().lower() for cell in rows[0]]
+    column = next((header.index(name) for name in ("r", "return", "returns", "score") if name in header), 0)
+    try:
+        float(rows[0][column])
+    except ValueError:
+        del rows[0]
+    return [float(row[column]) for row in rows]

@@ -1,0 +1,301 @@
+"""Models without a horizon: values by policy iteration, with bounds that are verified.
+
+A candidate need not be trusted. With a weight w > 0 and w - gamma P w >= c > 0 in every state, for every action that may be
+taken, the Bellman operator is a contraction in the maximum norm weighted by w, so that a candidate with a residual of at most r
+is off by at most (r / c) w (D. Bertsekas and J. Tsitsiklis, Neuro-Dynamic Programming, 1996, section 2.2). With a discount
+w is 1; without one it is the largest expected number of steps. Where some policy never ends, there is none, and no value is
+known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from fractions import Fraction
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.extras import need
+from taskspec.exact.model.model import Model, refuse, scipy_sparse
+from taskspec.exact.solve.bounded import QUIET, UNIT, Bound, Bounded, Policy
+from taskspec.exact.solve.enclosure import Enclosure, negative
+
+if TYPE_CHECKING:
+    from taskspec.exact.solve.backward import Rule
+
+DIRECT = 3000
+"""The number of states up to which equations are solved directly."""
+WORK = 300_000_000
+"""The number of non-zeros that repeated substitution may go through."""
+SWEEP = 10_000
+"""The number of non-zeros that would take as long as starting to go through them does."""
+ROUNDS = 500
+UNENDING = "it cannot be shown that episodes end"
+HINT = "give the task a horizon, or a discount below 1"
+
+
+def chain_values(matrix: Any, gain: Array, inside: Array) -> Array:
+    """Solve v = gain + P v over some states; v is 0 elsewhere.
+
+    Args:
+        matrix: sparse (S, S), P.
+        gain: float64 (S,).
+        inside: bool (S,), the states.
+
+    Returns:
+        float64 (S,), by sparse LU with one step of refinement; of many states by repeated substitution.
+    """
+    states = np.flatnonzero(inside)
+    found = np.zeros(len(inside))
+    if not len(states):
+        return found
+    P = matrix[states][:, states]
+    r = gain[states]
+    if len(states) > DIRECT:
+        found[states] = fixed_point(lambda v: r + P @ v, r, P.nnz)
+        return found
+    left = scipy_sparse().identity(len(r), format="csc") - P.tocsc()
+    try:
+        factors = need("scipy.sparse.linalg", "exact", "an exact model").splu(left)
+    except RuntimeError:  # singular
+        refuse(UNENDING, HINT)
+    v = factors.solve(r)
+    v += factors.solve(r - left @ v)
+    if not np.isfinite(v).all():
+        refuse(UNENDING, HINT)
+    found[states] = v
+    return found
+
+
+def fixed_point(image: Callable[[Array], Array], value: Array, cost: int) -> Array:
+    """Return a fixed point of an operator by repeated substitution, within the limit `WORK`; `cost` is in non-zeros."""
+    before = np.inf
+    for _ in range(WORK // (SWEEP + cost + len(value)) + 1):
+        better = image(value)
+        gap = float(np.max(np.abs(better - value), initial=0.0))
+        value = better
+        if gap <= 1e-16 * float(np.max(np.abs(value), initial=0.0)) or not np.isfinite(gap):
+            break
+        if gap >= before and gap < 1e-12:
+            break
+        before = gap
+    return value
+
+
+def followed(P: Any, policy: Array) -> Any:
+    """Return the transitions (S, S) of a policy (A, S), from those of all actions (A*S, S)."""
+    columns = np.tile(np.arange(policy.shape[1]), len(policy))
+    choice = scipy_sparse().csr_array((policy.reshape(-1), (columns, np.arange(len(columns)))))
+    return (choice @ P).tocsr()
+
+
+def leading_to(matrix: Any, targets: Array) -> Array:
+    """Return the states (S,) from which targets can be reached, these included, by a matrix (S, S) or rows (A*S, S)."""
+    found = targets.copy()
+    while True:
+        ahead = (matrix @ found.astype(np.float64)) > 0
+        more = found | ahead.reshape(-1, len(found)).any(axis=0)
+        if (more == found).all():
+            return found
+        found = more
+
+
+class InfiniteHorizon(Bounded):
+    """`Bounded` arithmetic with one time, and the answers for models without a horizon."""
+
+    is_whole = False  # sums have as many terms as it takes
+
+    def __init__(self, model: Model) -> None:
+        super().__init__(model)
+        self.is_discounted = model.discount < 1
+        self.only = model.step(0)
+
+    @property
+    def numbers(self) -> InfiniteHorizon:
+        return self
+
+    def best(self) -> Enclosure:
+        return self._enclosed(self.stationary_values(), self.live)
+
+    def worst(self) -> Enclosure:
+        return negative(self.negated().best())
+
+    def policies(self, rule: Rule) -> Iterator[tuple[int, Policy]]:
+        yield 0, rule.stationary(self)
+
+    @QUIET
+    def value(self, rule: Rule, paid: InfiniteHorizon | None = None) -> Enclosure:
+        """Return the expected return of a policy; `paid` as for models with a horizon."""
+        if rule.is_best and paid is None:
+            return self.best()
+        policy = rule.stationary(self)
+        n = self
+        if paid is not None:
+            n = paid
+
+        def image(V: Bound) -> Bound:
+            return n.follow(policy, n.backup(0, V))
+
+        return n._enclosed(n._chain(policy, image, n.live, n.model.discount), n.live)
+
+    @QUIET
+    def probability(self, rule: Rule, states: Array) -> Enclosure:
+        """Return how likely an episode is ever in one of the states (S,)."""
+        policy = rule.stationary(self)
+        taken = ((policy.table > 0) | (policy.absolute > 0)).reshape(-1)  # however improbably
+        P = self.only.P
+        possible = np.repeat(taken, np.diff(P.indptr)) & (P.data > 0)
+        moves = type(P)((possible.astype(np.float64), P.indices, P.indptr), shape=P.shape)
+        directly = moves @ states.astype(np.float64)
+        if self.only.P_end is not None:
+            directly += taken * (self.only.P_end @ states.astype(np.float64) > 0)
+        targets = (directly > 0).reshape(self.shape).any(axis=0)
+        inside = leading_to(moves, targets) & ~states & self.model.acting
+
+        def image(V: Bound) -> Bound:
+            return self.follow(policy, self.reached(0, self.marked(V, states), states))
+
+        found = self.marked(self._chain(policy, image, inside, 1.0), states)
+        return self._at_start(replace(found, is_signed=False), inside)
+
+    def negated(self) -> InfiniteHorizon:
+        """Return the same for the negative reward."""
+        lowest = self.only.rounding.lowest
+        highest = self.only.rounding.highest
+        return InfiniteHorizon(self.model.with_reward(-self.only.R, -highest, -lowest))
+
+    def _chain(self, policy: Policy, image: Callable[[Bound], Bound], inside: Array, discount: float) -> Bound:
+        """Return the fixed point of the affine operator of a policy over the states `inside`; 0 elsewhere."""
+        matrix = followed(self.only.P, policy.table) * discount
+        candidate = chain_values(matrix, image(Bound(np.zeros(len(inside)))).value, inside)
+        weight = inside.astype(np.float64)
+        if discount == 1:
+            weight = np.maximum(chain_values(matrix, weight, inside), 0.0)
+        later = self.follow(policy, self._expected(weight, discount))
+        return self._contracted(candidate, image, weight, later, inside)
+
+    def _expected(self, w: Array, discount: float) -> Bound:
+        """Return discount * P w (A, S)."""
+        value = (self.only.P @ w).reshape(self.shape) * discount
+        return self.errors(self.only).expectation(value, Bound(w, is_signed=True))
+
+    def _contracted(
+        self, candidate: Array, image: Callable[[Bound], Bound], weight: Array, later: Bound, inside: Array
+    ) -> Bound:
+        """Return the fixed point of a contraction, with its bound.
+
+        Args:
+            candidate: float64 (S,), near the fixed point.
+            image: the operator.
+            weight: float64 (S,), w.
+            later: the largest expectation of w (S,) after a step.
+            inside: bool (S,), the states that count.
+        """
+        if not inside.any():
+            return Bound(candidate)
+        found = image(Bound(candidate))
+        rounding = found.error + 2 * UNIT * (np.abs(found.value) + np.abs(candidate))
+        residual = float(np.max((np.abs(found.value - candidate) + rounding)[inside]))
+        c = float(np.min((weight - later.value - later.error - 2 * UNIT * weight)[inside]))
+        if not c > 0:
+            refuse(UNENDING, HINT)
+        return Bound(candidate, 0.0, residual / c * float(np.max(weight[inside])) * (1 + 16 * UNIT))
+
+    def _at_start(self, V: Bound, inside: Array) -> Enclosure:
+        """Return the expectation over the first state of values that are exact outside of some states (S,)."""
+        is_inside = bool((inside & (self.model.start > 0)).any())
+        return self.at_start(V if is_inside else Bound(V.value))
+
+    def _enclosed(self, V: Bound, inside: Array) -> Enclosure:
+        """Return an expected return, which has the sign of all rewards."""
+        found = self._at_start(V, inside)
+        zero = Fraction(0)
+        if self.only.rounding.lowest >= 0:
+            return Enclosure(max(found.low, zero), max(found.high, zero))
+        if self.only.rounding.highest <= 0:
+            return Enclosure(min(found.low, zero), min(found.high, zero))
+        return found
+
+    @cached_property
+    def live(self) -> Array:
+        """States (S,) in which episodes act, without those from which nothing is ever paid again."""
+        if self.is_discounted:
+            return self.model.acting
+        pays = self.only.R != 0
+        if not self.is_signed and self.only.rounding.terms > 1:  # outcomes of both signs may cancel
+            pays = np.ones_like(pays)
+        return self.model.acting & leading_to(self.only.P, pays.reshape(self.shape).any(axis=0))
+
+    def q_values(self, shift: Fraction = Fraction(0)) -> Bound:
+        """Return Q (A, S) of the best policy, for the reward plus a constant."""
+        if not shift:
+            return self.backup(0, self.stationary_values())
+        lowest = self.only.rounding.lowest - float(abs(shift))
+        highest = self.only.rounding.highest + float(abs(shift))
+        return InfiniteHorizon(self.model.with_reward(self.only.R + float(shift), lowest, highest)).q_values()
+
+    @QUIET
+    def stationary_values(self) -> Bound:
+        """Return the largest values (S,)."""
+        live = self.live
+        candidate = self._policy_iteration(self.only.R.reshape(self.shape), live)
+        weight = self._weight(live)
+        later = self.top(self._expected(weight, self.model.discount))
+        return self._contracted(candidate, lambda V: self.top(self.backup(0, V)), weight, later, live)
+
+    def _weight(self, live: Array) -> Array:
+        """Return the weight (S,) of a norm in which all steps contract."""
+        if self.is_discounted:
+            return np.ones(self.model.n_states)
+        return self._policy_iteration(np.ones(self.shape), live)
+
+    def _policy_iteration(self, reward: Array, live: Array) -> Array:
+        """Return nearly the largest values (S,) of rewards (A, S)."""
+        P = self.only.P
+        states = np.arange(self.model.n_states)
+        discount = self.model.discount
+
+        def q_values(V: Array) -> Array:
+            return self.model.among_legal(np.where(live, reward + discount * (P @ V).reshape(self.shape), 0.0), -np.inf)
+
+        if np.count_nonzero(live) > DIRECT:
+            value = fixed_point(lambda V: q_values(V).max(axis=0), np.zeros(len(states)), P.nnz)
+            if not np.isfinite(value).all():
+                refuse(UNENDING, HINT)
+            return value
+        choice = self.model.among_legal(reward, -np.inf).argmax(axis=0)
+        for _ in range(ROUNDS):
+            value = chain_values(discount * P[choice * len(states) + states], reward[choice, states], live)
+            q = q_values(value)
+            top = q.max(axis=0)
+            now = q[choice, states]
+            better = np.where(top > now + 1e-13 * (np.abs(top) + np.abs(now)), q.argmax(axis=0), choice)
+            if (better == choice).all():
+                break
+            choice = better
+        return value
+
+    @QUIET
+    def soft_q_values(self, beta: float) -> Bound:
+        """Return Q (A, S) of the causal maximum-entropy policy.
+
+        The candidate is found by policy iteration: the return of the policy of the values, and its entropy.
+        """
+        live = self.model.acting
+        weight = self._weight(live)
+        value = np.zeros(self.model.n_states)
+        for _ in range(ROUNDS):
+            policy = self.boltzmann(self.backup(0, Bound(value)), beta)
+            pi = policy.table
+            gain = (pi * (self.only.R.reshape(self.shape) - np.log(np.maximum(pi, 1e-300)) / beta)).sum(axis=0)
+            better = chain_values(self.model.discount * followed(self.only.P, pi), gain, live)
+            gap = float(np.max(np.abs(better - value)))
+            value = better
+            if gap <= 1e-15 * float(np.max(np.abs(value))) or not np.isfinite(gap):
+                break
+        later = self.top(self._expected(weight, self.model.discount))
+        found = self._contracted(value, lambda V: self.soft(self.backup(0, V), beta), weight, later, live)
+        return self.backup(0, found)

@@ -1,0 +1,293 @@
+"""Changes of the parts of a task by modifiers: state added, actions and observations replaced, draws made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from taskspec.base.named import all_names
+from taskspec.language.expressions.builder import Builder
+from taskspec.language.expressions.dists import DISTS
+from taskspec.language.expressions.ir import Draw, Node, Role, draws, reads
+from taskspec.language.expressions.types import INT, Kind, Type
+from taskspec.language.modifiers.entry import Inapplicable
+from taskspec.language.task.bijection import parts
+from taskspec.language.task.parts import Component, Observation, SpaceKind, counts_of
+from taskspec.language.task.task import Task
+
+MOST = 100_000
+"""Combinations of values that are numbered in one table, at the most."""
+
+
+# -- state --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class AddedState:
+    """A component that the state gets, with its first and its next value."""
+
+    component: Component
+    initial: Node
+    following: Node
+
+
+def names_in(task: Task) -> set[str]:
+    """Return every name that something in a task has."""
+    memory = () if task.annotations.memory is None else task.annotations.memory.components
+    found = set(all_names((*task.state, *task.action, *task.observation.components, *memory)))
+    return found | set(all_names(task.parameters)) | set(task.source.constants)
+
+
+def fresh(wanted: Sequence[str], taken: Iterable[str]) -> list[str]:
+    """Return the wanted names, lengthened so that none of them is taken and no two are the same."""
+    known = set(taken)
+    found = []
+    for name in wanted:
+        while name in known:
+            name += "_"
+        known.add(name)
+        found.append(name)
+    return found
+
+
+def with_state(task: Task, added: Sequence[AddedState]) -> Task:
+    """Return the task with more components of the state; it does not observe them."""
+    initial = tuple(a.initial for a in added)
+    following = tuple(a.following for a in added)
+    changed = task.with_process(
+        initial=(*task.process.initial, *initial),
+        raw_initial=(*task.process.raw_initial, *initial),
+        next=(*task.process.next, *following),
+        raw_next=(*task.process.raw_next, *following),
+    )
+    state = (*task.state, *(a.component for a in added))
+    return replace(changed, state=state, observation=replace(task.observation, is_state=False))
+
+
+def present(b: Builder, c: Component, role: Role = Role.STATE) -> Node:
+    """Return the present value of a component."""
+    return b.read(role, c.name, c.type, c.least, c.most)
+
+
+def inside(b: Builder, c: Component) -> Node:
+    """Return a fixed value of a component: the one nearest to 0."""
+    flat = [min(max(0, low), high) for low, high in zip(c.low, c.high, strict=True)]
+    return b.constant(flat, c.type)
+
+
+def noisy(b: Builder, node: Node, std: float) -> Node:
+    """Return a value with independent normal noise added to each of its elements."""
+    noise = DISTS["Normal"].build(b, {"mean": b.scalar(0), "std": b.scalar(std)}, node.type.shape)
+    return b.apply("add", b.cast(node, Kind.REAL), noise)
+
+
+# -- steps --------------------------------------------------------------------------------------------------------
+
+
+def acting(b: Builder, task: Task, executed: Mapping[str, Node]) -> Task:
+    """Return the task in which other actions are executed than those that are chosen, by name."""
+    count = len(task.state)
+    roots = (*task.process.raw_next, *task.process.step_roots)
+    found = b.substitute(roots, {(Role.ACTION, name): node for name, node in executed.items()}, late=False)
+    return task.with_process(
+        raw_next=found[:count],
+        next=found[count : 2 * count],
+        reward=found[2 * count],
+        terminal=found[2 * count + 1],
+        measures=dict(zip(task.process.measures, found[2 * count + 2 :], strict=True)),
+    )
+
+
+def meaning(b: Builder, task: Task, meant: Mapping[str, Node]) -> Task:
+    """Return the task in which each action is replaced by another one, by name; its expert remembers those that are meant."""
+    reads = {(Role.ACTION, name): node for name, node in meant.items()}
+    changed = acting(b, task, meant)
+    if task.process.legal is not None:
+        changed = changed.with_process(legal=b.substitute([task.process.legal], reads)[0])
+    return remembering(b, changed, reads)
+
+
+def drawing(task: Task, drawn: Mapping[int, Draw]) -> Task:
+    """Return the task with more draws in its steps."""
+    return task.with_process(step_draws=(*task.process.step_draws, *drawn.values()))
+
+
+def last(b: Builder, task: Task) -> Node:
+    """Return whether a step is the last of an episode."""
+    if task.horizon is None:
+        return task.process.terminal
+    time = b.read(Role.TIME, "t", INT, 0, task.horizon - 1)
+    return b.apply("or", task.process.terminal, b.apply("eq", time, b.scalar(task.horizon - 1)))
+
+
+def reads_time(task: Task) -> bool:
+    """Return whether anything depends on the time."""
+    expert = task.annotations.expert_nodes
+    roots = (
+        *task.process.step_roots,
+        task.process.absorbing_reward,
+        *task.observation.nodes,
+        *expert,
+    )
+    return (Role.TIME, "t") in reads(roots)
+
+
+def paying(b: Builder, task: Task, reward: Node) -> Task:
+    """Return the task with another reward."""
+    return task.with_process(reward=b.cast(reward, Kind.REAL))
+
+
+# -- observations -------------------------------------------------------------------------------------------------
+
+
+def observing(
+    b: Builder,
+    task: Task,
+    components: Sequence[Component],
+    nodes: Sequence[Node],
+    space: SpaceKind,
+    drawn: Mapping[int, Draw],
+    meant: Mapping[str, Node] | None = None,
+) -> Task:
+    """Return the task with other observations, for which more is drawn at resets and in steps.
+
+    What was observed before, by name, is `meant` as a function of what is observed now. An expert that remembers something else
+    of it is left out.
+    """
+    if meant is None:
+        meant = {}
+    now = list(zip(components, nodes, strict=True))
+    before = zip(task.observation.components, task.observation.nodes, strict=True)
+    lost = {(Role.NEXT, c.name) for c, node in before if (c, node) not in now and c.name not in meant}
+    changed = task.with_process(
+        reset_draws=(*task.process.reset_draws, *drawn.values()), step_draws=(*task.process.step_draws, *drawn.values())
+    )
+    changed = replace(changed, observation=Observation(tuple(components), tuple(nodes), space))
+    if task.annotations.memory is not None and lost & reads(
+        (*task.annotations.memory.initial, *task.annotations.memory.next)
+    ):
+        return forgetting(changed)
+    return remembering(b, changed, {(Role.NEXT, name): node for name, node in meant.items()})
+
+
+def real_space(task: Task) -> SpaceKind:
+    """Return the space of observations that hold reals: a dictionary where they are one, else a box."""
+    if task.observation.space == "dict":
+        return "dict"
+    return "box"
+
+
+def shows_the_state(task: Task) -> bool:
+    """Return whether it is known that no two states look alike at any time; draws do not count."""
+    nodes = [n for n in task.observation.nodes if not draws([n]) and (Role.TIME, "t") not in reads([n])]
+    return all(part.is_decided and part.clash() is None for part in parts(Role.STATE, task.state, nodes))
+
+
+# -- what an expert remembers -------------------------------------------------------------------------------------
+
+
+def remembering(b: Builder, task: Task, meant: Mapping[tuple[Role, str], Node]) -> Task:
+    """Return the task whose expert remembers what is meant by an action or an observation; without the expert where this
+    is unknown.
+
+    It is unknown where it depends on a state that is not observed.
+    """
+    memory = task.annotations.memory
+    if memory is None or not meant:
+        return task
+
+    changed = replace(
+        memory,
+        initial=b.substitute(memory.initial, meant),
+        next=b.substitute(memory.next, meant),
+        raw_initial=b.substitute(memory.raw_initial, meant),
+        raw_next=b.substitute(memory.raw_next, meant),
+    )
+    found = task.with_annotations(memory=changed)
+    if remembers_what_is_told(found):
+        return found
+    return forgetting(task)
+
+
+def remembers_what_is_told(task: Task) -> bool:
+    """Return whether an expert's memory, if there is one, reads what is seen, and later itself, action and time."""
+    memory = task.annotations.memory
+    if memory is None:
+        return True
+    seen = {(Role.NEXT, c.name) for c in task.observation.components}
+    own = {c.read for c in memory.components} | {(Role.ACTION, c.name) for c in task.action} | {(Role.TIME, "t")}
+    return reads(memory.initial) <= seen and reads(memory.next) <= seen | own
+
+
+def forgetting(task: Task) -> Task:
+    """Return the task without a written expert, and without its memory."""
+    changed = task.with_annotations(memory=None)
+    if isinstance(task.annotations.expert, tuple):
+        return changed.with_annotations(expert=None)
+    return changed
+
+
+# -- joint indices ------------------------------------------------------------------------------------------------
+
+
+def combinations(components: Sequence[Component], what: str, most: int = MOST) -> int:
+    """Return how many values some components have together.
+
+    Raises:
+        Inapplicable: infinitely many, or more than `most`.
+    """
+    for c in components:
+        if not c.is_finite:
+            raise Inapplicable(f"{what} must be finite, and '{c.name}' has infinitely many values")
+    size = math.prod(counts_of(components))
+    if size > most:
+        raise Inapplicable(f"{what} can take {size:,} values; the limit is {most:,}")
+    return size
+
+
+def joint(b: Builder, components: Sequence[Component], nodes: Sequence[Node]) -> Node:
+    """Return the number of a combination of values, the first element of the first component slowest."""
+    code: Node = b.scalar(0)
+    for c, node in zip(components, nodes, strict=True):
+        for element, low, count in zip(elements(b, node), c.low, c.counts, strict=True):
+            digit = b.within(b.apply("sub", b.cast(element, Kind.INT), b.scalar(int(low))), 0, count - 1)
+            code = b.apply("add", b.apply("mul", code, b.scalar(count)), digit)
+    return code
+
+
+def apart(b: Builder, components: Sequence[Component], table: Sequence[int], row: Node) -> list[Node]:
+    """Return values of the components whose number a table (N,) has at a row."""
+    rest = math.prod(counts_of(components))
+    found = []
+    for c in components:
+        digits = []
+        for low, count in zip(c.low, c.counts, strict=True):
+            rest //= count
+            values = [int(low) + code // rest % count for code in table]
+            digit = looked_up(b, values, row)
+            digits.append(b.apply("lt", b.scalar(0), digit) if c.type.kind is Kind.BOOL else digit)
+        found.append(shaped(b, digits, c.type))
+    return found
+
+
+def looked_up(b: Builder, values: Sequence[Any], row: Node, kind: Kind = Kind.INT) -> Node:
+    """Return the value at a row of a table of constants."""
+    table = b.const(tuple(values), Type(kind, (len(values),)))
+    return b.structure("index", [table, b.position(row, len(values))])
+
+
+def elements(b: Builder, node: Node) -> list[Node]:
+    """Return the elements of a value, row-major."""
+    if node.type.is_scalar:
+        return [node]
+    flat = b.structure("reshape", [node], (node.type.size,))
+    return [b.structure("element", [flat], (i,)) for i in range(node.type.size)]
+
+
+def shaped(b: Builder, flat: Sequence[Node], type: Type) -> Node:
+    """Return elements, row-major, as a value of a type."""
+    if type.is_scalar:
+        return flat[0]
+    return b.structure("reshape", [b.structure("vector", flat)], type.shape)

@@ -1,0 +1,294 @@
+"""Finds task specs, gives them ids, and loads them.
+
+A suite is a folder of specs; a task's id is `suite/Name-vN`. The shipped suites are always known;
+`taskspec.register` adds others.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Literal
+
+from taskspec.base import ids
+from taskspec.base.diagnostics import spec_error, suggest
+from taskspec.language.source import scan
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from taskspec.language.modifiers import Written
+    from taskspec.language.source import Document
+    from taskspec.language.task.task import Task, TaskLike
+
+_VERSION = re.compile(r"-v(\d+)$")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A task that is known by its id: where its spec is, and which variant of it."""
+
+    suite: str
+    name: str
+    version: int
+    file: str
+    variant: str | None
+
+    @property
+    def path(self) -> Path:
+        from pathlib import Path
+
+        return Path(self.file)
+
+    @property
+    def id(self) -> str:
+        return f"{self.suite}/{self.name}-v{self.version}"
+
+
+_registered: dict[str, Entry] = {}
+
+
+def tasks_root() -> Path:
+    """Return the folder of the shipped suites, one sub-folder of YAML specs per suite.
+
+    A wheel carries the folder inside the package; an editable install finds it beside the package.
+    """
+    from pathlib import Path
+
+    return Path(_root())
+
+
+def _root() -> str:
+    package = os.path.dirname(os.path.abspath(__file__))
+    inside = os.path.join(package, "tasks")
+    if os.path.isdir(inside):
+        return inside
+    return os.path.join(os.path.dirname(package), "tasks")
+
+
+@lru_cache(maxsize=1)
+def shipped() -> dict[str, Entry]:
+    """Return the shipped tasks by id."""
+    folders = sorted(each.path for each in os.scandir(_root()) if each.is_dir())
+    found = [entry for folder in folders for entry in entries(folder)]
+    return {entry.id: entry for entry in found}
+
+
+def entries(folder: str | os.PathLike[str]) -> Iterable[Entry]:
+    """Yield the tasks of a suite's folder, in order of file and variant."""
+    suite = os.path.basename(os.path.realpath(folder))
+    for file, text in _texts(folder):
+        if scan.kind(text) == "taskspec":
+            found = scan.scan(text)
+            for name, variant in found.tasks:
+                yield Entry(suite, name, found.version, file, variant)
+
+
+def files_in(folder: Path) -> list[tuple[Path, scan.Kind]]:
+    """Return the YAML files of a folder, sorted by name, and what each of them holds."""
+    return [(folder / os.path.basename(file), scan.kind(text)) for file, text in _texts(folder)]
+
+
+def _texts(folder: str | os.PathLike[str]) -> Iterable[tuple[str, str]]:
+    """Yield the YAML files of a folder, sorted by name, with their texts."""
+    for name in sorted(name for name in os.listdir(folder) if name.endswith((".yaml", ".yml"))):
+        path = os.path.join(folder, name)
+        try:
+            with open(path, "rb") as file:
+                yield path, file.read().decode("utf-8", "replace")
+        except (IsADirectoryError, FileNotFoundError):
+            yield path, ""
+
+
+def known() -> dict[str, Entry]:
+    """Return every task known by id: the shipped ones and those registered."""
+    return {**shipped(), **_registered}
+
+
+def add(entry: Entry) -> None:
+    """Know a task by its id from now on."""
+    _registered[entry.id] = entry
+
+
+def task_ids() -> list[str]:
+    """Return the ids of all known tasks."""
+    return sorted(known())
+
+
+# -- loading ------------------------------------------------------------------------------------------------------
+
+
+def load(
+    source: TaskLike, /, variant: str | None = None, *, modifiers: Iterable[Written] = (), **parameters: Any
+) -> Task:
+    """Return the task of an id, of a spec's file, or the task itself, with parameters bound.
+
+    Args:
+        source: `suite/Name-vN` (the version, and the suite when the name is unique, may be left out), a path, or a task.
+            Values of parameters and modifiers may stand behind an id or a path: `derail/NoisyObs-v0?L=50&M=7+sticky=0.25`.
+        variant: for a path or a task, the variant to load, by its key or its task's name.
+        modifiers: what to change of the task, in order (see `taskspec.modify`), after those that it has.
+        **parameters: values of the task's parameters; the others keep their defaults, or the values that a given task has.
+
+    Raises:
+        SpecError: unknown id, or any mistake in the spec, each with its place; modifiers that the task cannot be given.
+    """
+    found = _found(source, variant, parameters)
+    wanted = listed(modifiers)
+    if isinstance(source, str):
+        wanted = (*instance(source).modifiers, *wanted)
+    if not wanted:
+        return found
+    from taskspec.language.modifiers import modify
+
+    return modify(found, *wanted)
+
+
+def role(task: Task, who: Literal["expert", "learner"]) -> Task:
+    """Return the task in the variant in which somebody acts; the task itself where its spec tells no roles apart."""
+    key = task.roles.get(who)
+    if key is None or key == task.source.variant:
+        return task
+    return load(task, key, **{p.name: p.value for p in task.parameters if p.value != p.default})
+
+
+def listed(modifiers: Any) -> tuple[Written, ...]:
+    """Return modifiers as a list, for a text and a mapping are iterables of something else.
+
+    Raises:
+        SpecError: E718 for anything but a list or its like.
+    """
+    if isinstance(modifiers, str | Mapping) or not isinstance(modifiers, Iterable):
+        hint = 'for example modifiers=["sticky=0.25"]'
+        raise spec_error("E718", f"modifiers are given as a list, not as {modifiers!r}", hint)
+    return tuple(modifiers)
+
+
+def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) -> Task:
+    """Return what `load` gives before any more modifiers."""
+    from taskspec.language.task.build import build
+    from taskspec.language.task.task import Task
+
+    if not isinstance(source, Task | str | os.PathLike):
+        raise spec_error("E701", f"a task is named by its id or a path, not by {source!r}")
+    given: object = variant
+    if not isinstance(given, str | None):
+        hint = None
+        if type(given) is int:
+            hint = f"the number of environments is `num_envs={given}`"
+        raise spec_error("E211", f"a variant is named by a text, not by {given!r}", hint)
+    if isinstance(source, Task):
+        return _changed(source, variant, parameters)
+    if isinstance(source, str):
+        asked = instance(source)
+    else:
+        asked = ids.InstanceId(os.fspath(source), {})
+    for name in parameters:
+        if name in asked.parameters:
+            raise spec_error("E713", f"'{name}' is given in the id and separately; give it once")
+    parameters = {**asked.parameters, **parameters}
+    if not isinstance(source, str) or is_path(asked.name):
+        return build(document(asked.name), variant, parameters, suite_of(asked.name))
+    entry = find(asked.name)
+    is_shipped = shipped().get(entry.id) is entry
+    variant = variant or entry.variant
+    return build(document(entry.file), variant, parameters, entry.suite, well_formed=is_shipped)
+
+
+def instance(source: str) -> ids.InstanceId:
+    """Return what an id or a path names, with the parameters and modifiers behind it.
+
+    Raises:
+        SpecError: E713 for something else than values behind it.
+    """
+    if is_path(source):
+        return ids.InstanceId(source, {})
+    return ids.parse(source)
+
+
+def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Task:
+    """Return a task with other values of parameters; in another variant the others have their defaults."""
+    if variant is None and not parameters:
+        return task
+    from taskspec.language.modifiers import modify
+    from taskspec.language.task.build import build
+
+    names = {p.alias: p.name for p in task.parameters}
+    given = {names.get(name, name): value for name, value in parameters.items()}
+    if not variant:
+        given = {**task.given, **given}
+    return modify(
+        build(task.source.document, variant or task.source.variant, given, task.source.suite), *task.modifiers
+    )
+
+
+def is_path(name: str) -> bool:
+    """Return whether a name is meant as a file and not as an id."""
+    try:
+        return name.endswith((".yaml", ".yml")) or os.path.isfile(name)
+    except (OSError, ValueError):  # too long for a path, or with characters that none has
+        return False
+
+
+def find(task_id: str) -> Entry:
+    """Return the entry of an id; the version may be left out, and the suite when the name is unique.
+
+    Raises:
+        SpecError: E701 when there is none, or more than one.
+    """
+    entries = known()
+    if task_id in entries:
+        return entries[task_id]
+    matches = [e for e in entries.values() if task_id in (f"{e.suite}/{e.name}", e.name, f"{e.name}-v{e.version}")]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        message = f"'{task_id}' could be {' or '.join(e.id for e in matches)}"
+        raise spec_error("E701", message)
+    near = suggest(_VERSION.sub("", task_id), [f"{e.suite}/{e.name}" for e in entries.values()])
+    hint = near or "`taskspec list` shows the tasks; a path ends in .yaml"
+    raise spec_error("E701", f"there is no task '{task_id}'", hint)
+
+
+_documents: dict[str, tuple[Document, list[tuple[int, int]]]] = {}
+"""Documents by path, each with the states of its files when it was read."""
+
+
+def document(path: str) -> Document:
+    """Return the document of a file as it is now; it is read again if the file, or one that it extends, has changed.
+
+    Raises:
+        SpecError: when it cannot be read.
+    """
+    from taskspec.language.source import read_file
+
+    if path in _documents:
+        known, states = _documents[path]
+        if states == list(map(_state_of, (path, *known.files))):
+            return known
+    before = _state_of(path)
+    found = read_file(path)
+    _documents[path] = (found, [before, *map(_state_of, found.files)])
+    return found
+
+
+def _state_of(file: str) -> tuple[int, int]:
+    try:
+        found = os.stat(file)
+    except (OSError, ValueError):
+        return 0, 0  # reading it will say what is wrong
+    return found.st_mtime_ns, found.st_size
+
+
+def suite_of(path: str | os.PathLike[str]) -> str:
+    """Return the suite that a spec's folder makes, or none where the folder's name could not be part of an id."""
+    try:
+        name = os.path.basename(os.path.dirname(os.path.realpath(path)))
+    except (OSError, ValueError):  # no path at all; reading it will say so
+        return ""
+    if re.fullmatch(r"[\w:-]+", name):
+        return name
+    return ""

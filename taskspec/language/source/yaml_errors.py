@@ -1,0 +1,346 @@
+"""Why YAML could not be read, in an author's words, and texts that it reads as something else than meant.
+
+The parser's own messages describe its state. Each rule below recognises one situation from where
+the parser gave up, what it had read last, and the text around; the first that applies explains it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+
+from taskspec.language.source import nodes
+
+_WORD_LINE = re.compile(r"""[\w']+$|"[^"]*"$""")
+_SPECIAL_CONTEXTS = ("anchor", "alias", "tag", "block scalar", "directive")
+_SPECIAL_PROBLEMS = (
+    "tag",
+    "cannot start any token",
+    "sequence entries are not allowed",
+    "mapping keys are not allowed",
+    "node content",
+)
+
+
+def explain(text: str, syntax: nodes.Syntax) -> nodes.TextProblem:
+    """Return the finding for a text that the YAML parser refused."""
+    for rule in _RULES:
+        if finding := rule(text, syntax):
+            return finding
+    at = min(syntax.at, max(len(text.rstrip()) - 1, 0))
+    words = " ".join(filter(None, (syntax.context, syntax.problem)))
+    return nodes.TextProblem("E112", at, at + 1, f"YAML cannot read on from here ({words})")
+
+
+def _tab(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
+    if text[syntax.at : syntax.at + 1] != "\t" and "tab" not in syntax.problem.split():
+        return None
+    tab = text.find("\t", nodes.line_start(text, syntax.at))
+    return nodes.TextProblem("E105", tab, tab + 1, "a tab where YAML wants spaces", "replace each tab by spaces")
+
+
+def _escape(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
+    is_escape = "escape" in syntax.problem or "hexdecimal" in syntax.problem
+    at = text.rfind("\\", 0, syntax.at + 1)
+    if not is_escape or "quoted" not in syntax.context or at + 1 == len(text):
+        return None  # tags have escapes of their own; and after the last character, the quote is never closed
+    message = f"`{text[at : at + 2]}` means nothing between double quotes"
+    return nodes.TextProblem("E117", at, at + 2, message, "use single quotes, or write the backslash twice")
+
+
+def _open_quote(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
+    """Return the finding for a quote that is not closed, or only by a quote or a prime in a later line."""
+    start = syntax.since
+    last = syntax.last
+    if "quoted" in syntax.context and start is not None:
+        return nodes.TextProblem(
+            "E111", start, nodes.line_end(text, start), f"this text begins with {text[start]} and is never closed"
+        )
+    if (
+        not isinstance(last, nodes.ScalarNode)
+        or last.style not in ("'", '"')
+        or "\n" not in text[last.start : last.end]
+    ):
+        return None
+    if text[last.end : syntax.at].strip():
+        return None
+    line = text.count("\n", 0, last.end) + 1
+    message = f"this text begins with {last.style} and is not closed before line {line}"
+    return nodes.TextProblem(
+        "E111", last.start, nodes.line_end(text, last.start), message, f"close it with another {last.style}"
+    )
+
+
+def _no_colon(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
+    if "could not find expected ':'" not in syntax.problem or syntax.since is None:
+        return None
+    return _colon_missing(text, syntax.since)
+
+
+def _colon_missing(text: str, start: int) -> nodes.TextProblem:
+    end = nodes.value_end(text, start, in_flow=False)
+    message = f"`{nodes.shown(text[start:end])}` is not of the form `key: value`"
+    return nodes.TextProblem("E112", start, end, message, "write a colon and a space after the key")
+
+
+def _split_by_bracket(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
+    """Return the finding for an index or a call between braces or brackets: `{x: p[0]}`."""
+    last = syntax.last
+    if not syntax.in_flow or text[syntax.at : syntax.at + 1] not in ("[", "{"):
+        return None
+    if not isinstance(last, nodes.ScalarNode) or last.style != "plain":
+        return None
+    return _cut(text, last.start, syntax.open)
+
+
+def _not_closed(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
+    """Return the finding for a bracket without its partner: the parser ran into the end, or into the next key."""
+    if syntax.in_flow:
+        for node in syntax.open:
+            if node.flow and not nodes.is_closed(text, node.start):
+                message = f"this `{text[node.start]}` is never closed"
+                return nodes.TextProblem("E111", node.start, node.start + 1, message)
+    return None
+
+
+def _special(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
+    at = syntax.at
+    if any(word in syntax.context for word in _SPECIAL_CONTEXTS):
+        if syntax.since is not None:
+            at = syntax.since
+    elif not any(word in syntax.problem for word in _SPECIAL_PROBLEMS):
+        return None
+    char = text[at : at + 1]
+    if char not in nodes.SPECIAL or (syntax.in_flow and char in ",]}"):
+        return None
+    return nodes.special_start(text, at, syntax.in_flow)
+
+
+def _colon(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
+    if "mapping values are not allowed" not in syntax.problem:
+        return None
+    last = syntax.last
+    at = syntax.at
+    if isinstance(last, nodes.MappingNode) and text[last.start] == "{":
+        return _brace(text, last)
+    begin = last.start if isinstance(last, nodes.ScalarNode) else nodes.line_start(text, at)
+    if not syntax.open:
+        return _colon_missing(text, begin)
+    this_line = nodes.line_start(text, at)
+    if begin < this_line and _WORD_LINE.match(text[this_line:at].strip()):
+        start = at - len(text[this_line:at].lstrip())
+        message = f"`{nodes.shown(text[start:at])}` is indented as if it belonged to the value above"
+        return nodes.TextProblem("E110", start, at, message, "align it with the keys next to it")
+    advice = nodes.in_quotes(text[begin : nodes.value_end(text, at, in_flow=False)])
+    return nodes.TextProblem("E104", at, at + 1, "a colon followed by a space inside a value", advice)
+
+
+def _after_value(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
+    """Return the finding for something that follows, on the same line, a value that was already complete."""
+    last = syntax.last
+    at = syntax.at
+    if last is None or text[last.end : at].strip(" \t") or last.end > at or at == len(text):
+        return None
+    if isinstance(last, nodes.MappingNode) and text[last.start] == "{":
+        return _brace(text, last)
+    is_quoted = isinstance(last, nodes.ScalarNode) and last.style in "\"'"
+    if not is_quoted and not (isinstance(last, nodes.SequenceNode) and last.flow):
+        return None
+    end = max(at + 1, nodes.value_end(text, at, syntax.in_flow))
+    ended = "quote" if is_quoted else "bracket"
+    message = f"`{nodes.shown(text[at:end])}` follows the {ended} that ends the value"
+    return nodes.TextProblem("E109", at, end, message, nodes.in_quotes(text[last.start : end]))
+
+
+def _brace(text: str, node: nodes.MappingNode, in_flow: bool = False) -> nodes.TextProblem:
+    """Return the finding for an expression that YAML takes for a mapping."""
+    end = max(node.end, nodes.value_end(text, node.start, in_flow))
+    message = "an expression cannot start with `{`: YAML reads a mapping"
+    return nodes.TextProblem("E103", node.start, end, message, nodes.in_quotes(text[node.start : end]))
+
+
+def _indentation(text: str, syntax: nodes.Syntax) -> nodes.TextProblem | None:
+    at = syntax.at
+    if text[nodes.line_start(text, at) : at].strip(" -") or at >= len(text.rstrip()):
+        return None
+    if text[at] == ":":
+        return nodes.TextProblem("E108", at, at + 1, "there is nothing before this `:`")
+    end = nodes.value_end(text, at, in_flow=False)
+    message = f"`{nodes.shown(text[at:end])}` does not line up with the lines above"
+    hint = "keys of one mapping, and the dashes of one list, start in the same column"
+    return nodes.TextProblem("E110", at, end, message, hint)
+
+
+_RULES: tuple[Callable[[str, nodes.Syntax], nodes.TextProblem | None], ...] = (
+    _tab, _escape, _open_quote, _no_colon, _split_by_bracket, _not_closed, _special, _colon, _after_value, _indentation,
+)  # fmt: skip
+
+
+# -- texts that YAML reads without complaint, as something else than their author meant -----------------------------
+
+_TEX = re.compile(r"\\(?:\\|([abefrv0](?=[A-Za-z])|n(?:u|abla|eq)\b|t(?:heta|au|imes|ilde|frac)))")
+"""An escape that makes a control character, or begins the name of a well-known TeX command."""
+_BRACKETED = re.compile(r"\([^()\[\]{}]*\)|\[[^()\[\]{}]*\]|\{[^()\[\]{}]*\}")
+_FOR = re.compile(r"\sfor\s.+\sin\s", re.DOTALL)
+_THEN_COLON = re.compile(r"\s*:")
+_LISTS = frozenset({"values", "symbols", "shape", "by"})
+"""Keys whose value may be a list of words or numbers."""
+
+
+def find(text: str, root: nodes.Node, bad_keys: list[nodes.Node]) -> Iterator[nodes.TextProblem]:
+    """Yield every trap in a tree, in no particular order."""
+    for node in bad_keys:
+        yield from _bad_key(text, node)
+    stack = [root]
+    while stack:
+        node = stack.pop()
+        match node:
+            case nodes.ScalarNode():
+                yield from _scalar(text, node)
+            case nodes.MappingNode():
+                for entry in node.entries:
+                    stack += entry
+                cuts = list(_flow_mapping(text, node)) if node.flow else []
+                yield from cuts
+                for each in _duplicates(node):
+                    if not any(cut.covers(each) for cut in cuts):
+                        yield each
+            case nodes.SequenceNode():
+                stack += node.items
+                if node.flow:
+                    yield from _cut_items(text, node)
+
+
+def _bad_key(text: str, node: nodes.Node) -> Iterator[nodes.TextProblem]:
+    if not isinstance(node, nodes.ScalarNode):
+        yield nodes.TextProblem(
+            "E108", node.start, node.end, "a key is text", nodes.in_quotes(text[node.start : node.end])
+        )
+    elif text[node.start : node.start + 1] not in (",", "}"):  # else it is left over from a comma: that is the problem
+        yield nodes.TextProblem("E108", node.start, node.start + 1, "there is nothing before this `:`")
+
+
+def _scalar(text: str, node: nodes.ScalarNode) -> Iterator[nodes.TextProblem]:
+    if node.style == "plain" and nodes.is_overlong_number(node.value):
+        message = f"a number of {len(node.value)} digits"
+        yield nodes.TextProblem("E114", node.start, node.end, message, "a float keeps about 16 digits")
+    if node.style == '"':
+        for found in _TEX.finditer(text, node.start, node.end):
+            if found.group(1):
+                message = f"`\\{found.group(1)[0]}` between double quotes is a control character"
+                hint = "use single quotes, or write the backslash twice"
+                yield nodes.TextProblem("E117", found.start(), found.start() + 2, message, hint)
+
+
+def _duplicates(node: nodes.MappingNode) -> Iterator[nodes.TextProblem]:
+    for key, _ in node.entries:
+        if node.index[key.value][0] is not key:
+            message = f"the key `{nodes.shown(key.value)}` occurs twice in this mapping"
+            yield nodes.TextProblem("E101", key.start, key.end, message, "remove one, or rename it")
+
+
+# Texts between braces or brackets that YAML cuts in pieces, put together again: what to write in quotes.
+
+
+def _cut_items(text: str, node: nodes.SequenceNode) -> Iterator[nodes.TextProblem]:
+    """Yield items of a list that were one text: a call with a comma in it, or all of a comprehension."""
+    done = 0
+    for item in node.items:
+        if _opens(text, item) and item.start >= done:
+            finding = _cut(text, item.start, [node])
+            done = finding.end
+            yield finding
+
+
+def _flow_mapping(text: str, node: nodes.MappingNode) -> Iterator[nodes.TextProblem]:
+    """Yield entries of a mapping that were one text, and keys that have no value for another reason."""
+    if text[node.start] != "{":
+        return  # one pair in a list: `[a: b]`
+    if node.entries and all(_is_absent(value) for _, value in node.entries) and not _is_key(text, node.entries[0][0]):
+        yield _brace(text, node, in_flow=True)
+        return
+    done = 0
+    for key, value in node.entries:
+        if key.start < done:
+            continue
+        finding: nodes.TextProblem | None = None
+        if _opens(text, key):
+            finding = _cut(text, key.start)
+        elif _is_absent(value):
+            hint = "write a space after the colon" if ":" in key.value else None
+            finding = nodes.TextProblem(
+                "E107", key.start, key.end, f"the key `{nodes.shown(key.value)}` has no value", hint
+            )
+        elif isinstance(value, nodes.ScalarNode) and value.style == "plain":
+            finding = _cut_value(text, node, value, key.value in _LISTS)
+        if finding:
+            done = finding.end
+            yield finding
+
+
+def _cut_value(text: str, node: nodes.MappingNode, value: nodes.ScalarNode, is_list: bool) -> nodes.TextProblem | None:
+    """Return the finding for a value that went on behind its comma, if it did; it takes all keys that came of that."""
+    end = _piece_end(text, value)
+    is_word = isinstance(nodes.resolve(value.value), str)
+    for key, other in node.entries:
+        if key.start < end:
+            continue
+        if not (is_word or is_list) or not _is_absent(other) or _is_key(text, key):
+            break
+        end = _piece_end(text, key)
+    if end == value.end:
+        return None
+    return _pieces(
+        text,
+        value.start,
+        end,
+        f"a list goes in brackets: [{nodes.shown(text[value.start : end])}]" if is_list else None,
+    )
+
+
+def _piece_end(text: str, node: nodes.Node) -> int:
+    if _opens(text, node):
+        return nodes.value_end(text, node.start, in_flow=True)
+    return node.end
+
+
+def _is_absent(value: nodes.Node) -> bool:
+    return isinstance(value, nodes.ScalarNode) and value.style == "plain" and not value.value
+
+
+def _is_key(text: str, key: nodes.ScalarNode) -> bool:
+    """Return whether a text between braces without a value was meant as a key, and not as part of something else."""
+    is_glued = key.style == "plain" and re.fullmatch(r"\w+:[^:]+", key.value) is not None
+    return is_glued or _THEN_COLON.match(text, key.end) is not None
+
+
+def _opens(text: str, node: nodes.Node) -> bool:
+    """Return whether a piece of text opens more brackets than it closes."""
+    is_plain = isinstance(node, nodes.ScalarNode) and node.style == "plain"
+    return is_plain and text.count("(", node.start, node.end) > text.count(")", node.start, node.end)
+
+
+def _cut(text: str, start: int, within: Sequence[nodes.Node] = ()) -> nodes.TextProblem:
+    """Return the finding for an expression that YAML cuts in pieces; of a comprehension, all of the list that it is.
+
+    `within` are the collections around it, the innermost last.
+    """
+    end = nodes.value_end(text, start, in_flow=True)
+    for parent in reversed(within):
+        if not (isinstance(parent, nodes.SequenceNode) and parent.flow and _is_comprehension(text[start:end])):
+            break
+        start = parent.start
+        end = nodes.value_end(text, parent.start, in_flow=True)
+    return _pieces(text, start, end)
+
+
+def _is_comprehension(written: str) -> bool:
+    """Return whether `f(i) for i in range(0, 4)` is written, with its `for` outside all brackets."""
+    while (inner := _BRACKETED.sub("", written)) != written:
+        written = inner
+    return _FOR.search(written) is not None
+
+
+def _pieces(text: str, start: int, end: int, hint: str | None = None) -> nodes.TextProblem:
+    message = f"YAML splits `{nodes.shown(text[start:end])}`, because it is between braces or brackets"
+    return nodes.TextProblem("E106", start, end, message, hint or nodes.in_quotes(text[start:end]))

@@ -1,0 +1,289 @@
+"""Targets: ids, paths, folders and suites, which of them name which specs, and the tasks of each spec's file.
+
+A document is read once, however many tasks it defines.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from taskspec.base import ids
+from taskspec.base.diagnostics import SpecError, spec_error
+from taskspec.base.files import near, safe_name
+from taskspec.language import registry
+from taskspec.language.source import Document, read_text, scan
+
+if TYPE_CHECKING:
+    from taskspec.language.task.build import Outline
+    from taskspec.language.task.task import Task
+
+T = TypeVar("T")
+OTHERS: tuple[scan.Kind, ...] = ("experiment", "exam", "findings")
+"""Kinds of files that are no specs."""
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """A spec's file, the variants asked for (None: all that are complete), values of their parameters, and modifiers."""
+
+    path: Path
+    suite: str
+    variants: tuple[str | None, ...] | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    modifiers: tuple[str, ...] = ()
+    text: str | None = None
+    """The text, where it is not the one on disk: that of an editor."""
+
+    def at(self, values: Mapping[str, Any], modifiers: Sequence[str] = ()) -> File:
+        """Return the same file with more values of parameters and more modifiers.
+
+        Raises:
+            SpecError: E713 for one that has a value.
+        """
+        for name in values:
+            if name in self.parameters:
+                raise spec_error("E713", f"'{name}' is given in the id and separately; give it once")
+        return replace(self, parameters={**self.parameters, **values}, modifiers=(*self.modifiers, *modifiers))
+
+
+def tasks_of(target: str, variant: str | None, parameters: Sequence[str], modifiers: Sequence[str] = ()) -> list[Task]:
+    """Return the task of a target, once for each setting of its parameters.
+
+    Raises:
+        SpecError: no such task, a folder, a bad parameter or modifier, or any mistake in the spec.
+    """
+    if Path(target).is_dir():
+        hint = "`taskspec list FOLDER` shows what is in it"
+        raise spec_error("E711", f"'{target}' is a folder; this command takes one task", hint)
+    return [registry.load(target, variant, modifiers=modifiers, **values) for values in settings(parameters)]
+
+
+def task_of(target: str, variant: str | None, parameters: Sequence[str], modifiers: Sequence[str] = ()) -> Task:
+    """Return the task of a target, with one setting of its parameters.
+
+    Raises:
+        SpecError: as `tasks_of`, and E713 for several values of a parameter.
+    """
+    found = tasks_of(target, variant, parameters, modifiers)
+    if len(found) > 1:
+        raise spec_error("E713", "this command takes one value of each parameter")
+    return found[0]
+
+
+def files_of(targets: Sequence[str], parameters: Sequence[str] = (), modifiers: Sequence[str] = ()) -> list[File]:
+    """Return the files behind targets, each once for each setting of parameters; without targets, those of all known tasks.
+
+    Raises:
+        SpecError: E701, E710 when one of them is nothing of the kind, or a folder without specs; E713 as `settings`.
+    """
+    if targets:
+        found = [file for target in targets for file in _files(target)]
+    else:
+        found = _suites(registry.known().values())
+    return [file.at(values, modifiers) for file in _joined(found) for values in settings(parameters)]
+
+
+def others_of(targets: Sequence[str]) -> list[tuple[Path, scan.Kind]]:
+    """Return the files behind targets that are not specs, kind by kind; without targets, those of all suites."""
+    found: list[tuple[Path, scan.Kind]] = []
+    if not targets:
+        for folder in sorted(registry.tasks_root().iterdir()):
+            found += _below(near(folder))
+    for target in targets:
+        suite = registry.tasks_root() / target
+        kind = kind_of(target)
+        if kind is not None:
+            found.append((Path(target), kind))
+        elif Path(target).is_dir():
+            found += _below(Path(target))
+        elif target.isidentifier() and suite.is_dir():
+            found += _below(near(suite))
+    known = dict.fromkeys(other for other in found if other[1] in OTHERS)
+    return sorted(known, key=lambda other: OTHERS.index(other[1]))
+
+
+def kind_of(target: str) -> scan.Kind | None:
+    """Return the kind of the file that a target names; None where it names none."""
+    path = Path(target)
+    if not path.is_file():
+        return None
+    return scan.kind(path.read_text(encoding="utf-8", errors="replace"))
+
+
+def _below(folder: Path, depth: int = 2) -> list[tuple[Path, scan.Kind]]:
+    """Return the YAML files of a folder and of so many levels of visible sub-folders, and what each of them holds."""
+    found = registry.files_in(folder)
+    for inside in sorted(folder.iterdir()) if depth else ():
+        if inside.is_dir() and not inside.name.startswith("."):
+            found += _below(inside, depth - 1)
+    return found
+
+
+def _files(target: str) -> list[File]:
+    path = Path(target)
+    if path.is_dir():
+        return _of_folder(path)
+    asked = registry.instance(target)
+    if asked.parameters or asked.modifiers:
+        return [file.at(asked.parameters, asked.modifiers) for file in _files(asked.name)]
+    if registry.is_path(target) or ("/" in target and path.exists()):
+        if kind_of(target) in (None, "taskspec"):
+            return [File(path, registry.suite_of(path))]
+        return []
+    suite = [e for e in registry.known().values() if e.suite == target]
+    if suite:
+        return _suites(suite)
+    if target.startswith((".", "/", "~")) or target.endswith("/"):
+        raise spec_error("E710", f"there is no file or folder '{target}'")
+    entry = registry.find(target)
+    return [File(near(entry.path), entry.suite, (entry.variant,))]
+
+
+def _of_folder(folder: Path) -> list[File]:
+    """Return the specs of a folder and of its sub-folders."""
+    found = [File(path, registry.suite_of(path)) for path, kind in _below(folder, 1) if kind == "taskspec"]
+    if not found and not any(kind in OTHERS for _, kind in _below(folder)):
+        hint = "`taskspec new Name` writes one to start from"
+        raise spec_error("E710", f"there is no spec (*.yaml) in '{folder}'", hint)
+    return found
+
+
+def _suites(entries: Iterable[registry.Entry]) -> list[File]:
+    return [File(near(e.path), e.suite) for e in entries]
+
+
+def _joined(files: Iterable[File]) -> list[File]:
+    """Return each file once for each setting, with the variants of all its mentions, in order of first mention."""
+    merged: dict[tuple[Path, str], File] = {}
+    for file in files:
+        key = (file.path.resolve(), repr((file.parameters, file.modifiers)))
+        old = merged.setdefault(key, file)
+        if old.variants is None or file.variants is None:
+            merged[key] = replace(old, variants=None)
+        else:
+            merged[key] = replace(old, variants=tuple(dict.fromkeys((*old.variants, *file.variants))))
+    return list(merged.values())
+
+
+def beside(path: Path, task: Task) -> Path:
+    """Return the file for one of several settings of a task: `scores-L=5-M=7.json` for `scores.json`."""
+    values = "-".join(f"{name}={ids.shown(value)}" for name, value in task.values.items())
+    return path.with_name(f"{path.stem}-{safe_name(values)}{path.suffix}")
+
+
+def settings(texts: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the settings of parameters, one for each combination of values: `L=5,10` and `B=2` are two settings.
+
+    Several parameters may stand in one text, `L=5,10,B=2`: a value without a name is one more of the parameter before it.
+
+    Raises:
+        SpecError: E713 for a text of another form, or a name given twice.
+    """
+    values: dict[str, list[Any]] = {}
+    for text in texts:
+        name = ""
+        for part in text.split(","):
+            value = part.strip()
+            if "=" in part:
+                name, value = map(str.strip, part.split("=", 1))
+                if name in values:
+                    raise spec_error("E713", f"parameter '{name}' is given twice", f"several values: -p {name}=1,2")
+            if not name.isidentifier() or not value:
+                hint = "for example: -p L=20, or -p L=5,10,20"
+                raise spec_error("E713", f"'-p {text}' is not of the form name=value", hint)
+            values.setdefault(name, []).append(ids.read_value(value))
+    return [dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())]
+
+
+def _document(file: File) -> Document:
+    """Return the document of a file with a valid shape."""
+    from taskspec.language.task.build import check_document
+
+    path = str(file.path)
+    document = registry.document(path) if file.text is None else _of_text(file.text, path)
+    check_document(document)
+    return document
+
+
+@lru_cache(maxsize=8)
+def _of_text(text: str, name: str) -> Document:
+    return read_text(text, name)
+
+
+def variants_of(file: File) -> list[str | None]:
+    """Return the variants that are tasks (None for the spec itself), in written order.
+
+    A spec that leaves sections to its variants is no task itself; without variants, it is one that lacks something.
+
+    Raises:
+        SpecError: when the file cannot be read, or has not the shape of a spec.
+    """
+    from taskspec.language.task.merge import complete
+
+    if file.variants is not None:
+        return list(file.variants)
+    return complete(_document(file))
+
+
+def name_of(file: File, variant: str | None) -> str:
+    """Return the name of a task of a file."""
+    from taskspec.language.source.scan import task_name
+
+    name = str(_document(file).data.get("name"))
+    if variant is None:
+        return name
+    return task_name(name, variant)
+
+
+def task_in(file: File, variant: str | None) -> Task:
+    """Return one task of a file, with the values and the modifiers of the target.
+
+    Raises:
+        SpecError: with every mistake found.
+    """
+    from taskspec.language.modifiers import modify
+    from taskspec.language.task.build import build
+
+    return modify(build(_document(file), variant, file.parameters, file.suite), *file.modifiers)
+
+
+def outline_in(file: File, variant: str | None) -> Task | Outline:
+    """Return the outline of one task of a file, or the task itself where modifiers change it.
+
+    Raises:
+        SpecError: with every mistake in what is declared.
+    """
+    from taskspec.language.task.build import outline
+
+    if file.modifiers:
+        return task_in(file, variant)
+    return outline(_document(file), variant, file.parameters, file.suite)
+
+
+def tasks_in(files: Iterable[File]) -> Iterator[Task | SpecError]:
+    """Yield the tasks of files in order, with the error in place of those that cannot be built."""
+    return _each_in(files, task_in)
+
+
+def outlines_in(files: Iterable[File]) -> Iterator[Task | Outline | SpecError]:
+    """Yield the outlines of the tasks of files in order, with the error in place of those that have none."""
+    return _each_in(files, outline_in)
+
+
+def _each_in(files: Iterable[File], read: Callable[[File, str | None], T]) -> Iterator[T | SpecError]:
+    for file in files:
+        try:
+            variants = variants_of(file)
+        except SpecError as error:
+            variants = []
+            yield error
+        for variant in variants:
+            try:
+                yield read(file, variant)
+            except SpecError as error:
+                yield error

@@ -1,0 +1,305 @@
+"""Variants: a spec merged with the overrides of one variant, every value still knowing its place in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from taskspec.base.diagnostics import Diagnostic, Span, SpecError, spec_error, suggest
+from taskspec.language.source import Document, Path
+from taskspec.language.source.scan import REQUIRED, task_name
+
+NAMED = (
+    "parameters", "constants", "definitions", "noise", "state", "action", "observation", "initial", "dynamics",
+    "measures", "accept", "memory", "symmetries",
+)  # fmt: skip
+"""Sections of named entries, which a variant overrides entry by entry."""
+
+FIELDED = ("parameters", "state", "action", "memory")
+"""Sections whose entries have fields, which a variant overrides field by field."""
+
+_OF_ANY_TYPE = ("default", "shape", "symbol", "doc", "alias")
+_DROPPED = ("variants", "base", "extends")
+_OF_A_FILE = ("taskspec", "name", "version", "roles")
+"""Sections that are about a file as a whole, which none takes over from another."""
+_BESIDE = (
+    "abstraction", "absorbing_reward", "accept", "claims", "examples", "expert", "figure", "info", "memory", "symmetries",
+)  # fmt: skip
+"""Sections that neither reset nor step a task."""
+_NOT_ABSTRACT = ("abstraction", "observation", "measures", "legal", "claims", "examples", "accept", "figure", "info")
+
+
+Place: TypeAlias = tuple[Document, Path]
+"""A document, and a path in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Merged:
+    """The data of one variant (or of the spec itself), and where, in which document, each part was written."""
+
+    document: Document
+    name: str
+    variant: str | None
+    data: dict[str, Any]
+    moved: dict[Path, Place]
+    strays: tuple[Path, ...] = ()
+    """Entries that the variant changes or removes, though what it is based on has nothing of the name."""
+    parsed: dict[Any, Any] = field(default_factory=dict)
+    """Expressions that were read, by their places and texts, so that builds for other values read none of them again."""
+
+    def written(self, path: Path) -> Place:
+        """Return where what stands at a path of the merged data was written."""
+        return _place(self.moved, self.document, path)
+
+    def origin(self, path: Path) -> Place:
+        """Return the document and the variant (as a path) that wrote what stands at a path."""
+        document, there = self.written(path)
+        return document, there[: len(there) - len(path)]
+
+    def is_own(self, path: Path) -> bool:
+        """Return whether it was written by this variant, or this spec, and not by what it is based on."""
+        return self.origin(path) == (self.document, _root(self.variant))
+
+    def span(self, path: Path, start: int | None = None, end: int | None = None) -> Span:
+        document, there = self.written(path)
+        return document.span(there, start, end)
+
+    def key_span(self, path: Path) -> Span:
+        document, there = self.written(path)
+        return document.key_span(there)
+
+    @property
+    def missing(self) -> list[str]:
+        """Required sections that are not there: such a spec is only a base for its variants."""
+        return [section for section in REQUIRED if section not in self.data]
+
+
+Step: TypeAlias = tuple[Document, str | None]
+"""A document, and a variant of it, or the spec itself."""
+
+
+def variant_names(data: dict[str, Any]) -> dict[str, str | None]:
+    """Task names of a document, each with its variant: the spec itself (None) and every variant."""
+    name = str(data.get("name", ""))
+    names: dict[str, str | None] = {name: None}
+    variants = data.get("variants")
+    if isinstance(variants, dict):
+        names |= {task_name(name, str(key)): str(key) for key in variants}
+    return names
+
+
+def complete(document: Document) -> list[str | None]:
+    """Return the variants that are tasks, the spec itself (None) first unless it leaves sections to them."""
+    found = list(variant_names(document.data).values())
+    if len(found) > 1 and merge(document).missing:
+        return found[1:]
+    return found
+
+
+def merge(document: Document, variant: str | None = None) -> Merged:
+    """Return the spec with a variant's overrides (by key or by task name), merged into all that it is based on.
+
+    Raises:
+        SpecError: when there is no such variant, or variants are based on each other in a circle.
+    """
+    name = str(document.data.get("name", ""))
+    key = None if variant is None or variant == name else _key(document, variant)
+    merged: Merged | None = None
+    for step in reversed(list(lineage((document, key)))):
+        document, key = step
+        if key not in document.merged:
+            document.merged[key] = _overlaid(document, key, merged)
+        merged = document.merged[key]
+    assert merged is not None
+    return merged
+
+
+def _overlaid(document: Document, variant: str | None, base: Merged | None) -> Merged:
+    """Return a spec without its variants, or one variant, merged into what it is based on."""
+    name = str(document.data.get("name", ""))
+    own = {key: value for key, value in document.data.items() if key not in _DROPPED}
+    if base is None:
+        return Merged(document, name, None, own, {})
+    data = dict(base.data)
+    moved = dict(base.moved)
+    if base.document is not document:
+        data = {key: value for key, value in data.items() if key not in _OF_A_FILE}
+        moved = {(key,): (base.document, (key,)) for key in data} | moved
+        data |= {key: own[key] for key in _OF_A_FILE if key in own}
+    over = _sections(document, variant)
+    here: Place = (document, _root(variant))
+    strays = [*base.strays]
+    for section, value in over.items():
+        if section in _DROPPED:
+            continue
+        if value is not None and section in NAMED:
+            data[section], unknown = _entries(section, value, data, moved, here)
+            strays += unknown
+        elif section == "claims" and isinstance(value, dict):
+            data[section], unknown = _claims(value, data, moved, here)
+            strays += unknown
+        else:
+            data.pop(section, None)
+            if value is not None:
+                data[section] = value
+            _move(moved, (section,), here)
+    if variant is not None:
+        name = task_name(name, variant)
+    return Merged(document, name, variant, data, moved, tuple(strays))
+
+
+def _root(variant: str | None) -> Path:
+    """Return where the sections of a variant, or of the spec itself, stand."""
+    return () if variant is None else ("variants", variant)
+
+
+def _sections(document: Document, variant: str | None) -> dict[str, Any]:
+    """Return what a variant, or the spec itself, has at the top."""
+    found: dict[str, Any] = document.data
+    for step in _root(variant):
+        found = found[str(step)] or {}
+    return found
+
+
+def _entries(
+    section: str, over: dict[str, Any], data: dict[str, Any], moved: dict[Path, Place], here: Place
+) -> tuple[dict[str, Any], list[Path]]:
+    """Return the entries of a section with those that are overridden, and the paths of those that change nothing there is."""
+    if section not in data:
+        _move(moved, (section,), here)
+    result = dict(data.get(section) or {})
+    strays: list[Path] = []
+    for name, value in over.items():
+        path = (section, name)
+        old = result.get(name)
+        fields = section in FIELDED and isinstance(value, dict)
+        if name not in result and (value is None or (fields and "type" not in value)):
+            strays.append(path)
+        if fields and isinstance(old, dict):
+            result[name] = _without_nulls(_kept(old, value) | value)
+            for key in value:
+                _move(moved, (*path, key), here)
+            continue
+        _move(moved, path, here)
+        result[name] = _without_nulls(value) if fields else value
+        if value is None:
+            del result[name]
+    return result, strays
+
+
+def _claims(
+    over: dict[str, Any], data: dict[str, Any], moved: dict[Path, Place], here: Place
+) -> tuple[list[Any], list[Path]]:
+    """Return the claims without those that are dropped and with those that are added, and those dropped that there are not."""
+    document, start = here
+    dropped = {statement(claim): i for i, claim in enumerate(over.get("drop") or ())}
+    found = []
+    for i, claim in enumerate(data.get("claims") or []):
+        if statement(claim) not in dropped:
+            found.append((claim, _place(moved, document, ("claims", i))))
+    unknown = set(dropped) - set(map(statement, data.get("claims") or []))
+    found += [(claim, (document, (*start, "claims", "add", i))) for i, claim in enumerate(over.get("add") or ())]
+    _move(moved, ("claims",), here)
+    moved |= {("claims", i): place for i, (_, place) in enumerate(found)}
+    moved |= {("claims", claim): (document, (*start, "claims", "drop", dropped[claim])) for claim in unknown}
+    return [claim for claim, _ in found], [("claims", claim) for claim in dropped if claim in unknown]
+
+
+def abstracted(merged: Merged) -> Merged | None:
+    """Return the finite stand-in that a spec declares, as a spec of its own; None when it declares none.
+
+    The sections under `abstraction` (all but `map`) replace those of the same name.
+    """
+    over = merged.data.get("abstraction")
+    if not over:
+        return None
+    memory = ("memory", "expert") if merged.data.get("memory") else ()  # a stand-in shows no observations to remember
+    data = {key: value for key, value in merged.data.items() if key not in (*_NOT_ABSTRACT, *memory)}
+    if merged.data.get("symmetries"):  # a stand-in shows other things, and is steered alike
+        data["symmetries"] = {name: {"action": s.get("action") or {}} for name, s in data["symmetries"].items()}
+    moved = dict(merged.moved)
+    for section, value in over.items():
+        if section != "map" and value is not None:
+            data[section] = value
+            document, place = merged.written(("abstraction", section))
+            _move(moved, (section,), (document, place[:-1]))
+    return Merged(merged.document, merged.name, merged.variant, data, moved)
+
+
+def stripped(merged: Merged) -> Merged:
+    """Return what resets and steps a task, and no more."""
+    data = {key: value for key, value in merged.data.items() if key not in _BESIDE}
+    return Merged(merged.document, merged.name, merged.variant, data, merged.moved)
+
+
+def _key(document: Document, variant: str) -> str:
+    """Return the key of a variant that is given by its key or by the name of its task."""
+    name = str(document.data.get("name", ""))
+    variants: dict[str, Any] = document.data.get("variants") or {}
+    if variant in variants:
+        return variant
+    keys = {task_name(name, key): key for key in variants}
+    if variant in keys:
+        return keys[variant]
+    message = f"{name} has no variant '{variant}'; it has: {', '.join(variants) or 'none'}"
+    hint = suggest(variant, [*variants, *keys])
+    raise spec_error("E211", message, hint)  # it was asked for from outside, not in the file
+
+
+def _base(step: Step) -> Step | None:
+    """Return what a variant, or a spec, says it is based on; None for a spec that extends no other."""
+    document, variant = step
+    over = _sections(document, variant)
+    if "extends" not in over and variant is None:
+        return None
+    other = document.others[over["extends"]] if "extends" in over else document
+    if over.get("base") is None:
+        return other, None
+    return other, _key(other, str(over["base"]))
+
+
+def lineage(step: Step) -> Iterator[Step]:
+    """Yield a variant, or a spec, what it is based on, and so on."""
+    seen: set[Step] = set()
+    current: Step | None = step
+    while current is not None:
+        if current in seen:
+            span = step[0].span(("variants", str(step[1]), "base"))
+            raise SpecError([Diagnostic("E212", span, "these variants are based on each other in a circle")])
+        seen.add(current)
+        yield current
+        current = _base(current)
+
+
+def _place(moved: dict[Path, Place], document: Document, path: Path) -> Place:
+    """Return where what stands at a path of merged data was written: in the document itself unless it was moved."""
+    for n in range(len(path), 0, -1):
+        if path[:n] in moved:
+            there, start = moved[path[:n]]
+            return there, (*start, *path[n:])
+    return document, path
+
+
+def statement(claim: Any) -> str:
+    """Return what a claim says, however it is laid out."""
+    return " ".join(str(claim["claim"] if isinstance(claim, dict) else claim).split())
+
+
+def _kept(old: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """Return what an entry keeps when some of its keys are overridden: of another type, what does not hang on the type."""
+    if over.get("type", old.get("type")) == old.get("type"):
+        return old
+    return {key: value for key, value in old.items() if key in _OF_ANY_TYPE}
+
+
+def _without_nulls(entry: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in entry.items() if value is not None}
+
+
+def _move(moved: dict[Path, Place], path: Path, here: Place) -> None:
+    """Record that everything at a path is written below `here`, and forget what was known below it."""
+    for old in [p for p in moved if p[: len(path)] == path]:
+        del moved[old]
+    document, start = here
+    moved[path] = document, (*start, *path)

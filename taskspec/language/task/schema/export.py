@@ -1,0 +1,78 @@
+"""The JSON Schema of specs, for editors: completion, descriptions, and marks while typing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from taskspec.language.source.scan import EXTENDS, REQUIRED
+from taskspec.language.task.schema.models import Extension, Spec
+from taskspec.language.task.schema.typed import FORM, NAMES
+from taskspec.language.task.schema.values import SPACES
+
+FORMS = Path(__file__).with_name("forms.json")
+"""The JSON Schema of values that take several forms, which `values` checks by hand."""
+
+
+def _ref(title: str) -> dict[str, Any]:
+    return {"$ref": f"#/$defs/{title}"}
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema (2020-12) of a spec. Every key has a description, for editors to show."""
+    models: dict[str, Any] = _linked(TypeAdapter(Spec | Extension).json_schema(by_alias=True)["$defs"])
+    forms = json.loads(FORMS.read_text(encoding="utf-8"))
+    for title in ("Observation", "PartialObservation"):
+        forms[title]["properties"]["space"]["enum"] = list(SPACES)
+    definitions = {**forms, **{title: {"title": title, **form} for title, form in NAMES.items()}, **models}
+    for key in ("Parameters", "PartialParameters"):
+        _type_extra_keys(definitions[key])
+    complete = {"anyOf": [{"required": list(REQUIRED)}, {"required": ["variants"]}]}  # or a variant may be
+    definitions["Spec"] |= complete
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "taskspec",
+        "description": definitions["Spec"]["description"],
+        "type": "object",
+        "if": {"required": [EXTENDS]},
+        "then": _ref("Extension"),
+        "else": _ref("Spec"),
+        "$defs": dict(sorted(definitions.items())),
+    }
+
+
+def _linked(node: Any) -> Any:
+    """Return the same schema with every mark of a form, and every pattern of keys, replaced by a reference to it.
+
+    A definition is called what authors call it: `Claim`, not `ClaimEntry`.
+    """
+    if isinstance(node, list):
+        return list(map(_linked, node))
+    if not isinstance(node, dict):
+        if isinstance(node, str):
+            return node.removesuffix("Entry")
+        return node
+    linked = {}
+    for key, value in node.items():
+        if key not in (FORM, "patternProperties"):
+            linked[key.removesuffix("Entry")] = _linked(value)
+    if FORM in node:
+        linked |= _ref(node[FORM])
+    for pattern, value in node.get("patternProperties", {}).items():
+        title = next(title for title, form in NAMES.items() if form["pattern"] == pattern)
+        linked |= {"propertyNames": _ref(title), "additionalProperties": _linked(value)}
+    return linked
+
+
+def _type_extra_keys(schema: dict[str, Any]) -> None:
+    """Names with typed values: older versions of pydantic leave the type of extra keys out."""
+    part = "PartialParameter"
+    if schema["title"] == "Parameters":
+        part = "Parameter"
+    value: dict[str, Any] = _ref(part)
+    if part == "PartialParameter":
+        value = {"anyOf": [value, {"type": "null"}]}
+    schema |= {"propertyNames": _ref("Name"), "additionalProperties": value}

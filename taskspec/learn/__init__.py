@@ -1,0 +1,1 @@
+"""Learners, exams of learners, and experiments."""

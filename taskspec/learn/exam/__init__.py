@@ -1,0 +1,1 @@
+"""The exam: verdicts, flags and diagnoses of a learner from its scores on a suite of tasks."""

@@ -1,0 +1,451 @@
+"""An exam: a trial for every task, twin and block of seeds, and what follows from the scores."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.extras import machine
+from taskspec.base.jobs.running import Running, run
+from taskspec.base.jobs.store import Job, Store
+from taskspec.base.limits import written
+from taskspec.language.modifiers import modify
+from taskspec.language.task.schema.experiments import ExamDocument
+from taskspec.language.task.task import Task, TaskLike
+from taskspec.learn.exam.asked_tasks import Modifiers, described_of, exam_id, tasks_of, twins_of
+from taskspec.learn.exam.case import ExamTerms
+from taskspec.learn.exam.examinee import Examinee, learner_of
+from taskspec.learn.exam.findings import diagnose, diagnosis_flag, new_diagnoses, undecided
+from taskspec.learn.exam.flags import check_comparable, flags
+from taskspec.learn.exam.laws import LAWS, changed_tasks, law_flags, law_scores
+from taskspec.learn.exam.learned import learned_flags
+from taskspec.learn.exam.results import FORMAT, Exam, Examined, LawScore, Score, ShownExam, read, write
+from taskspec.learn.exam.trial import LearnerFailed, Row, Trial, baselines, key_of, run_trial, score
+from taskspec.learn.exam.verdicts import verdicts
+
+WIDEST = 16
+"""Seeds of a block, for learners that train many together."""
+PEEK_SEEDS = 5
+"""Seeds that are tried with a withheld reward negated."""
+EPISODES = 1000
+"""For scores that cannot be computed."""
+SUITES = ("derail", "probes")
+"""The suites of an exam, unless one is named."""
+STEPS = 500_000
+"""Environment steps of each training run, unless a number is given or the suite's `exam.yaml` has one."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One line of the plan: a task, or a twin of it, or one whose reward is negated, and a block of seeds."""
+
+    task: Task
+    twin: Modifiers | None
+    trial: Trial
+
+    @property
+    def name(self) -> str:
+        kind = "" if self.twin is None else f"+{'+'.join(self.twin)}"
+        if self.trial.negated:
+            kind = " negated"
+        return f"{self.task.instance_id}{kind}, seeds {self.trial.seeds[0]} to {self.trial.seeds[-1]}"
+
+
+LOOKS = (4, 17, 30)
+"""Seeds after which an exam that goes on until it is sure looks at its results: all that fail, and all that pass, show at the
+first and at the second. Each look has an equal share of the risk, so that all together err as rarely as one."""
+
+
+def examine(
+    learner: str | Callable[[Any], Any], *, suite: str | None = None, tasks: Sequence[TaskLike] | None = None,
+    seeds: int | Iterable[int] | None = None, steps: int | None = None, transitions: int = 10_000, twins: int = 2,
+    peeks: bool = True, learns_from: Sequence[str] | None = None, against: Path | str | None = None,
+    within: float | None = None, until_sure: bool = False, out: Path | str | None = None, running: Running | None = None,
+    laws: bool | None = None,
+) -> Exam:  # fmt: skip
+    """Examine a learner; the result is what `exam.json` holds.
+
+    Args:
+        learner: `"file.py:train"` or `"module:train"`, which is run in other processes, or a function, which is run in this one.
+        suite: whose tasks are asked; derail and probes unless given.
+        tasks: those that are asked instead of all of the suite, by name or as anything that `taskspec.load` takes.
+        seeds: how many, or which; 15 unless given.
+        steps: of the environment, for each seed on each task; unless given, those that the suite's `exam.yaml` names, or 500,000.
+            Where neither a suite nor tasks are named, those of `exam.yaml` are the most.
+        transitions: that the expert demonstrates, at least; whole episodes.
+        twins: of every task that has some.
+        peeks: whether it is tried if a reward that is withheld makes a difference.
+        learns_from: what is granted, some of "reward", "demonstrations", "preferences", in place of what the learner says.
+        against: a folder with an earlier exam: changes since then are flagged.
+        within: seconds for the whole exam: seeds and steps that are not given are chosen, from two short trials.
+        until_sure: seeds are added until each capability is mastered or failed, at most 30: group-sequential, with 3 looks.
+        out: a folder for `exam.json`, and for the results on the way to it, from which an exam that was stopped goes on.
+        running: for a learner in other processes: how many, time limits, a cluster.
+        laws: whether all laws of learning are tried, or none; those that the learner declares unless given.
+
+    Raises:
+        SpecError: E710, E711, E713 for a learner or an option that cannot be; E701 for a task that is unknown.
+        Interrupted: Ctrl-C; what is done is kept.
+    """
+    if until_sure and (seeds is not None or within is not None):
+        raise SpecError(
+            [Diagnostic("E713", None, "an exam until it is sure chooses its own seeds, and takes its time")]
+        )
+    numbers = _numbers(seeds, until_sure)
+    for name, number in {"seeds": len(numbers), "steps": steps, "transitions": transitions}.items():
+        if number is not None and number < 1:
+            raise SpecError([Diagnostic("E713", None, f"an exam needs 1 or more {name}, not {number}")])
+    who = learner_of(learner, learns_from)
+    suites = SUITES if suite is None else (suite,)
+    asked = {exam_id(task): task for task in tasks_of(suites, tasks)}
+    baseline = None
+    if against is not None:
+        baseline = read(against)
+        if within is not None and steps is None:
+            steps = baseline["steps"]
+    folder = None if out is None else Path(out)
+    kept = None if who.place is None else folder
+    described = {name: described_of(name) for name in suites}
+    with tempfile.TemporaryDirectory() as scratch, Store((kept or Path(scratch)) / "exam.sqlite") as store:
+        trials = _Trials(who, store, running or Running(), transitions, twins, peeks, described, steps)
+        trials.is_most = suite is None and tasks is None
+        if within is not None:
+            found_seeds = _within(within, trials, list(asked.values()), steps)
+            numbers = _numbers(found_seeds if seeds is None else seeds, until_sure)
+        if baseline is not None:
+            hashes = {name: task.content_hash for name, task in asked.items()}
+            most = max(trials.granted(task) for task in asked.values())
+            check_comparable(baseline, str(against), hashes, {"steps": most, "transitions": transitions})
+        measured = trials.measured(asked)
+        found = _looked_at(trials, asked, numbers, measured, " and ".join(suites), until_sure)
+        declared = getattr(who.train, "obeys", ())
+        laws_found = _with_laws(trials, asked, _tried(laws, declared), found)
+    found["flags"] = [*flags(found["tasks"], found["scores"], baseline), *learned_flags(found["scores"])]
+    if laws_found:
+        found["laws"] = laws_found
+        found["flags"] += law_flags(laws_found, declared)
+    _diagnose(found, suites, baseline)
+    if folder is not None:
+        write(found, folder)
+    return found
+
+
+def _diagnose(found: Exam, suites: Iterable[str], baseline: Exam | None) -> None:
+    """Add diagnoses, those that are nearly made, and flags for those that the baseline does not get."""
+    found["diagnoses"] = [each for name in suites for each in diagnose(found, name)]
+    found["undecided"] = [each for name in suites for each in undecided(found, name)]
+    if baseline is not None:
+        for name in suites:
+            found["flags"] += [diagnosis_flag(found, each) for each in new_diagnoses(found, baseline, name)]
+
+
+def _numbers(seeds: int | Iterable[int] | None, until_sure: bool) -> tuple[int, ...]:
+    if until_sure:
+        return tuple(range(LOOKS[-1]))
+    if seeds is None:
+        return tuple(range(SEEDS))
+    return tuple(range(seeds)) if isinstance(seeds, int) else tuple(seeds)
+
+
+def _within(seconds: float, trials: _Trials, asked: list[Task], steps: int | None) -> int:
+    """Return the seeds that there is time for, and have the trials take the steps that there is time for."""
+
+    def pilot(steps: int) -> None:
+        trials.steps = steps
+        trials.run(trials.plan(asked, (0,), 0, False))
+
+    runs = 1.0 + trials.twins + trials.peeks * PEEK_SEEDS / SEEDS
+    most = steps or max(trials.granted(task) for task in asked)
+    seeds, trials.steps = seeds_and_steps(seconds, pilot, runs, most, steps is not None)
+    return seeds
+
+
+def _looked_at(
+    trials: _Trials, asked: Mapping[str, Task], seeds: tuple[int, ...], measured: Mapping[str, list[dict[str, Any]]],
+    suite: str, until_sure: bool,
+) -> Exam:  # fmt: skip
+    """Return scores and verdicts; if it goes on until it is sure, seeds are added where it is not."""
+    ends = LOOKS if until_sure else (len(seeds),)
+    about = {name: _examined(task, measured[name]) for name, task in asked.items()}
+    plan: list[Planned] = []
+    rows: list[list[Row]] = []
+    open_tasks = list(asked)
+    begin = 0
+    for end in ends:
+        added = trials.plan(
+            [asked[name] for name in open_tasks], seeds[begin:end], trials.twins, trials.peeks and not begin
+        )
+        plan += added
+        rows += trials.run(added)
+        begin = end
+        found = _exam(trials.who, suite, plan, rows, about)
+        found["verdicts"] = verdicts(found["tasks"], found["scores"], len(ends))
+        unsure = [each["tasks"] for each in found["verdicts"].values() if each["verdict"] == "unsure"]
+        open_tasks = [task for names in unsure for task in names]
+        if not open_tasks:
+            break
+    return found
+
+
+def _tried(laws: bool | None, declared: Iterable[str]) -> Iterable[str]:
+    """Return the laws to try: those that the learner declares, all, or none."""
+    if laws is None:
+        return declared
+    if laws:
+        return LAWS
+    return ()
+
+
+def _with_laws(trials: _Trials, asked: Mapping[str, Task], laws: Iterable[str], found: Exam) -> list[LawScore]:
+    """Return the scores on the tasks of an exam as laws change them, beside those of the exam."""
+    changed = changed_tasks(asked, laws, exam_id)
+    if not changed:
+        return []
+    others = {each.name: each.changed for each in changed}
+    plan = trials.plan(others.values(), tuple(found["seeds"]), 0, False)
+    rows = trials.run(plan)
+    trials.twins = 0
+    measured = trials.measured(others)
+    about = {name: _examined(task, measured[name]) for name, task in others.items()}
+    return law_scores(changed, found, _exam(trials.who, "", plan, rows, about))
+
+
+# The plan, and the jobs that it consists of.
+
+
+@dataclass
+class _Trials:
+    """The trials of a learner: how they are planned and run."""
+
+    who: Examinee
+    store: Store
+    running: Running
+    transitions: int
+    twins: int
+    peeks: bool
+    described: Mapping[str, ExamDocument]
+    steps: int | None
+    is_most: bool = False
+
+    def granted(self, task: Task) -> int:
+        """Return the steps of a training run on a task; if `is_most`, the number in its suite's `exam.yaml` is the most."""
+        own = self._suite(task).steps
+        granted = self.steps or own or STEPS
+        if self.is_most and own is not None:
+            return min(granted, own)
+        return granted
+
+    def _suite(self, task: Task) -> ExamDocument:
+        return self.described.get(task.source.suite, ExamDocument(exam=1))
+
+    def plan(self, asked: Iterable[Task], seeds: tuple[int, ...], twins: int, peeks: bool) -> list[Planned]:
+        """Return a trial for every task, twin and block of seeds, and for the first seeds with withheld rewards negated."""
+        width = WIDEST if self.who.together else 1
+        blocks = [seeds[i : i + width] for i in range(0, len(seeds), width)]
+        peeking = []
+        if peeks and "reward" not in self.who.learns_from:
+            peeking = blocks[: max(1, PEEK_SEEDS // width)]
+        plan = []
+        for task in asked:
+            for twin in (None, *twins_of(task, twins)):
+                plan += [self._planned(task, twin, block) for block in blocks]
+            plan += [self._planned(task, None, block, negated=True) for block in peeking]
+        return plan
+
+    def _planned(self, task: Task, twin: Modifiers | None, block: tuple[int, ...], negated: bool = False) -> Planned:
+        about = modify(task, *(twin or ()))
+        terms = ExamTerms(self.granted(task), self.who.learns_from, self.transitions)
+        evaluate = self._suite(task).evaluate
+        horizon = None if evaluate is None else evaluate.longer_than(task.horizon)
+        place = self.who.place or ""
+        trial = Trial(about, negated, place, self.who.content, terms, block, EPISODES, written(), horizon)
+        return Planned(task, twin, trial)
+
+    def run(self, plan: Sequence[Planned]) -> list[list[Row]]:
+        """Return rows for each line of the plan; those of a learner that failed have an `error` alone."""
+        if self.who.place is None:
+            return [_trained_here(planned, self.who) for planned in plan]
+        keys = [planned.trial.key for planned in plan]
+        jobs = [Job(key, each.name, run_trial, (each.trial,)) for key, each in zip(keys, plan, strict=True)]
+        done = run(jobs, self.store, self.running, self.who.name)
+        rows = []
+        for key, planned in zip(keys, plan, strict=True):
+            result = done[key]
+            failed = _failed(planned, result.message or result.status)
+            rows.append(result.value if result.status == "done" else failed)
+        return rows
+
+    def measured(self, asked: Mapping[str, Task]) -> dict[str, list[dict[str, Any]]]:
+        """Return the baselines of each task, and of each of its twins."""
+        variants = {}
+        for name, task in asked.items():
+            variants[name] = [task, *(modify(task, *twin) for twin in twins_of(task, self.twins))]
+        if self.who.place is None:
+            return {name: [baselines(task, EPISODES, written()) for task in tasks] for name, tasks in variants.items()}
+        jobs = {}
+        for tasks in variants.values():
+            for task in tasks:
+                key = key_of("baselines and constants", task.content_hash, EPISODES, written())
+                jobs[task.content_hash] = Job(key, task.instance_id, baselines, (task, EPISODES, written()))
+        running = replace(self.running, seconds=None, retry=True)
+        known = run(jobs.values(), self.store, running, f"{self.who.name}: baselines")
+        for job in jobs.values():
+            if known[job.key].status != "done":
+                raise SpecError([Diagnostic("E713", None, f"{job.name} cannot be examined: {known[job.key].message}")])
+        found = {}
+        for name, tasks in variants.items():
+            found[name] = [known[jobs[task.content_hash].key].value for task in tasks]
+        return found
+
+
+def _trained_here(planned: Planned, who: Examinee) -> list[Row]:
+    try:
+        return run_trial(planned.trial, who.train)
+    except LearnerFailed as error:
+        return _failed(planned, str(error))
+
+
+def _failed(planned: Planned, message: str) -> list[Row]:
+    return [{"seed": seed, "error": message} for seed in planned.trial.seeds]
+
+
+# Scores.
+
+
+def _exam(
+    who: Examinee, suite: str, plan: Sequence[Planned], rows: Sequence[list[Row]], tasks: dict[str, Examined]
+) -> Exam:
+    scores: list[Score] = []
+    for planned, block in zip(plan, rows, strict=True):
+        about = tasks[exam_id(planned.task)]
+        for row in block:
+            if planned.twin is None and not planned.trial.negated:
+                about["cannot"] = row.get("cannot")
+            if "cannot" not in row:
+                scores.append(_score(planned, row, about))
+    terms = plan[0].trial.terms
+    seeds = list(dict.fromkeys(seed for p in plan for seed in p.trial.seeds))
+    cost: dict[str, float] = {}
+    for name in ("steps", "demonstrations", "comparisons", "seconds"):
+        cost[name] = float(sum(s[name] or 0 for s in scores))
+    where = machine()
+    found = Exam(
+        exam=FORMAT, learner=who.name, learns_from=list(who.learns_from), suite=suite, steps=terms.steps,
+        transitions=terms.transitions, seeds=seeds, versions=where.pop("versions"), machine=where,
+        command=shlex.join(["taskspec", *sys.argv[1:]]) if Path(sys.argv[0]).name == "taskspec" else "",
+        tasks=tasks, scores=scores, verdicts={}, flags=[], diagnoses=[], cost=cost,
+    )  # fmt: skip
+    return cast(Exam, ShownExam(found))
+
+
+def _examined(task: Task, measured: list[dict[str, Any]]) -> Examined:
+    """Return a task of the exam, from its baselines and those of its twins."""
+    found, *twins = measured
+    constants = found["constants"]
+    worst = constants
+    if twins and constants:
+        on_twins = np.mean([twin["constants"] for twin in twins], axis=0).tolist()
+        worst = [min(pair) for pair in zip(constants, on_twins, strict=True)]
+    return Examined(
+        capability=task.capability or task.name, title=task.title, content_hash=task.content_hash,
+        random=_finite(found["random"]), expert=_finite(found["expert"]), optimal=_finite(found["optimal"]),
+        worst=_finite(found["worst"]), constant=max(constants, default=None), fixed=max(worst, default=None), cannot=None,
+    )  # fmt: skip
+
+
+def _finite(value: float | None) -> float | None:
+    """Return a number as JSON has it; None for others."""
+    if value is not None and math.isfinite(value):
+        return value
+    return None
+
+
+def _score(planned: Planned, row: Row, about: Examined) -> Score:
+    """Return a row of results on the scale of its task. Twins have the scale of the task: every return is the same."""
+    random = about["random"]
+    expert = about["expert"]
+
+    def scaled(value: float | None) -> float | None:
+        if value is None:
+            return None
+        return score(value, random, expert)
+
+    unit = abs((expert or 0) - (random or 0)) or 1.0
+    curve = row.get("curve")
+    lost = row.get("reward_regret")
+    return {
+        "task": exam_id(planned.task), "twin": None if planned.twin is None else "+".join(planned.twin),
+        "peek": "negated" if planned.trial.negated else None, "seed": row["seed"],
+        "deterministic": scaled(row.get("deterministic")), "stochastic": scaled(row.get("stochastic")),
+        "half": (_finite(row.get("deterministic_half")) or 0.0) / unit, "return": _finite(row.get("deterministic")),
+        "error": row.get("error"), "steps": row.get("steps", 0), "demonstrations": row.get("demonstrations", 0),
+        "comparisons": row.get("comparisons", 0), "seconds": row.get("seconds"), "starc": row.get("starc"),
+        "reward_regret": None if lost is None else lost / unit,
+        "curve": None if curve is None else [[steps, scaled(value)] for steps, value in curve],
+        "operators": row.get("operators"), "rewards": row.get("rewards"),
+        "pairings": row.get("pairings"),
+        "value": None if row.get("value") is None else row["value"] / unit, "longer": row.get("longer"),
+    }  # fmt: skip
+
+
+# Seeds and steps, chosen from two short trials of the learner, for an exam within a time.
+
+PILOTS = (1_000, 4_000)
+"""Steps of the two trials on each task: time is a line through both."""
+SEEDS = 15
+"""Seeds, where there is time for that many."""
+
+
+def seeds_and_steps(
+    seconds: float, pilot: Callable[[int], None], runs: float, most: int, is_fixed: bool
+) -> tuple[int, int]:
+    """Return how many seeds of how many steps an exam has time for.
+
+    Args:
+        seconds: for the whole exam, the two trials included.
+        pilot: trains one seed on every task for so many steps.
+        runs: how often each seed is trained on every task, twins included.
+        most: the most steps.
+        is_fixed: whether there are `most` steps, not fewer.
+
+    Raises:
+        SpecError: E713 where the time is too short for one seed.
+    """
+    begin = time.perf_counter()
+    took = []
+    for steps in PILOTS:
+        before = time.perf_counter()
+        pilot(min(steps, most))
+        took.append(time.perf_counter() - before)
+    left = seconds - (time.perf_counter() - begin)
+    per_step = max(0.0, (took[1] - took[0]) / (PILOTS[1] - PILOTS[0]))
+    start = max(0.0, took[0] - per_step * PILOTS[0])
+    fewest = most if is_fixed else min(most, PILOTS[0])
+    shortest = runs * (start + per_step * fewest)
+    seeds = min(SEEDS, int(left / max(shortest, 1e-9)))
+    if seeds < 1:
+        needed = math.ceil((seconds - left + shortest) / 60)
+        message = f"{seconds:g} s are too short for one seed on every task, which takes about {needed} min"
+        raise SpecError([Diagnostic("E713", None, message, "more time, or fewer tasks or twins")])
+    if is_fixed or per_step == 0:
+        return seeds, most
+    affordable = (left / (seeds * runs) - start) / per_step
+    return seeds, max(fewest, min(most, _rounded(affordable)))
+
+
+def _rounded(number: float) -> int:
+    """Return a number rounded down to two digits."""
+    if number < 1:
+        return 1
+    unit = int(10 ** max(0, math.floor(math.log10(number)) - 1))
+    return int(number // unit) * unit

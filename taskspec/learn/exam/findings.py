@@ -1,0 +1,442 @@
+"""Findings of a source, evaluated on results, and diagnoses: the usual causes of the scores of a learner."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from taskspec.base.bibliography import Reference
+from taskspec.base.diagnostics import Diagnostic, SpecError, spec_error
+from taskspec.exact.rollout.statistics import CONFIDENCE
+from taskspec.exact.rules.evaluator import Truth
+from taskspec.exact.rules.rule_books import EXAM, FINDINGS, RuleBook, file_of, read_exam, read_findings
+from taskspec.exact.rules.score_rules import ONE, Comparison, ScoreEvaluator, SeedScores, short_name
+from taskspec.language.expressions.syntax import Expr
+from taskspec.language.task.schema.experiments import DiagnosisEntry, FindingEntry, FindingsDocument
+from taskspec.learn.exam.flags import differs
+from taskspec.learn.exam.results import Diagnosis, Exam, Flag
+from taskspec.learn.exam.score_rows import duration
+from taskspec.show.pages.render.html import page_of
+
+Outcome = Literal["confirmed", "refuted", "undecided", "not run"]
+OUTCOMES: tuple[Outcome, ...] = ("confirmed", "refuted", "undecided", "not run")
+_WORDS: dict[bool | None, Outcome] = {True: "confirmed", False: "refuted", None: "undecided"}
+
+
+SLACK = 0.1
+"""By how much thresholds are moved to see whether a finding depends on them."""
+
+
+@dataclass(frozen=True)
+class FindingResult:
+    """A finding, and whether it holds, by the name of a set of results.
+
+    Attributes:
+        comparisons: of known scores that its condition makes.
+        varied: whether it holds with other actions or thresholds, in words, by the name of a set.
+    """
+
+    name: str
+    entry: FindingEntry
+    truths: Mapping[str, Truth[Comparison]]
+    comparisons: Mapping[str, int]
+    varied: Mapping[str, Mapping[str, Truth[Comparison]]]
+
+    def outcome(self, results: str) -> Outcome:
+        """Return the outcome: `not run` if all results that could decide it are missing."""
+        return _outcome_of(self.truths[results])
+
+    def sensitivity(self, results: str) -> dict[str, Outcome]:
+        """Return the outcomes that differ with other actions or thresholds; none of a finding that was not run."""
+        others = {how: _outcome_of(truth) for how, truth in self.varied[results].items()}
+        outcome = self.outcome(results)
+        if outcome == "not run":
+            return {}
+        return {how: other for how, other in others.items() if other not in (outcome, "not run")}
+
+    def deciding(self, results: str) -> Comparison | None:
+        """Return the closest of the comparisons that decide, or leave it open."""
+        known = [each for each in self.truths[results].evidence if not each.is_missing]
+        if known:
+            return min(known, key=lambda each: each.margin)
+        return None
+
+    def record(self, results: str) -> dict[str, Any]:
+        """Return outcome and evidence as JSON data."""
+        comparisons = [
+            {"text": each.text, "value": _finite(each.value), "low": _finite(each.low), "high": _finite(each.high)}
+            for each in self.truths[results].evidence
+        ]
+        return {
+            "outcome": self.outcome(results), "comparisons": comparisons, "of": self.comparisons[results],
+            "sensitivity": self.sensitivity(results),
+        }  # fmt: skip
+
+
+def _outcome_of(truth: Truth[Comparison]) -> Outcome:
+    if truth.holds is None and all(each.is_missing for each in truth.evidence):
+        return "not run"
+    return _WORDS[truth.holds]
+
+
+@dataclass(frozen=True)
+class FindingsResult:
+    """Findings with their outcomes, in the order of their file."""
+
+    book: RuleBook
+    results: tuple[FindingResult, ...]
+    sets: tuple[str, ...]
+
+    @property
+    def described(self) -> FindingsDocument:
+        assert isinstance(self.book.described, FindingsDocument)
+        return self.book.described
+
+    def counts(self, results: str) -> dict[Outcome, int]:
+        """Return the number of findings with each outcome."""
+        outcomes = [each.outcome(results) for each in self.results]
+        return {outcome: outcomes.count(outcome) for outcome in OUTCOMES}
+
+    @property
+    def data(self) -> list[dict[str, Any]]:
+        """All of it as JSON data."""
+        return [
+            {"name": each.name, **each.entry.model_dump(), "outcomes": {name: each.record(name) for name in self.sets}}
+            for each in self.results
+        ]
+
+
+def evaluate(suite: str | Path, sets: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> FindingsResult:
+    """Evaluate a suite's findings.
+
+    Args:
+        suite: name or folder.
+        sets: results by name of the set, such as `paper` and `corrected`; in each the content of `exam.json`, by learner.
+
+    Raises:
+        SpecError: E710 for a suite without findings; for mistakes in its file; E713 for learners that it does not name.
+    """
+    path = file_of(suite, FINDINGS)
+    if path is None:
+        raise SpecError([Diagnostic("E710", None, f"the suite '{suite}' has no findings")])
+    book = read_findings(path)
+    evaluators = {name: _evaluator(book, exams) for name, exams in sets.items()}
+    others = {name: _variations(book, exams, evaluators[name]) for name, exams in sets.items()}
+    results = []
+    for rule in book.rules:
+        assert isinstance(rule.entry, FindingEntry)
+        truths = {}
+        comparisons = {}
+        varied = {}
+        for name in sets:
+            truths[name], comparisons[name] = _decided(evaluators[name], rule.condition)
+            varied[name] = {how: _decided(other, rule.condition)[0] for how, other in others[name].items()}
+        results.append(FindingResult(rule.name, rule.entry, truths, comparisons, varied))
+    return FindingsResult(book, tuple(results), tuple(sets))
+
+
+def _decided(evaluator: ScoreEvaluator, condition: Expr) -> tuple[Truth[Comparison], int]:
+    """Return whether a finding holds, and the number of comparisons of known scores.
+
+    What rests on all of its comparisons is decided by 95 % intervals. What rests on some of them might do so by chance: each of k
+    then needs an interval of 1 - 5 % / k (the first step of Holm, 1979).
+    """
+    made: list[Comparison] = []
+    found = replace(evaluator, made=made).truth(condition)
+    if found.holds is not None and len(found.evidence) < len(made):
+        confidence = 1 - (1 - CONFIDENCE) / len(made)
+        found = replace(evaluator, confidence=confidence).truth(condition)
+    return found, len(made)
+
+
+def sets_of(exams: Mapping[Path, Exam]) -> dict[str, dict[str, dict[str, Any]]]:
+    """Return exams by set, which is the folder of an exam's folder, and learner; its exams of different tasks are joined.
+
+    Args:
+        exams: by their folders.
+
+    Raises:
+        SpecError: E713 for two exams of a learner on one task.
+    """
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+    for place, exam in exams.items():
+        known = found.setdefault(place.parent.name, {}).setdefault(place.name, {"tasks": {}, "scores": []})
+        for task in exam["tasks"]:
+            if task in known["tasks"]:
+                raise spec_error("E713", f"two exams of {place.parent.name}/{place.name} are about {task}")
+        known["tasks"] |= exam["tasks"]
+        known["scores"] += exam["scores"]
+    return found
+
+
+def setups(exams: Sequence[Exam]) -> list[str]:
+    """Return how results were obtained, in lines: one for each that differs."""
+    seeds = ", ".join(str(n) for n in sorted({len(exam["seeds"]) for exam in exams}))
+    steps = ", ".join(f"{n:,}" for n in sorted({exam["steps"] for exam in exams}))
+    spent = duration(sum(exam["cost"].get("seconds", 0.0) for exam in exams))
+    lines = [f"{len(exams)} exams, of {seeds} seeds and {steps} steps each; {spent} of training"]
+    lines += [f"tasks: {', '.join(map(short_name, exam['tasks']))}" for exam in exams]
+    lines += _commands(exams)
+    lines += [f"with {_listed(exam['versions'])}" for exam in exams]
+    lines += [f"on {_listed(exam['machine'])}" for exam in exams]
+    return list(dict.fromkeys(lines))
+
+
+def _commands(exams: Sequence[Exam]) -> list[str]:
+    """Return a line for each command; one for all that differ by the name of the learner alone."""
+    learners: dict[str, list[str]] = {}
+    for exam in exams:
+        if exam["command"]:
+            command = exam["command"].replace(exam["learner"], "LEARNER")
+            learners.setdefault(command, []).append(exam["learner"])
+    lines = []
+    for command, names in learners.items():
+        if len(names) > 1 and "LEARNER" in command:
+            lines.append(f"by `{command}` for {', '.join(names)}")
+        else:
+            lines.append(f"by `{command.replace('LEARNER', names[0])}`")
+    return lines
+
+
+def _listed(facts: Mapping[str, Any]) -> str:
+    return ", ".join(f"{key} {value}" for key, value in facts.items())
+
+
+def _evaluator(book: RuleBook, exams: Mapping[str, Mapping[str, Any]], other_actions: bool = False) -> ScoreEvaluator:
+    """Return the evaluator of findings on one set of results.
+
+    Args:
+        other_actions: compare best actions where the file says drawn ones, and the other way round.
+
+    Raises:
+        SpecError: E713 for a learner that the findings do not name.
+    """
+    described = book.described
+    assert isinstance(described, FindingsDocument)
+    unknown = next((name for name in exams if name not in book.names.learners), None)
+    if unknown is not None:
+        hint = f"it is about {', '.join(book.names.learners)}"
+        raise SpecError([Diagnostic("E713", None, f"no finding is about a learner '{unknown}'", hint)])
+    instances = {instance: name for name, instance in described.instances.items()}
+    drawn = described.drawn != other_actions
+    scores = SeedScores(exams, described.floor, drawn, book.same, instances)
+    return ScoreEvaluator(scores, book.names, {name: tuple(tasks) for name, tasks in described.unable.items()})
+
+
+def _variations(
+    book: RuleBook, exams: Mapping[str, Mapping[str, Any]], evaluator: ScoreEvaluator
+) -> dict[str, ScoreEvaluator]:
+    """Return evaluators with other actions and with other thresholds, by words for the page."""
+    actions = "best actions" if evaluator.scores.drawn else "drawn actions"
+    return {
+        actions: _evaluator(book, exams, other_actions=True),
+        f"{SLACK} easier": replace(evaluator, slack=SLACK),
+        f"{SLACK} harder": replace(evaluator, slack=-SLACK),
+    }
+
+
+def _finite(value: float) -> float | None:
+    if math.isfinite(value):
+        return value
+    return None
+
+
+# -- the page ---------------------------------------------------------------------------------------------------------
+
+
+SIGNS: dict[Outcome, str] = {"confirmed": "✓", "refuted": "✗", "undecided": "?", "not run": "·"}
+LEGEND = (
+    "A finding is confirmed if its condition holds everywhere in the 95 % intervals (in brackets), refuted if nowhere. Behind "
+    "them is how many of its comparisons it rests on; where these are not all k, they hold in intervals of 1 − 5 % / k. It is "
+    "sensitive to what would give another outcome: the best actions of policies instead of drawn ones (or the other way round), "
+    f"and thresholds of scores that are {SLACK} easier or harder to meet."
+)
+
+
+def markdown(found: FindingsResult, origin: Sequence[str] = ()) -> str:
+    """Return a page in Markdown: the number of findings with each outcome, a table of all of them, and how it was run.
+
+    Args:
+        origin: lines about the origin of the results: machine, versions, command.
+    """
+    described = found.described
+    lines = [f"# {described.title or 'Findings'}", ""]
+    for name in found.sets:
+        counts = ", ".join(f"**{count} {outcome}**" for outcome, count in found.counts(name).items() if count)
+        strip = "".join(SIGNS[each.outcome(name)] for each in found.results)
+        lines += [f"- {name}: {counts}", f"  `{strip}`"]
+    signs = ", ".join(f"{sign} {outcome}" for outcome, sign in SIGNS.items())
+    lines += ["", f"Each sign is one finding, in the order of the table below: {signs}. {LEGEND}", ""]
+    if described.doc:
+        lines += [described.doc, ""]
+    rows = [_row(each, found.sets) for each in found.results]
+    lines += _table(["", "the paper says", *found.sets, "sensitive to"], rows)
+    if origin:
+        lines += ["", "## How it was run", "", *(f"- {line}" for line in origin)]
+    return "\n".join(lines) + "\n"
+
+
+def html(found: FindingsResult, origin: Sequence[str] = ()) -> str:
+    """Return the same page as HTML that stands alone."""
+    described = found.described
+    findings = [
+        {
+            "name": each.name, "says": each.entry.says, "where": each.entry.where, "note": each.entry.note,
+            "holds": " ".join(each.entry.holds.split()), "outcomes": [_outcome(each, name) for name in found.sets],
+        }
+        for each in found.results
+    ]  # fmt: skip
+    return page_of(
+        "findings.html", title=described.title or "Findings", doc=described.doc or "", origin=origin, findings=findings,
+        tallies={name: found.counts(name) for name in found.sets}, legend=LEGEND,
+    )  # fmt: skip
+
+
+def _outcome(each: FindingResult, name: str) -> dict[str, Any]:
+    outcome = each.outcome(name)
+    deciding = each.deciding(name)
+    if deciding is not None and outcome != "not run":
+        evidence = str(deciding)
+    else:
+        evidence = ""
+    number = sum(not comparison.is_missing for comparison in each.truths[name].evidence)
+    return {
+        "set": name, "outcome": outcome, "evidence": evidence, "number": number,
+        "of": each.comparisons[name], "sensitivity": _sensitivity(each, name),
+    }  # fmt: skip
+
+
+def _sensitivity(each: FindingResult, name: str) -> str:
+    """Return what gives other outcomes, in words: `best actions (refuted)`."""
+    return ", ".join(f"{how} ({outcome})" for how, outcome in each.sensitivity(name).items())
+
+
+def _row(each: FindingResult, sets: Sequence[str]) -> list[str]:
+    entry = each.entry
+    says = f"{entry.says} *({entry.where})* `{' '.join(entry.holds.split())}`"
+    if entry.note:
+        says += f" {entry.note}"
+    outcomes = [_outcome(each, name) for name in sets]
+    sensitive = [f"{o['set']}: {o['sensitivity']}" for o in outcomes if o["sensitivity"]]
+    return [each.name, says, *map(_cell, outcomes), "; ".join(sensitive)]
+
+
+def _cell(found: Mapping[str, Any]) -> str:
+    outcome: Outcome = found["outcome"]
+    if not found["evidence"]:
+        return SIGNS[outcome]
+    compared, sign, value = found["evidence"].partition(" = ")
+    number = f" ({found['number']} of {found['of']})" if found["of"] > 1 else ""
+    return f"**{outcome}**: `{compared}`{sign}{value}{number}"
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    lines = [list(header), ["---"] * len(header), *map(list, rows)]
+    return ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
+
+
+# -- diagnoses --------------------------------------------------------------------------------------------------------
+
+
+def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
+    """Return the diagnoses whose conditions hold of an exam's results, in the order of the suite's file.
+
+    Args:
+        exam: the content of `exam.json`; `tasks` and `scores` are read.
+        suite: name or folder; one without an `exam.yaml` has no diagnoses.
+
+    Returns:
+        For each: `name`, `message`, `cause`, `try`, `source`, the `tasks` that it rests on (ids), and the `evidence`,
+        comparisons with their intervals.
+
+    Raises:
+        SpecError: for mistakes in the suite's file.
+    """
+    path = file_of(suite, EXAM)
+    if path is None:
+        return []
+    book = read_exam(path)
+    scores = SeedScores({ONE: exam}, same=book.same)
+    truths = _truths(book, scores)
+    holding = {name for name, truth in truths.items() if truth.holds}
+    alone = {rule.name for rule in book.rules if isinstance(rule.entry, DiagnosisEntry) and rule.entry.alone}
+    if holding & alone:
+        holding &= alone
+    found: list[Diagnosis] = []
+    for rule in book.rules:
+        entry = rule.entry
+        if rule.name in holding and isinstance(entry, DiagnosisEntry) and not holding & set(entry.unless):
+            evidence = truths[rule.name].evidence
+            tasks = dict.fromkeys(task for each in evidence for task in each.tasks)
+            found.append({
+                "name": rule.name, "message": entry.message, "cause": entry.cause, "try": entry.try_,
+                "source": _cited(entry, book.references),
+                "tasks": [scores.ids[task] for task in tasks if task in scores.ids],
+                "evidence": [str(each) for each in evidence],
+            })  # fmt: skip
+    return found
+
+
+def new_diagnoses(exam: Exam, against: Exam, suite: str | Path) -> list[Diagnosis]:
+    """Return the diagnoses of an exam that an earlier one does not have, and whose tasks show a significant difference.
+
+    A condition may hold of one exam alone by chance: scores lie at its border, or it looks at the best of the seeds.
+
+    Args:
+        exam, suite: as of `diagnose`.
+        against: the earlier exam.
+    """
+    known = {each["name"] for each in diagnose(against, suite)}
+    new = [each for each in diagnose(exam, suite) if each["name"] not in known]
+    return [each for each in new if differs(exam, against, each["tasks"] or exam["tasks"])]
+
+
+def diagnosis_flag(exam: Exam, diagnosis: Diagnosis) -> Flag:
+    """Return the flag of a diagnosis that an earlier exam does not have."""
+    task = next(iter(diagnosis["tasks"] or exam["tasks"]))
+    message = f"a diagnosis that the baseline does not get: {diagnosis['message']}"
+    return Flag(kind="diagnosis", task=task, message=message, effect=None, low=None, high=None)
+
+
+def undecided(exam: Mapping[str, Any], suite: str | Path) -> list[str]:
+    """Return the diagnoses whose conditions hold for the mean scores, but not in all of their intervals, with the nearest number.
+
+    Args:
+        exam, suite: as of `diagnose`.
+    """
+    path = file_of(suite, EXAM)
+    if path is None:
+        return []
+    book = read_exam(path)
+    scores = SeedScores({ONE: exam}, same=book.same)
+    truths = _truths(book, scores)
+    at_means = _truths(book, scores, of_means=True)
+    found = []
+    for rule in book.rules:
+        evidence = truths[rule.name].evidence
+        is_open = truths[rule.name].holds is None and at_means[rule.name].holds
+        if is_open and isinstance(rule.entry, DiagnosisEntry) and all(math.isfinite(each.margin) for each in evidence):
+            nearest = min(evidence, key=lambda each: each.margin)
+            found.append(f"{rule.entry.message} ({nearest})")
+    return found
+
+
+def _truths(book: RuleBook, scores: SeedScores, of_means: bool = False) -> dict[str, Truth[Comparison]]:
+    evaluator = ScoreEvaluator(scores, book.names, of_means=of_means)
+    return {rule.name: evaluator.truth(rule.condition) for rule in book.rules}
+
+
+def _cited(entry: DiagnosisEntry, references: Mapping[str, Reference]) -> str:
+    """Return a source as a line of text: authors, year, title, and the place in it."""
+    key = entry.source.key
+    found = references.get(key)
+    if found is None:
+        source = key
+    else:
+        source = f"{found.authors} ({found.plain('year')}). {found.plain('title')}"
+    if entry.source.where:
+        return f"{source}, {entry.source.where}"
+    return source

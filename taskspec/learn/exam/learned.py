@@ -1,0 +1,229 @@
+"""Learned rewards, values and policies: how learners hand them over, how they are read, and what explains them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import SpecError
+from taskspec.envs.data.episodes import Demonstrations
+from taskspec.exact.policies.adapters import Predictor, parameters
+from taskspec.exact.policies.values import are_probabilities, is_table, observed_probabilities
+from taskspec.language.task.task import Task
+from taskspec.learn.exam.fingerprints import fingerprint, first_value, named, pooled
+from taskspec.learn.exam.mistakes import MISTAKES
+from taskspec.learn.exam.operators import GOOD
+from taskspec.learn.exam.pairings import pairing_distances
+from taskspec.learn.exam.results import Flag, Score
+from taskspec.learn.exam.starc import reward_fields
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """A policy, and what was learned with it.
+
+    Args:
+        policy: all that a learner may return alone; Q-values in a table (O, A) are read from it.
+        reward: float64 (S, A, S) over the states and actions of `taskspec.envs.data.tabular(task)`, or a function of (obs, action,
+            next_obs), all (N, ...); `reward_distance` compares it with the true one.
+        q: Q-values: a table (O, A) of the numbers of discrete observations, or a function from observations (N, ...) to (N, A).
+        values: instead, the values of a critic under the policy: a table (O,), or a function from observations to (N,).
+        discount: the gamma of the learner; that of the task, or of a model of Stable-Baselines3, unless given.
+    """
+
+    policy: Any
+    reward: Any = None
+    q: Any = None
+    values: Any = None
+    discount: float | None = None
+
+
+# -- reading ----------------------------------------------------------------------------------------------------------
+
+
+def learned_fields(
+    task: Task, learned: Any, sees_reward: bool, demonstrations: Demonstrations | None = None
+) -> dict[str, Any]:
+    """Return what is known of learned rewards, values and policies, as fields of a result.
+
+    Args:
+        learned: what the learner returned.
+        sees_reward: whether it was granted the reward; else its values are not those of the true one.
+        demonstrations: that it used; its policy is compared with them where it has nothing else to learn from.
+    """
+    found: dict[str, Any] = {}
+    if demonstrations is not None and not sees_reward:
+        policy = learned.policy if isinstance(learned, Learned) else learned
+        found["pairings"] = pairing_distances(task, policy, demonstrations)
+    if isinstance(learned, Learned) and learned.reward is not None:
+        found |= reward_fields(task, learned.reward)
+    values = learned_values(task, learned) if sees_reward else {}
+    if not values:
+        return found
+    was_given = isinstance(learned, Learned) and (learned.q is not None or learned.values is not None)
+    try:
+        found["operators"] = fingerprint(task, **values)
+        found["value"] = first_value(task, **values)
+    except SpecError as error:
+        codes = {d.code for d in error.diagnostics}
+        if was_given and codes != {"E712"}:
+            raise
+    return found
+
+
+def learned_values(task: Task, learned: Any) -> dict[str, Any]:
+    """Return learned values as arguments of `fingerprint`; nothing where there are none."""
+    if not isinstance(learned, Learned):
+        return _values_of(task, learned)
+    values = _values_of(task, learned.policy)
+    if learned.q is not None:
+        values = {"q": learned.q}
+    elif learned.values is not None:
+        values = {"values": learned.values, "policy": _probabilities(task, learned.policy)}
+    if values and learned.discount is not None:
+        values["discount"] = learned.discount
+    return values
+
+
+def _probabilities(task: Task, policy: Any) -> Any:
+    if is_table(policy):
+        return policy
+    return observed_probabilities(policy, task)
+
+
+def _values_of(task: Task, policy: Any) -> dict[str, Any]:
+    """Return the values that a policy has itself: a table of Q-values, or a model of Stable-Baselines3."""
+    if is_table(policy):
+        table = np.asarray(policy)
+        if table.dtype.kind != "f" or table.ndim != 2 or are_probabilities(table):
+            return {}
+        return {"q": table}
+    actor = getattr(policy, "policy", None)
+    if not hasattr(actor, "obs_to_tensor") or _normalises_rewards(policy):
+        return {}
+    values: dict[str, Any] = {"discount": getattr(policy, "gamma", None)}
+    if hasattr(policy, "q_net"):
+        return values | {"q": _network(task, policy, policy.q_net)}
+    critic = getattr(actor, "predict_values", None)
+    probabilities = observed_probabilities(policy, task)
+    if critic is None or probabilities is None or "lstm_states" in parameters(critic):
+        return {}
+    return values | {"values": _network(task, policy, critic), "policy": probabilities}
+
+
+def _normalises_rewards(model: Any) -> bool:
+    """Return whether the values of a model of Stable-Baselines3 are on a scale of their own (`VecNormalize`)."""
+    if hasattr(model, "get_vec_normalize_env"):
+        wrapper = model.get_vec_normalize_env()
+    else:
+        wrapper = None
+    return bool(getattr(wrapper, "norm_reward", False))
+
+
+def _network(task: Task, model: Any, network: Callable[[Any], Any]) -> Callable[[Any], Array]:
+    """Return a network of a model of Stable-Baselines3 as a function of observations."""
+    normalise = Predictor(task, model).normalise
+
+    def values(observations: Any) -> Array:
+        model.policy.set_training_mode(False)
+        found = network(model.policy.obs_to_tensor(normalise(observations))[0])
+        return np.asarray(found.detach().cpu().numpy(), np.float64)
+
+    return values
+
+
+# -- what explains them -----------------------------------------------------------------------------------------------
+
+Kind = Literal["values", "reward", "policy"]
+KINDS: dict[Kind, tuple[str, tuple[str, ...], str]] = {
+    "values": ("operators", GOOD, "the values are those"),
+    "reward": ("rewards", GOOD[:1], "the learned reward is that"),
+    "policy": ("pairings", GOOD[:1], "the policy is that"),
+}
+"""What is explained: the field of a score with its distances, names that are no mistake, and how a sentence begins."""
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """An explanation of what a learner learned on several tasks and seeds.
+
+    Attributes:
+        names: in `MISTAKES`; none if nothing known is near.
+        distance: that of the first of them, the mean over tasks of the median of their runs.
+        right: that of what is right.
+        task: the one where that is largest.
+    """
+
+    kind: Kind
+    names: tuple[str, ...]
+    distance: float
+    right: float
+    task: str
+
+    @property
+    def is_mistake(self) -> bool:
+        return bool(self.names) and self.names[0] not in KINDS[self.kind][1]
+
+    @property
+    def message(self) -> str:
+        """The explanation in a sentence."""
+        if not self.names:
+            return f"no known mistake explains the learned {self.kind} (distance to the right {self.kind} {self.right:.2f})"
+        mistakes = ", or ".join(MISTAKES[name].what for name in self.names)
+        sentence = f"{KINDS[self.kind][2]} of a learner {mistakes}"
+        if not self.is_mistake:
+            return f"{sentence} (distance {self.distance:.2f})"
+        return f"{sentence} (distance {self.distance:.2f}, to the right {self.kind} {self.right:.2f})."
+
+    @property
+    def advice(self) -> str:
+        """The usual code of the mistakes, and what to do."""
+        mistakes = [MISTAKES[name] for name in self.names]
+        return " Or: ".join(f"{each.code}. {each.fix}" for each in mistakes)
+
+
+UNLEARNED = 0.01
+"""Learned values of the first states that are smaller, as a share of what can be earned, say nothing: too little exploration
+looks like a mistake there."""
+
+
+def _has_learned(score: Score) -> bool:
+    value = score.get("value")
+    return value is None or abs(value) >= UNLEARNED
+
+
+def explanations(scores: Sequence[Score]) -> Iterator[Explanation]:
+    """Yield what explains the values, rewards and policies that were learned in an exam, where they are known."""
+    for kind, (entry, good, _) in KINDS.items():
+        known = [score for score in scores if score.get(entry) and score["peek"] is None and _has_learned(score)]
+        if not known:
+            continue
+        by_task: dict[str, list[dict[str, float]]] = {}
+        for score in known:
+            by_task.setdefault(score["task"], []).append(score[entry])  # type: ignore[literal-required]
+        means = pooled(by_task.values())
+        names = named(means, good)
+        if "constant" in names:
+            names = ["constant"]  # others are constant, too, where they are as near
+        task = max(by_task, key=lambda name: pooled([by_task[name]])[good[0]])
+        first = (names or good)[0]
+        yield Explanation(kind, tuple(names), means[first], means[good[0]], task)
+
+
+def learned_flags(scores: Sequence[Score]) -> list[Flag]:
+    """Return a flag for values, a reward and a policy, each where a known mistake explains it."""
+    found = []
+    for each in explanations(scores):
+        if each.is_mistake:
+            flag = Flag(kind=each.kind, task=each.task, message=each.message, effect=None, low=None, high=None)
+            found.append(flag | {"advice": each.advice})
+    return found
+
+
+def learned_notes(scores: Sequence[Score]) -> list[str]:
+    """Return lines about what was learned without a known mistake."""
+    return [each.message for each in explanations(scores) if not each.is_mistake]

@@ -1,0 +1,107 @@
+"""Pairs of observations and actions that a learner from demonstrations imitated, read from its policy.
+
+A learner that imitates converges to the frequencies of the expert's actions after each observation. Pairs that are wrong have
+frequencies of their own, which are counted in the episodes that it was shown: the nearest ones name the mistake.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.envs.data.episodes import Demonstrations
+from taskspec.exact.policies.values import observation_rows
+from taskspec.language.task.task import Task
+from taskspec.learn.exam.fingerprints import RIGHT
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """Demonstrated episodes with discrete observations and actions, both counted from 0, and their numbers (O, A)."""
+
+    obs: Array
+    acts: Array
+    next_obs: Array
+    starts: Array
+    shape: tuple[int, int]
+
+    def frequencies(self, obs: Array, acts: Array, counts_if: Array | bool = True) -> Array:
+        """Return the frequencies (O, A) of actions after each observation; equal ones after those that do not occur."""
+        counts = np.zeros(self.shape)
+        np.add.at(counts, (obs, acts), np.float64(counts_if))
+        counts[counts.sum(axis=1) == 0] = 1.0
+        found: Array = counts / counts.sum(axis=1, keepdims=True)
+        return found
+
+    @cached_property
+    def is_last(self) -> Array:
+        """Return bool (N,): whether a step is the last one of its episode."""
+        found = np.zeros(len(self.obs), np.bool_)
+        found[self.starts - 1] = True
+        return found
+
+    @cached_property
+    def reversed_acts(self) -> Array:
+        """The actions of each episode in reverse order."""
+        return np.concatenate([part[::-1] for part in np.split(self.acts, self.starts[1:])])
+
+    @cached_property
+    def right(self) -> Array:
+        return self.frequencies(self.obs, self.acts)
+
+    def distance(self, one: Array, other: Array) -> float:
+        """Return the total variation of two policies (O, A), in the mean over the observations that were shown."""
+        apart = np.abs(one - other).sum(axis=1) / 2
+        return float(apart[self.obs].mean())
+
+
+PAIRINGS: dict[str, Callable[[Shown], Array]] = {
+    "right": lambda shown: shown.right,
+    "stale action": lambda shown: shown.frequencies(shown.next_obs, shown.acts),
+    "action after": lambda shown: shown.frequencies(shown.obs[:-1], shown.acts[1:], ~shown.is_last[:-1]),
+    "shuffled": lambda shown: np.tile(shown.right[shown.obs].mean(axis=0), (shown.shape[0], 1)),
+    "order reversed": lambda shown: shown.frequencies(shown.obs, shown.reversed_acts),
+    "first episode": lambda shown: shown.frequencies(shown.obs, shown.acts, shown.is_last.cumsum() <= shown.is_last),
+    "last steps missing": lambda shown: shown.frequencies(shown.obs, shown.acts, ~shown.is_last),
+    "avoided": lambda shown: (1 - shown.right) / (shown.shape[1] - 1),
+    "at random": lambda shown: np.full(shown.shape, 1 / shown.shape[1]),
+}
+"""Policies (O, A) by the name of the mistake that makes a learner converge to them; the right one first."""
+
+
+def pairing_distances(task: Task, policy: Any, demonstrations: Demonstrations) -> dict[str, float] | None:
+    """Return how far a policy is from those of `PAIRINGS`: 0 to 1, the total variation over what was demonstrated.
+
+    A pairing that is right on this task has the distance of the right one.
+
+    Args:
+        policy: what a learner returned.
+        demonstrations: that it was shown.
+
+    Returns:
+        None where observations or actions are not discrete, or the policy gives no probabilities.
+    """
+    seen = task.observation_layout
+    done = task.action_layout
+    if seen.form != "discrete" or done.form != "discrete" or done.counts[0] < 2:
+        return None
+    rows = observation_rows(task, policy)
+    if rows is None:
+        return None
+    first = seen.starts[0]
+    shown = Shown(
+        demonstrations.obs - first, demonstrations.acts - done.starts[0], demonstrations.next_obs - first,
+        np.asarray(demonstrations.starts), (seen.counts[0], done.counts[0]),
+    )  # fmt: skip
+    of_right = shown.distance(rows, shown.right)
+    found = {}
+    for name, pairing in PAIRINGS.items():
+        paired = pairing(shown)
+        is_apart = shown.distance(paired, shown.right) >= RIGHT
+        found[name] = shown.distance(rows, paired) if is_apart else of_right
+    return found

@@ -1,0 +1,275 @@
+"""One learner on one task: what a job does, here or in another process, with plain data as its result."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import itertools
+import json
+import math
+import pickle
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import taskspec
+from taskspec.base.arrays import parts_of
+from taskspec.base.diagnostics import SpecError, TaskspecError
+from taskspec.base.limits import also
+from taskspec.exact.policies.adapters import ProbabilisticPolicy
+from taskspec.exact.policies.values import ObservedValue, observed_value, policy_value
+from taskspec.exact.scores.returns import Results, Return, normalised
+from taskspec.language.modifiers import modify
+from taskspec.language.task.task import Task
+from taskspec.learn.exam.case import Case, ExamTerms
+from taskspec.learn.exam.examinee import train_at
+from taskspec.learn.exam.learned import Learned, learned_fields
+from taskspec.learn.learners import CannotLearn
+
+Row = dict[str, Any]
+"""The result of one seed: returns, costs, and points of the learning curve, as JSON data."""
+_OURS = str(Path(taskspec.__file__).parent)
+
+
+# Baselines: the returns of random actions, the expert and the optimum, by which scores are normalised.
+
+MOST_CONSTANT = 64
+"""Constant actions that are tried."""
+
+
+def results_of(task: Task, episodes: int) -> Results:
+    """Return the results of a task, computed once a process; `episodes` for what has to be simulated."""
+    return _results(pickle.dumps(task), episodes)
+
+
+@lru_cache(maxsize=16)
+def _results(task: bytes, episodes: int) -> Results:
+    return Results(pickle.loads(task), episodes)
+
+
+def key_of(*content: Any) -> str:
+    """Return a hash of JSON data and of the version of this package."""
+    return hashlib.sha256(json.dumps([*content, taskspec.__version__]).encode()).hexdigest()
+
+
+def baselines(task: Task, episodes: int, limits: str) -> dict[str, Any]:
+    """Return returns of random actions, the expert and the optimum, and the scores of constant actions, as JSON data.
+
+    Args:
+        limits: that hold, as `taskspec.base.limits.also` takes them.
+    """
+    with also(limits):
+        results = results_of(task, episodes)
+        found: dict[str, Any] = {}
+        for name in ("random", "expert", "optimal", "worst"):
+            value = getattr(results, name)
+            found[name] = None if value is None else value.value
+        if found["expert"] is None:
+            found["expert"] = found["optimal"]
+        constants = []
+        for action in _constant_actions(task):
+            value = policy_value(results, _constant(results.task, action), True).value.value
+            constants.append(score(value, found["random"], found["expert"]))
+        if None in constants:
+            constants = []
+        return found | {"constants": constants}
+
+
+def score(value: float, random: float | None, expert: float | None) -> float | None:
+    """Return a return on the scale random 0, expert 1; None where the task has no such scale."""
+    if random is None or expert is None:
+        return None
+    found = normalised(value, random, expert, floor=None)
+    if math.isfinite(found):
+        return found
+    return None
+
+
+def _constant_actions(task: Task) -> list[Any]:
+    """Return actions as the environment takes them: all, or some of many; the ends and the middle of ranges."""
+    layout = task.action_layout
+    if layout.form == "discrete":
+        return list(range(layout.starts[0], layout.starts[0] + min(layout.counts[0], MOST_CONSTANT)))
+    if layout.form == "multi_discrete":
+        combinations = itertools.product(*map(range, layout.counts))
+        return [np.array(each) for each in itertools.islice(combinations, MOST_CONSTANT)]
+    low, high = np.clip(np.array(layout.limits).T, -1e6, 1e6).reshape(2, *layout.shape)
+    return [(low + share * (high - low)).astype(np.float32) for share in (0.0, 0.5, 1.0)]
+
+
+def _constant(task: Task, action: Any) -> Any:
+    """Return a policy that takes one action always; where it is illegal, a random legal one."""
+    if not task.mask:
+        return _Constant(action)
+    row = np.eye(task.action_layout.counts[0])[action - task.action_layout.starts[0]]
+    return ProbabilisticPolicy(task, lambda observations: np.tile(row, (len(parts_of(observations)[0]), 1)), 0)
+
+
+class _Constant:
+    """A policy that takes one action always."""
+
+    def __init__(self, action: Any) -> None:
+        self.action = action
+
+    def predict(self, observations: Any) -> Any:
+        return np.array([self.action] * len(parts_of(observations)[0]))
+
+
+# Trials.
+
+
+class LearnerFailed(TaskspecError):
+    """A learner, or its policy, raised an error; the message is its own, with its place."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One learner on one task, for a block of seeds.
+
+    Args:
+        about: the task; with the modifiers of a twin, where it is one.
+        negated: whether a learner that looks at the reward which is withheld sees it negated, instead of 0.
+        place, content: of the learner, for another process.
+        episodes: for scores that have to be simulated.
+        limits: that hold, as `taskspec.base.limits.also` takes them.
+        longer: a horizon on which policies are scored, too.
+    """
+
+    about: Task
+    negated: bool
+    place: str
+    content: str
+    terms: ExamTerms
+    seeds: tuple[int, ...]
+    episodes: int
+    limits: str
+    longer: int | None = None
+
+    @property
+    def key(self) -> str:
+        """A hash of all that the result depends on; the block is part of it, as its width may change results."""
+        return key_of(
+            self.about.content_hash,
+            self.negated,
+            self.content,
+            vars(self.terms),
+            self.seeds,
+            self.episodes,
+            self.limits,
+            self.longer,
+        )
+
+
+def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[Row]:
+    """Train, and score what was learned: a row for each seed of the block, with `cannot` alone where it is not for this task.
+
+    Args:
+        train: the learner, where it is at hand.
+
+    Raises:
+        LearnerFailed: it, or a policy of it, raised an error.
+        SpecError: where the learner cannot be found again.
+    """
+    with also(trial.limits):
+        if train is None:
+            train = train_at(trial.place, trial.content)
+        results = results_of(trial.about, trial.episodes)
+        case = Case(results.task, trial.seeds, trial.terms, trial.negated)
+        begin = time.perf_counter()
+        try:
+            learned = train(case)
+            trained = time.perf_counter()
+            policies = _policies(learned, len(case.seeds), train)
+            rows = [_scored(policy, case, results, i) for i, policy in enumerate(policies)]
+            _add_curves(rows, case, results)
+            if trial.longer is not None:
+                _add_longer(rows, policies, trial)
+        except CannotLearn as error:
+            return [{"seed": seed, "cannot": error.message} for seed in trial.seeds]
+        except Exception as error:
+            raise LearnerFailed(_words(error, train)) from error
+    for i, row in enumerate(rows):
+        row |= vars(case.spent_by(i)) | {"seconds": (trained - begin) / len(rows)}
+    return rows
+
+
+def _policies(learned: Any, seeds: int, train: Any) -> Sequence[Any]:
+    if not getattr(train, "together", False):
+        return [learned]
+    if not isinstance(learned, list | tuple) or len(learned) != seeds:
+        if isinstance(learned, list | tuple):
+            given = f"{len(learned)} policies"
+        else:
+            given = type(learned).__name__
+        raise TypeError(f"`train.together` promises a list of {seeds} policies, one for each seed; this is {given}")
+    return learned
+
+
+def _scored(policy: Any, case: Case, results: Results, i: int) -> Row:
+    if policy is None:
+        raise TypeError("`train` returned no policy: does it end with `return`?")
+    seed = case.seeds[i]
+    value = _value(policy, results, seed)
+    row = {
+        "seed": seed, "curve": None, "deterministic": value.deterministic.value,
+        "deterministic_half": value.deterministic.half, "stochastic": value.stochastic.value,
+    }  # fmt: skip
+    return row | learned_fields(results.task, policy, "reward" in case.terms.learns_from, case.shown_to(i))
+
+
+def _value(policy: Any, results: Results, seed: int) -> ObservedValue:
+    return observed_value(results, policy.policy if isinstance(policy, Learned) else policy, seed)
+
+
+def _add_curves(rows: Sequence[Row], case: Case, results: Results) -> None:
+    """Add points of steps and returns to each row: of the policies that the learner showed, else of its training episodes."""
+    for steps, shown in case.curve:
+        for row, policy in zip(rows, shown, strict=True):
+            row["curve"] = [*(row["curve"] or ()), [steps, _value(policy, results, 0).deterministic.value]]
+    if not case.curve:
+        for i, row in enumerate(rows):
+            row["curve"] = case.training_of(i) or None
+
+
+def _add_longer(rows: Sequence[Row], policies: Sequence[Any], trial: Trial) -> None:
+    """Add the score on a longer horizon to each row; None where the task or the policy does not allow for one."""
+    try:
+        results = results_of(_longer(trial.about, trial.longer), trial.episodes)
+        expert = results.expert or results.optimal
+        for row, policy in zip(rows, policies, strict=True):
+            value = _value(policy, results, row["seed"]).deterministic.value
+            row["longer"] = score(value, _number(results.random), _number(expert))
+    except SpecError:
+        return
+
+
+@lru_cache(maxsize=16)
+def _longer(task: Task, horizon: int | None) -> Task:
+    return modify(task, f"horizon={horizon}")
+
+
+def _number(value: Return | None) -> float | None:
+    if value is None:
+        return None
+    return value.value
+
+
+def _words(error: Exception, train: Any) -> str:
+    """Return an error with the place in the learner's file that it passed last, else in any file but ours."""
+    words = "".join(traceback.format_exception_only(error)).strip()
+    if isinstance(error, TaskspecError):
+        words = str(error)
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith((_OURS, "<frozen"))]
+    try:
+        own = [f for f in frames if f.filename == inspect.getsourcefile(inspect.unwrap(train))]
+    except TypeError:
+        own = []
+    for frame in (own or frames)[-1:]:
+        words += f"\n  at {frame.filename}:{frame.lineno}, in {frame.name}"
+    return words

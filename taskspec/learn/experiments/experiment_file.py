@@ -1,0 +1,217 @@
+"""Finds, reads and checks the files of experiments."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, suggest
+from taskspec.base.limits import how_to_raise, limits
+from taskspec.exact.policies.files import is_function, place_of
+from taskspec.exact.scores.difficulty import MEASURES
+from taskspec.language.registry import tasks_root
+from taskspec.language.source import Document, read_file
+from taskspec.language.source import Path as Place
+from taskspec.language.task.schema.experiments import Experiment, check_document
+from taskspec.learn.exam.results import folder_name
+from taskspec.learn.learners import learner
+
+RETURNS = ("optimal", "expert", "random", "worst")
+COLUMNS = (
+    "states",
+    "actions",
+    "horizon",
+    "discount",
+    *(f"{n}{end}" for n in RETURNS for end in ("", "_half", "_status")),
+)
+"""Columns of every result, in addition to the measures and policies that were asked for."""
+SPEEDS = ("steps_per_second", "steps_per_second_vectorized")
+FOLDER = "experiments"
+"""The folder of a suite that holds the experiments that come with it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExperimentFile:
+    """An experiment as it is written: its sections, and the document that knows where each stands."""
+
+    experiment: Experiment
+    document: Document
+    problems: tuple[Diagnostic, ...] = ()
+    """Mistakes in its shape, whose entries `experiment` lacks; `expand` reports them with all others."""
+
+    @property
+    def folder(self) -> Path:
+        """The folder that paths of specs and learners start from."""
+        return Path(self.document.origin.name).parent
+
+    @property
+    def learners(self) -> list[str]:
+        """The learners, as `taskspec exam` takes them."""
+        return [learner_place(self.folder, name) for name in self.experiment.learners]
+
+
+def learner_place(folder: Path, learner: str) -> str:
+    """Return a learner as commands take it; paths start from a folder."""
+    is_file = learner.endswith((".yaml", ".yml")) or is_function(learner)
+    if is_file and not Path(learner).is_absolute():
+        return str(folder / learner)
+    return learner
+
+
+def read(source: str | os.PathLike[str]) -> ExperimentFile:
+    """Return an experiment, by the path of its file, or as `suite/name` one that comes with a suite.
+
+    Raises:
+        SpecError: E710 when there is none, or with every mistake in its shape where too little of it is right.
+    """
+    return described(read_file(find(source)))
+
+
+def described(document: Document) -> ExperimentFile:
+    """Return the experiment that a document describes."""
+    found, problems = check_document(document, Experiment)
+    if found is None:
+        raise SpecError(problems)
+    return ExperimentFile(found, document, problems)
+
+
+def read_if_experiment(source: str) -> ExperimentFile | None:
+    """Return the experiment of this name or path, if it is one; None for anything else."""
+    if source in shipped():
+        return read(source)
+    if not source.endswith((".yaml", ".yml")) or not Path(source).is_file():
+        return None
+    document = read_file(Path(source))
+    is_one = isinstance(document.data, dict) and "experiment" in document.data
+    if is_one:
+        return described(document)
+    return None
+
+
+def find(source: str | os.PathLike[str]) -> Path:
+    """Return the file of an experiment."""
+    path = Path(source)
+    if path.exists() or path.suffix in (".yaml", ".yml"):
+        return path
+    known = shipped()
+    named = [at for name, at in known.items() if str(source) in (name, name.split("/")[1])]
+    if len(named) == 1:
+        return named[0]
+    hint = suggest(str(source), known) or f"a path ends in .yaml; with the suites come {', '.join(known) or 'none'}"
+    raise SpecError([Diagnostic("E710", None, f"there is no experiment '{source}'", hint)])
+
+
+def shipped() -> dict[str, Path]:
+    """Return the experiments that come with the suites, by `suite/name`."""
+    found = sorted(tasks_root().glob(f"*/{FOLDER}/*.yaml"))
+    return {f"{path.parent.parent.name}/{path.stem}": path for path in found}
+
+
+def check_questions(written: ExperimentFile, collector: Collector) -> None:
+    """Report what is asked for and does not exist, or costs too much; tasks are not looked at."""
+    for i, name in enumerate(written.experiment.measures or ()):
+        if name not in MEASURES:
+            hint = suggest(name, MEASURES) or f"there are: {', '.join(MEASURES)}"
+            collector.add("E206", written.document.span(("measures", i)), f"there is no measure '{name}'", hint)
+    _check_learners(written, collector)
+    _check_episodes(written, collector)
+    _check_shown(written, collector)
+
+
+def check_axes(
+    written: ExperimentFile, names: Mapping[str, bool], collector: Collector, may_be_fixed: bool = False
+) -> None:
+    """Report axes of the plot that no instance has.
+
+    Args:
+        names: the parameters of all tasks, and the arguments of modifiers that have several values: whether each varies.
+        may_be_fixed: whether an axis may have one value in all instances, as other values were given than those of the file.
+    """
+    plot = written.experiment.plot
+    may_be_fixed = may_be_fixed or collector.has_errors
+    for key, name in (("x", plot.x), ("y", plot.y)):
+        if name is not None and name not in names:
+            _unknown(written, ("plot", key), f"no instance has a parameter '{name}'", name, list(names), collector)
+        elif name is not None and not names[name] and not may_be_fixed:
+            message = f"'{name}' has one value in all instances of each task, so it is no axis"
+            varying = [other for other, varies in names.items() if varies]
+            if varying:
+                hint = f"these vary: {', '.join(varying)}"
+            else:
+                hint = "no parameter varies"
+            collector.add("E206", written.document.span(("plot", key)), message, hint)
+    if plot.x is not None and plot.x == plot.y:
+        collector.add("E206", written.document.span(("plot", "y")), f"'{plot.y}' is on both axes")
+    for i, name in enumerate(plot.log):
+        if name != "value" and name not in names:
+            message = f"no instance has a parameter '{name}'"
+            _unknown(written, ("plot", "log", i), message, name, ["value", *names], collector)
+
+
+def _unknown(
+    written: ExperimentFile, place: Place, message: str, name: str, known: Sequence[str], collector: Collector
+) -> None:
+    hint = suggest(name, known) or f"there are: {', '.join(known)}"
+    collector.add("E206", written.document.span(place), message, hint)
+
+
+def _check_shown(written: ExperimentFile, collector: Collector) -> None:
+    """Report columns that the plot is to show and the results do not have."""
+    experiment = written.experiment
+    numbers = [name for name in COLUMNS if not name.endswith("_status")]
+    if experiment.measures is None:
+        measured = list(MEASURES)
+    else:
+        measured = experiment.measures
+    speeds = list(SPEEDS) if experiment.speed else []
+    known = [*numbers, *measured, *speeds]
+    for i, name in enumerate(experiment.plot.show):
+        if name in known:
+            continue
+        place: Place = ("plot", "show", i)
+        message = f"the results have no column '{name}'"
+        if name in MEASURES:
+            collector.add("E206", written.document.span(place), message, f"add '{name}' to `measures`")
+        elif name in SPEEDS:
+            collector.add("E206", written.document.span(place), message, "set `speed: true`")
+        else:
+            _unknown(written, place, message, name, known, collector)
+
+
+def _check_episodes(written: ExperimentFile, collector: Collector) -> None:
+    """Report more episodes for each policy, or for each estimate, than are allowed."""
+    experiment = written.experiment
+    rolled_out = (experiment.seeds or 1) if experiment.policies else 1
+    episodes = experiment.episodes * rolled_out
+    most = limits().episodes
+    if episodes > most:
+        if rolled_out > 1:
+            times = f" ({experiment.episodes:,} with each of {rolled_out:,} seeds)"
+        else:
+            times = ""
+        message = f"{episodes:,} episodes{times} are too many; the limit is {most:,}"
+        place: Place = ("episodes",) if experiment.episodes > most or rolled_out == 1 else ("seeds",)
+        collector.add("E314", written.document.span(place), message, how_to_raise("episodes", episodes))
+
+
+def _check_learners(written: ExperimentFile, collector: Collector) -> None:
+    folders = [folder_name(name) for name in written.learners]
+    given = written.experiment.learners
+    for i, name in enumerate(written.learners):
+        first = folders.index(folders[i])
+        if first < i:
+            message = f"the results of '{given[i]}' would take the place of those of '{given[first]}'"
+            hint = (
+                f"both are kept in a folder '{folders[i]}': name each learner once, and functions in files differently"
+            )
+            collector.add("E713", written.document.span(("learners", i)), message, hint)
+        try:
+            if is_function(name):  # a check runs no code
+                place_of(name)
+            elif ":" not in name or name.endswith((".yaml", ".yml")):
+                learner(name)
+        except SpecError as error:
+            place = written.document.span(("learners", i))
+            collector.extend(replace(d, span=place) if d.span is None else d for d in error.diagnostics)

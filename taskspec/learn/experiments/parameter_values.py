@@ -1,0 +1,255 @@
+"""Values of parameters as an experiment writes them, and the axes that they span."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, spec_error
+from taskspec.base.limits import how_to_raise, limits
+from taskspec.language.expressions import syntax as s
+from taskspec.language.expressions.builder import Builder
+from taskspec.language.expressions.check import Checker
+from taskspec.language.expressions.ir import plain
+from taskspec.language.expressions.parse import parse_into
+from taskspec.language.expressions.scope import Binding, Lazy, Poisoned, Scope, Value
+from taskspec.language.expressions.types import Domain, Kind, Type
+from taskspec.language.task.parts import Parameter
+
+# Values of parameters, as an experiment writes them: lists, ranges, draws, and expressions over other parameters.
+
+Draw = Callable[[np.random.Generator], Any]
+"""A value that is drawn for each setting."""
+KINDS = {"bool": Kind.BOOL, "int": Kind.INT, "real": Kind.REAL}
+
+
+def count(written: Any) -> int:
+    """Return how many values are written, without listing them."""
+    match written:
+        case {"range": numbers}:
+            start, stop, step = _exact(numbers)
+            if step:
+                return max(math.ceil((stop - start) / step), 0)
+            return 0
+        case {"logrange": numbers}:
+            return max(int(numbers[2]), 0)
+        case list():
+            return len(written)
+    return 1
+
+
+def too_many(wanted: int) -> SpecError:
+    """Return the error that there would be more instances than the limit."""
+    most = limits().instances
+    message = f"{wanted:,} instances are too many; the limit is {most:,}"
+    return SpecError([Diagnostic("E314", None, message, how_to_raise("instances", wanted))])
+
+
+def listed(written: Any, kind: str) -> list[Any] | Draw:
+    """Return values as a list, or a draw of one; `kind` is that of the parameter.
+
+    Raises:
+        SpecError: E214 for numbers with a rule that give no values, E314 for more values than there may be instances.
+    """
+    _check(written)
+    whole = kind == "int"
+
+    def loguniform(rng: np.random.Generator, low: float, high: float) -> int | float:
+        found = math.exp(rng.uniform(math.log(low), math.log(high)))
+        if whole:
+            return round(found)
+        return found
+
+    match written:
+        case {"range": numbers}:
+            start, _, step = _exact(numbers)
+            found = [start + i * step for i in range(count(written))]
+            return [int(x) if x.denominator == 1 and whole else float(x) for x in found]
+        case {"logrange": [first, last, *_]}:
+            spaced = np.geomspace(first, last, count(written))
+            if whole:
+                return list(dict.fromkeys(round(x) for x in spaced))
+            return [float(x) for x in spaced]
+        case {"uniform": [low, high]}:
+            return lambda rng: int(rng.integers(low, high, endpoint=True)) if whole else float(rng.uniform(low, high))
+        case {"loguniform": [low, high]}:
+            return lambda rng: loguniform(rng, low, high)
+        case list():
+            return list(written)
+    return [written]
+
+
+def _exact(numbers: Sequence[float]) -> tuple[Fraction, Fraction, Fraction]:
+    """Return the numbers of a range as they are written, in decimals."""
+    start, stop, *rest = (Fraction(str(x)) for x in numbers)
+    return start, stop, rest[0] if rest else Fraction(1)
+
+
+def _check(written: Any) -> None:
+    """Raise SpecError for numbers with a rule that give no values, or too many."""
+    problem = _problem(written)
+    if problem is not None:
+        raise spec_error("E214", problem)
+    if count(written) > limits().instances:
+        raise too_many(count(written))
+
+
+def _problem(written: Any) -> str | None:
+    """Return why numbers with a rule give no values; None where they do."""
+    match written:
+        case {"range": numbers} if not count(written):
+            return f"this range is empty: it goes from {numbers[0]} on, and ends below {numbers[1]}"
+        case {"logrange": [first, last, n]} if not (first * last > 0 and isinstance(n, int) and n >= 1):
+            return "a `logrange` needs two numbers above 0, and a whole number of values"
+        case {"uniform": [low, high]} if low > high:
+            return f"{low} is above {high}"
+        case {"loguniform": [low, high]} if not 0 < low <= high:
+            return "a `loguniform` needs a number above 0 and one that is not smaller"
+    return None
+
+
+class Assignment:
+    """Values for all parameters of a task, those that are expressions worked out from the others.
+
+    Args:
+        known: the parameters of the task at their defaults, for the kinds and values of those that are not given.
+        given: values by name; a text is an expression, but for a choice.
+        span: where a value is written.
+    """
+
+    def __init__(
+        self,
+        known: Sequence[Parameter],
+        given: Mapping[str, Any],
+        span: Callable[[str, int, int], Span],
+        collector: Collector,
+    ) -> None:
+        self.known = {p.name: p for p in known}
+        self.given = given
+        self.span = span
+        self.builder = Builder()
+        self.checker = _ExactChecker(self.builder, collector)
+        bindings: dict[str, Binding] = {
+            name: Lazy(lambda at, name=name: self._value(name, at))  # type: ignore[misc]
+            for name, p in self.known.items()
+            if p.kind != "choice"
+        }
+        self.scope = Scope(bindings, draws="values of parameters are fixed numbers")
+        self._busy: list[str] = []
+
+    def values(self) -> dict[str, Any] | None:
+        """Return the given values, worked out; None where one is broken, which is reported."""
+        try:
+            return {name: self._plain(name) for name in self.given}
+        except Poisoned:
+            return None
+
+    def _plain(self, name: str) -> Any:
+        value = self.given[name]
+        if not isinstance(value, str) or name not in self.known or self.known[name].kind == "choice":
+            return value
+        text = s.SourceText(value, lambda start, end: self.span(name, start, end))
+        expr = parse_into(text, self.checker.collector)
+        if expr is None:
+            raise Poisoned
+        if name in self._busy:
+            self.checker.fail("E310", expr, f"'{name}' needs its own value: {' -> '.join([*self._busy, name])}")
+        self._busy.append(name)
+        try:
+            node = self.checker.constant(expr, self.scope, "a value of a parameter")
+        finally:
+            self._busy.pop()
+        if not node.type.is_scalar:
+            self.checker.fail("E307", expr, "a value of a parameter is a single number")
+        return plain(node.value)
+
+    def _value(self, name: str, at: s.Name) -> Value:
+        """Return a parameter as an expression reads it."""
+        parameter = self.known[name]
+        value = self._plain(name) if name in self.given else parameter.value
+        if isinstance(value, str):
+            self.checker.fail("E306", at, f"'{name}' is a label, no number")
+        kind = {bool: Kind.BOOL, int: Kind.INT}.get(type(value), Kind.REAL)
+        written = _decimal(value) if isinstance(value, float) else value
+        return Value(self.builder.const(written, Type(KINDS[parameter.kind] if kind is Kind.INT else kind)))
+
+
+class _ExactChecker(Checker):
+    """Numbers are the decimals that are written, not the floats nearest to them: `0.1 * 6` is 0.6."""
+
+    def _number(self, number: int | float, want: Domain | None) -> Value:
+        if isinstance(number, float):
+            return Value(self.builder.scalar(_decimal(number)))
+        return super()._number(number, want)
+
+
+def _decimal(number: float) -> Fraction | float:
+    if math.isfinite(number):
+        return Fraction(repr(number))
+    return number
+
+
+# The axes of an experiment's settings: all combinations of their values, or a sample of them.
+
+Values: TypeAlias = tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """Parameters that change together: the tuples of their values, or what draws the value of one."""
+
+    names: tuple[str, ...]
+    values: Sequence[Values] | Draw
+
+    @property
+    def size(self) -> int:
+        """The number of values; 0 where they are drawn."""
+        if callable(self.values):
+            return 0
+        return len(self.values)
+
+    def without(self, names: frozenset[str]) -> Axis:
+        """Return the same axis for the other parameters."""
+        kept = [i for i, name in enumerate(self.names) if name not in names]
+        if callable(self.values):
+            return Axis(self.names if kept else (), self.values)
+        values = dict.fromkeys(tuple(v[i] for i in kept) for v in self.values)
+        return Axis(tuple(self.names[i] for i in kept), list(values))
+
+    def drawn(self, rng: np.random.Generator) -> Values:
+        """Return one of the values."""
+        if callable(self.values):
+            return (self.values(rng),)
+        return self.values[int(rng.integers(len(self.values)))]
+
+
+def combinations(axes: Sequence[Axis]) -> Iterator[tuple[Values, ...]]:
+    """Return one tuple of values for each axis, in every combination, that of the last axis changing fastest."""
+    return itertools.product(*(axis.values for axis in axes if not callable(axis.values)))
+
+
+def sample(axes: Sequence[Axis], count: int, seed: int) -> Iterator[tuple[Values, ...]]:
+    """Return some combinations: each once and in order, or drawn one by one where values are drawn."""
+    if any(callable(axis.values) for axis in axes):
+        rng = np.random.default_rng(seed)
+        return (tuple(axis.drawn(rng) for axis in axes) for _ in range(count))
+    size = math.prod(axis.size for axis in axes)
+    chosen = random.Random(seed).sample(range(size), min(count, size))
+    return (_at(axes, i) for i in sorted(chosen))
+
+
+def _at(axes: Sequence[Axis], index: int) -> tuple[Values, ...]:
+    """Return the combination with an index among all of them."""
+    found: list[Values] = []
+    for axis in reversed(axes):
+        index, i = divmod(index, axis.size)
+        assert not callable(axis.values)
+        found.append(axis.values[i])
+    return tuple(reversed(found))

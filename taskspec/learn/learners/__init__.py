@@ -1,0 +1,12 @@
+"""Learners that come with the package: PPO, cloning, GAIL, AIRL, preferences and maximum entropy."""
+
+from __future__ import annotations
+
+from taskspec.learn.learners.interface import CannotLearn as CannotLearn
+from taskspec.learn.learners.learner import FAMILIES as FAMILIES
+from taskspec.learn.learners.learner import Learner as Learner
+from taskspec.learn.learners.learner import learner as learner
+from taskspec.learn.learners.table import BUILT_IN as BUILT_IN
+from taskspec.learn.learners.table import BuiltIn as BuiltIn
+
+__all__ = ["BUILT_IN", "FAMILIES", "BuiltIn", "CannotLearn", "Learner", "learner"]

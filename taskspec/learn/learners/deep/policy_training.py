@@ -1,0 +1,140 @@
+"""Training a policy on the true reward, cloning, and the parts that all learners with nets share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+
+from taskspec.base.arrays import AnyArray
+from taskspec.exact.model.model import misused
+from taskspec.language.modifiers import modify
+from taskspec.language.registry import role
+from taskspec.language.task.task import Task
+from taskspec.learn.learners.deep.nets import forward, gradient_step
+from taskspec.learn.learners.deep.ppo import ActorCritic, PolicyNet, PpoUpdate, init_actor, sampler
+from taskspec.learn.learners.deep.trpo import TrpoUpdate
+from taskspec.learn.learners.deep.world import RolloutState, Schedule, StepBatch, World, seed_slice, train_seeds
+from taskspec.learn.learners.interface import LearnerCase, NetPolicy
+from taskspec.learn.learners.table import Cloning, Experience, Ppo, Trpo
+
+Update = PpoUpdate | TrpoUpdate
+
+
+class PolicyState(NamedTuple):
+    """A policy in training, and where its lanes are."""
+
+    policy: ActorCritic
+    walk: RolloutState
+
+
+def world_of(task: Task, experience: Experience) -> World:
+    """Return where a learner acts in a task."""
+    task = role(task, experience.where)
+    if experience.horizon is not None:
+        task = modify(task, {"horizon": experience.horizon})
+    return World.of(task, experience.absorb)
+
+
+def policy_update(config: Ppo | Trpo, world: World) -> Update:
+    """Return the optimiser of a policy's settings."""
+    if isinstance(config, Ppo):
+        return PpoUpdate(config, world)
+    return TrpoUpdate(config, world)
+
+
+def init_policy_state(update: Update, key: AnyArray) -> PolicyState:
+    """Return an untrained policy at the start of its episodes."""
+    first, second = jax.random.split(key)
+    return PolicyState(update.init(first), update.world.begin(second, update.experience.lanes))
+
+
+def collect(update: Update, learning: PolicyState, key: AnyArray) -> tuple[RolloutState, StepBatch]:
+    """Return the steps of a round of the current policy, and the state that they led to."""
+    first, second = jax.random.split(key)
+    world = update.world
+    experience = update.experience
+    if experience.whole:
+        walk = world.begin(first, experience.lanes)
+    else:
+        walk = learning.walk
+    return world.rollout(walk, sampler(world, learning.policy.actor), second, update.steps)
+
+
+def policies(
+    case: LearnerCase, world: World, actors: PolicyNet, rewards: Callable[[int], Any] | None = None
+) -> list[NetPolicy]:
+    """Return a policy for each seed, as NumPy arrays; `rewards` gives the reward that a seed learned."""
+    found = []
+    for i, seed in enumerate(case.seeds):
+        actor = seed_slice(actors, i)
+        layers = [(np.asarray(w, np.float64), np.asarray(b, np.float64)) for w, b in actor.net]
+        reward = None if rewards is None else rewards(i)
+        found.append(NetPolicy(world.seen, world.head.vectors, layers, np.asarray(actor.deviations), seed, reward))
+    return found
+
+
+def train_ppo(config: Ppo, case: LearnerCase) -> list[NetPolicy]:
+    """Train policies on the true reward."""
+    world = world_of(case.task, config.experience)
+    update = PpoUpdate(config, world)
+
+    def advance(learning: PolicyState, key: AnyArray, shared: Any) -> PolicyState:
+        first, second = jax.random.split(key)
+        walk, steps = collect(update, learning, first)
+        return PolicyState(update.update(learning.policy, steps, walk, steps.reward, second), walk)
+
+    each = update.steps * update.experience.lanes
+    plan = Schedule(rounds(case, each), each, shown=lambda learning: policies(case, world, learning.policy.actor))
+    last = train_seeds(case, lambda key: init_policy_state(update, key), advance, plan)
+    return policies(case, world, last.policy.actor)
+
+
+def rounds(case: LearnerCase, each: int) -> int:
+    """Return the number of rounds of `each` counted steps in the budget."""
+    if case.steps < each:
+        misused(f"a round of this learner takes {each:,} steps, and {case.steps:,} are granted")
+    return case.steps // each
+
+
+# -- behavioural cloning ------------------------------------------------------------------------------------------
+
+
+def train_bc(config: Cloning, case: LearnerCase) -> list[NetPolicy]:
+    """Train policies by supervised learning of the demonstrated actions."""
+    world = world_of(case.task, Experience())
+    shown = case.demonstrations
+    first = shown.starts[max(1, round(config.share * len(shown.starts))) :]
+    rows = int(first[0]) if len(first) else len(shown)
+    seen = world.seen(np.asarray(shown.obs)[:rows])
+    acts = world.head.vectors.flat(np.asarray(shown.acts)[:rows])
+    data = (np.asarray(seen, np.float32), acts)
+    adam = optax.adam(config.learning_rate)
+
+    def init(key: AnyArray) -> Any:
+        actor = init_actor(key, world, config.hidden)
+        return actor, adam.init(actor)
+
+    def advance(state: Any, key: AnyArray, data: Any) -> Any:
+        actor, optimiser = state
+        chosen = jax.random.randint(key, (config.batch,), 0, rows)
+        return gradient_step(adam, loss, actor, optimiser, config, world, data[0][chosen], data[1][chosen])
+
+    updates = max(config.updates, config.epochs * -(-rows // config.batch))
+    actor, _ = train_seeds(case, init, advance, Schedule(updates, 0), data)
+    return policies(case, world, actor)
+
+
+def loss(actor: PolicyNet, config: Cloning, world: World, seen: AnyArray, action: AnyArray) -> AnyArray:
+    """Return the loss of a policy on actions (N, K) and observations (N, D)."""
+    output = forward(actor.net, seen)
+    vectors = world.head.vectors
+    if not vectors.counts and config.loss == "squared":
+        return ((output - action) ** 2).mean()
+    if vectors.counts and config.joint:
+        return -(vectors.one_hot(action) * jax.nn.log_softmax(output)).sum(-1).mean()
+    return -jnp.mean(world.head.log_prob(output, actor.deviations, action))

@@ -1,0 +1,148 @@
+"""Learners of the table by name or file, with the settings of a family, and called to train."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass, is_dataclass, replace
+from fnmatch import fnmatchcase
+from importlib import import_module
+from pathlib import Path
+from typing import Any, ClassVar, TypeVar, get_args, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.language.source import Document, read_file
+from taskspec.language.source import Path as Place
+from taskspec.learn.learners.interface import LearnerCase
+from taskspec.learn.learners.table import BUILT_IN, BuiltIn
+
+FAMILIES = {
+    "corrected": "the mistakes of the published code corrected",
+    "paper": "the code that the figures of the paper come from",
+    "released": "the code as it was published in the end, its mistakes included",
+}
+"""What the same learners are set to."""
+_FOLDER = Path(__file__).parent / "families"
+_KEYS = ("learner", "family", "settings")
+
+
+@dataclass(frozen=True)
+class Learner:
+    """`learner(case)` gives a policy for each of `case.seeds`, all of them trained together.
+
+    Attributes:
+        name, family: which one it is.
+        settings: a frozen dataclass.
+        learns_from: what it has to be granted, of "reward", "demonstrations" and "preferences".
+        trainer: `module:function`, as in the table.
+    """
+
+    name: str
+    family: str
+    settings: Any
+    learns_from: tuple[str, ...]
+    trainer: str
+    together: ClassVar[bool] = True
+
+    def __call__(self, case: LearnerCase) -> list[Any]:
+        """Train; raises SpecError: E705 where JAX or optax are not installed, E713 for tasks that it cannot learn."""
+        module, _, function = self.trainer.partition(":")
+        return getattr(import_module(module), function)(self.settings, case)  # type: ignore[no-any-return]
+
+
+def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learner:
+    """Return a learner by its name, or as a file has it: `learner: gail_im`, and maybe a `family` and `settings`.
+
+    A name may have its family in front: `paper/gail_im`.
+
+    Raises:
+        SpecError: E710, E725 for a name that there is none of; E2xx for mistakes in the file, each with its place.
+    """
+    name = os.fspath(source)
+    before, slash, rest = name.partition("/")
+    if slash and before in FAMILIES and rest in BUILT_IN:
+        return _in_family(BUILT_IN[rest], before)
+    if name in BUILT_IN:
+        return _in_family(BUILT_IN[name], family)
+    if not name.endswith((".yaml", ".yml")):
+        hint = suggest(name, BUILT_IN) or f"there are {', '.join(BUILT_IN)}; a path ends in .yaml"
+        raise SpecError([Diagnostic("E725", None, f"there is no learner '{name}'", hint)])
+    document = read_file(Path(source))
+    found = _in_family(_named_in(document), document.data.get("family", family))
+    if "settings" not in document.data:
+        return found
+    return replace(found, settings=changed(found.settings, document, ("settings",)))
+
+
+def _named_in(document: Document) -> BuiltIn:
+    """Return the table's entry that a file names."""
+    data = document.data
+    if not isinstance(data, dict) or "learner" not in data:
+        raise SpecError([Diagnostic("E203", document.span(()), "a learner's file says which one: `learner: bc`")])
+    stray = next((key for key in data if key not in _KEYS), None)
+    if stray is not None:
+        hint = suggest(stray, _KEYS) or f"it has {', '.join(_KEYS)}"
+        raise SpecError([Diagnostic("E202", document.key_span((stray,)), f"unknown key `{stray}`", hint)])
+    for key, known in (("learner", BUILT_IN), ("family", FAMILIES)):
+        if key in data and data[key] not in known:
+            near = suggest(str(data[key]), tuple(known))
+            message = f"{data[key]!r} is not one of {', '.join(known)}"
+            raise SpecError([Diagnostic("E206", document.span((key,)), message, near)])
+    return BUILT_IN[data["learner"]]
+
+
+def _in_family(entry: BuiltIn, family: str) -> Learner:
+    if family not in FAMILIES:
+        hint = suggest(family, FAMILIES) or f"there are {', '.join(FAMILIES)}"
+        raise SpecError([Diagnostic("E713", None, f"there is no family '{family}'", hint)])
+    document = read_file(_FOLDER / f"{family}.yaml")
+    settings = entry.settings
+    for i, rule in enumerate(document.data):
+        if any(fnmatchcase(entry.name, pattern) for pattern in rule["learners"]):
+            settings = changed(settings, document, (i, "settings"))
+    return Learner(entry.name, family, settings, entry.learns_from, entry.trainer)
+
+
+# -- settings in files, checked against dataclasses ----------------------------------------------------------------
+
+T = TypeVar("T")
+
+
+def changed(base: T, document: Document, path: Place) -> T:
+    """Return settings with those at a path of a document in their place, section by section."""
+    data: Any = document.data
+    for step in path:
+        data = data[step]
+    problems: list[Diagnostic] = []
+    found = _changed(base, data, document, path, problems)
+    if problems:
+        raise SpecError(problems)
+    return found  # type: ignore[no-any-return]
+
+
+def _changed(base: Any, data: Any, document: Document, path: Place, problems: list[Diagnostic]) -> Any:
+    if not isinstance(data, dict):
+        problems.append(Diagnostic("E201", document.span(path), "settings are a mapping: `name: value`"))
+        return base
+    types = get_type_hints(type(base))
+    found: dict[str, Any] = {}
+    for name, value in data.items():
+        place = (*path, name)
+        if name not in types:
+            message = f"{type(base).__name__} has no setting '{name}'"
+            hint = suggest(name, types) or f"it has {', '.join(types)}"
+            problems.append(Diagnostic("E202", document.key_span(place), message, hint))
+            continue
+        section = next((t for t in (types[name], *get_args(types[name])) if is_dataclass(t)), None)
+        if section is not None and value is not None:
+            found[name] = _changed(getattr(base, name) or section(), value, document, place, problems)  # type: ignore[operator]
+            continue
+        try:
+            found[name] = TypeAdapter(types[name]).validate_json(json.dumps(value), strict=True)
+        except ValidationError as error:
+            first = error.errors()[0]
+            code = "E206" if first["type"] == "literal_error" else "E204"
+            problems.append(Diagnostic(code, document.span(place), f"{value!r} does not fit: {first['msg']}"))
+    return replace(base, **found)

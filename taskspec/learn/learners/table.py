@@ -1,0 +1,297 @@
+"""The table of learners: their settings, with the defaults of the published algorithms, and one entry each.
+
+Neither JAX nor SciPy is imported here: an entry names its trainer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+Activation = Literal["relu", "tanh"]
+
+
+@dataclass(frozen=True, slots=True)
+class Experience:
+    """Settings of how a policy gathers steps.
+
+    Attributes:
+        lanes: environments that are stepped together.
+        steps: of each lane in a round.
+        whole: rounds are of whole episodes; the rest of the last one is dropped.
+        absorb: terminal states last until the horizon, so that all episodes are equally long; a flag marks them.
+            Tasks without a horizon stay as they are.
+        where: whose variant the policy acts in, where the roles of a task differ.
+        critic_sees_time: the critic knows the time, so that it can tell that nothing follows the end of an episode.
+        horizon: of the episodes that are learned in, in place of the task's own.
+    """
+
+    lanes: int = 1
+    steps: int = 128
+    whole: bool = False
+    absorb: bool = False
+    where: Literal["learner", "expert"] = "learner"
+    critic_sees_time: bool = False
+    horizon: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Ppo:
+    """Proximal policy optimisation; `value_clip` None leaves the critic free."""
+
+    experience: Experience = Experience()
+    hidden: tuple[int, ...] = (64, 64)
+    learning_rate: float = 2.5e-4
+    epochs: int = 4
+    minibatches: int = 4
+    discount: float = 0.99
+    gae_lambda: float = 0.95
+    clip: float = 0.2
+    value_clip: float | None = 0.2
+    entropy: float = 0.01
+    value_weight: float = 0.5
+    gradient_norm: float = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Trpo:
+    """Trust-region policy optimisation.
+
+    Attributes:
+        kl, accepted_kl: the size of a step, and up to where the line search accepts it.
+        strict: accept only what is better; else what is no worse.
+        halvings, shrink: of the line search.
+        fisher_every: the Fisher matrix is that of every so many samples.
+        critic: a net, or ridge regression on what was seen in the last round.
+        entropy: added to the standardised advantage of a step, without a gradient: it only sways the line search.
+    """
+
+    experience: Experience = Experience(steps=1024)
+    hidden: tuple[int, ...] = (64, 64)
+    weights: Literal["orthogonal", "xavier"] = "orthogonal"
+    discount: float = 0.99
+    gae_lambda: float = 0.98
+    kl: float = 0.01
+    accepted_kl: float = 0.015
+    strict: bool = False
+    halvings: int = 10
+    shrink: float = 0.5
+    cg_iterations: int = 10
+    damping: float = 0.01
+    fisher_every: int = 5
+    critic: Literal["net", "ridge"] = "net"
+    critic_learning_rate: float = 3e-4
+    critic_epochs: int = 3
+    critic_batch: int = 128
+    ridge: float = 1e-5
+    entropy: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Cloning:
+    """Behavioural cloning.
+
+    Attributes:
+        share: of the episodes that are learned from; the others are left aside.
+        updates: how many at least, for any number of epochs.
+        loss: for real actions, the squared error of the mean (the deviation stays 1), or minus the log-likelihood.
+        joint: several finite actions are one softmax over all their values, and each of its targets counts.
+    """
+
+    hidden: tuple[int, ...] = (64, 64)
+    learning_rate: float = 1e-4
+    batch: int = 64
+    epochs: int = 10
+    share: float = 0.7
+    updates: int = 0
+    loss: Literal["squared", "likelihood"] = "squared"
+    joint: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Reward:
+    """A net that says how good a step is: theta, and where `shaped`, + discount phi(s') - phi(s).
+
+    Attributes:
+        inputs: what theta sees.
+        scaled: boxes whose bounds are all finite, and declared in the spec, are scaled to [0, 1].
+        standardised: observations by a running mean and deviation of what was seen.
+        weights: first ones: by Glorot and Bengio, as TensorFlow has them, or uniform up to 1 / sqrt(inputs), as PyTorch has them.
+    """
+
+    hidden: tuple[int, ...] = (32, 32)
+    activation: Activation = "relu"
+    inputs: Literal["state, action", "state"] = "state, action"
+    shaped: bool = False
+    scaled: bool = False
+    standardised: bool = False
+    weights: Literal["xavier", "fan in"] = "xavier"
+    learning_rate: float = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Adversarial:
+    """GAIL and AIRL: a discriminator of learner and expert, and a policy that is paid for confusing it.
+
+    With l = log D - log(1 - D), D being how much a step looks like the expert's, pay is `softplus(l)` = -log(1 - D) >= 0,
+    `-softplus(-l)` = log D <= 0, `l`, or `f`, what the net says.
+
+    Attributes:
+        minus_log_policy: l = f - log pi (AIRL); otherwise l = f.
+        deviation_as_variance: a mistake in the density of real actions in log pi.
+        updates, batch: gradient steps of the discriminator at a time, on so many steps of each kind; 0 for all there are.
+        every: so many rounds of the policy.
+        kept: recent steps of the learner that are drawn from; 0 for those of the round alone.
+        entropy: the weight of the entropy of D in its loss.
+        budget_factor: the steps that are taken, over those that are granted.
+    """
+
+    policy: Ppo | Trpo = Ppo()
+    reward: Reward = Reward()
+    pay: Literal["softplus(l)", "-softplus(-l)", "l", "f"] = "softplus(l)"
+    minus_log_policy: bool = False
+    deviation_as_variance: bool = False
+    updates: int = 2
+    batch: int = 25
+    every: int = 1
+    kept: int = 4000
+    entropy: float = 0.0
+    budget_factor: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Novelty:
+    """Random network distillation: the standardised error of a net that learns what a random one says is added to the reward."""
+
+    weight: float = 0.5
+    hidden: tuple[int, ...] = (32, 32, 32)
+    outputs: int = 50
+    learning_rate: float = 1e-3
+    rate: float = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Comparing:
+    """Deep reinforcement learning from human preferences.
+
+    Attributes:
+        episodes: asked about in a round; neighbours are compared.
+        random: the probability of a uniform action in these.
+        total: the loss is summed over pairs, and ties count nothing; else it is a mean, and ties are halves.
+        kept: pairs that are kept to learn from; 0 for those of the round alone.
+        updates, batch: gradient steps of a round, on so many pairs; 0 for all there are.
+        stale: the first action of a round is taken for what was seen last, though the environment was reset since.
+        noise_ties: nobody is preferred on tasks whose observations have noise, as if these hid the rewards.
+        budget_factor: the steps that are taken, over those that are granted; those asked about come on top.
+    """
+
+    policy: Ppo = Ppo(learning_rate=1e-3)
+    reward: Reward = Reward(shaped=True, scaled=True)
+    episodes: int = 100
+    random: float = 0.0
+    total: bool = True
+    kept: int = 0
+    updates: int = 1
+    batch: int = 0
+    stale: bool = True
+    noise_ties: bool = False
+    novelty: Novelty | None = None
+    budget_factor: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Matching:
+    """Maximum-entropy inverse reinforcement learning on the exact model.
+
+    Attributes:
+        causal: a step is worth the expectation over what follows; otherwise the log of the mean exponential, as if one could
+            choose how chance falls.
+        floor: added to the probabilities of steps before their logarithm is taken; 0 leaves out those that cannot be.
+        bias: Adam's correction of its averages; without it they start too small.
+        absorb: demonstrations that end early are taken to stay where they ended.
+    """
+
+    causal: bool = True
+    floor: float = 1e-50
+    learning_rate: float = 1e-3
+    betas: tuple[float, float] = (0.9, 0.99)
+    bias: bool = False
+    tolerance: float = 1e-5
+    iterations: int = 500_000
+    absorb: bool = True
+
+
+# -- entries ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class BuiltIn:
+    """One learner of the table.
+
+    Attributes:
+        summary: what it is, in a phrase.
+        learns_from: what it has to be granted, of "reward", "demonstrations" and "preferences".
+        settings: as published, a frozen dataclass. Families and files change its fields.
+        trainer: `module:function`, called with settings and a `LearnerCase`; returns a policy for each of the case's seeds.
+    """
+
+    name: str
+    summary: str
+    learns_from: tuple[str, ...]
+    settings: Any
+    trainer: str
+
+
+_FU = Trpo(
+    Experience(lanes=2, steps=100, whole=True), hidden=(32, 32), weights="xavier", gae_lambda=1.0, accepted_kl=0.01, strict=True,
+    halvings=15, shrink=0.8, damping=1e-5, fisher_every=1, critic="ridge",
+)  # fmt: skip
+_GAIL_IM = Adversarial(budget_factor=0.64)
+_GAIL_SB = Adversarial(
+    Trpo(), Reward(hidden=(100, 100), activation="tanh", standardised=True, learning_rate=3e-4),
+    updates=1, batch=0, every=3, kept=0, entropy=1e-3, budget_factor=3.0,
+)  # fmt: skip
+_GAIL_FU = Adversarial(_FU, pay="-softplus(-l)", updates=50, batch=32, kept=0)
+_AIRL_SA = replace(
+    _GAIL_IM, reward=Reward(shaped=True, scaled=True), pay="l", minus_log_policy=True, deviation_as_variance=True
+)
+_AIRL_SO = replace(_AIRL_SA, reward=Reward(inputs="state", shaped=True, scaled=True))
+_AIRL_FU = replace(_GAIL_FU, policy=replace(_FU, entropy=1.0), pay="f", minus_log_policy=True, updates=100)
+_DRLHP_SA = Comparing(budget_factor=0.64)
+_DRLHP_SO = replace(_DRLHP_SA, reward=Reward(inputs="state", shaped=True, scaled=True))
+
+_REWARD = ("reward",)
+_SHOWN = ("demonstrations",)
+_COMPARED = ("preferences",)
+_PPO = "taskspec.learn.learners.deep.policy_training:train_ppo"
+_BC = "taskspec.learn.learners.deep.policy_training:train_bc"
+_ADVERSARIAL = "taskspec.learn.learners.deep.adversarial:train_adversarial"
+_PREFERENCES = "taskspec.learn.learners.deep.comparisons:train_from_preferences"
+_MAXENT = "taskspec.learn.learners.maxent:train_maxent"
+
+BUILT_IN: dict[str, BuiltIn] = {
+    entry.name: entry
+    for entry in (
+        BuiltIn("ppo", "proximal policy optimisation on the true reward", _REWARD, Ppo(), _PPO),
+        BuiltIn("bc", "behavioural cloning", _SHOWN, Cloning(), _BC),
+        BuiltIn("gail_im", "GAIL with PPO and reward -log(1 - D) >= 0", _SHOWN, _GAIL_IM, _ADVERSARIAL),
+        BuiltIn("gail_sb", "GAIL with TRPO and reward -log(1 - D) >= 0", _SHOWN, _GAIL_SB, _ADVERSARIAL),
+        BuiltIn("gail_fu", "GAIL with TRPO and reward log D <= 0", _SHOWN, _GAIL_FU, _ADVERSARIAL),
+        BuiltIn("airl_im_sa", "AIRL with PPO and a reward of state and action", _SHOWN, _AIRL_SA, _ADVERSARIAL),
+        BuiltIn("airl_im_so", "AIRL with PPO and a reward of the state", _SHOWN, _AIRL_SO, _ADVERSARIAL),
+        BuiltIn("airl_fu", "AIRL with TRPO", _SHOWN, _AIRL_FU, _ADVERSARIAL),
+        BuiltIn("drlhp_sa", "DRLHP with PPO and a reward of state and action", _COMPARED, _DRLHP_SA, _PREFERENCES),
+        BuiltIn("drlhp_so", "DRLHP with PPO and a reward of the state", _COMPARED, _DRLHP_SO, _PREFERENCES),
+        BuiltIn("drlhp_slow", "drlhp_sa with a low learning rate of the policy", _COMPARED,
+              replace(_DRLHP_SA, policy=Ppo(learning_rate=1e-4)), _PREFERENCES),
+        BuiltIn("drlhp_eps", "drlhp_sa with some random actions in the episodes that are compared", _COMPARED,
+              replace(_DRLHP_SA, random=0.1), _PREFERENCES),
+        BuiltIn("drlhp_rnd", "drlhp_sa with a bonus for novelty", _COMPARED,
+              replace(_DRLHP_SA, novelty=Novelty()), _PREFERENCES),
+        BuiltIn("maxent", "maximum-entropy inverse reinforcement learning on the exact model", _SHOWN,
+              Matching(causal=False), _MAXENT),
+        BuiltIn("mce", "the causal version, which does not assume that it can choose random outcomes", _SHOWN,
+              Matching(), _MAXENT),
+    )
+}  # fmt: skip
+"""Every learner by its name."""

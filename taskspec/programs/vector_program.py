@@ -1,0 +1,311 @@
+"""Programs that step many environments: their memory, how actions are read, and when episodes begin.
+
+Arrays have their features first and the lanes last: each feature of all lanes is together, which is what array code and
+vector units want. What is handed out has the lanes first, as Gymnasium expects, without a copy: a view of the same memory.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.language.expressions.types import Kind
+from taskspec.language.task.spaces import SpaceLayout
+from taskspec.language.task.task import Task
+
+DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
+
+
+def _zeros(shape: tuple[int, ...], lanes: int, gap: int, dtype: Any) -> Array:
+    rows = np.zeros((math.prod(shape), lanes + gap), dtype)[:, :lanes]
+    return rows.reshape(*shape, lanes)
+
+
+@dataclass(frozen=True)
+class Values:
+    """Gymnasium values of all lanes: an array (*shape, lanes) for every part of the layout."""
+
+    layout: SpaceLayout
+    parts: tuple[Array, ...]
+
+    @classmethod
+    def empty(cls, layout: SpaceLayout, lanes: int, gap: int = 0) -> Values:
+        """Zeros of a layout, with so many numbers between the rows of an array."""
+        dtypes = [np.int64 if part.is_whole else np.float32 for part in layout.parts]
+        return cls(layout, tuple(_zeros(p.shape, lanes, gap, d) for p, d in zip(layout.parts, dtypes, strict=True)))
+
+    def view(self, copy: bool = False) -> Any:
+        """Return the values with the lanes first, as Gymnasium's batched space has them: in this memory, or copied."""
+        shown = []
+        for part in self.parts:
+            array = part.copy() if copy else part
+            # `moveaxis` would take longer than the rest of a step of few lanes.
+            shown.append(array.T if array.ndim <= 2 else array.transpose(-1, *range(array.ndim - 1)))
+        if not self.layout.is_dict:
+            return shown[0]
+        return {part.name: array for part, array in zip(self.layout.parts, shown, strict=True)}
+
+    def segments(self) -> list[Array]:
+        """Return the arrays of the layout's segments, in this memory: (*shape, lanes) of the component, or a row a value."""
+        found = []
+        for segment in self.layout.segments:
+            raw = self.parts[segment.part]
+            lanes = raw.shape[-1]
+            rows = raw.reshape(-1, lanes)[segment.first : segment.first + segment.size]
+            if segment.values is None:
+                rows = rows.reshape(*self.layout.components[segment.component].type.shape, lanes)
+            found.append(rows)
+        return found
+
+
+@dataclass
+class Buffers:
+    """Everything that a vector environment keeps, for lanes 0 to N - 1.
+
+    Attributes:
+        seeds: uint64 (N,), the seed of each lane.
+        steps: uint32 (N,), steps taken since the lane was seeded, modulo 2**32: counts the draws of steps.
+        episodes: uint32 (N,), episodes begun since then: counts the draws of resets.
+        time: int64 (N,), steps taken in the present episode.
+        running: bool (N,), whether an episode is under way.
+        state: one array (*shape, N) for every state component: bool, int64 or float64.
+        seen, final: observations now, and those with which episodes ended in this step.
+        reward: float64 (N,). terminated, truncated, ended: bool (N,).
+        measures: float64 (N,) each, those of the last step; of lanes that have taken none, any number.
+    """
+
+    seeds: Array
+    steps: Array
+    episodes: Array
+    time: Array
+    running: Array
+    state: tuple[Array, ...]
+    seen: Values
+    final: Values
+    reward: Array
+    terminated: Array
+    truncated: Array
+    ended: Array
+    measures: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, task: Task, layout: SpaceLayout, lanes: int, gap: int = 0) -> Buffers:
+        """Zeros, for a task whose observations have the given layout.
+
+        With a gap of so many numbers between rows they are not a power of two apart. Rows that are share the few places
+        that a cache has for such addresses, and a loop over many of them takes three times as long.
+        """
+        return cls(
+            seeds=np.zeros(lanes, np.uint64), steps=np.zeros(lanes, np.uint32), episodes=np.zeros(lanes, np.uint32),
+            time=np.zeros(lanes, np.int64), running=np.zeros(lanes, np.bool_),
+            state=tuple(_zeros(c.type.shape, lanes, gap, DTYPES[c.type.kind]) for c in task.state),
+            seen=Values.empty(layout, lanes, gap), final=Values.empty(layout, lanes, gap),
+            reward=np.zeros(lanes, np.float64), terminated=np.zeros(lanes, np.bool_),
+            truncated=np.zeros(lanes, np.bool_), ended=np.zeros(lanes, np.bool_),
+            measures=tuple(np.zeros(lanes) for _ in task.process.measures),
+        )  # fmt: skip
+
+    @property
+    def lanes(self) -> int:
+        return len(self.seeds)
+
+    def arrays(self) -> list[Array]:
+        """Return all arrays, in a fixed order."""
+        found: list[Array] = []
+        self._mapped(found.append)
+        return found
+
+    def part(self, lanes: slice) -> Buffers:
+        """Return a range of the lanes, sharing memory."""
+        return Buffers(**self._mapped(lambda array: array[..., lanes]))
+
+    def _mapped(self, function: Callable[[Array], Any]) -> dict[str, Any]:
+        """Return the fields with a function of each array in them."""
+        found: dict[str, Any] = {}
+        for name, held in vars(self).items():
+            if isinstance(held, Values):
+                found[name] = Values(held.layout, tuple(map(function, held.parts)))
+            elif isinstance(held, tuple):
+                found[name] = tuple(map(function, held))
+            else:
+                found[name] = function(held)
+        return found
+
+
+class BadActionError(Exception):
+    """Actions that are not in the batched action space; the environment layer raises Gymnasium's error."""
+
+
+Reader = Callable[[Any], tuple[Array, ...]]
+"""From a batch of actions to an array (*shape, lanes) for every action component: bool, int64 or float64."""
+
+
+def action_array(actions: Any, layout: SpaceLayout, lanes: int) -> Array:
+    """Return actions as an array (lanes, *shape); reals are refused for whole numbers, as `MultiDiscrete.contains` does.
+
+    Raises:
+        BadActionError: wrong shape or kind of numbers.
+    """
+    (part,) = layout.parts
+    array = np.asarray(actions)
+    if array.shape != (lanes, *part.shape) or array.dtype.kind not in ("iub" if part.is_whole else "iubf"):
+        raise BadActionError
+    return array
+
+
+def action_reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
+    """Return the reader of a task's actions for a number of lanes; it raises `BadActionError`."""
+    (part,) = layout.parts
+    if part.shape or not part.is_whole:
+        return _array_reader(task, layout, lanes)
+    ((low, high),) = layout.ends
+    is_bool = task.action[0].type.kind is Kind.BOOL
+    smallest = np.minimum.reduce
+    largest = np.maximum.reduce
+
+    def read(actions: Any) -> tuple[Array, ...]:
+        """Read one whole number for each lane, with as few calls of NumPy as possible."""
+        array = action_array(actions, layout, lanes).astype(np.int64, copy=False)
+        if low == 0 and largest(array.view(np.uint64)) > high:  # unsigned, negative numbers are huge
+            raise BadActionError
+        if low != 0 and (smallest(array) < low or largest(array) > high):
+            raise BadActionError
+        if is_bool:
+            return (array != 0,)
+        return (array,)
+
+    return read
+
+
+def _array_reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
+    low, high = np.array(layout.ends).T[..., None]
+    dtype = np.int64 if layout.parts[0].is_whole else np.float64
+    segments = list(zip(task.action, layout.segments, strict=True))
+    unsigned = dtype is np.int64 and not low.any()  # as such, negative numbers are huge: one comparison is enough
+    largest = high.astype(np.uint64) if unsigned else high
+
+    def read(actions: Any) -> tuple[Array, ...]:
+        rows = action_array(actions, layout, lanes).reshape(lanes, -1).T.astype(dtype, order="C")
+        if unsigned:
+            inside = not np.greater(rows.view(np.uint64), largest).any()
+        else:
+            inside = np.greater_equal(rows, low).all() and np.less_equal(rows, high).all()
+        if not inside:
+            raise BadActionError
+        found = []
+        for c, segment in segments:
+            values = rows[segment.first : segment.first + segment.size]
+            if segment.starts:
+                values = values + np.array(segment.starts)[:, None]
+            if values.dtype.kind == "f" and c.type.kind is not Kind.REAL:  # every point of a box is an action
+                values = np.rint(values)
+            if c.type.kind is Kind.BOOL:
+                values = values != 0
+            found.append(values.astype(DTYPES[c.type.kind], copy=False).reshape(*c.type.shape, lanes))
+        return tuple(found)
+
+    return read
+
+
+# -- the interface --------------------------------------------------------------------------------------------------
+
+Mode = Literal["next_step", "same_step", "disabled"]
+"""When an environment whose episode has ended is reset: by the next step, by the same step, by the caller only."""
+
+
+class LanesNotRunningError(Exception):
+    """A step before the first reset, or (mode "disabled") of lanes whose episodes have ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options of a vector program; `num_threads` matters to Numba only."""
+
+    mode: Mode = "next_step"
+    num_threads: int = 1
+
+
+class Engine(Protocol):
+    """The environments of one task on one backend, made of a task, a number of lanes, and `Options`.
+
+    Lane i draws from the stream of `buffers.seeds[i]`: its episodes and steps equal those of a scalar environment with
+    that seed, number for number.
+    """
+
+    buffers: Buffers
+    observation: SpaceLayout
+    action: SpaceLayout
+    source: str
+
+    def seed(self, seeds: Array, lanes: Array | None = None) -> None:
+        """Restart the streams of some lanes (indices; None: all) with seeds, uint64, one for each."""
+
+    def reset(self, lanes: Array | None = None) -> None:
+        """Begin an episode in some lanes (indices; None: all)."""
+
+    def step(self, actions: Any) -> int:
+        """Take a step in every lane; return the number of lanes whose episodes ended in it.
+
+        Raises:
+            BadActionError: an action is not in the action space; nothing has changed.
+            LanesNotRunningError: an episode is over, or none has begun; nothing has changed.
+        """
+
+    def place(self, values: tuple[Array, ...], lanes: Array) -> None:
+        """Put lanes into given states, (*shape, k) for each component; what is observed stays as it was."""
+
+
+# -- when lanes may step and when they are reset ------------------------------------------------------------------
+#
+# - `same_step`: a lane whose episode ends is reset in the same step. The last observation is in `Buffers.final`, the first one
+#   of the next episode in `Buffers.seen`, and the flags say that an episode ended.
+# - `next_step`: it is reset by the next step, which ignores the action, is not counted, has reward 0 and sets no flag.
+# - `disabled`: it is reset by the caller; until then no lane may step.
+#
+# A reset takes the words of the lane's next episode, and a step those of its next step (`Buffers.episodes`, `Buffers.steps`).
+
+
+@dataclass
+class Episodes:
+    """The progress of episodes in some buffers.
+
+    `ready` says whether a step may be taken, and `over` how many episodes have ended without a reset.
+    """
+
+    buffers: Buffers
+    mode: Mode
+    begun: bool = False
+    ready: bool = False  # an attribute, since a step of few lanes takes a microsecond
+    over: int = 0
+
+    def seed(self, seeds: Array, lanes: Array | None) -> None:
+        """Restart the streams of some lanes (indices; None: all)."""
+        b = self.buffers
+        chosen = slice(None) if lanes is None else lanes
+        b.seeds[chosen] = seeds
+        b.steps[chosen] = 0
+        b.episodes[chosen] = 0
+
+    def reset(self, lanes: Array) -> None:
+        """Record that some lanes (indices, or a flag for each) have begun an episode."""
+        b = self.buffers
+        b.running[lanes] = True
+        b.terminated[lanes] = b.truncated[lanes] = b.ended[lanes] = False
+        self.begun = self.begun or bool(b.running.all())
+        self.step(int(np.count_nonzero(b.ended)))
+
+    def step(self, ended: int) -> int:
+        """Record a step in which `ended` episodes ended; return their number."""
+        self.over = 0 if self.mode == "same_step" else ended
+        self.ready = self.begun and (self.mode != "disabled" or not self.over)
+        return ended
+
+    def place(self, values: tuple[Array, ...], lanes: Array) -> None:
+        """Set the states of lanes (indices), (*shape, k) for each component."""
+        for held, new in zip(self.buffers.state, values, strict=True):
+            held[..., lanes] = new

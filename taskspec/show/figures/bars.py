@@ -1,0 +1,241 @@
+"""A vector as bars, or as cells with the moves of their elements; a matrix as a board."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.display import fixed, plural
+from taskspec.language.expressions.builder import Builder
+from taskspec.language.expressions.ir import Apply, Node, Read
+from taskspec.language.expressions.types import Kind
+from taskspec.language.printers import tree as m
+from taskspec.language.task.task import Task
+from taskspec.show.figures import shapes as sc
+from taskspec.show.figures.overlays import Overlay
+from taskspec.show.figures.series import MOST as FOLLOWED
+from taskspec.show.figures.series import series
+from taskspec.show.figures.states import State, at_state, at_states, episode_path, expert_path, figure_of, reads_of
+
+CELLS_UP_TO = 8
+ROWS = 4
+SEEDS = 6
+LONGEST = 100  # steps of an episode that are followed, so that figures stay quick
+MOST_BARS = 400
+BELOW = 2.5
+LETTERS = 0.28
+SQUARE = 0.8  # side of a cell of a board
+MOST_SQUARES = 24  # rows or columns of a board
+FEW_STEPS = 3
+
+
+def bars(task: Task, overlay: Overlay) -> sc.Scene | None:
+    """Draw the vector that the figure section names (or the only vector of the state).
+
+    Of a short one the changes of an episode, row by row; of a long one the first state and the last one. Of a few episodes
+    it is the one in which most happens. Of a matrix the first state, as a board; a few numbers that are written one by one
+    are drawn over time.
+    """
+    node = _vector(task)
+    if node is None or (len(node.type.shape) == 2 and max(node.type.shape) > MOST_SQUARES):
+        return None
+    if isinstance(node, Apply) and node.op == "vector" and len(node.type.shape) == 1 and node.type.size <= FOLLOWED:
+        return series(task, overlay)
+    changes, whose = _episode(task, node, overlay)
+    times = [t for t, _ in changes]
+    states = [state for _, state in changes]
+    rows = [at_state(task, node, state) for state in states]
+    here = overlay.here
+    if len(node.type.shape) == 2:
+        return _board(task, node, rows[0], here is not None)
+    colors = [_colors(task, node, state) for state in states]
+    count = node.type.size
+    items: list[sc.Item] = []
+    notes: tuple[str, ...] = ()
+    if count <= CELLS_UP_TO:
+        shown = list(zip(times, rows, colors, strict=True))
+        if len(rows) > ROWS:
+            shown[ROWS - 1 : -1] = []
+        moves = "" if len(rows) == 1 else f", and its changes in an episode of {whose}"
+        items += _cells(shown, len(rows) - len(shown))
+        alt = f"{plural(count, 'cell')}{moves}"
+        step = 1.0
+        sums_at = 1.05
+    else:
+        alt = f"{count} bars"
+        if len(rows) > 1 and not rows[0].any():
+            rows = rows[-1:]
+            colors = colors[-1:]
+            notes = (f"The state after {plural(times[-1], 'step')} of {whose}.",)
+        items += _bars(rows[0], colors[0], None if here is None else _bound(node))
+        if len(rows) > 1:
+            items += [sc.shifted(item, 0.0, BELOW) for item in _bars(rows[-1], colors[-1])]
+            notes = (f"Above a first state, below the one after {plural(times[-1], 'step')} of {whose}.",)
+        step = _step(count)
+        sums_at = 0.35
+    if len(rows) == 1:
+        items += _sums(rows[0], colors[0], step, sums_at)
+    return sc.fitted(items, f"A state of {task.name} as {alt}", notes)
+
+
+def _episode(task: Task, node: Node, overlay: Overlay) -> tuple[list[tuple[int, dict[str, Any]]], str]:
+    """Return the states of an episode between which the vector changes, with their times, and whose episode it is."""
+    if overlay.here is not None:
+        return [(0, dict(overlay.here))], ""
+    found = [_changes(task, node, expert_path(task, LONGEST, seed)) for seed in range(SEEDS)]
+    whose = "the expert"
+    if max(map(len, found)) == 1:
+        path, whose = episode_path(task, LONGEST)
+        found.append(_changes(task, node, path))
+    # of episodes in which nothing changes, the one whose numbers differ most
+    return max(found, key=lambda each: (len(each), len(set(at_state(task, node, each[0][1]).flat)))), whose
+
+
+def _changes(task: Task, node: Node, path: list[dict[str, Any]]) -> list[tuple[int, dict[str, Any]]]:
+    rows = [at_state(task, node, state) for state in path]
+    return [(i, state) for i, state in enumerate(path) if i == 0 or not np.array_equal(rows[i], rows[i - 1])]
+
+
+def _sums(row: Array, colors: list[sc.Color], step: float, y: float) -> Iterator[sc.Label]:
+    """Yield the sums of two parts with colours of their own, and how they compare."""
+    first, second = ([i for i, color in enumerate(colors) if color == role] for role in ("accent", "second"))
+    with np.errstate(over="ignore"):
+        totals = (float(row[first].sum()), float(row[second].sum()))
+    if not (first and second and math.isfinite(sum(map(abs, totals)))):
+        return
+    relation = ("=", ">", "<")[int(np.sign(totals[0] - totals[1]))]
+    middles = [(min(part) + max(part) + 1) / 2 * step for part in (first, second)]
+    between = sum(middles) / 2
+    texts = [m.Row((m.Words("sum "), sc.signed(total))) for total in totals]
+    halves = [sc.text_width(text, LETTERS) / 2 for text in texts]
+    if middles[1] - middles[0] < sum(halves) + 0.6:
+        middles = [between - 0.4 - halves[0], between + 0.4 + halves[1]]
+    for at, text in zip(middles, texts, strict=True):
+        yield sc.Label((at, y), text, LETTERS)
+    yield sc.Label((between, y), m.Sym(relation), LETTERS)
+
+
+def _vector(task: Task) -> Node | None:
+    """Return the vector or the matrix that is drawn."""
+    values = figure_of(task).values
+    b = Builder()
+    nodes = [b.read(*c.read, c.type, c.least, c.most) for c in task.state] if values is None else [values]
+    return next((node for node in nodes if node.type.shape and node.type.size), None)
+
+
+def _colors(task: Task, node: Node, state: State) -> list[sc.Color]:
+    """Return the colours of elements: for a condition those for which it holds, for a slice those in it.
+
+    The slice is taken of the vector's indices, and so says which elements are meant.
+    """
+    count = node.type.size
+    colors: list[sc.Color] = ["accent"] * count
+    reads = reads_of(task, state)
+    for name, part in figure_of(task).highlight.items():
+        if name not in sc.HIGHLIGHTS:
+            continue
+        if part.type.kind is Kind.BOOL and part.type.shape in ((), (count,)):
+            chosen = np.flatnonzero(np.broadcast_to(at_states(task, part, reads)[0], count))
+        elif isinstance(node, Read) and len(part.type.shape) == 1 and part.type.kind in (node.type.kind, Kind.INT):
+            own = {(node.role, node.name): np.arange(count, dtype=float)[:, None]}
+            chosen = at_states(task, part, reads | own)[0].astype(int)
+        else:
+            continue
+        for i in chosen[(chosen >= 0) & (chosen < count)].tolist():
+            colors[i] = sc.HIGHLIGHTS[name]
+    return colors
+
+
+def _bound(node: Node) -> float | None:
+    if isinstance(node, Read):
+        most = max(abs(node.low), abs(node.high))
+    else:
+        most = math.inf
+    if 0 < most < math.inf:
+        return most
+    return None
+
+
+def _bars(values: Array, colors: list[sc.Color], most: float | None = None) -> Iterator[sc.Item]:
+    """Yield bars of equal width above a line, in a frame that `most` fills; of very many values every second, third and so on."""
+    every = -(-len(values) // MOST_BARS)
+    values = values[::every]
+    colors = colors[::every]
+    step = _step(len(values))
+    scale = 2.0 / (most or float(np.abs(values).max()) or 1.0)
+    if most is not None:
+        yield sc.Box((0.0, -2.0), len(values) * step, 2.0, None, "faint")
+    for i, (value, color) in enumerate(zip(values.tolist(), colors, strict=True)):
+        top = -scale * max(value, 0.0)
+        yield sc.Box((i * step, top), step * 0.8, max(0.01, scale * abs(value)), color, None)
+    for role, run in groupby(range(len(colors)), key=colors.__getitem__):
+        places = list(run)
+        if role in sc.SIGNS:
+            yield from sc.sign(role, ((sum(places) / len(places) + 0.4) * step, 0.2), 0.2)
+    yield sc.Line(((-0.1, 0.0), (len(values) * step + 0.02, 0.0)), color="muted")
+
+
+def _board(task: Task, node: Node, values: Array, is_frame: bool) -> sc.Scene:
+    """Return a matrix as a board, its signs in two colours; in place of an empty first state, one after a few steps."""
+    notes: tuple[str, ...] = ()
+    if not values.any() and not is_frame:
+        path, whose = episode_path(task, FEW_STEPS)
+        values = at_state(task, node, path[-1])
+        notes = (f"A state after {len(path) - 1} steps of {whose}.",)
+    height, width = node.type.shape
+    most = float(np.abs(values).max()) or 1.0
+    digits = 0 if np.array_equal(values, np.rint(values)) else 2
+    items: list[sc.Item] = []
+    for (row, column), value in np.ndenumerate(values):
+        cell = sc.Box((column * SQUARE, row * SQUARE), SQUARE, SQUARE, "paper", "faint")
+        items.append(cell)
+        if value:
+            items.append(replace(cell, fill="accent" if value > 0 else "second", shade=0.3 + 0.6 * abs(value) / most))
+        if value and node.type.kind is not Kind.BOOL:
+            middle = ((column + 0.5) * SQUARE, (row + 0.5) * SQUARE)
+            items.append(sc.Label(middle, m.Num(fixed(value, digits)), LETTERS))
+    items.append(sc.Box((0, 0), width * SQUARE, height * SQUARE, None, "ink"))
+    return sc.fitted(items, f"A state of {task.name} as a board of {height} rows and {width} columns", notes)
+
+
+def _step(count: int) -> float:
+    return min(0.3, 7.0 / count)
+
+
+def _cells(shown: list[tuple[int, Array, list[sc.Color]]], left_out: int) -> Iterator[sc.Item]:
+    """Yield rows of cells, shaded by value, with dots for rows that are left out.
+
+    Where a row has the elements of the one before in another order, arrows say where they went; else times are beside them.
+    """
+    rows = [row for _, row, _ in shown]
+    moved = all(np.array_equal(np.unique(row), np.sort(rows[0])) for row in rows)
+    tops = [1.5 * r if moved else r for r in range(len(rows))]
+    if left_out and not moved:
+        tops[-1] += 0.6
+    low = float(np.min(rows))
+    high = float(np.max(rows))
+    digits = 0 if all(np.array_equal(row, np.rint(row)) for row in rows) else 2
+    for r, (t, row, colors) in enumerate(shown):
+        if len(rows) > 1 and not moved:
+            yield sc.Label(
+                (-0.2, tops[r] + 0.4), m.Row((m.Ident("t"), m.Sym("="), m.Num(str(t)))), LETTERS, "end", "muted"
+            )
+        for i, value in enumerate(row.tolist()):
+            shade = 0.2 + 0.7 * (value - low) / ((high - low) or 1.0)
+            box = sc.Box((i * 1.0, tops[r]), 1.0, 0.8, colors[i], "paper", shade=shade)
+            yield box
+            yield from sc.marked(box, True)
+            yield sc.Label((i + 0.5, tops[r] + 0.4), m.Num(fixed(value, digits)), LETTERS)
+        if left_out and r + 2 == len(rows):
+            yield sc.Label((len(row) / 2, (tops[r] + tops[r + 1]) / 2 + 0.4), m.Words("⋮"), 0.42)
+        elif r + 1 < len(rows) and moved:
+            for i, value in enumerate(row.tolist()):
+                for j in np.flatnonzero(rows[r + 1] == value)[:1].tolist():
+                    if j != i:
+                        yield sc.Line(((i + 0.5, tops[r] + 0.84), (j + 0.5, tops[r] + 1.46)), arrow=True)

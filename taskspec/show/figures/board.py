@@ -1,0 +1,279 @@
+"""A board of cells as a scene: colours, letters, agents, values, and the direction of moves."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from taskspec.exact.model.space import Space
+from taskspec.exact.model.transitions import Steps
+from taskspec.language.expressions.ir import Role
+from taskspec.language.printers import tree as m
+from taskspec.language.task.task import Task
+from taskspec.show.figures.shapes import (
+    BROAD,
+    ROLES,
+    Box,
+    Circle,
+    Color,
+    Item,
+    Label,
+    Line,
+    Point,
+    marked,
+    sign,
+    text_width,
+)
+
+Cell = tuple[int, int]
+Way = tuple[float, float]
+_WORDS: dict[str, Cell] = {
+    "left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1), "west": (-1, 0), "east": (1, 0), "north": (0, -1),
+    "south": (0, 1), "stay": (0, 0), "wait": (0, 0), "noop": (0, 0),
+}  # fmt: skip
+CELL = 0.8
+ROOMY = 1.15  # sides of cells, and of those that have room for a number and arrows beside it
+LARGEST = 24  # columns or rows that are drawn one by one
+WIDEST = 12.0
+SIGN = 0.26
+"""In centimetres: the cells of boards that are larger still are as small as that needs, and their signs stay as large."""
+CORNERS = ((-1, 1), (1, 1), (-1, -1), (1, -1))  # corners of a cell, from its middle, for the objects that share it
+BADGE = (0.3, 0.36)
+BESIDE_VALUE = (0.34, 0.28)
+"""How far from the middle of a cell objects in its corners are, and how large, as shares of its side; and beside a value."""
+WALL = "#"
+FENCES = {"|": (0.16, 1.0), "-": (1.0, 0.16)}  # thin walls: width and height, as shares of a cell
+LETTER = 0.3  # height of letters
+VALUE = 0.24  # height of numbers
+
+
+def chosen_ways(
+    task: Task, policy: Mapping[int, tuple[int, ...]], cells: Mapping[int, Cell]
+) -> Iterator[tuple[Cell, Way]]:
+    """Yield the moves on the board of the actions that a policy takes, by cell.
+
+    Labels such as `left` or `down_right` say it. Other actions go where they lead in more than half of all cases, and
+    nowhere where no outcome is that likely: an outcome of chance is no choice. From a cell of several states, only the
+    ways that are taken in all of them.
+    """
+    pairs = [(code, action) for code, actions in policy.items() for action in actions]
+    if not pairs:
+        return
+    ways = _ways_by_label(task)
+    found = _probable_ways(task, pairs, cells) if ways is None else ((code, ways[action]) for code, action in pairs)
+    taken: dict[int, dict[Way, None]] = {code: {} for code in policy}
+    for code, way in found:
+        if any(way):
+            taken[code][way] = None
+    common: dict[Cell, dict[Way, None]] = {}
+    for code, some in taken.items():
+        cell = cells[code]
+        common[cell] = {way: None for way in common.get(cell, some) if way in some}
+    for cell, some in common.items():
+        yield from ((cell, way) for way in some)
+
+
+def _ways_by_label(task: Task) -> list[Way] | None:
+    """Return the moves that the labels of actions name, each of at most one cell; None if one names none."""
+    if len(task.action) != 1 or task.action[0].domain is None:
+        return None
+    found = []
+    for action in range(Space(task.action, Role.ACTION).size):
+        words = re.split(r"[^a-z]+", task.action[0].domain.labels[action].lower())
+        if not all(word in _WORDS for word in words):
+            return None
+        dx, dy = np.sign(np.sum([_WORDS[word] for word in words], axis=0)).tolist()
+        found.append((float(dx), float(dy)))
+    return found
+
+
+def _probable_ways(task: Task, pairs: list[tuple[int, int]], cells: Mapping[int, Cell]) -> Iterator[tuple[int, Way]]:
+    """Yield where actions lead with a probability above one half, by code of the state."""
+    codes, actions = np.array(pairs, np.int64).T
+    weights: dict[tuple[int, Cell], float] = {}
+    for outcomes in Steps(task).outcomes(codes, actions, 0):
+        points, targets, chances, *_ = outcomes.spread(len(codes))
+        for point, code, p in zip(points.tolist(), targets.tolist(), chances.tolist(), strict=True):
+            key = (point, cells[code])
+            weights[key] = weights.get(key, 0.0) + p
+    for (point, (bx, by)), p in weights.items():
+        if p > 0.5:
+            code = pairs[point][0]
+            ax, ay = cells[code]
+            length = max(abs(bx - ax), abs(by - ay)) or 1
+            yield code, ((bx - ax) / length, (by - ay) / length)
+
+
+@dataclass(frozen=True, slots=True)
+class Thing:
+    """An object in a cell, as a letter or two, and the way that it faces; without a word, the way of the agent there."""
+
+    word: str
+    cell: Cell
+    way: Way | None = None
+
+
+@dataclass
+class Board:
+    """Cells by column and row, of `columns` and `rows`, to be drawn; a board of many is drawn as a map of small cells."""
+
+    columns: range
+    rows: range
+    colors: Mapping[Cell, Color]
+    letters: Mapping[Cell, str]
+    agents: Mapping[Cell, float]
+    shades: Mapping[Cell, float] = field(default_factory=dict)
+    values: Mapping[Cell, float] = field(default_factory=dict)
+    moves: Sequence[tuple[Cell, Way]] = ()
+    things: Sequence[Thing] = ()
+    open: bool = False  # the world goes on beyond the frame
+    cell: float = CELL
+
+    def items(self) -> list[Item]:
+        return [*self._cells()] if self.is_whole else [*self._map()]
+
+    def notes(self) -> tuple[str, ...]:
+        """Return notes on how the board is drawn."""
+        if self.is_whole or not set(self.letters.values()) - {WALL}:
+            return ()
+        return ("Letters are too small to show.",)
+
+    @property
+    def is_whole(self) -> bool:
+        """True if every cell is drawn as large as usual; those of larger boards are as small as that needs."""
+        return max(len(self.columns), len(self.rows)) <= LARGEST
+
+    def _cells(self) -> Iterator[Item]:
+        at: dict[Cell, Cell] = {}
+        for y, row in enumerate(self.rows):
+            for x, column in enumerate(self.columns):
+                cell = (column, row)
+                yield from self._cell(x, y, cell)
+                at[cell] = (x, y)
+        if not self.open:
+            yield Box((0, 0), len(self.columns) * self.cell, len(self.rows) * self.cell, None, "ink")
+        yield from self._contents(at)
+
+    def _cell(self, x: int, y: int, cell: Cell) -> Iterator[Item]:
+        plain: Color = "muted" if self.letters.get(cell) == WALL else "paper"
+        box = Box((x * self.cell, y * self.cell), self.cell, self.cell, self.colors.get(cell, plain), "faint")
+        yield box
+        if cell in self.shades:
+            yield replace(box, fill="accent", shade=self.shades[cell])
+        written = cell in self.values or cell in self.letters or cell in self.agents
+        ways = {(round(way[0]), round(way[1])) for at, way in self.moves if at == cell}
+        free = next((corner for corner in ((1, -1), (-1, -1), (-1, 1), (1, 1)) if corner not in ways), (1, -1))
+        yield from marked(box, written, free)
+
+    def _contents(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:
+        middle = {cell: ((x + 0.5) * self.cell, (y + 0.5) * self.cell) for cell, (x, y) in at.items()}
+        yield from self._letters(middle)
+        for cell, way in self.moves:
+            if cell in middle:
+                first = 0.2 if cell not in self.values else min(max(0.2, self._leaves(cell, way)), 0.36)
+                yield Line(self._ray(middle[cell], way, first, 0.48), arrow=True, color="muted")
+        for cell in self.values:
+            if cell in middle:
+                yield Label(middle[cell], self._value(cell), VALUE)
+        for cell, weight in self.agents.items():
+            if cell in middle and cell not in self.values:
+                x, y = middle[cell]
+                yield Circle((x, y), self.cell * 0.27, "ink", None, _certainty(weight))
+                for side in (-1, 1):
+                    eye = (x + side * self.cell * 0.09, y - self.cell * 0.05)
+                    yield Circle(eye, self.cell * 0.045, "paper", None)
+        for i, thing in enumerate(self.things):
+            if thing.cell in middle:
+                taken = sum(x.cell == thing.cell for x in self.things[:i] if x.word)
+                taken += thing.cell in self.agents or thing.cell in self.values
+                yield from self._thing(thing, middle[thing.cell], taken)
+
+    def _letters(self, middle: Mapping[Cell, Point]) -> Iterator[Item]:
+        """Yield letters and thin walls where nothing else is written."""
+        for cell, text in self.letters.items():
+            if cell not in middle or cell in self.values or text == WALL:
+                continue
+            if text in FENCES:
+                width, height = (share * self.cell for share in FENCES[text])
+                x, y = middle[cell]
+                yield Box((x - width / 2, y - height / 2), width, height, "muted", None)
+            else:
+                yield Label(middle[cell], m.Words(text), LETTER, color="muted")
+
+    def _ray(self, at: Point, way: Way, near: float, far: float) -> tuple[Point, Point]:
+        """Return a line from one distance of the middle of a cell to another, in sides of the cell."""
+        x = self.cell * way[0]
+        y = self.cell * way[1]
+        return (at[0] + near * x, at[1] + near * y), (at[0] + far * x, at[1] + far * y)
+
+    def _thing(self, thing: Thing, at: Point, taken: int) -> Iterator[Item]:
+        """Yield a badge with a word, in a corner of an occupied cell; an arrow shows which way it faces."""
+        if thing.way is not None:
+            yield Line(self._ray(at, thing.way, 0.2, 0.49), arrow=True, width=0.05)
+        if not thing.word:
+            return
+        x, y = at
+        side = (0.62 if thing.cell not in self.colors else 0.48) * self.cell  # beside a sign
+        if taken:
+            out, small = BESIDE_VALUE if thing.cell in self.values else BADGE
+            dx, dy = CORNERS[(taken - 1) % len(CORNERS)]
+            x += out * dx * self.cell
+            y += out * dy * self.cell
+            side = small * self.cell
+        word = m.Words(thing.word)
+        yield Box((x - side / 2, y - side / 2), side, side, "second", "ink", round=0.15 * side)
+        yield Label((x, y), word, min(0.7 * side, 0.9 * side / (BROAD * text_width(word, 1.0))))
+
+    def _map(self) -> Iterator[Item]:
+        size = WIDEST / max(len(self.columns), len(self.rows))
+
+        def corner(cell: Cell) -> Point:
+            return (cell[0] - self.columns.start) * size, (cell[1] - self.rows.start) * size
+
+        fills: dict[Cell, Color] = {**dict.fromkeys(self.letters, "muted"), **self.colors}
+        yield from (Box(corner(cell), size, size, role, None) for cell, role in fills.items())
+        for cell, shade in self.shades.items():
+            yield Box(corner(cell), size, size, "accent", None, shade=shade)
+        for role in ROLES.values():
+            spots = [corner(cell) for cell in fills if fills[cell] == role]
+            if spots:
+                x, y = central(spots)
+                yield from sign(role, (x + size / 2, y + size / 2), SIGN)
+        if not self.open:
+            yield Box((0, 0), len(self.columns) * size, len(self.rows) * size, None, "ink")
+        for thing in self.things:
+            if thing.word and thing.cell[0] in self.columns and thing.cell[1] in self.rows:
+                x, y = corner(thing.cell)
+                yield Label((x + size / 2, y + size / 2), m.Words(thing.word), LETTER, halo=True)
+        for cell, weight in self.agents.items():
+            x, y = corner(cell)
+            yield Circle((x + size / 2, y + size / 2), max(size / 2, 0.1), "ink", None, _certainty(weight))
+
+    def _leaves(self, cell: Cell, way: Way) -> float:
+        """Return where an arrow leaves the number of a cell, in sides of the cell."""
+        room = (text_width(self._value(cell), VALUE) / 2 + 0.05, VALUE / 2 + 0.05)
+        return min(r / (self.cell * abs(d)) for r, d in zip(room, way, strict=True) if d)
+
+    def _value(self, cell: Cell) -> m.Math:
+        """Return a number of at most five letters, which have room in a cell, or six."""
+        value = self.values[cell]
+        text = ""
+        for form in (".3g", ".2g", ".1g") if abs(value) < 99.95 else (".0f", ".1e", ".0e"):
+            text = re.sub(r"e([+-]?)0*", lambda e: f"e{e[1].strip('+')}", f"{value:{form}}")
+            if len(text) <= 5:
+                break
+        return m.Num(text.replace("-", "−"))
+
+
+def central(points: Sequence[Point]) -> Point:
+    at = np.array(points)
+    x, y = at[np.abs(at - at.mean(axis=0)).sum(axis=1).argmin()].tolist()
+    return x, y
+
+
+def _certainty(weight: float) -> float:
+    """Return how dark an agent is: faint if it may start in several cells."""
+    return 1.0 if weight > 0.99 else 0.35

@@ -1,0 +1,269 @@
+"""A transition graph as a scene: states in columns by their distance from the start, with few crossings of arrows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from taskspec.base.display import plural
+from taskspec.language.printers import tree as m
+from taskspec.language.task.task import Task
+from taskspec.show.figures import shapes as sc
+from taskspec.show.figures.layout import DOTS, DX, DY, Arc, Drawing, Vertex, drawings, ordered, whole
+from taskspec.show.figures.machine import Machine, explore
+from taskspec.show.figures.overlays import Overlay
+from taskspec.show.figures.route import ARROW, STATE, Spot, along, at_loop, beside, loops, placed, routed, stubs, ways
+
+LOOPS_UP_TO = 6
+NAMED = 5  # as many actions on one arrow are all named
+MOST_ARROWS = 40
+MOST_CROSSINGS = 6  # more arrows or more crossings of them than these are too tangled to draw
+WIDEST = 20.0  # centimetres between vertices that are farthest apart: on a page wider graphs are too small to read
+STRETCH = 1.4  # of distances, where there is no room for labels at the usual ones
+RIM = 0.07
+BELOW_SIGN = 0.06  # how far the name of a state is moved down for the sign above it
+DRAWN = {"values": "V", "policy": "thick arrows", "occupancy": "shade, {0}"}  # how results are drawn
+
+
+def graph(task: Task, overlay: Overlay) -> sc.Scene | None:
+    """Draw the graph of a task's transitions; None if it has none that can be drawn and read."""
+    machine = explore(task)
+    if machine is None:
+        return None
+    if len(machine.states) > LOOPS_UP_TO and all(t.source == t.target for t in machine.transitions):
+        return None
+    plan = plan_of(machine, overlay)
+    if plan is None:
+        return None
+    return _scene(machine, plan, overlay)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The drawn items and their places: vertices, a line for each of `arcs`, and labels."""
+
+    drawing: Drawing
+    spots: Mapping[Vertex, Spot]
+    arcs: Sequence[Arc]
+    lines: Sequence[sc.Line]  # by arc
+    starts: Sequence[sc.Line]
+    told: Sequence[sc.Label | None]  # by arc
+    words: Mapping[Vertex, tuple[sc.Label, ...]]
+    cost: int  # how often arrows cross, and labels lie over arrows that are not their own
+    shows_loops: bool
+
+    @property
+    def width(self) -> float:
+        ends = [spot.at[0] for spot in self.spots.values()]
+        return max(ends) - min(ends)
+
+
+def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
+    """Return the best plan without a fault; None when all have faults, cross too often or are too large."""
+    best: Plan | None = None
+    is_frame = overlay.here is not None
+    for found in whole(machine) if is_frame else drawings(machine):
+        if found.elided and best is not None:
+            break
+        if len(found.arcs) > (2 * MOST_ARROWS if is_frame else MOST_ARROWS):
+            continue
+        vertices = [v for v in found.vertices if isinstance(v, int)]
+        request = _Request(
+            found,
+            machine.ending.intersection(vertices),
+            tuple(v for v in machine.start if v in vertices),
+            frozenset(v for v in vertices if machine.fills.get(v) == "good"),
+            not found.elided and len(machine.states) <= LOOPS_UP_TO,
+            tuple((v, sc.text_width(machine.labels[v], STATE)) for v in vertices),
+            tuple(_on_arrow(machine, arc) for arc in found.arcs),
+            tuple((v, word) for v in vertices for word in _at_state(machine, v, overlay)),
+        )
+        plan = _planned(request)
+        if plan is None or plan.cost:
+            roomy = _planned(replace(request, stretch=STRETCH))
+            plans = [p for p in (plan, roomy) if p is not None and (p.width <= WIDEST or is_frame)]
+            plan = min(plans, key=lambda p: p.cost, default=None)
+        if plan is None or (plan.width > WIDEST and not is_frame):
+            continue
+        if best is None or plan.cost < best.cost:
+            best = plan
+        if plan.cost == 0:
+            break
+    return best
+
+
+def _at_state(machine: Machine, v: int, overlay: Overlay) -> Iterator[m.Math]:
+    """Yield who starts in a state, its reward and its value, which are written beside it."""
+    if v in machine.starters:
+        yield m.Words(machine.starters[v])
+    reward = machine.rewards[1].get(v)
+    if reward:
+        yield sc.equal("r", reward)
+    if v in overlay.values:
+        yield sc.equal("V", overlay.values[v])
+
+
+def _on_arrow(machine: Machine, arc: Arc) -> m.Math | None:
+    """Return action and probability of an arrow, and its reward where states do not decide it."""
+    parts: list[m.Math] = []
+    if arc.rewards and machine.rewards[0] == "arrow" and len(arc.actions) <= NAMED:
+        each = zip(arc.actions, arc.rewards, strict=True)
+        return m.joined((m.joined((machine.actions[a], sc.equal("r", reward))) for a, reward in each), ";")
+    if arc.probability is not None:
+        parts.append(sc.chance(arc.probability))
+    elif len(arc.actions) < machine.n_actions:
+        names = [machine.actions[a] for a in arc.actions]
+        parts += names if len(names) <= NAMED else [names[0], m.Sym("…"), names[-1]]
+    if machine.rewards[0] == "arrow" and arc.reward:
+        parts.append(sc.equal("r", arc.reward))
+    if parts:
+        return m.joined(parts)
+    return None
+
+
+@dataclass(frozen=True)
+class _Request:
+    """The input of a layout: a key, so that the frames of an episode are laid out once."""
+
+    drawing: Drawing
+    ending: frozenset[Vertex]
+    start: tuple[Vertex, ...]
+    good: frozenset[int]
+    shows_loops: bool
+    widths: tuple[tuple[Vertex, float], ...]
+    texts: tuple[m.Math | None, ...]  # by arc
+    words: tuple[tuple[Vertex, m.Math], ...]
+    stretch: float = 1.0
+
+
+@lru_cache(maxsize=16)
+def _planned(request: _Request) -> Plan | None:
+    """Return the plan of a request, unless it has faults or crosses too often."""
+    request = replace(request, drawing=ordered(request.drawing))
+    spots = _spots(request)
+    rank = {v: i for i, v in enumerate(spots)}
+    arcs: list[Arc] = []
+    texts: list[m.Math | None] = []
+    for arc, text in zip(request.drawing.arcs, request.texts, strict=True):
+        if arc.source != arc.target or request.shows_loops:
+            arcs.append(arc)
+            texts.append(text)
+    pairs = {(arc.source, arc.target) for arc in arcs}
+    options = []
+    for arc in arcs:
+        a = spots[arc.source]
+        b = spots[arc.target]
+        if arc.source == arc.target:
+            options.append(loops(a))
+            continue
+        both = (arc.target, arc.source) in pairs
+        options.append(ways(a, b, both, not _is_chance(arc.target)))
+    options += [stubs(spots[v]) for v in request.start]
+    ends = [(rank[arc.source], rank[arc.target]) for arc in arcs] + [(rank[v], rank[v]) for v in request.start]
+    lines, crossings, faults = routed(options, ends, list(spots.values()))
+    if crossings > MOST_CROSSINGS or faults:
+        return None
+    labels: list[list[sc.Label]] = []
+    own = [i for i, text in enumerate(texts) if text is not None]
+    for i in own:
+        arc = arcs[i]
+        is_loop = arc.source == arc.target
+        text = texts[i] or m.Row(())
+        labels.append(at_loop(lines[i], text, spots[arc.source]) if is_loop else along(lines[i], text))
+    looped = {arc.source for arc in arcs if arc.source == arc.target}
+    rows: dict[Vertex, int] = {}
+    for v, word in request.words:
+        rows[v] = rows.get(v, -1) + 1
+        labels.append(beside(spots[v], word, rows[v], v in looped))
+    chosen, overlaps, covered = placed(labels, own, lines, list(spots.values()))
+    if overlaps:
+        return None
+    told = dict(zip(own, chosen, strict=False))
+    words: dict[Vertex, tuple[sc.Label, ...]] = {}
+    for (v, _), label in zip(request.words, chosen[len(own) :], strict=True):
+        words[v] = (*words.get(v, ()), label)
+    count = len(arcs)
+    return Plan(
+        request.drawing, spots, arcs, lines[:count], lines[count:], list(map(told.get, range(count))), words,
+        crossings + covered, request.shows_loops,
+    )  # fmt: skip
+
+
+def _spots(request: _Request) -> dict[Vertex, Spot]:
+    """Return vertices in columns far enough apart for the longest label of an arrow and the widest vertices.
+
+    They are on one line if one vertex of each column leads on.
+    """
+    drawing = request.drawing
+    widths = dict(request.widths)
+    sizes = {}
+    for v in drawing.vertices:
+        sizes[v] = (0.26, 0.26)
+        if _is_chance(v):
+            sizes[v] = (0.12, 0.12)
+        elif isinstance(v, int):
+            sizes[v] = (max(sc.RADIUS, widths[v] / 2 + 0.1), sc.RADIUS)
+    arcs = zip(drawing.arcs, request.texts, strict=True)
+    longest = max((sc.text_width(t, ARROW) for a, t in arcs if a.source != a.target and t), default=0.0)
+    step = max(DX, longest + 2 * max(half for half, _ in sizes.values()) + 0.35) * request.stretch
+    on = {a.source for a in drawing.arcs if a.source != a.target}
+    mains = [[v for v in layer if v in on or (v in request.good and v == layer[-1])] for layer in drawing.layers]
+    straight = all(len(main) <= 1 for main in mains)
+    found = {}
+    for i, layer in enumerate(drawing.layers):
+        heights = {v: request.stretch * DY * (k - (len(layer) - 1) / 2) for k, v in enumerate(layer)}
+        shift = heights[mains[i][0]] if straight and mains[i] else 0.0
+        for v in layer:
+            half, radius = sizes[v]
+            rim = RIM if v in request.ending else 0.0
+            at: sc.Point = (step * i, heights[v] - shift)
+            found[v] = Spot(at, half, radius, rim, i == len(drawing.layers) - 1)
+    return found
+
+
+def _is_chance(v: Vertex) -> bool:
+    return isinstance(v, tuple) and v[0] == "chance"
+
+
+def _scene(machine: Machine, plan: Plan, overlay: Overlay) -> sc.Scene:
+    items: list[sc.Item] = []
+    for arc, line, label in zip(plan.arcs, plan.lines, plan.told, strict=True):
+        chosen = isinstance(arc.source, int) and any(overlay.chosen(arc.source, a) for a in arc.actions)
+        items.append(replace(line, width=0.065) if chosen else line)
+        if label is not None:
+            items.append(label)
+    items += plan.starts
+    present = machine.code_of(overlay)
+    for v, spot in plan.spots.items():
+        if present is not None:  # room for it around each of them, so that all frames have one size
+            items.append(sc.Circle(spot.at, spot.half + 0.16, "accent" if v == present else None, None))
+        items += _vertex(v, spot, plan, machine, overlay)
+    shown = [v for v in plan.spots if isinstance(v, int)]
+    notes = (*machine.notes(plan.shows_loops), *machine.unmarked(shown))
+    if plan.drawing.elided and (overlay.values or overlay.policy or overlay.occupancy):
+        notes += ("Results of the states left out are not shown.",)
+    elided = ", elided" * plan.drawing.elided
+    size = f"{plural(len(machine.states), 'state')}{elided}, {plural(machine.n_actions, 'action')}"
+    focus = None if present is None else plan.spots[present].at
+    return sc.fitted(items, f"Transition graph of {machine.task.name}: {size}", notes, focus=focus, drawn=DRAWN)
+
+
+def _vertex(v: Vertex, spot: Spot, plan: Plan, machine: Machine, overlay: Overlay) -> Iterator[sc.Item]:
+    x, y = spot.at
+    if isinstance(v, tuple) and v[0] == DOTS:
+        yield sc.Label((x, y), m.Sym("…") if v[1] == 2 else m.Words("⋮"), 0.42)
+    elif isinstance(v, int):
+        if spot.rim:
+            yield sc.shape(x, y, spot.half + RIM, sc.RADIUS + RIM, "paper")
+        body = replace(sc.shape(x, y, spot.half, sc.RADIUS, machine.fills.get(v, "paper")), state=v)
+        yield body
+        if v in overlay.occupancy:
+            yield sc.shape(x, y, spot.half, sc.RADIUS, "accent", min(1.0, overlay.occupancy[v]))
+        signs = [*sc.marked(body)]
+        yield from signs
+        below = BELOW_SIGN if signs else 0.0
+        yield sc.Label((x, y + below), machine.labels[v], STATE)
+        yield from plan.words.get(v, ())
+    else:
+        yield sc.Box((x - 0.1, y - 0.1), 0.2, 0.2, "paper")

@@ -1,0 +1,265 @@
+"""The part of a transition graph that is drawn, and the order of vertices in their columns."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from taskspec.show.figures.machine import Machine, Transition
+
+Vertex = Hashable
+DOTS = "dots"
+LONG = 5
+WIDE = 6
+MANY = 16
+WHOLE = 60
+WHOLE_LONG = 16
+WHOLE_WIDE = 10
+"""As many states, layers, and states of a layer as a frame of an episode has room for, which leaves none out."""
+BACK = 3
+"""Layers that arrows may lead back among those left out; where they lead further, these are no family that dots stand for."""
+FIRSTS = 2  # so many states of several in which episodes start are tried as the first column
+
+
+@dataclass(frozen=True, slots=True)
+class Arc:
+    """An arrow of the drawing. A chance vertex stands between actions and their outcomes.
+
+    `actions` are merged; where they do not pay the same, `rewards` has what each of them pays.
+    """
+
+    source: Vertex
+    target: Vertex
+    actions: tuple[int, ...] = ()
+    probability: float | None = None
+    reward: float | None = None
+    rewards: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Vertices by layer (distance from the start) and the arrows between them.
+
+    A vertex is the code of a state, `("chance", state, action)`, `("dots", 2)` for layers left out, or
+    `("dots", "column", vertex)` for vertices of one layer.
+    """
+
+    layers: tuple[tuple[Vertex, ...], ...]
+    arcs: tuple[Arc, ...]
+    elided: bool = False
+
+    @property
+    def vertices(self) -> list[Vertex]:
+        return [v for layer in self.layers for v in layer]
+
+
+def drawings(machine: Machine) -> Iterator[Drawing]:
+    """Yield what can be drawn of a machine, the usual first; nothing if even its outline is too large.
+
+    The first column holds all states in which episodes start, or one of them from which the others are reached, which
+    comes first where several roles start apart.
+    """
+    arcs = _arcs(machine)
+    usual = _layers(machine.start, arcs)
+    choices = [usual]
+    if len(machine.start) > 1:
+        ones = [_layers([v], arcs) for v in list(machine.start)[:FIRSTS]]
+        choices = [*ones, usual] if machine.starters else [usual, *ones]
+    for layers in choices:
+        drawing = _drawing(layers, arcs)
+        if _is_small(layers) and set(machine.start) <= set(drawing.vertices):
+            yield drawing
+    if not _is_small(usual):
+        outline = _elided(usual, arcs)
+        if outline is not None:
+            yield outline
+
+
+def whole(machine: Machine) -> Iterator[Drawing]:
+    """Yield all states, where a frame has room for them."""
+    arcs = _arcs(machine)
+    layers = _layers(machine.start, arcs)
+    if len(machine.states) <= WHOLE and len(layers) <= WHOLE_LONG and max(map(len, layers)) <= WHOLE_WIDE:
+        yield _drawing(layers, arcs)
+
+
+def _drawing(layers: list[list[Vertex]], arcs: list[Arc], elided: bool = False) -> Drawing:
+    return Drawing(tuple(map(tuple, layers)), tuple(arcs), elided)
+
+
+def _is_small(layers: list[list[Vertex]]) -> bool:
+    return sum(map(len, layers)) <= MANY and max(map(len, layers)) <= WIDE
+
+
+def _arcs(machine: Machine) -> list[Arc]:
+    """Return arrows, those of several actions with one outcome merged, by source and action."""
+    outcomes: dict[tuple[int, int], list[Transition]] = {}
+    for t in machine.transitions:
+        outcomes.setdefault((t.source, t.action), []).append(t)
+    direct: dict[tuple[int, int], list[Transition]] = {}
+    alike: dict[tuple[int, tuple[tuple[int, float, float | None], ...]], dict[int, float | None]] = {}
+    for (source, action), found in outcomes.items():
+        if len(found) == 1:
+            direct.setdefault((source, found[0].target), []).append(found[0])
+        else:
+            rewards = {t.reward for t in found}
+            paid = found[0].reward if len(rewards) == 1 else None  # by the action, whatever its outcome is
+            drawn = tuple((t.target, t.probability, t.reward if paid is None else None) for t in found)
+            alike.setdefault((source, drawn), {})[action] = paid
+    arcs: list[tuple[int, Arc]] = []  # with the state that they come from
+    for (source, drawn), paid_by in alike.items():
+        chance = ("chance", source, next(iter(paid_by)))
+        arcs.append((source, _merged(source, chance, paid_by)))
+        arcs += [(source, Arc(chance, target, (), probability, reward)) for target, probability, reward in drawn]
+    for (source, target), found in direct.items():
+        arcs.append((source, _merged(source, target, {t.action: t.reward for t in found})))
+    order = {v: i for i, v in enumerate(machine.states)}
+    arcs.sort(key=lambda found: (order.get(found[0], 0), found[1].actions[:1] or (-1,)))
+    return [arc for _, arc in arcs]
+
+
+def _merged(source: Vertex, target: Vertex, paid_by: Mapping[int, float | None]) -> Arc:
+    """Return the arrow of several actions, by which rewards are paid."""
+    rewards = tuple(paid_by.values())
+    if len(set(rewards)) == 1:
+        return Arc(source, target, tuple(paid_by), None, rewards[0])
+    return Arc(source, target, tuple(paid_by), rewards=tuple(r for r in rewards if r is not None))
+
+
+def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:
+    """Return vertices by their distance from the start, in the order in which they are found."""
+    outgoing: dict[Vertex, list[Vertex]] = {}
+    for arc in arcs:
+        outgoing.setdefault(arc.source, []).append(arc.target)
+    new = list(start)
+    layers: list[list[Vertex]] = []
+    seen: set[Vertex] = set()
+    while new:
+        layers.append(new)
+        seen |= set(new)
+        new = list(dict.fromkeys(t for v in new for t in outgoing.get(v, ()) if t not in seen))
+    return layers
+
+
+def _elided(layers: list[list[Vertex]], arcs: list[Arc]) -> Drawing | None:
+    """Return the first and the last two layers, each cut to a few vertices, with dots for the rest."""
+    on = {a.source for a in arcs if a.target != a.source}  # what leads on
+    if len(layers) <= LONG:
+        return _cut([_narrow(layer, on) for layer in layers], arcs)
+    first, second, third, *_, last = layers
+    dots = (DOTS, 2)
+    to_last = {a.source for a in arcs if a.target in last}
+    before = [v for v in layers[-2] if v in to_last]
+    if len(before) > WIDE or not before or len(second) > 3 * WIDE:
+        return None
+    middle = [v for v in third if v not in on]
+    kept = [
+        _narrow(first, on),
+        _narrow(second, on),
+        _narrow([*middle, dots], {dots}),
+        _narrow(before, on),
+        _narrow(last, on),
+    ]
+    shown = {v for layer in (*kept, middle, before) for v in layer}  # or stood for by the dots of a column
+    gone = {v: i for i, layer in enumerate(layers[2:-1]) for v in layer if v not in shown}
+    if any(a.source in gone and a.target in gone and gone[a.target] < gone[a.source] - BACK for a in arcs):
+        return None
+    links = [Arc(a.source, dots) for a in arcs if a.source in shown and a.target in gone]
+    links += [Arc(dots, a.target) for a in arcs if a.source in gone and a.target in shown]
+    return _cut(kept, arcs, list(dict.fromkeys(links)))
+
+
+def _narrow(layer: list[Vertex], on: Collection[Vertex]) -> list[Vertex]:
+    """Return a layer of a few vertices: those that lead on, and the first and the last of the others."""
+    main = [v for v in layer if v in on][:2]
+    others = [v for v in layer if v not in main]
+    if len(layer) <= WIDE - 1 or len(others) <= 2:
+        return layer
+    return [others[0], (DOTS, "column", layer[0]), others[-1], *main]
+
+
+def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: Iterable[Arc] = ()) -> Drawing | None:
+    shown = {v for layer in kept for v in layer}
+    leaving = [a for a in arcs if a.source in shown and a.source != a.target]
+    inside = [*(a for a in leaving if a.target in shown), *links]
+    if {a.source for a in leaving} <= {a.source for a in inside}:
+        return _drawing(kept, inside, elided=True)
+    return None
+
+
+# Exchanges within a column while they help. Arrows count as straight.
+
+DX = 1.55
+DY = 1.05
+TRIALS = 1500
+CLOSE = 0.4  # an arrow nearer to the centre of a vertex than this passes over it
+Layers = tuple[tuple[Vertex, ...], ...]
+
+
+def ordered(drawing: Drawing) -> Drawing:
+    """Return the drawing with vertices of its columns exchanged as long as that is better, for a number of trials."""
+    cost = _Cost(drawing)
+    least = cost(drawing.layers)
+    if least < 1.0:
+        return drawing
+    layers = drawing.layers
+    trials = 0
+    better = True
+    while better:
+        better = False
+        for i, layer in enumerate(layers):
+            if any(
+                isinstance(v, tuple) and v[0] == DOTS for v in layer
+            ):  # they replace vertices between their neighbours
+                continue
+            for j in range(len(layer)):
+                for k in range(j + 1, len(layer)):
+                    trials += 1
+                    if trials > TRIALS:
+                        return replace(drawing, layers=layers)
+                    changed = list(layers[i])
+                    changed[j], changed[k] = changed[k], changed[j]
+                    trial = (*layers[:i], tuple(changed), *layers[i + 1 :])
+                    found = cost(trial)
+                    if found < least - 1e-9:
+                        layers = trial
+                        least = found
+                        better = True
+    return replace(drawing, layers=layers)
+
+
+class _Cost:
+    """Crossings, twice the vertices that arrows pass over, and a little for length."""
+
+    def __init__(self, drawing: Drawing) -> None:
+        self.rank = {v: i for i, v in enumerate(drawing.vertices)}
+        pairs = {tuple(sorted((self.rank[a.source], self.rank[a.target]))) for a in drawing.arcs}
+        self.ends = np.array(sorted(p for p in pairs if p[0] != p[1]), dtype=np.int64).reshape(-1, 2)
+        a = self.ends[:, None, :, None]
+        b = self.ends[None, :, None, :]
+        self.apart = np.triu(~(a == b).any((2, 3)))  # pairs of arrows without a common end
+        self.own = (np.arange(len(self.rank))[None, :, None] == self.ends[:, None, :]).any(2)
+
+    def __call__(self, layers: Layers) -> float:
+        at = np.empty((len(self.rank), 2))
+        for i, layer in enumerate(layers):
+            for k, v in enumerate(layer):
+                at[self.rank[v]] = DX * i, DY * (k - (len(layer) - 1) / 2)
+        a = at[self.ends[:, 0]]
+        b = at[self.ends[:, 1]]
+        d = b - a
+
+        def side(p: np.ndarray) -> np.ndarray:
+            """Return on which side of each arrow (rows) points (columns) lie."""
+            cross = d[:, None, 0] * (p[:, 1] - a[:, None, 1]) - d[:, None, 1] * (p[:, 0] - a[:, None, 0])
+            return np.sign(np.round(cross, 9))
+
+        opposite = side(a) * side(b) < 0
+        length = np.hypot(d[:, 0], d[:, 1])
+        to = at[None] - a[:, None]
+        t = np.clip((to * d[:, None]).sum(2) / length[:, None] ** 2, 0, 1)
+        off = to - t[..., None] * d[:, None]
+        over = (np.hypot(off[..., 0], off[..., 1]) < CLOSE) & ~self.own
+        return float((opposite & opposite.T & self.apart).sum() + 2 * over.sum() + length.sum() / 1000)

@@ -1,0 +1,242 @@
+"""Planes of two numbers: a curve with a trajectory beside it, a phase portrait with its flow, and the links of an arm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import starmap
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.display import plural
+from taskspec.exact.model.space import Space
+from taskspec.language.expressions import batch, interval
+from taskspec.language.expressions.ir import Apply, Node, Read, draws, walk
+from taskspec.language.expressions.ir import Role as Reading
+from taskspec.language.printers import tree as m
+from taskspec.language.printers.names import of_task
+from taskspec.language.task.parts import are_finite, by_name
+from taskspec.language.task.task import Task
+from taskspec.show.figures.board import central
+from taskspec.show.figures.chart import Axes, Scale, arrow_axes
+from taskspec.show.figures.overlays import Overlay
+from taskspec.show.figures.shapes import ROLES, Box, Circle, Item, Line, Point, Scene, fitted, sign
+from taskspec.show.figures.states import Reads, at_state, at_states, expert_path, figure_of, first_state, reads_of
+
+WIDTH = 5.0
+HEIGHT = 3.0  # of the plane of a curve or a phase portrait, in centimetres
+SAMPLES = 60
+SEED = 8
+MOST_DOTS = 40
+ACROSS = 11
+DOWN = 7  # arrows of a flow
+WIDE = 100
+HIGH = 60
+SEAM = 0.01
+SIGN = 0.26
+"""Into how many parts the plane is cut to shade it, how far strips overlap, and the size of signs, in centimetres."""
+LINK = 1.2
+REACH = 6.0  # length of a link, and how far an arm may reach at most, in centimetres
+MOST_LINKS = 30
+
+
+def turn(task: Task, node: Node) -> float:
+    """Return the largest step of a number that is drawn as a line: half the range of a component that a remainder keeps in it."""
+    if isinstance(node, Read) and node.role is Reading.STATE:
+        later = by_name(task.state, task.process.next)[node.name]
+        if any(isinstance(x, Apply) and x.op == "mod" for x in walk([later])):
+            low, high = interval.bounds(later, {})
+            if math.isfinite(high - low):
+                return (high - low) / 2
+    return math.inf
+
+
+def runs(points: Sequence[Sequence[float]], turns: Sequence[float]) -> Iterator[slice]:
+    """Yield stretches of two points or more of a path, each without a step of a coordinate that is more than its turn."""
+    breaks = [0]
+    for i in range(1, len(points)):
+        if any(abs(b - a) > most for a, b, most in zip(points[i - 1], points[i], turns, strict=True)):
+            breaks.append(i)
+    for first, last in zip(breaks, [*breaks[1:], len(points)], strict=True):
+        if last - first > 1:
+            yield slice(first, last)
+
+
+def curve(task: Task, overlay: Overlay) -> Scene | None:
+    """Draw the curve of the figure section over its first coordinate, and an episode of the expert."""
+    figure = figure_of(task)
+    if figure.curve is None or len(figure.at) != 2:
+        return None
+    place, level = figure.at
+    if not isinstance(place, Read):
+        return None
+    along = expert_path(task, 20 if task.horizon is None else 100, SEED)
+    shown = along if overlay.here is None else [dict(overlay.here)]
+    path = [_place(task, figure.at, state) for state in along]
+    dots = [_place(task, figure.at, state) for state in shown]
+    places = [x for x, _ in (*path, *dots)]
+    low = min(places)
+    high = max(places)
+    if high - low < 1e-9:
+        xs = np.linspace(low - 0.5, high + 0.5, SAMPLES)
+    else:
+        xs = np.linspace(low - 0.1 * (high - low), high + 0.15 * (high - low), SAMPLES)
+    reads = {key: np.repeat(v, SAMPLES, axis=-1) for key, v in reads_of(task, shown[0]).items()}
+    ys = at_states(task, figure.curve, reads | {(Reading.STATE, place.name): xs}, SAMPLES)
+    line = list(zip(xs.tolist(), ys.tolist(), strict=True))
+    heights = [y for _, y in (*line, *path, *dots)]
+    plot = Axes(0.0, 0.0, WIDTH, HEIGHT, Scale(float(xs[0]), float(xs[-1])), Scale(min(heights), max(heights)))
+    names = of_task(task)
+    symbols: list[m.Math] = [names.symbol(place.name), m.Ident("y")]
+    if isinstance(level, Read):
+        symbols[1] = names.symbol(level.name)
+    items: list[Item] = [*arrow_axes(plot, symbols)]
+    items.append(Line(tuple(starmap(plot.at, line)), color="accent", width=0.07))
+    for run in runs(dots, [turn(task, node) for node in figure.at]):
+        items.append(Line(tuple(starmap(plot.at, dots[run])), color="second", width=0.03))
+    every = -(-len(dots) // MOST_DOTS)
+    items += [Circle(plot.at(*p), 0.05, "ink", None) for p in dots[::every]]
+    notes: tuple[str, ...] = ()
+    if len(dots) > 1:
+        items.append(Circle(plot.at(*dots[0]), 0.1, None, "ink"))
+        notes = ("Dots: an episode of the expert, from the ringed one on.",)
+    return fitted(items, f"Curve of {task.name}, with the places of an episode marked on it", notes)
+
+
+def _place(task: Task, at: Sequence[Node], state: dict[str, Any]) -> Point:
+    x, y = (float(at_state(task, node, state)) for node in at)
+    return x, y
+
+
+def portrait(task: Task, overlay: Overlay) -> Scene | None:
+    """Draw the plane of two components of the state: where a step leads from everywhere, and an episode of the expert.
+
+    What is highlighted is shaded, everything but the two components being as in the first state.
+    """
+    at = figure_of(task).at
+    known = {c.name: c for c in task.state}
+    pair = [known[node.name] for node in at if isinstance(node, Read) and not node.type.shape]
+    if len(pair) != 2 or len(at) != 2 or draws(task.process.next):
+        return None
+    ends = [(float(min(c.low)), float(max(c.high))) for c in pair]
+    path = expert_path(task) if overlay.here is None else [dict(overlay.here)]
+    places = np.array([[float(state[c.name]) for c in pair] for state in path])
+    if not (np.isfinite(places).all() and all(math.isfinite(high - low) for low, high in ends)):
+        return None
+    plot = Axes(0.0, 0.0, WIDTH, HEIGHT, Scale(*ends[0]), Scale(*ends[1]))
+    plane = _Plane(task, [c.name for c in pair], plot, path[0])
+    dots = list(starmap(plot.at, np.clip(places, *np.transpose(ends)).tolist()))
+    names = of_task(task)
+    items: list[Item] = [*plane.shades(), *arrow_axes(plot, [names.symbol(c.name) for c in pair]), *plane.flow()]
+    for run in runs(places.tolist(), [turn(task, node) for node in at]):
+        items.append(Line(tuple(dots[run]), color="accent", width=0.05))
+    items.append(Circle(dots[0], 0.09, "ink", None))
+    action = "the middle action"
+    if len(task.action) == 1 and task.action[0].domain is not None:
+        labels = task.action[0].domain.labels
+        action = f"the action {labels[len(labels) // 2]}"
+    notes: tuple[str, ...] = (
+        f"Arrows: where a step leads with {action}, drawn longer than it is. Dot: a first state.",
+    )
+    if len(dots) > 1:
+        notes += ("Line: an episode of the expert.",)
+    return fitted(items, f"Phase portrait of {task.name}", notes)
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """The plane of two components, whose names are `pair`; everything else is as in `state`."""
+
+    task: Task
+    pair: Sequence[str]
+    plot: Axes
+    state: dict[str, Any]
+
+    def grid(self, columns: int, rows: int, edge: float = 1.0) -> tuple[Array, Reads]:
+        """Return points (rows * columns, 2) with a margin of `edge` times their distance, row by row, and states there."""
+        shares = [np.arange(edge, n + edge) / (n - 1 + 2 * edge) for n in (columns, rows)]
+        x, y = (
+            axis.low + (axis.high - axis.low) * share
+            for axis, share in zip((self.plot.x, self.plot.y), shares, strict=True)
+        )
+        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        reads = {key: np.repeat(v, len(points), axis=-1) for key, v in reads_of(self.task, self.state).items()}
+        return points, reads | {(Reading.STATE, name): points[:, i] for i, name in enumerate(self.pair)}
+
+    def shades(self) -> Iterator[Item]:
+        """Yield where the conditions of the figure section hold: strips in their colours, and a sign in the middle of them."""
+        points, reads = self.grid(WIDE, HIGH, 0.5)
+        width = WIDTH / WIDE
+        height = HEIGHT / HIGH
+        for name, node in figure_of(self.task).highlight.items():
+            if name not in ROLES or node.type.shape:
+                continue
+            holds = at_states(self.task, node, reads, len(points)).astype(bool)
+            spots = list(starmap(self.plot.at, points[holds].tolist()))
+            rows: dict[float, list[float]] = {}
+            for x, y in spots:
+                rows.setdefault(y, []).append(x)
+            for y in sorted(rows):
+                row = np.sort(rows[y])
+                for run in np.split(row, np.flatnonzero(np.diff(row) > 1.5 * width) + 1):
+                    corner = (float(run[0]) - width / 2, y - height / 2)
+                    yield Box(corner, float(run[-1] - run[0]) + width, height + SEAM, ROLES[name], None)
+            if spots:
+                yield from sign(ROLES[name], central(spots), SIGN)
+
+    def flow(self) -> Iterator[Line]:
+        """Yield arrows for one step from points of the plane, the longest as long as there is room."""
+        points, reads = self.grid(ACROSS, DOWN)
+        reads |= _neutral(self.task) | {(Reading.TIME, "t"): np.zeros(1, dtype=np.int64)}
+        after = dict(zip((c.name for c in self.task.state), batch.evaluate(self.task.process.next, reads), strict=True))
+        targets = np.stack([np.broadcast_to(after[name], len(points)) for name in self.pair], axis=-1).astype(float)
+        led = np.isfinite(targets).all(1)
+        starts = list(starmap(self.plot.at, points[led].tolist()))
+        ends = starmap(self.plot.at, targets[led].tolist())
+        moves = [(bx - ax, by - ay) for (ax, ay), (bx, by) in zip(starts, ends, strict=True)]
+        longest = max((max(abs(dx) * ACROSS / WIDTH, abs(dy) * DOWN / HEIGHT) for dx, dy in moves), default=0.0) or 1.0
+        for (x, y), (dx, dy) in zip(starts, moves, strict=True):
+            if math.hypot(dx, dy) / longest > 0.03:
+                tip = (x + 0.9 * dx / longest, y + 0.9 * dy / longest)
+                yield Line(((x, y), tip), arrow=True, color="muted", width=0.02)
+
+
+def _neutral(task: Task) -> Reads:
+    if are_finite(task.action):
+        space = Space(task.action, Reading.ACTION)
+        return dict(space.decode(np.array([space.size // 2])))
+    found: Reads = {}
+    for c in task.action:
+        middle = (min(c.low) + max(c.high)) / 2
+        found[Reading.ACTION, c.name] = np.full((*c.type.shape, 1), middle if math.isfinite(middle) else 0.0)
+    return found
+
+
+def arm(task: Task, overlay: Overlay) -> Scene | None:
+    """Draw links in a chain, each at the angle (from hanging down) that `values` has for it, in a first state."""
+    node = figure_of(task).values
+    if node is None or len(node.type.shape) != 1 or not 1 <= node.type.size <= MOST_LINKS:
+        return None
+    state = overlay.here or first_state(task)
+    angles = at_state(task, node, state).tolist()
+    if not all(map(math.isfinite, angles)):
+        return None
+    link = min(LINK, REACH / len(angles))
+    points: list[Point] = [(0.0, 0.0)]
+    for angle in angles:
+        x, y = points[-1]
+        points.append((x + link * math.sin(angle), y + link * math.cos(angle)))
+    reach = link * len(angles)
+    joint = min(0.11, 0.3 * link)
+    items: list[Item] = [
+        Circle((0.0, 0.0), reach, None, "faint"),
+        Line(((0.0, 0.0), (0.0, reach)), color="faint", dash="dashed"),
+        Line(tuple(points), color="accent", width=1.45 * joint),
+        *(Circle(p, joint, "paper") for p in points[:-1]),
+        Circle(points[-1], joint, "ink"),
+    ]
+    notes = () if overlay.here is not None else ("A first state. The circle is how far the arm reaches.",)
+    return fitted(items, f"{task.name} as an arm of {plural(len(angles), 'link')}", notes)

@@ -1,0 +1,153 @@
+"""Scenes as pixels and PDF, through matplotlib, which brings its own fonts."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any, assert_never
+
+import numpy as np
+
+from taskspec.base.extras import need
+from taskspec.base.files import write_bytes
+from taskspec.language.printers import tree as m
+from taskspec.language.printers.text import plain
+from taskspec.show.figures.shapes import Area, Box, Circle, Dash, Label, Line, Scene, head, hex_color, shaft
+
+INCH = 2.54
+FONTS = ["DejaVu Serif", "DejaVu Sans"]  # both come with matplotlib; the second has the signs that the first lacks
+DPI = 200
+_DASHES: dict[Dash, Any] = {
+    "solid": "solid", "dashed": (0, (3, 2)), "dotted": (0, (1, 2)), "dashdot": (0, (5, 2, 1, 2)),
+}  # fmt: skip
+TITLE = 0.2
+LINE = 0.4  # room for words above a frame and for each line of them, in centimetres
+LEAST_SCALE = 0.6
+LARGEST_SCALE = 1.6
+OVERLAP = 2.5  # centimetres that are seen on two pages, where a frame has no room for all
+
+
+def save(scene: Scene, path: Path, kind: str) -> None:
+    """Write a PNG or PDF file; the same scene gives the same bytes."""
+    metadata: dict[str, Any] = {"CreationDate": None} if kind == "pdf" else {"Software": None}
+    picture = BytesIO()
+    with _quiet():
+        _figure(scene).savefig(picture, format=kind, dpi=DPI, metadata=metadata)
+    write_bytes(path, picture.getvalue())
+
+
+def _figure(scene: Scene) -> Any:
+    figure, axes = _canvas(scene.width, scene.height)
+    axes.set_xlim(0, scene.width)
+    axes.set_ylim(scene.height, 0)
+    _draw(axes, scene, 1.0)
+    return figure
+
+
+def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[Any, np.dtype[np.uint8]]:
+    """Return the picture as an array (height, width, 3) of uint8, as large as fits in the middle of `size` = (width, height).
+
+    If its words would be too small to read, the part of it is shown that holds its focus.
+    """
+    width, height = (n * INCH / DPI for n in size)
+    room = height - (TITLE + LINE * len(title.split("\n")) if title else 0.0)
+    scale = min(width / scene.width, room / scene.height, LARGEST_SCALE)
+    x, y = scene.focus or (0.0, 0.0)
+    if scene.focus is not None:
+        scale = max(scale, LEAST_SCALE)
+    figure, axes = _canvas(width, height)
+    left = _first(width / scale, scene.width, x)
+    top = _first(room / scale, scene.height, y) - (height - room) / scale
+    axes.set_xlim(left, left + width / scale)
+    axes.set_ylim(top + height / scale, top)
+    _draw(axes, scene, scale)
+    if title:
+        place = {"transform": axes.transAxes, "ha": "left", "va": "top"}
+        axes.text(0.02, 0.98, title, fontsize=9, family=FONTS, parse_math=False, **place)
+    with _quiet():
+        figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()
+
+
+def _first(room: float, size: float, focus: float) -> float:
+    """Return the start of the visible part of a length: all of it in the middle, or else the page with the focus."""
+    if size <= room + 1e-9:
+        return (size - room) / 2
+    step = room - OVERLAP
+    page = max(0.0, (focus - OVERLAP / 2) // step)
+    return min(page * step, size - room)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Hide warnings about letters that no font has; they are drawn as boxes."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
+        yield
+
+
+def _canvas(width: float, height: float) -> tuple[Any, Any]:
+    figure = need("matplotlib.figure", "figures").Figure(figsize=(width / INCH, height / INCH), dpi=DPI)
+    need("matplotlib.backends.backend_agg", "figures").FigureCanvasAgg(figure)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.axis("off")
+    return figure, axes
+
+
+def _draw(axes: Any, scene: Scene, scale: float) -> None:
+    fonts = FONTS if scene.font == "serif" else FONTS[1:]
+    patches = need("matplotlib.patches", "figures")
+    points = 72 / INCH * scale  # a centimetre in points
+    for order, item in enumerate(scene.items):
+        match item:
+            case Circle(centre=centre, radius=r):
+                axes.add_patch(patches.Circle(centre, r, zorder=order, **_paint(item)))
+            case Box(corner=(x, y), width=w, height=h, round=corner):
+                style = f"round,pad=0,rounding_size={corner}" if corner else "square,pad=0"
+                axes.add_patch(patches.FancyBboxPatch((x, y), w, h, boxstyle=style, zorder=order, **_paint(item)))
+            case Area(points=corners):
+                axes.add_patch(patches.Polygon(corners, zorder=order, **_paint(item)))
+            case Line():
+                codes = [1, 4, 4, 4] if item.curved else [1] + [2] * (len(item.points) - 1)
+                path = need("matplotlib.path", "figures").Path(shaft(item), codes)
+                color = hex_color(item.color)
+                axes.add_patch(patches.PathPatch(path, fill=False, edgecolor=color, zorder=order, alpha=item.shade,
+                                                 linewidth=item.width * points, linestyle=_DASHES[item.dash]))  # fmt: skip
+                if item.arrow:
+                    axes.add_patch(patches.Polygon(head(item), facecolor=color, edgecolor="none", zorder=order))
+            case Label(at=(x, y), anchor=anchor):
+                side = {"start": "left", "middle": "center", "end": "right"}[anchor]
+                halo = {"facecolor": hex_color("paper"), "edgecolor": "none", "pad": 0.6} if item.halo else None
+                axes.text(x, y, mathtext(item.text), fontsize=item.size * points * 0.95, ha=side, va="center_baseline",
+                          color=hex_color(item.color), zorder=order, family=fonts, math_fontfamily="cm", bbox=halo,
+                          rotation=item.angle, rotation_mode="anchor", weight="bold" if item.bold else "normal")  # fmt: skip
+            case _:
+                assert_never(item)
+
+
+def _paint(item: Circle | Box | Area) -> dict[str, Any]:
+    colors = need("matplotlib.colors", "figures")
+    face = "none" if item.fill is None else colors.to_rgba(hex_color(item.fill), item.shade)
+    edge = "none" if item.line is None else hex_color(item.line)
+    return {"facecolor": face, "edgecolor": edge, "linewidth": 0.9}
+
+
+def mathtext(tree: m.Math) -> str:
+    """Return a label in matplotlib's notation: letters and scripts as mathematics, the rest as text."""
+    match tree:
+        case m.Ident(text=text, style="italic") if text.isalpha():
+            return f"${text}$"
+        case m.Script(base=base, sub=sub, sup=None, primes=primes) if sub is not None:
+            return f"${_inside(base)}_{{{_inside(sub)}}}{chr(39) * primes}$"
+        case m.Row(items=items):
+            return "".join(map(mathtext, items))
+        case _:
+            return plain(tree).replace("$", r"\$")
+
+
+def _inside(tree: m.Math) -> str:
+    text = plain(tree)
+    return text if text.isalnum() else r"\mathrm{?}"

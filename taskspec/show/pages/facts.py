@@ -1,0 +1,187 @@
+"""Results of exact analysis or simulation as a page shows them: scores in a line or a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from taskspec.base.display import small_fraction
+from taskspec.exact import Model, Report, Results, Return, Verdict, pomdp_bounds, verdicts, wrong_examples
+from taskspec.exact.scores.returns import CLAIMS
+from taskspec.exact.solve.enclosure import Enclosure
+from taskspec.language.printers import tree as m
+from taskspec.language.registry import load
+from taskspec.language.task.task import Task, TaskLike
+from taskspec.show.pages.prose import CellTable, Formula, Inlines, Mark, Text
+
+Value = int | float | Fraction
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Results that a page shows beside the task itself; `verdicts` follow the order of the task's claims.
+
+    `unknown` names the returns that every task has, and that could not be worked out for this one.
+    """
+
+    scores: Mapping[str, Return] = field(default_factory=dict)
+    verdicts: Sequence[Mark] = ()
+    wrong_examples: frozenset[int] = frozenset()  # by number
+    unknown: Sequence[str] = ()
+    model: Model | None = field(default=None, compare=False, repr=False)  # from which the results are
+
+    @property
+    def states(self) -> int | None:
+        """The number of states that are reached."""
+        if self.model is None:
+            return None
+        return int(self.model.entered.sum())
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The task at other values of its parameters, which the page shows beside the symbols."""
+
+    title: str
+    task: Task
+    facts: Facts
+
+
+def gather(task: TaskLike | Report) -> Facts:
+    """Return scores and verdicts of a task; those of a report with claims are not worked out again.
+
+    Raises:
+        SpecError: (E705) without scipy.
+    """
+    if isinstance(task, Report):
+        return _facts(task.unlimited, task.verdicts, task.wrong_examples)
+    found = Results(load(task))
+    return _facts(found, verdicts(found.task, found), frozenset(i for i, _ in wrong_examples(found.task)))
+
+
+def _facts(found: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> Facts:
+    returns = {"optimal": found.optimal, "random": found.random, "worst": found.worst, "expert": found.expert}
+    shown: dict[str, Return] = {}
+    seen = pomdp_bounds(found)
+    for name, value in returns.items():
+        if value is None:
+            continue
+        if name == "optimal" and seen is not None:  # a task that hides its state
+            shown["optimal return, knowing the state"] = value
+            shown |= _bounds("best return with memory", seen.remembering)
+            shown |= _bounds("best return without memory", seen.memoryless)
+        else:
+            shown[f"{name} return"] = value
+    unknown = tuple(f"{name} return" for name in ("optimal", "worst") if returns[name] is None)
+    return Facts(shown, tuple(by_claim(found.task, said)), wrong, unknown, found.model)
+
+
+def _bounds(name: str, value: Enclosure | None) -> dict[str, Return]:
+    if value is None:
+        return {}
+    if value.error <= 1e-9 * abs(value.value):
+        return {name: Return(value.value)}
+    low, high = value.ends
+    return {f"{name}, at least": Return(low), f"{name}, at most": Return(high)}
+
+
+def by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterator[Mark]:
+    """Yield one verdict for each claim, which holds if it holds in all its cases."""
+    waiting = iter(decisions)
+    order = list(CLAIMS)
+    for claim in task.annotations.claims:
+        found = [next(waiting) for _ in claim.cases or ({},)]
+        worst = max(found, key=lambda verdict: order.index(verdict.status))
+        shown = CLAIMS[worst.status].shown.format(episodes=max(verdict.episodes for verdict in found))
+        yield Mark(None if worst.status == "undecided" else bool(worst.holds), shown)
+
+
+def title(facts: Facts) -> str:
+    if facts.scores and all(s.exact for s in facts.scores.values()):
+        return "Exact scores"
+    return "Scores"
+
+
+def lines(task: Task, facts: Facts) -> Iterator[Inlines]:
+    for name, value in _scores(task, facts):
+        yield (Text(f"{name} "), *value)
+
+
+MOST_COLUMNS = 4
+
+
+def table(settings: Sequence[Setting]) -> CellTable:
+    """Return a row for each score, a column for each setting of the parameters; the other way round for many settings."""
+    found = [dict(_scores(each.task, each.facts)) for each in settings]
+    names = list(dict.fromkeys(name for scores in found for name in scores))
+    titles = [each.title for each in settings] if len(settings) > 1 else [""]
+    if len(settings) > MOST_COLUMNS:
+        turned = zip(titles, found, strict=True)
+        lines = tuple(((Text(title),), *(scores.get(name, ()) for name in names)) for title, scores in turned)
+        return CellTable(("", *names), lines)
+    rows = tuple(((Text(name),), *(scores.get(name, ()) for scores in found)) for name in names)
+    return CellTable(("", *titles), rows)
+
+
+def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:
+    for name, score in facts.scores.items():
+        yield name, _score(score)
+    for name in facts.unknown:
+        yield name, (Text("unknown"),)
+    if facts.states is not None:
+        states = "reachable abstract states"
+        if task.spec.abstraction is None:
+            states = "reachable states"
+        yield states, (Formula(number(facts.states)),)
+
+
+def _score(score: Return) -> Inlines:
+    """Return a return, and how sure it is."""
+    if not score.episodes:
+        return (Formula(number(score.value)),)
+    if score.half == 0:
+        return (Formula(_estimate(score.value)), Text(f" (in all of {score.episodes:,} episodes)"))
+    value: m.Math = _estimate(score.value)
+    half = _estimate(score.half)
+    if 1e-9 < score.half < 1e15:  # to two digits of the interval
+        digits = max(0, 1 - math.floor(math.log10(score.half)))
+        value = m.Num(f"{abs(score.value):.{digits}f}")
+        if score.value < 0:
+            value = m.Row((m.Sym("−"), value))
+        half = m.Num(f"{score.half:.{digits}f}")
+    return (Formula(value), Text(" ± "), Formula(half), Text(f" (95 % CI, {score.episodes:,} episodes)"))
+
+
+def _estimate(value: Value) -> m.Math:
+    return number(round(float(value), 6))
+
+
+def number(value: Value) -> m.Math:
+    """Return a number for people: short decimals and small fractions exactly, anything else to six digits."""
+    size = value
+    if value < 0:
+        size = -value
+    if isinstance(size, float) and math.isfinite(size):
+        small = small_fraction(size, 999, 1e-13 * max(1.0, size))  # which it equals up to rounding
+        if small is not None:
+            size = small
+    sign = (m.Sym("−"),) if value < 0 and size else ()
+    if size == math.inf:
+        return m.row(*sign, m.Ident("∞"))
+    if isinstance(size, Fraction) and size.denominator < 1000 and 10**9 % size.denominator:  # no short decimal
+        whole, rest = divmod(size, 1)
+        frac = m.Frac(m.Num(str(rest.numerator)), m.Num(str(rest.denominator)))
+        if whole:
+            return m.row(*sign, m.Num(str(whole)), m.Sym("−" if sign else "+"), frac)
+        return m.row(*sign, frac)
+    digits = f"{float(size):.6g}"
+    if isinstance(size, int) or float(size) == round(float(size), 10):
+        digits = f"{float(size):.12g}"
+    mantissa, mark, exponent = digits.partition("e")
+    if not mark:
+        return m.row(*sign, m.Num(digits))
+    power = m.Num(str(int(exponent)).replace("-", "−"))
+    tree = m.Row((m.Num(mantissa), m.Sym("×"), m.Script(m.Num("10"), sup=power)))
+    return m.row(*sign, tree)

@@ -1,0 +1,208 @@
+"""Sections, prose and mathematics as HTML."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any, assert_never
+
+from markupsafe import Markup
+
+from taskspec.base.bibliography import Reference
+from taskspec.base.display import ON_PAGES, visible
+from taskspec.language.printers import tree as m
+from taskspec.language.printers.markup import mathml
+from taskspec.language.printers.text import plain
+from taskspec.show.pages import prose as p
+from taskspec.show.pages.render import html_environment
+from taskspec.show.pages.sections import Section, SectionLine
+
+BREAK_AFTER = 34.0  # letters of a formula that is longer than a line on small screens
+FITS = 24.0  # letters of a formula that small screens have room for
+SPLIT_AFTER = 44.0  # letters of a formula that is decided case by case, and wider than small screens
+_SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
+
+
+@dataclass(frozen=True)
+class HtmlWriter:
+    """Writes prose; sources that are known are cited by author and year.
+
+    `states` are codes of states by their symbols: lines of transitions from them are marked, so that a figure can point at them.
+    """
+
+    references: Mapping[str, Reference]
+    states: Mapping[str, int] = field(default_factory=dict)
+
+    def words(
+        self,
+        summary: p.Inlines,
+        description: Iterable[p.Block],
+        sections: Iterable[Section],
+        settings: Sequence[str] = (),
+    ) -> dict[str, Any]:
+        """Return what templates show of a page."""
+        return {
+            "summary": self.prose(summary),
+            "description": list(map(self.block, description)),
+            "sections": [self.section(s, settings) for s in sections],
+        }
+
+    def section(self, section: Section, settings: Sequence[str] = ()) -> dict[str, Any]:
+        lines = [self.line(line, settings) for line in section.lines]
+        lead, rest = section.laid_out(lines)
+        rows = []
+        if section.table:
+            rows = [list(map(self.prose, row)) for row in section.table.rows]
+        header = section.table.header if section.table else ()
+        return {"key": section.key, "title": section.title, "lead": lead, "lines": rest, "header": header, "rows": rows}
+
+    def line(self, line: SectionLine, settings: Sequence[str]) -> Markup:
+        """Return a line with the values that it has at each setting of the parameters; `settings` are their titles."""
+        out = self.prose(line.content)
+        if line.verbatim is not None:
+            out += Markup('<pre class="map">{}</pre>').format(line.verbatim)
+        for title, values in zip(settings, line.values, strict=False):
+            if values:
+                out += Markup('<span class="values">{}: {}</span>').format(title, self.prose(values))
+        state = self.states.get(origin_of(line.content))
+        if state is not None:
+            return Markup('<span data-of="{}">{}</span>').format(state, out)
+        return out
+
+    def prose(self, content: p.Inlines) -> Markup:
+        return Markup("").join(map(self.inline, content))
+
+    def inline(self, piece: p.Inline) -> Markup:
+        match piece:
+            case p.Text(text=text):
+                return Markup(escape(text))
+            case p.Formula(math=math, display=display):
+                return formula(math, display)
+            case p.CodeSpan(text=text):
+                return Markup("<code>{}</code>").format(text)
+            case p.Emph(inner=inner, strong=strong):
+                tag = "strong" if strong else "em"
+                return Markup(f"<{tag}>{{}}</{tag}>").format(self.prose(inner))
+            case p.Link(address=address, inner=inner):
+                return Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, self.prose(inner))
+            case p.Cite():
+                return self.cite(piece)
+            case p.Mark(holds=holds, text=text):
+                if holds is None:
+                    sign, kind = ("?", "open")
+                else:
+                    sign, kind = ("✓", "holds") if holds else ("✗", "fails")
+                return Markup('<span class="mark {}"><span aria-hidden="true">{}</span> {}</span>').format(
+                    kind, sign, text
+                )
+            case _:
+                assert_never(piece)
+
+    def cite(self, cite: p.Cite) -> Markup:
+        found = self.references.get(cite.key)
+        where = Markup(", {}").format(cite.where) if cite.where else Markup("")
+        if found is None:
+            return Markup("{}").format(cite.key) + where
+        title = Markup("{}").format(found.plain("title"))
+        address = found.plain("url")
+        if address and p.is_safe(address):
+            title = Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, title)
+        venue = f", {found.venue}" if found.venue else ""
+        head = Markup("{} ({}). ").format(found.authors, found.plain("year"))
+        return head + title + Markup("{}").format(venue) + where
+
+    def block(self, block: p.Block) -> Markup:
+        match block:
+            case p.Paragraph(content=content):
+                return Markup("<p>{}</p>").format(self.prose(content))
+            case p.Bullets(items=items, ordered=ordered):
+                tag = "ol" if ordered else "ul"
+                inner = Markup("").join(
+                    Markup("<li>{}</li>").format(Markup("").join(map(self.block, i))) for i in items
+                )
+                return Markup(f"<{tag}>{{}}</{tag}>").format(inner)
+            case _:
+                return Markup("<pre>{}</pre>").format(block.text)
+
+
+def article(
+    heading: str,
+    summary: p.Inlines,
+    description: Iterable[p.Block],
+    sections: Iterable[Section],
+    writer: HtmlWriter | None = None,
+) -> str:
+    """Return a page without style and figure, for notebooks and the studio; without references unless a writer knows some."""
+    words = (writer or HtmlWriter({})).words(summary, description, sections)
+    return visible(html_environment().get_template("article.html").render(heading=heading, **words), ON_PAGES)
+
+
+def formula(math: m.Math, display: bool = False) -> Markup:
+    """Return mathematics in a line; a long formula in pieces, so that the browser can break the line between them."""
+    if display:
+        return Markup(f'<span class="display">{mathml(math, block=True)}</span>')
+    match _flat(math):
+        case [*left, m.Cases(rows=rows)] if m.width(math) > SPLIT_AFTER:
+            cells = Markup("").join(Markup("<span>{}</span>").format(formula(part)) for row in rows for part in row)
+            before = formula(m.row(*left)) if left else ""
+            whole = '<span class="split" role="math" aria-label="{}">{}<span class="rows">{}</span></span>'
+            return Markup(whole).format(plain(math), before, cells)
+    pieces = _pieces(_flat(math)) if m.width(math) > BREAK_AFTER else [math]
+    if max(map(m.width, pieces)) > BREAK_AFTER:
+        pieces = _pieces(_flat(math, inside=True))
+    if len(pieces) == 1:
+        kind = "rigid" if m.width(math) > BREAK_AFTER else "formula"
+        return Markup(f'<span class="{kind}"{_letters(math)}>{mathml(math)}</span>')
+    infix = (
+        r"^(<math[^>]*><mrow><mo)>",
+        r'\1 form="infix">',
+    )  # a piece that starts with a sign keeps the space around it
+    written = []
+    for piece in pieces:
+        part = re.sub(*infix, mathml(piece))
+        letters = _letters(piece)
+        written.append(f"<span{letters}>{part}</span>" if letters else part)
+    inner = " ".join(written)
+    return Markup(
+        f'<span class="formula long" role="math" aria-label="{escape(plain(math), quote=True)}">{inner}</span>'
+    )
+
+
+def _letters(math: m.Math) -> str:
+    """Return how many letters wide mathematics is, where small screens need smaller letters for it."""
+    letters = m.width(math)
+    return f' style="--letters: {letters:.0f}"' if letters > FITS else ""
+
+
+def origin_of(content: p.Inlines) -> str:
+    """Return the symbol of the state that a line of transitions starts from; "" for other lines."""
+    match content:
+        case (p.Formula(math=m.Row(items=(origin, m.Arrow(), *_))), *_):
+            return plain(origin)
+        case _:
+            return ""
+
+
+def _pieces(items: Iterable[m.Math]) -> list[m.Math]:
+    """Return items in rows, each from a sign to the next one."""
+    out: list[list[m.Math]] = [[]]
+    for item in items:
+        if isinstance(item, m.Sym) and item.text in _SIGNS and item.text != "," and len(out[-1]) > 0:
+            out.append([])
+        out[-1].append(item)
+        if item == m.Sym(",") or (isinstance(item, m.Gap) and item.width == "wide"):
+            out.append([])
+    return [m.row(*items) for items in out if items]
+
+
+def _flat(math: m.Math, inside: bool = False) -> list[m.Math]:
+    """Return the items of rows in rows; with `inside` also those within brackets that are as high as a line."""
+    match math:
+        case m.Row(items=items):
+            return [x for item in items for x in _flat(item, inside)]
+        case m.Fence(left=left, body=body, right=right) if inside and not m.is_tall(body):
+            return [m.Sym(left), *_flat(body, inside), m.Sym(right)]
+        case _:
+            return [math]

@@ -1,0 +1,242 @@
+"""The page of a task as data, in full and in short."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Any
+
+from taskspec.base.display import visible
+from taskspec.base.extras import need
+from taskspec.base.files import safe_name
+from taskspec.language.registry import load
+from taskspec.language.task.task import Task, TaskLike
+from taskspec.show.pages import facts as scores
+from taskspec.show.pages import sections
+from taskspec.show.pages.equations import Writing
+from taskspec.show.pages.facts import Facts, Setting, gather
+from taskspec.show.pages.prose import Block, Cite, Inlines, Text, blocks, inlines
+from taskspec.show.pages.sections import Section, SectionLine
+
+# Everything is read off the task, so a page cannot say anything that the environment does not do. What exact analysis
+# found (scores, verdicts on claims) comes in as `Facts`; without them the page leaves it out.
+
+
+@dataclass(frozen=True)
+class Page:
+    """The printed form of one task, with the values of each setting beside the symbols."""
+
+    id: str
+    name: str
+    anchor: str
+    title: str
+    capability: str
+    summary: Inlines
+    description: tuple[Block, ...]
+    make: str
+    sections: tuple[Section, ...]
+    sources: tuple[Cite, ...]
+    source_text: str
+    source_name: str
+    task: Task
+    facts: Facts
+    settings: tuple[Setting, ...] = ()
+
+    def section(self, key: str) -> Section | None:
+        return next((s for s in self.sections if s.key == key), None)
+
+    def _repr_html_(self) -> str:
+        """Return the page for notebooks."""
+        hypertext = need("taskspec.show.pages.hypertext", "docs", "a page in a notebook")
+        found: str = hypertext.article(f"{self.name} {self.title}", self.summary, self.description, self.sections)
+        return found
+
+
+def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[str, Any]] = ()) -> Page:
+    """Return the page of a task.
+
+    Args:
+        task: what to print, symbolic in its parameters.
+        facts: scores and verdicts; none are shown without.
+        columns: parameter values to show beside the symbols, each on top of the task's own. Scores and verdicts of
+            them are worked out if `facts` are given. Names that the task has no parameter for are left out, and so are
+            columns that come to the task's own values or to those of an earlier column.
+
+    Raises:
+        SpecError: (E703) for values that a parameter cannot have.
+    """
+    task = load(task)
+    settings = tuple(_settings(task, columns, facts is not None))
+    facts = facts or Facts()
+    shown = _with_settings(task, facts, settings)
+    changed = [f"{p.name}={p.value!r}" for p in task.parameters if p.value != p.default]
+    if task.modifiers:
+        changed.append(f"modifiers={list(map(str, task.modifiers))!r}")
+    make = f"gymnasium.make({', '.join((json.dumps('taskspec:' + task.id, ensure_ascii=False), *changed))})"
+    origin = task.source.document.origin
+    return Page(
+        id=task.id, name=task.name, anchor=anchor(task.name), title=task.title,
+        capability=task.spec.capability or "", summary=inlines(task.spec.summary),
+        description=blocks(task.spec.description), make=visible(make, keep=""), sections=shown,
+        sources=tuple(Cite(x.key, x.where) for x in task.spec.sources),
+        source_text=origin.text, source_name=origin.name.replace("\\", "/").rsplit("/")[-1],
+        task=task, facts=facts, settings=settings,
+    )  # fmt: skip
+
+
+def anchor(name: str) -> str:
+    """Return a name as part of an address or a file name."""
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower()
+    return safe_name(re.sub(r"[^a-z0-9]+", "-", words).strip("-") or "task")
+
+
+def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> Iterator[Setting]:
+    names = {key: p.name for p in task.parameters for key in (p.alias, p.name)}
+    shown = [task.values]
+    for column in columns:
+        values = {names[name]: value for name, value in column.items() if name in names}
+        at = load(task, **values) if values else task
+        if at.values not in shown:
+            shown.append(at.values)
+            title = ", ".join(f"{name} = {at.values[name]}" for name in values)
+            yield Setting(title, at, gather(at) if known else Facts())
+
+
+def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tuple[Section, ...]:
+    """Return the sections, every line with its form at each setting if they are few, and the scores side by side."""
+    shown = sections.all_sections(Writing(task, {}), facts, sections.results(_columns(task, facts, settings)))
+    if settings and len(settings) < scores.MOST_COLUMNS:
+        own_values = _concrete(task, facts)
+        for each in settings:
+            found = _concrete(each.task, each.facts)
+            shown = [_beside(s, own_values.get(s.key), found.get(s.key)) for s in shown]
+    return tuple(shown)
+
+
+def _columns(task: Task, facts: Facts, settings: Sequence[Setting]) -> list[Setting]:
+    return [Setting(", ".join(f"{p.name} = {p.value}" for p in task.parameters), task, facts), *settings]
+
+
+def _concrete(task: Task, facts: Facts) -> dict[str, Section]:
+    """Return sections by key, with the values of the parameters in place of their names."""
+    return {section.key: section for section in sections.all_sections(Writing(task, task.values), facts)}
+
+
+def _beside(section: Section, own: Section | None, concrete: Section | None) -> Section:
+    """Return a section with what its lines are at a setting, where that differs from what they are at the task's own values."""
+    if section.key == "parameters":  # a setting is headed by its parameters
+        return section
+    if own is None or concrete is None or not len(own.lines) == len(concrete.lines) == len(section.lines):
+        return section
+    lines = []
+    for line, usual, other in zip(section.lines, own.lines, concrete.lines, strict=True):
+        found = other.content if other.content != usual.content else ()
+        lines.append(replace(line, values=(*line.values, found)))
+    return replace(section, lines=tuple(lines))
+
+
+# Short pages, and tasks of one spec as differences.
+
+_KEPT = frozenset({
+    "parameters", "modifiers", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",
+    "termination", "initial", "roles", "scores",
+})  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Sibling:
+    """A page with only what differs from another one of its spec."""
+
+    page: Page
+    base: Page
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """A page, and the other tasks of its spec, each by what differs from the one before that is most like it."""
+
+    head: Page
+    others: tuple[Sibling, ...] = ()
+
+    @property
+    def pages(self) -> tuple[Page, ...]:
+        return self.head, *(other.page for other in self.others)
+
+    @property
+    def title(self) -> str:
+        """The part of their titles, up to a comma or a colon, that all begin with; else that of the first."""
+        titles = [page.title for page in self.pages]
+        first = re.split("[,:]", titles[0])[0]
+        if len(set(titles)) > 1 and all(title.startswith(first) for title in titles):
+            return first
+        return titles[0]
+
+
+def briefly(page: Page) -> Page:
+    """Return the page without its description, and without the sections that a reader of the paper can do without."""
+    observation = page.task.observation
+    kept = []
+    for section in page.sections:
+        if section.key == "scores":
+            kept.append(_scores_alone(page))
+        elif section.key == "observations" and observation.is_state and observation.space == "auto":
+            continue
+        elif section.key in _KEPT:
+            kept.append(section)
+    return replace(page, sections=tuple(kept), description=())
+
+
+def _scores_alone(page: Page) -> Section:
+    """Return the scores without claims: "optimal 1" for "optimal return 1", or a table of all settings."""
+    title = scores.title(page.facts)
+    if page.settings:
+        return Section("scores", title, (), table=scores.table(_columns(page.task, page.facts, page.settings)))
+    lines = []
+    for line in scores.lines(page.task, page.facts):
+        content = [Text(x.text.replace(" return ", " ")) if isinstance(x, Text) else x for x in line]
+        lines.append(SectionLine(tuple(content)))
+    return Section("scores", title, tuple(lines))
+
+
+def families(pages: Iterable[Page]) -> list[Family]:
+    """Return pages by their spec, each after the first by its differences from that earlier one which leaves the fewest lines."""
+    found = []
+    for _, group in groupby(pages, key=lambda page: page.task.source.document.origin.name):
+        head, *others = group
+        siblings = []
+        for i, page in enumerate(others):
+            choices = [(base, _differing(base, page)) for base in (head, *others[:i])]
+            base, differing = min(choices, key=lambda choice: _lines(choice[1]))
+            siblings.append(Sibling(replace(page, sections=differing), base))
+        found.append(Family(head, tuple(siblings)))
+    return found
+
+
+def _lines(sections: Iterable[Section]) -> int:
+    """Return the number of lines, scores apart."""
+    return sum(len(section.lines) for section in sections if section.key != "scores")
+
+
+def _differing(base: Page, page: Page) -> tuple[Section, ...]:
+    """Return the sections that a page's base lacks or has with other content, parameters only at other values."""
+    same = [p.name for p in page.task.parameters] == [p.name for p in base.task.parameters]
+    found = []
+    for section in page.sections:
+        known = base.section(section.key)
+        if known == section:
+            continue
+        if same and section.key == "parameters":
+            kept = tuple(line for line in section.lines if known is None or line not in known.lines)
+            section = replace(section, lines=kept, lead=section.lead or len(kept) == 1)
+        if section.key == "scores" and section.table and known is not None and known.table:
+            rows = tuple(row for row in section.table.rows if row not in known.table.rows)
+            section = replace(section, table=replace(section.table, rows=rows))
+        found.append(section)
+    for section in base.sections:
+        if page.section(section.key) is None:
+            line = SectionLine((Text("the state" if section.key == "observations" else "none"),))
+            found.append(replace(section, lines=(line,), lead=True, table=None))
+    return tuple(found)

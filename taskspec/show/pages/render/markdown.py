@@ -1,0 +1,144 @@
+"""Pages -> Markdown for a repository's documentation: mathematics between dollars, figures as files beside."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import assert_never
+from urllib.parse import quote
+
+from taskspec.base.display import ON_PAGES, visible
+from taskspec.language.printers import tree as m
+from taskspec.language.printers.markup import latex
+from taskspec.show.pages import prose as p
+from taskspec.show.pages.page import Page
+from taskspec.show.pages.render import text_environment
+from taskspec.show.pages.render.suite import Suite
+from taskspec.show.pages.sections import Section, SectionLine
+
+_SPECIAL = re.compile(r"([\\`*_{}\[\]()#+!|~$>-])")
+_SPECIAL_INSIDE = re.compile(r"([\\`*_{}\[\]|~$])")  # those that mean something inside a line
+_NUMBERED = re.compile(r"^(\d+)([.)])")
+# Readers that take backslash escapes before mathematics would spoil these.
+_SPELLED = ((r"\taskspecone ", r"\mathbf{1}"), (r"\{", r"\lbrace "), (r"\}", r"\rbrace "), (r"\\", r"\cr "),
+            (r"\,", r"\thinspace "), (r"\%", r"\text{ per cent}"),
+            (r"\text{\#}", r"\text{number of }"), (r"\#", r"\text{number of }"))  # fmt: skip
+
+
+def markdown(suite: Suite) -> dict[str, str]:
+    """Return files by name: `index.md` and one for each task."""
+    env = text_environment()
+    writer = MarkdownWriter(suite)
+    files = {f"{page.anchor}.md": writer.page(page) for page in suite.pages}
+    rows = [(escape(x.name), x.anchor, escape(x.capability), writer.prose(x.summary)) for x in suite.pages]
+    files["index.md"] = env.get_template("index.md").render(title=escape(suite.title), rows=rows)
+    return {name: visible(text, ON_PAGES) for name, text in files.items()}
+
+
+def escape(text: str) -> str:
+    """Return text for Markdown: no markup, no HTML, on one line."""
+    text = escape_entities(text)
+    return _NUMBERED.sub(
+        r"\1\\\2", _SPECIAL.sub(r"\\\1", text).replace(r"\(", "(").replace(r"\)", ")").replace(r"\-", "-")
+    )
+
+
+@dataclass(frozen=True)
+class MarkdownWriter:
+    suite: Suite
+
+    def page(self, page: Page) -> str:
+        scene = self.suite.scenes.get(page.anchor)
+        return text_environment().get_template("task.md").render(
+            name=escape(page.name), title=escape(page.title), summary=self.prose(page.summary), make=page.make,
+            description=list(map(self.block, page.description)), sections=[self.section(s, page) for s in page.sections],
+            figure=f"figures/{page.anchor}.svg" if scene else "", alt=escape(scene.alt) if scene else "",
+            notes=escape(" ".join(scene.notes)) if scene else "",
+            others=[(f"figures/{o.anchor}.svg", escape(o.scene.alt), escape(o.caption)) for o in self.suite.others(page)],
+        )  # fmt: skip
+
+    def section(self, section: Section, page: Page) -> dict[str, object]:
+        lead, rest = section.laid_out([self.line(line, page) for line in section.lines])
+        return {"title": escape(section.title), "lead": lead, "lines": rest, "table": self.table(section)}
+
+    def table(self, section: Section) -> list[list[str]]:
+        """Return rows of cells, the heading first."""
+        found = section.table
+        if found is None:
+            return []
+        rows = [list(map(self.cell, row)) for row in found.rows]
+        return [list(map(escape, found.header)), *rows]
+
+    def cell(self, content: p.Inlines) -> str:
+        """Return prose without the bars that would end a cell."""
+        spelled = {p.Formula: r"\vert ", p.CodeSpan: r"\|"}
+        return "".join(self.inline(piece).replace("|", spelled.get(type(piece), "|")) for piece in content)
+
+    def line(self, line: SectionLine, page: Page) -> str:
+        text = self.prose(line.content)
+        if line.verbatim is not None:
+            text += " " + ", ".join(map(_code, line.verbatim.splitlines()))
+        for setting, values in zip(page.settings, line.values, strict=False):
+            if values:
+                text += f" ({escape(setting.title)}: {self.prose(values)})"
+        return text
+
+    def prose(self, content: p.Inlines) -> str:
+        texts = list(map(self.inline, content))
+        for i, piece in enumerate(content[1:]):
+            if isinstance(piece, p.Link) and texts[i].endswith("!"):  # a page loads no images from elsewhere
+                texts[i] = texts[i][:-1] + r"\!"
+        return "".join(texts)
+
+    def inline(self, piece: p.Inline) -> str:
+        match piece:
+            case p.Text(text=text):
+                return _SPECIAL_INSIDE.sub(r"\\\1", escape_entities(text))
+            case p.Formula(math=math):
+                return formula(math)
+            case p.CodeSpan(text=text):
+                return _code(text)
+            case p.Emph(inner=inner, strong=strong):
+                mark = "**" if strong else "*"
+                return f"{mark}{self.prose(inner)}{mark}"
+            case p.Link(address=address, inner=inner):
+                return f"[{self.prose(inner)}](<{quote(address, safe=':/?=&.,+-@!*;~%#')}>)"
+            case p.Cite():
+                return self.cite(piece)
+            case p.Mark(holds=holds, text=text):
+                return f"({'' if holds is None else '✓ ' if holds else '✗ '}{escape(text)})"
+            case _:
+                assert_never(piece)
+
+    def cite(self, cite: p.Cite) -> str:
+        found = self.suite.cited.get(cite.key)
+        where = f", {escape(cite.where)}" if cite.where else ""
+        if found is None:
+            return escape(cite.key) + where
+        return f"{escape(found.authors)} ({escape(found.plain('year'))}). {escape(found.plain('title'))}{where}"
+
+    def block(self, block: p.Block) -> str:
+        match block:
+            case p.Paragraph(content=content):
+                return self.prose(content)
+            case p.Bullets(items=items):
+                return "\n".join("- " + " ".join(map(self.block, item)) for item in items)
+            case _:
+                return "\n".join(f"    {row}" for row in block.text.splitlines())
+
+
+def escape_entities(text: str) -> str:
+    return " ".join(text.split("\n")).replace("&", "&amp;").replace("<", "&lt;")
+
+
+def _code(text: str) -> str:
+    ticks = "`" * (max(map(len, re.findall("`+", text)), default=0) + 1)
+    pad = " " if text.startswith("`") or text.endswith("`") else ""
+    return f"{ticks}{pad}{text}{pad}{ticks}"
+
+
+def formula(math: m.Math) -> str:
+    text = latex(math)
+    for written, spelled in _SPELLED:
+        text = text.replace(written, spelled)
+    return f"${re.sub(r' +', ' ', text.replace(chr(92) + 'allowbreak', '')).strip()}$"

@@ -1,0 +1,171 @@
+"""The input of renderers: pages with figures and references, and the paragraph on notation."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from taskspec.base.bibliography import Reference
+from taskspec.language.printers import tree as m
+from taskspec.language.printers.idioms import IF
+from taskspec.language.printers.markup import latex
+from taskspec.language.printers.text import plain
+from taskspec.language.task.merge import lineage
+from taskspec.show.figures import Scene
+from taskspec.show.pages.equations import LETTERS, Writing
+from taskspec.show.pages.facts import Setting
+from taskspec.show.pages.page import Page, anchor
+from taskspec.show.pages.prose import Formula, Inline, Inlines, Mark, inlines
+
+
+@dataclass(frozen=True, slots=True)
+class Other:
+    """The figure of a setting of the parameters."""
+
+    title: str
+    anchor: str
+    scene: Scene
+
+    @property
+    def caption(self) -> str:
+        return f"{self.title}. {self.scene.caption}"
+
+
+def setting_anchor(page: Page, setting: Setting) -> str:
+    """Return the page's anchor with the values of the setting."""
+    return f"{page.anchor}-{anchor(setting.title)}"
+
+
+@dataclass(frozen=True)
+class Suite:
+    """The pages of some tasks; `scenes` are their figures by the pages' anchors, and by those of their settings."""
+
+    title: str
+    pages: tuple[Page, ...]
+    scenes: Mapping[str, Scene]
+    references: Mapping[str, Reference]
+    brief: bool = False
+
+    @cached_property
+    def cited(self) -> dict[str, Reference]:
+        """The references that are cited and known, in the order of their keys."""
+        keys = {cite.key for page in self.pages for cite in page.sources}
+        return {key: self.references[key] for key in sorted(keys) if key in self.references}
+
+    @cached_property
+    def folded(self) -> dict[str, tuple[Page, ...]]:
+        """Pages of variants by the anchor of the page that they are based on, directly or not."""
+        known = {(page.task.source.document.origin.name, page.task.source.variant): page.anchor for page in self.pages}
+        found: dict[str, list[Page]] = {}
+        for page in self.pages:
+            line = [
+                (document.origin.name, key)
+                for document, key in lineage((page.task.source.document, page.task.source.variant))
+            ]
+            *_, first = (known[step] for step in line if step in known)
+            found.setdefault(first, [])
+            found[first] += [page] if page.anchor != first else []
+        return {anchor: tuple(pages) for anchor, pages in found.items()}
+
+    def others(self, page: Page) -> list[Other]:
+        found = ((setting.title, setting_anchor(page, setting)) for setting in page.settings)
+        return [Other(title, name, self.scenes[name]) for title, name in found if name in self.scenes]
+
+
+_ALWAYS = (
+    r"$t$ is the number of steps taken, from $0$, and $T$ the horizon, at which episodes are truncated. A prime marks what a "
+    r"step leads to: $s'$ is the state after $s$. Indices count from $0$."
+)
+_SIGNS = (
+    ("𝟙", r"$\mathbb{1}[\cdot]$ is $1$ where the condition holds and $0$ elsewhere."),
+    (r"\bclip\(", r"$\mathrm{clip}(x, a, b)$ is the number from $a$ to $b$ that is nearest to $x$."),
+    (r"\bswap_", r"$\mathrm{swap}_{i, j}(x)$ is $x$ with its elements $i$ and $j$ exchanged."),
+    (r"\[[^][]* ← ", r"$x[q \leftarrow f]$ is $x$ with $f$ in place of its element $q$."),
+    ("#", r"$\#\{\cdot\}$ is the number of elements of the set."),
+    ("⊙", r"$x \odot y$ multiplies vectors element by element; $x \cdot y$ is their inner product."),
+    ("↦", r"A label stands for the number or vector behind its arrow $\mapsto$ where it is calculated with."),
+    (r"\|", r"$|x|$ is the absolute value of a number, and the length of a vector."),
+    (r"_\((?:[^()]*, )?[^(),]*: ", r"$x_{a:b}$ has the elements of $x$ from $a$ to $b - 1$."),
+    (r"\bargsort\(", r"$\mathrm{argsort}(x)$ has the places of the elements of $x$, the smallest element first."),
+    (r"\breverse\(", r"$\mathrm{reverse}(x)$ is $x$ with its last element first."),
+    (r"\bcumsum\(", r"$\mathrm{cumsum}(x)$ has the sums of the first elements of $x$."),
+    (r"\be(_|[₀-₉ₐ-ₜᵢ-ᵥ])", r"$e_i$ is the vector with $1$ at place $i$ and $0$ elsewhere."),
+    (r"\bUnif\b", r"$\mathrm{Unif}$ is the uniform distribution: over the elements of a set, or over the real numbers from one "
+                  r"bound to the other."),
+    (r"\bPerm\b", r"$\mathrm{Perm}(n)$ is the uniform distribution over the permutations of $0, \ldots, n - 1$."),
+    (r"∼ \([^∼]*\)(\^|[⁰-⁹ⁿ¹²³])", r"A power of a distribution is that of independent draws, as many as the power says; "
+                                  r"$n \times m$ stands for a matrix of them."),
+    ("ℙ", r"$\mathbb{P}_\pi(\cdot)$ is the probability that an episode of the policy $\pi$ ever reaches a state in which the "
+            r"condition holds."),
+    ("𝔼", r"$\mathbb{E}_\pi(\cdot)$ is the expected sum of a measure over an episode of the policy $\pi$, discounted like "
+            r"rewards."),
+)  # fmt: skip
+_DRAWN = (
+    "{}, with an index where there are several, is drawn at random, independently of everything else, whenever the equation is "
+    "evaluated."
+)
+_CASES = "Of several cases the first counts whose condition holds."
+_RETURNS = (
+    "A return is the expected sum of the rewards of an episode{discounted}: the optimal one is the highest that a policy can "
+    "have, the worst one the lowest, and the random one that of actions drawn uniformly."
+)
+_DISCOUNTED = r", where a task with a discount $\gamma$ multiplies that of the step after $t$ others by $\gamma^t$"
+_MARKS = (
+    ("proved", "What is marked as proved follows from the form of the equations, or from exact results whose rounding errors are "
+               "bounded."),
+    ("tested", "What is marked as tested was not contradicted by simulated episodes."),
+)  # fmt: skip
+
+
+def notation(pages: Iterable[Page]) -> Inlines:
+    """Return the paragraph for some pages: what always holds, then the signs, the returns and the marks that occur on them."""
+    pages = tuple(pages)
+    pieces = [piece for page in pages for piece in _pieces(page)]
+    written = "\n".join({plain(piece.math) for piece in pieces if isinstance(piece, Formula)})
+    sentences = [_ALWAYS, *(text for sign, text in _SIGNS if re.search(sign, written)), *_draws(pages)]
+    if any(_has_cases(piece.math) for piece in pieces if isinstance(piece, Formula)):
+        sentences.append(_CASES)
+    if any(page.section("scores") for page in pages):
+        # at a page's own values of the parameters, or at others beside them
+        tasks = (task for page in pages for task in (page.task, *(s.task for s in page.settings)))
+        discounted = ""
+        if any(task.discount != 1 for task in tasks):
+            discounted = _DISCOUNTED
+        sentences.append(_RETURNS.format(discounted=discounted))
+    for word, text in _MARKS:
+        if any(isinstance(piece, Mark) and piece.text.startswith(word) for piece in pieces):
+            sentences.append(text)
+    return inlines(" ".join(sentences))
+
+
+def _draws(pages: Iterable[Page]) -> Iterator[str]:
+    letters: dict[str, m.Math] = {}
+    for page in pages:
+        writing = Writing(page.task, {})
+        letter = writing.notation.symbol(writing.drawn)
+        if any(letter in m.parts(piece.math) for piece in _pieces(page) if isinstance(piece, Formula)):
+            letters[writing.drawn] = letter
+    if letters:
+        usual, *others = (f"${latex(letters[name])}$" for name in LETTERS if name in letters)
+        instead = ""
+        if others:
+            instead = f" ({' or '.join(others)} where the task has such a name)"
+        yield _DRAWN.format(usual + instead)
+
+
+def _has_cases(tree: m.Math) -> bool:
+    tables = (part for part in m.parts(tree) if isinstance(part, m.Cases))
+    return any(sum(IF in m.children(condition) for _, condition in table.rows) > 1 for table in tables)
+
+
+def _pieces(page: Page) -> Iterator[Inline]:
+    for section in page.sections:
+        contents: list[Inlines] = []
+        for line in section.lines:
+            contents += [line.content, *line.values]
+        for row in section.table.rows if section.table else ():
+            contents += row
+        for content in contents:
+            yield from content

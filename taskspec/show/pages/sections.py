@@ -1,0 +1,374 @@
+"""The sections of a page, one function each: what a task is, its modifiers, abstraction, symmetries, claims, examples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import TypeVar
+
+from taskspec.exact.abstraction.symmetry_proofs import verify_symmetry
+from taskspec.exact.rules.claim_rules import MODELS, RESULTS
+from taskspec.language.expressions import syntax as s
+from taskspec.language.expressions.ir import Role
+from taskspec.language.modifiers import sentences
+from taskspec.language.printers import tree as m
+from taskspec.language.printers.names import expression
+from taskspec.language.printers.text import text
+from taskspec.language.task.build import build_abstract
+from taskspec.language.task.parts import Claim, Example, Followed, are_finite, counts_of
+from taskspec.language.task.spaces import SpaceLayout
+from taskspec.language.task.task import Task
+from taskspec.show.pages import facts as scores
+from taskspec.show.pages import lines
+from taskspec.show.pages import prose as p
+from taskspec.show.pages.equations import Writing
+from taskspec.show.pages.facts import Facts, Setting
+from taskspec.show.pages.lines import Maker, formula
+
+T = TypeVar("T")
+NOT_HERE = p.Mark(False, "not for these values")  # the mark of a claim that is about other values of the parameters
+_ENDS = {"terminal": "terminates", "truncated": "is truncated"}
+
+
+def claim_text(w: Writing, found: Claim) -> p.Inlines:
+    """Return a claim with what it was written beside: the decision model, the tolerance, where the source states it."""
+    options = found.options
+    under = options.get("under")
+    content = sentence(w, found.expr, None if under is None else expression(str(under)))
+    if options.get("tolerance") is not None:
+        content += (p.Text(", to within "), p.Formula(w.declared(options["tolerance"])))
+    if options.get("where"):
+        content += (p.Text(f" ({options['where']})"),)
+    return content
+
+
+def sentence(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> p.Inlines:
+    """Return a claim in words where it is about behaviour or reachability, as mathematics otherwise."""
+    denied = isinstance(expr, s.Unary) and expr.op == "not"
+    match expr.operand if isinstance(expr, s.Unary) and denied else expr:
+        case s.Call(function="reachable", args=(what, *_)):
+            return (_truth(w, what), p.Text(" cannot be reached" if denied else " can be reached"))
+        case s.Call(function="influences", args=(cause, effect)):
+            verb = " has no effect on " if denied else " has an effect on "
+            return (_truth(w, cause), p.Text(verb), _truth(w, effect))
+        case operand if denied:
+            return (p.Text("it is not so that "), *sentence(w, operand, under))
+        case s.Call(function="prefers") as call:
+            names = ("model", "condition", "at") if under is None else ("condition", "at")
+            given = dict(zip(names, call.args, strict=False)) | dict(call.keywords)
+            content = (*_model(w, under or given["model"]), p.Text(" prefers "), _truth(w, given["condition"]))
+            if "at" in given:
+                return (*content, p.Text(" where "), _truth(w, given["at"]))
+            return content
+        case s.Logical(op=op, operands=operands):
+            return p.separated([sentence(w, o, under) for o in operands], f" {op} ")
+        case _:
+            return (_truth(w, expr, under),)
+
+
+def _truth(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> p.Formula:
+    symbols: dict[str, m.Math] = {name: m.Words(word.phrase) for name, word in RESULTS.items()}
+    if w.spec.abstraction is not None:
+        symbols["states"] = m.Words("number of abstract states")
+    symbols["probability"] = m.Ident("P", "blackboard")
+    symbols["measure"] = m.Ident("E", "blackboard")
+    policy = "random" if under is None else text(under)
+    events = {"probability": policy, "measure": policy}
+    return p.Formula(w.truth(expr, replace(w.notation.with_symbols(symbols), events=events)))
+
+
+def _model(w: Writing, model: s.Expr) -> p.Inlines:
+    match model:
+        case s.Name(id=name) if name in MODELS:
+            return (p.Text(MODELS[name].phrase),)
+        case s.Call(function=name, args=(number,)) if name in MODELS:
+            return (p.Text(f"{MODELS[name].phrase} {MODELS[name].given} "), p.Formula(w.math(number)))
+        case _:
+            return (p.Formula(w.math(model)),)
+
+
+def examples(w: Writing, wrong: frozenset[int] = frozenset()) -> p.CellTable | None:
+    """Return the examples of a task without columns that stay empty; None if there are none."""
+    columns: dict[str, list[p.Inlines]] = {}
+    for title, make in _COLUMNS:
+        columns[title] = [make(w, example) for example in w.task.annotations.examples]
+    entries = w.spec.examples
+    columns[""] = [p.inlines(entry.doc) for entry in entries]
+    kept = [(title, cells) for title, cells in columns.items() if any(cells)]
+    if wrong:
+        mark: p.Inlines = (p.Mark(False, "does not hold"),)
+        kept.append(("", [mark if i in wrong else () for i in range(len(entries))]))
+    if not kept:
+        return None
+    return p.CellTable(tuple(title for title, _ in kept), tuple(zip(*(cells for _, cells in kept), strict=True)))
+
+
+def _given(role: Role) -> Callable[[Writing, Example], p.Inlines]:
+    def cell(w: Writing, example: Example) -> p.Inlines:
+        found = [w.equation(w.symbol(name), expr, name) for (of, name), expr in example.given.items() if of is role]
+        if example.t and role is Role.STATE:
+            found.append(m.Row((m.Ident("t"), m.Sym("="), m.Num(str(example.t)))))
+        return _formulas(found)
+
+    return cell
+
+
+def _what_follows(w: Writing, example: Example) -> p.Inlines:
+    ends = {f.section: f.expr for f in example.follows if f.section in _ENDS}
+    said = [f for f in example.follows if f.section not in _ENDS]
+    parts = [_of_section(w, section, list(found)) for section, found in groupby(said, lambda f: f.section)]
+    if any(not isinstance(expr, s.Boolean) for expr in ends.values()):
+        parts.append((p.Text("ends: "), *_formulas(list(map(w.truth, ends.values())))))
+    elif ends:
+        words = [_ENDS[key] for key, expr in ends.items() if isinstance(expr, s.Boolean) and expr.value]
+        parts.append((p.Text("the episode " + (" and ".join(words) or "goes on")),))
+    if example.probability is not None:
+        parts.append((p.Text("with probability "), p.Formula(w.math(example.probability))))
+    return p.separated(parts)
+
+
+def _of_section(w: Writing, section: str, found: list[Followed]) -> p.Inlines:
+    items = []
+    for f in found:
+        if f.name is None:
+            items.append(w.math(f.expr))
+        else:
+            items.append(w.equation(w.symbol(f.name, section == "next"), f.expr, f.name))
+    words = {"initial": "first", "reward": "reward", "observation": "observed", "expert": "expert"}
+    before: list[p.Inline] = [p.Text(f"{words[section]} ")] if section in words else []
+    return (*before, *_formulas(items))
+
+
+def _formulas(items: list[m.Math]) -> p.Inlines:
+    return p.separated([(p.Formula(item),) for item in items])
+
+
+_COLUMNS: tuple[tuple[str, Callable[[Writing, Example], p.Inlines]], ...] = (
+    ("for", lambda w, example: lines.cases(w, example.cases)),
+    ("state", _given(Role.STATE)),
+    ("action", _given(Role.ACTION)),
+    ("what follows", _what_follows),
+)
+
+
+_OWN: tuple[tuple[str, str, Maker], ...] = (
+    ("initial", "initial state", lines.initial),
+    ("dynamics", "dynamics", lines.dynamics),
+    ("reward", "rewards", lines.rewards),
+    ("terminal", "termination", lines.termination),
+    ("expert", "expert", lines.expert),
+)
+
+
+def abstraction(w: Writing) -> Iterator[p.Inlines]:
+    """Yield its components as functions of the state, and what it does not take from the task."""
+    stand_in = build_abstract(w.task)
+    written = w.spec.abstraction
+    if stand_in is None or written is None:
+        return
+    own = Writing(stand_in, w.values, hatted=frozenset(written.state) & {*w.spec.state, *w.spec.action})
+    exprs = w.parsed("abstraction")
+    for c in stand_in.state:
+        equation = w.equation(own.symbol(c.name), exprs[c.name])
+        content: p.Inlines = (formula(equation, m.Sym("∈"), own.domain(c.name, written.state[c.name])),)
+        yield (*content, p.Text(": "), *p.inlines(c.doc)) if c.doc else content
+    for section, title, make in _OWN:
+        if getattr(written, section) is not None:
+            yield from ((p.Text(f"{title}: "), *line) for line in make(own))
+    if own.hatted and any(getattr(written, section) is None for section, _, _ in _OWN):
+        pairs = (m.Row((own.symbol(n), m.Words(" in place of "), own.plain.symbol(n))) for n in sorted(own.hatted))
+        yield (p.Text("all else as above, with "), formula(m.joined(pairs)))
+
+
+_MAPS = {"observation": "what is seen: ", "action": "actions: "}
+
+
+def symmetries(w: Writing) -> Iterator[p.Inlines]:
+    """Yield a line for each: its name, what it is, its maps, and how it is known to keep returns."""
+    exprs: Mapping[str, Mapping[str, Mapping[str, s.Expr]]] = w.parsed("symmetries") or {}
+    for symmetry in w.task.annotations.symmetries:
+        content: list[p.Inline] = [p.CodeSpan(symmetry.name), p.Text(": ")]
+        content += [*p.inlines(symmetry.doc), p.Text("; ")] if symmetry.doc else []
+        for key, maps in exprs[symmetry.name].items():
+            shown = [(each,) for each in _maps(w, key, maps)]
+            content += [p.Text(_MAPS[key]), *p.listing(shown), p.Text("; ")]
+        found = verify_symmetry(w.task, symmetry)
+        mark = p.Mark(False, "false")
+        if found.problem is None:
+            mark = p.Mark(True, "proved" if found.is_proved else f"tested at {found.points:,} points")
+        yield (*content, p.Text("returns are kept "), mark)
+
+
+def _maps(w: Writing, key: str, maps: Mapping[str, s.Expr]) -> Iterator[p.Formula]:
+    """Yield what each component is mapped to; all of them together, where one is made of others."""
+    task = w.task
+    components = task.observation.components if key == "observation" else task.action
+    names = [c.name for c in components]
+    read = {}
+    for name, expr in maps.items():
+        read[name] = {x.id for x in s.names(expr) if isinstance(x, s.Name)} & set(names)
+    joined = set(maps).union(*read.values())
+    if all(own <= {name} for name, own in read.items()):
+        for name, expr in maps.items():
+            yield formula(w.symbol(name), m.Sym("↦"), w.math(expr))
+    else:
+        whole = w.whole(name for name in names if name in joined)
+        images = list(map(w.math, maps.values()))
+        yield formula(whole, m.Sym("↦"), images[0] if len(images) == 1 else m.brackets(m.joined(images)))
+
+
+def modifiers(task: Task) -> Iterator[p.Inlines]:
+    """Yield a line for each, and one for the sizes of the state and the observation."""
+    for each, said in sentences(task):
+        yield (p.CodeSpan(str(each)), p.Text(": "), *p.inlines(said))
+    if not task.modifiers:
+        return
+    line: list[p.Inline] = [p.Text(f"with {'them' if len(task.modifiers) > 1 else 'it'}, the state is ")]
+    line += p.listing([(p.CodeSpan(c.name),) for c in task.state])
+    if are_finite(task.state):
+        count = math.prod(counts_of(task.state))
+        line += [p.Text(" ("), p.Formula(m.Num(f"{count:,}" if count < 10**9 else f"{count:.2e}")), p.Text(" values)")]
+    rest = "; the rest of this page, its scores apart, is the task as written"
+    if task.annotations.expert is None is not task.unmodified.annotations.expert:
+        rest += ", whose expert is not one here"
+    yield (*line, p.Text(", and the observation is "), *_observation(task.observation_layout), p.Text(rest))
+
+
+def as_written(task: Task) -> Task:
+    """Return the task as its spec has it, with the claims and examples that are still about it."""
+    return task.unmodified.with_annotations(claims=task.annotations.claims, examples=task.annotations.examples)
+
+
+def _observation(layout: SpaceLayout) -> p.Inlines:
+    if layout.form == "discrete":
+        return (p.Text("one of "), p.Formula(m.Num(f"{layout.counts[0]:,}")), p.Text(" numbers"))
+    if layout.form == "dict":
+        return (p.Text("a dictionary of "), *p.listing([(p.CodeSpan(c.name),) for c in layout.components]))
+    kind = {"box": "reals", "multi_discrete": "integers"}.get(layout.form, "zeros and ones")
+    return (p.Text("a vector of "), p.Formula(m.Num(f"{layout.size:,}")), p.Text(f" {kind}"))
+
+
+@dataclass(frozen=True, slots=True)
+class SectionLine:
+    """A line of a section, and the same with each column of values (empty where nothing changes)."""
+
+    content: p.Inlines
+    values: tuple[p.Inlines, ...] = ()
+    verbatim: str | None = None
+
+
+_LABELS = {
+    "parameters": "Parameters", "modifiers": "Modifiers", "state": "States", "actions": "Actions", "initial": "Start",
+    "scores": "Returns", "abstraction": "Abstraction", "errata": "Corrections",
+}  # fmt: skip
+"""Short titles of sections."""
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A heading and its lines, or a table; with `lead` the first line follows the heading, the others are below it."""
+
+    key: str
+    title: str
+    lines: tuple[SectionLine, ...]
+    lead: bool = False
+    table: p.CellTable | None = None
+
+    @property
+    def label(self) -> str:
+        """The title in a word, for a column of labels."""
+        return _LABELS.get(self.key, self.title)
+
+    def laid_out(self, lines: list[T]) -> tuple[T | None, list[T]]:
+        """Return the text beside the heading and the lines below it."""
+        if self.lead:
+            return (lines[0], lines[1:])
+        return (None, lines)
+
+
+_SECTIONS: tuple[tuple[str, str, lines.Maker, bool], ...] = (
+    ("parameters", "Configurable parameters", lines.parameters, False),
+    ("state", "State space", lines.state, True),
+    ("observations", "Observations", lines.observations, True),
+    ("actions", "Action space", lines.actions, True),
+    ("horizon", "Horizon", lines.horizon, True),
+    ("definitions", "Definitions", lines.definitions, False),
+    ("dynamics", "Dynamics", lines.dynamics, False),
+    ("rewards", "Rewards", lines.rewards, True),
+    ("termination", "Termination", lines.termination, True),
+    ("initial", "Initial state", lines.initial, False),
+    ("roles", "Roles", lines.roles, True),
+    ("expert", "Expert", lines.expert, False),
+    ("abstraction", "Finite abstraction, for exact results", abstraction, False),
+    ("symmetries", "Symmetries", symmetries, False),
+)
+
+
+def all_sections(w: Writing, facts: Facts, found_results: Iterable[Section] = ()) -> list[Section]:
+    """Return every section that has content; those of results come after what the task is."""
+    changed = modifiers(w.task)
+    w = replace(w, task=as_written(w.task))
+    maps = [SectionLine((p.Text(name),), verbatim=text) for name, text in lines.grids(w)]
+    found = [Section(key, title, tuple(map(SectionLine, make(w))), lead) for key, title, make, lead in _SECTIONS]
+    found[1:1] = [
+        Section("modifiers", "Modifiers, in this order", tuple(map(SectionLine, changed))),
+        Section("maps", "Maps", tuple(maps)),
+    ]
+    found += [
+        *found_results,
+        Section("examples", "Examples", (), table=examples(w, facts.wrong_examples)),
+        Section("errata", "Corrections to the source", tuple(map(SectionLine, _errata(w)))),
+        Section("sources", "Sources", tuple(SectionLine((p.Cite(x.key, x.where),)) for x in w.spec.sources)),
+    ]
+    for i, section in enumerate(found):
+        if len(section.lines) == 1 and section.lines[0].verbatim is None:
+            found[i] = replace(section, lead=True)
+    return [section for section in found if section.lines or section.table]
+
+
+def results(columns: Sequence[Setting]) -> list[Section]:
+    """Return scores and claims, in one table if it has room for a column for each setting of the parameters.
+
+    The first one is the page's own.
+    """
+    w = Writing(as_written(columns[0].task), {})
+    stated = []
+    for claim in w.task.annotations.claims:
+        cases: p.Inlines = (p.Text(" (for "), *lines.cases(w, claim.cases), p.Text(")")) if claim.cases else ()
+        stated.append((*claim_text(w, claim), *cases))
+    if not any(each.facts.scores or each.facts.verdicts for each in columns):
+        return [Section("claims", "Claims", tuple(map(SectionLine, stated)))]
+    table = scores.table(columns)
+    marks = [_marks(each.facts, len(stated), is_own=i == 0) for i, each in enumerate(columns)]
+    found = Section("scores", scores.title(columns[0].facts), (), table=table)
+    if len(columns) > scores.MOST_COLUMNS:
+        written = [SectionLine((*said, p.Text(" "), *mark)) for said, mark in zip(stated, marks[0], strict=True)]
+        return [found, Section("claims", "Claims", tuple(written))]
+    if not stated:
+        return [found]
+    rows = [(said, *cells) for said, *cells in zip(stated, *marks, strict=True)]
+    return [replace(found, title=f"{found.title} and claims", table=replace(table, rows=(*table.rows, *rows)))]
+
+
+def _marks(facts: Facts, count: int, is_own: bool) -> list[p.Inlines]:
+    """Return what became of each claim; one that does not hold at other values than the page's own is not about them."""
+    found: list[p.Inlines] = []
+    for verdict in facts.verdicts:
+        if verdict.holds is False and not is_own:
+            found.append((NOT_HERE,))
+        else:
+            found.append((verdict,) if verdict.text else ())
+    return [*found, *[()] * (count - len(found))]
+
+
+def _errata(w: Writing) -> Iterator[p.Inlines]:
+    for entry in w.spec.errata:
+        source = entry.source.strip()
+        if not source.endswith((".", "!", "?")):
+            source += "."
+        content: p.Inlines = (*p.inlines(source[:1].upper() + source[1:]), p.Text(" Here: "), *p.inlines(entry.here))
+        if entry.because:
+            content += (p.Text(", because "), *p.inlines(entry.because))
+        yield (*content, p.Text("."))

@@ -1,0 +1,166 @@
+"""Tasks -> files in a folder, in the formats asked for."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from taskspec.base.bibliography import beside
+from taskspec.base.diagnostics import spec_error
+from taskspec.base.files import write_text
+from taskspec.base.limits import telling
+from taskspec.language.registry import load
+from taskspec.language.task.task import Task, TaskLike
+from taskspec.show.figures import scene, svg
+from taskspec.show.pages.facts import Facts
+from taskspec.show.pages.page import Page, briefly, page
+from taskspec.show.pages.render.html import site
+from taskspec.show.pages.render.latex import document
+from taskspec.show.pages.render.markdown import markdown
+from taskspec.show.pages.render.suite import Suite, setting_anchor
+
+_WRITERS: dict[str, Callable[[Suite], dict[str, str]]] = {
+    "latex": document, "html": site, "markdown": markdown,
+}  # fmt: skip
+FORMATS = (*_WRITERS, "svg", "pdf")
+"""The names of the formats that pages are written in."""
+
+_SCRATCH = ("aux", "bbl", "blg", "log", "out")
+"""Endings of what TeX leaves beside a document; where it fails, they stay."""
+_TAKEN = ("index", "appendix", "document", "preamble")  # names of the files around the pages
+
+
+def write(
+    tasks: Iterable[TaskLike],
+    formats: Iterable[str],
+    folder: Path | str,
+    *,
+    title: str = "",
+    facts: Mapping[str, Facts] | None = None,
+    columns: Sequence[Mapping[str, Any]] = (),
+    brief: bool = False,
+) -> list[Path]:
+    """Write the printed form of tasks; the same tasks give the same files.
+
+    Args:
+        tasks: tasks, ids or paths, in order; each is printed at its defaults, with other values that it is given at beside them.
+        formats: of `latex`, `html`, `markdown`, `svg` (the figures alone) and `pdf` (LaTeX, compiled).
+        folder: made if need be.
+        title: of the whole; by default the tasks' suite.
+        facts: results by id of the task (see `gather`); left out without.
+        columns: parameter values to show beside the symbols.
+        brief: what defines a task, its figure and its scores alone, half a page each.
+
+    Returns:
+        The files written, in order.
+
+    Raises:
+        SpecError: for another format, without an extra, or when there is no TeX for `pdf`.
+    """
+    wanted = _known(formats)
+    suite = gather_pages(list(map(load, tasks)), title, facts or {}, columns, brief)
+    return write_pages(suite, wanted, folder)
+
+
+def write_pages(suite: Suite, formats: Iterable[str], folder: Path | str) -> list[Path]:
+    """Write pages that were gathered, as `write` does."""
+    wanted = _known(formats)
+    files: dict[str, str] = {}
+    for name, writer in _WRITERS.items():
+        if name in wanted or (name == "latex" and "pdf" in wanted):
+            files |= writer(suite)
+    if {"markdown", "svg"} & set(wanted):
+        files |= {f"figures/{anchor}.svg": svg(found) + "\n" for anchor, found in suite.scenes.items()}
+    written = [Path(folder) / name for name in files]
+    for path, text in zip(written, files.values(), strict=True):
+        write_text(path, text)
+    if "pdf" in wanted:
+        return [*written, compile_pdf(Path(folder))]
+    return written
+
+
+def _known(formats: Iterable[str]) -> list[str]:
+    """Return the formats asked for, each once, or raise E726 for an unknown one."""
+    wanted = list(dict.fromkeys(formats))
+    for unknown in (f for f in wanted if f not in FORMATS):
+        raise spec_error("E726", f"'{unknown}' is not a format of the documentation", f"use {', '.join(FORMATS)}")
+    if "pdf" in wanted and shutil.which("pdflatex") is None:
+        hint = "install TeX Live, or write `latex` and compile it elsewhere"
+        raise spec_error("E727", "`pdf` needs pdflatex, which is not installed", hint)
+    return wanted
+
+
+def gather_pages(
+    tasks: Sequence[Task],
+    title: str = "",
+    facts: Mapping[str, Facts] | None = None,
+    columns: Sequence[Mapping[str, Any]] = (),
+    brief: bool = False,
+) -> Suite:
+    """Return pages and figures of tasks, ready to be rendered."""
+    known = {name for task in tasks for p in task.parameters for name in (p.name, p.alias)}
+    for name, value in ((n, v) for column in columns for n, v in column.items() if n not in known):
+        load(tasks[0], **{name: value})  # which says what is wrong
+    found = telling(together(tasks), lambda each: f"page of {each[0].id}")
+    made = (page(task, (facts or {}).get(task.id), [*others, *columns]) for task, others in found)
+    pages = _apart(map(briefly, made) if brief else made)
+    drawn = {p.anchor: p.task for p in pages} | {setting_anchor(p, s): s.task for p in pages for s in p.settings}
+    shown = [(name, scene(task)) for name, task in telling([*drawn.items()], lambda each: f"figure of {each[1].id}")]
+    scenes = {name: found for name, found in shown if found is not None}
+    cited = beside(task.source.document.origin.name for task in tasks)
+    names = dict.fromkeys(task.source.suite for task in tasks if task.source.suite)
+    return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", pages, scenes, cited, brief)
+
+
+def together(tasks: Iterable[Task]) -> list[tuple[Task, list[Mapping[str, Any]]]]:
+    """Return each task at its defaults, with the other values of its varied parameters."""
+    found: dict[str, list[Task]] = {}
+    for task in tasks:
+        found.setdefault(task.id, []).append(task)
+    together: list[tuple[Task, list[Mapping[str, Any]]]] = []
+    for same in found.values():
+        defaults = {p.name: p.default for p in same[0].parameters}
+        others = [task.values for task in same if task.values != defaults]
+        varied = [name for name, value in defaults.items() if any(values[name] != value for values in others)]
+        base = next((task for task in same if task.values == defaults), None) or load(same[0], **defaults)
+        together.append((base, [{name: values[name] for name in varied} for values in others]))
+    return together
+
+
+def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:
+    taken = set(_TAKEN)
+    found = []
+    for each in pages:
+        anchor = each.anchor
+        number = 1
+        while anchor in taken:
+            number += 1
+            anchor = f"{each.anchor}-{number}"
+        taken.add(anchor)
+        found.append(replace(each, anchor=anchor))
+    return tuple(found)
+
+
+def compile_pdf(folder: Path) -> Path:
+    """Compile `document.tex` in a folder."""
+    for command in telling(("pdflatex", "bibtex", "pdflatex", "pdflatex"), "document.pdf, {}".format):
+        options = ["document"] if command == "bibtex" else [
+            "-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "document.tex"]  # fmt: skip
+        if command == "bibtex" and (shutil.which("bibtex") is None or not (folder / "references.bib").read_text()):
+            continue
+        done = subprocess.run(
+            [command, *options], cwd=folder, capture_output=True, text=True, errors="replace", check=False
+        )
+        if done.returncode != 0 and command == "pdflatex":
+            problem = next((line for line in done.stdout.splitlines() if line.startswith("!")), "pdflatex failed")
+            raise spec_error(
+                "E727", f"TeX could not compile {folder / 'document.tex'}: {problem.lstrip('! ')}", "see document.log"
+            )
+    for path in folder.glob("document.*"):
+        if path.suffix[1:] in _SCRATCH:
+            path.unlink()
+    return folder / "document.pdf"

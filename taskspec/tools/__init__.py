@@ -1,0 +1,1 @@
+"""Tools around the language: exchange, audits, editors, the studio, notebooks."""

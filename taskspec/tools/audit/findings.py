@@ -1,0 +1,433 @@
+"""The checks of an audit, one entry each: for faults, from which learners suffer, and facts, which users should know."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium.utils.env_checker import check_env
+
+from taskspec.base.display import decimal, estimate, plural
+from taskspec.base.limits import tell
+from taskspec.exact.abstraction.bisimulation import apart
+from taskspec.exact.scores.returns import Return
+from taskspec.tools.audit.evidence import Evidence
+from taskspec.tools.audit.subject import Subject, Trace, TracePart, first_difference, frozen, shown
+
+EQUAL = 1e-9
+"""Returns that differ by less are equal."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A finding in words, and a trace that shows it, where there is one."""
+
+    words: str
+    trace: Trace | None = None
+
+
+@dataclass(frozen=True)
+class AuditCheck:
+    """One thing that is looked for."""
+
+    name: str
+    kind: Literal["fault", "fact"]
+    look: Callable[[Evidence], Found | None]
+
+
+# -- what every step must keep ----------------------------------------------------------------------------------------
+
+
+def raises(x: Evidence) -> Found | None:
+    """Find an exception of the environment."""
+    for episode in x.all_episodes:
+        if episode.steps[-1].error:
+            return Found(episode.steps[-1].error, episode.trace())
+    return None
+
+
+def outside(x: Evidence) -> Found | None:
+    """Find an observation that is not in the observation space."""
+    for episode in x.all_episodes:
+        for t, step in enumerate(episode.steps):
+            why = None if step.error else why_outside(x.subject.observation_space, step.observation)
+            if why:
+                return Found(f"at t = {t} the observation {why}", episode.trace(t))
+    return None
+
+
+def why_outside(space: Any, value: Any) -> str | None:
+    """Return why a value is not in a space; stricter than Gymnasium about types, which buffers of learners depend on."""
+    spaces = gymnasium.spaces
+    match space:
+        case spaces.Dict():
+            if not isinstance(value, dict) or set(value) != set(space.spaces):
+                return f"has not the keys {', '.join(map(str, space.spaces))}"
+            return next(filter(None, (why_outside(inner, value[k]) for k, inner in space.spaces.items())), None)
+        case spaces.Tuple():
+            if not isinstance(value, tuple) or len(value) != len(space.spaces):
+                return f"is no tuple of {len(space.spaces)}"
+            return next(filter(None, map(why_outside, space.spaces, value)), None)
+        case spaces.Box() | spaces.MultiDiscrete() | spaces.MultiBinary():
+            if not isinstance(value, np.ndarray):
+                return f"is of the type {type(value).__name__}; its space holds arrays"
+            if value.dtype != space.dtype:
+                return f"is {value.dtype}; its space is {space.dtype}"
+            if value.shape != space.shape:
+                return f"has the shape {value.shape}; its space has {space.shape}"
+            if isinstance(space, spaces.Box) and not space.contains(value):
+                wrong = np.argwhere(~((value >= space.low) & (value <= space.high)))[0]
+                at = tuple(wrong.tolist())
+                where = f" at {list(at)}" if at else ""
+                return f"is {value[at]}{where}; its bounds are {space.low[at]} and {space.high[at]}"
+    return None if space.contains(value) else f"{shown(value)} is not in {space}"
+
+
+def reward_type(x: Evidence) -> Found | None:
+    """Find a reward that is no finite number, or an end that is no truth value."""
+    for episode in x.all_episodes:
+        for t, step in enumerate(episode.steps[1:], 1):
+            if step.error:
+                break
+            is_number = isinstance(step.reward, int | float | np.integer | np.floating) and np.isfinite(step.reward)
+            if not is_number:
+                return Found(
+                    f"at t = {t} the reward is {shown(step.reward)}, which is no finite number", episode.trace(t)
+                )
+            for name in ("terminated", "truncated"):
+                value = getattr(step, name)
+                if not isinstance(value, bool | np.bool_):
+                    return Found(f"at t = {t} `{name}` is {shown(value)}, which is no truth value", episode.trace(t))
+    return None
+
+
+def mutated(x: Evidence) -> Found | None:
+    """Find an observation or info that is changed after it was returned."""
+    for episode in x.episodes:
+        for t, step in enumerate(episode.steps):
+            is_changed = frozen(step.observation) != step.seen
+            if not step.error and (is_changed or frozen(step.info) != step.seen_info):
+                name = "observation" if is_changed else "info"
+                words = f"the {name} of t = {t} is changed by later steps; return a copy"
+                return Found(words, episode.trace(t + 1))
+    return None
+
+
+# -- what repetitions must keep ---------------------------------------------------------------------------------------
+
+
+def not_reproducible(x: Evidence) -> Found | None:
+    """Find an episode that differs when it is repeated with the same seed in a new instance."""
+    for episode in x.in_time(x.episodes):
+        t = first_difference(episode.steps, x.subject.play(episode.trace(), world=episode.seed + 1))
+        if t is not None:
+            return Found(f"the same seed and actions give something else at t = {t}", episode.trace(t))
+    return None
+
+
+def kept_by_reset(x: Evidence) -> Found | None:
+    """Find an episode that depends on the episodes before it."""
+    if "same seed" in x.found:
+        return None
+    for before, episode in x.in_time(pairwise(x.episodes)):
+        trace = (*before.trace(), *episode.trace())
+        t = first_difference(episode.steps, x.subject.play(trace)[len(before.steps) :])
+        if t is not None:
+            words = f"after another episode, the same seed and actions give something else at t = {t}"
+            return Found(words, (*before.trace(), *episode.trace(t)))
+    return None
+
+
+def shared(x: Evidence) -> Found | None:
+    """Find an episode that depends on what another instance does meanwhile."""
+    if "same seed" in x.found:
+        return None
+    for other, episode in x.in_time(pairwise(x.episodes)):
+        trace = (*episode.trace(0), replace(other.trace()[0], instance="b"), TracePart(None, episode.actions))
+        steps = x.subject.play(trace)
+        t = first_difference(episode.steps, [steps[0], *steps[1 + len(other.steps) :]])
+        if t is not None:
+            short = (*trace[:2], TracePart(None, episode.actions[:t]))
+            return Found(f"another instance changes what the same seed and actions give at t = {t}", short)
+    return None
+
+
+# -- ends -------------------------------------------------------------------------------------------------------------
+
+
+def ends_by_time(x: Evidence) -> Found | None:
+    """Find a termination that the time alone causes, where the time is not observed."""
+    caused = [found for found in x.last_steps_without_time if found[1].terminated and not found[2].terminated]
+    if not caused or any(step.seen != early.seen for _, step, early in caused):
+        return None
+    episode = caused[0][0]
+    words = f"step {len(episode.actions)} is terminated by a counter of steps that is not observed: it is a truncation"
+    return Found(words, episode.trace())
+
+
+def truncated_by_state(x: Evidence) -> Found | None:
+    """Find a truncation that the time does not cause."""
+    for episode, step, early in x.last_steps_without_time:
+        if step.truncated and not step.terminated and early.truncated:
+            return Found(f"step {len(episode.actions)} is truncated by the state, not by the time", episode.trace())
+    return None
+
+
+# -- what tables show -------------------------------------------------------------------------------------------------
+
+
+def table_disagrees(x: Evidence) -> Found | None:
+    """Find a step that the environment's own `P` does not have."""
+    if x.table is None and not x.wrong_P:
+        return None
+    return Found(*x.wrong_P) if x.wrong_P else None
+
+
+def unsolvable(x: Evidence) -> Found | None:
+    """Find that all policies earn the same."""
+    if x.solved is None or x.table is None or x.table.by_time or x.solved.best - x.solved.worst > EQUAL:
+        return None
+    return Found(f"nothing can be learned: every policy earns {decimal(x.solved.best)}")
+
+
+def one_action(x: Evidence) -> Found | None:
+    """Find that one action is optimal everywhere."""
+    found = x.solved
+    if found is None or found.best - found.random <= EQUAL * max(1.0, abs(found.best)):
+        return None
+    for action, value in zip(x.subject.actions() or [], found.constant, strict=True):
+        if value >= found.best - EQUAL * max(1.0, abs(found.best)):
+            trace = x.subject.episode(0, repeat=action).trace()
+            return Found(f"action {shown(action)}, always, is optimal: it earns {decimal(value)}", trace)
+    return None
+
+
+def nothing_told_apart(x: Evidence) -> Found | None:
+    """Find that all episodes of a large environment earned the same."""
+    if x.solved is not None:
+        return None
+    returns = {round(value, 9) for values in x.returns.values() for value in values}
+    if len(returns) != 1:
+        return None
+    return Found(f"every episode earned {decimal(returns.pop())}, with random actions and with each fixed one")
+
+
+def hidden_state(x: Evidence) -> Found | None:
+    """Find two states with the same observation and different futures."""
+    table = x.table
+    if table is None or x.classes is None:
+        return None
+    pair = _alike(x, x.classes[-1])
+    if pair is None:
+        return None
+    actions = [table.actions[a] for a in apart(x.rows, x.classes, *pair)]
+    after = "after the same action" if len(actions) == 1 else f"after the same {len(actions)} actions"
+    words = f"{shown(table.shown[pair[0]])} is observed in two states, which differ {after}: it is a POMDP"
+    return Found(words, _traces(x, pair, actions))
+
+
+def hidden_reward(x: Evidence) -> Found | None:
+    """Find two states with the same observation that pay differently for the same action."""
+    table = x.table
+    if table is None or x.classes is None:
+        return None
+    for a, action in enumerate(table.actions):
+        paid = [frozenset(reward for _, reward, _ in row[a]) if row else None for row in table.rows]
+        pair = _alike(x, paid)
+        if pair is not None:
+            one, other = (", ".join(map(decimal, sorted(paid[s] or ()))) for s in pair)
+            words = f"{shown(table.shown[pair[0]])} is observed, and action {shown(action)} pays {one} or {other}"
+            return Found(words, _traces(x, pair, [action]))
+    return None
+
+
+def _alike(x: Evidence, values: list[Any]) -> tuple[int, int] | None:
+    """Return two states in which episodes act that look alike and have different values."""
+    first: dict[Hashable, int] = {}
+    assert x.table is not None
+    for s in x.acting:
+        other = first.setdefault(x.table.observations[s], s)
+        if values[other] != values[s]:
+            return other, s
+    return None
+
+
+def _traces(x: Evidence, pair: tuple[int, int], actions: list[Any]) -> Trace | None:
+    found: list[TracePart] = []
+    for s in pair:
+        trace = x.table.traces[s] if x.table is not None else None
+        if trace is None:
+            return None
+        found.append(TracePart(trace[0].seed, (*trace[0].actions, *actions)))
+    return tuple(found)
+
+
+def by_time(x: Evidence) -> Found | None:
+    """Find a reward or an end that depends on the time."""
+    if x.table is None or x.table.by_time is None:
+        return None
+    s, a, trace = x.table.by_time
+    words = f"the reward or the end depends on the time: in {shown(x.table.shown[s])}, for action {shown(x.table.actions[a])}"
+    return Found(words, trace)
+
+
+def same_actions(x: Evidence) -> Found | None:
+    """Find actions that do the same in every state."""
+    groups = x.equal_actions()
+    if not groups:
+        return None
+    listed = "; ".join(", ".join(map(shown, group)) for group in groups)
+    return Found(f"these actions do the same in every state: {listed}")
+
+
+def unreached(x: Evidence) -> Found | None:
+    """Find declared states that no episode enters."""
+    if x.table is None or x.table.declared is None:
+        return None
+    count = x.table.declared - x.entered
+    if count <= 0:
+        return None
+    return Found(f"no episode enters {plural(count, 'state')} of {x.table.declared:,}")
+
+
+def gymnasium_check(x: Evidence) -> Found | None:
+    """Find what Gymnasium's own checker raises, where nothing else was found."""
+    if x.found:
+        return None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            check_env(x.subject.make().env, skip_render_check=True)
+    except Exception as error:
+        return Found(f"Gymnasium's check_env: {' '.join(str(error).split())[:200]}")
+    return None
+
+
+CHECKS = (
+    AuditCheck("exception", "fault", raises),
+    AuditCheck("observation", "fault", outside),
+    AuditCheck("reward", "fault", reward_type),
+    AuditCheck("changed later", "fault", mutated),
+    AuditCheck("same seed", "fault", not_reproducible),
+    AuditCheck("reset", "fault", kept_by_reset),
+    AuditCheck("instances", "fault", shared),
+    AuditCheck("time limit", "fault", ends_by_time),
+    AuditCheck("P", "fault", table_disagrees),
+    AuditCheck("unsolvable", "fault", unsolvable),
+    AuditCheck("check_env", "fault", gymnasium_check),
+    AuditCheck("truncation", "fact", truncated_by_state),
+    AuditCheck("hidden state", "fact", hidden_state),
+    AuditCheck("hidden reward", "fact", hidden_reward),
+    AuditCheck("time", "fact", by_time),
+    AuditCheck("one action", "fact", one_action),
+    AuditCheck("returns", "fact", nothing_told_apart),
+    AuditCheck("same actions", "fact", same_actions),
+    AuditCheck("unreached", "fact", unreached),
+)
+
+
+# -- the report -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Reported:
+    """A check that found something; `trace` is the text that shows it."""
+
+    check: AuditCheck
+    found: Found
+    trace: str
+
+
+@dataclass(frozen=True)
+class Audit:
+    """The result of an audit.
+
+    Attributes:
+        size: the number of states and actions, or why there is no table.
+        values: returns by name, in words.
+        entries: what was found.
+        numbers: the same returns as numbers.
+    """
+
+    name: str
+    size: str
+    values: tuple[tuple[str, str], ...]
+    entries: tuple[Reported, ...]
+    numbers: dict[str, Any]
+
+    def of(self, kind: str) -> list[Reported]:
+        return [entry for entry in self.entries if entry.check.kind == kind]
+
+    @property
+    def faults(self) -> list[Reported]:
+        return self.of("fault")
+
+    def record(self) -> dict[str, Any]:
+        """Return the audit as plain data."""
+        found = [
+            {"kind": e.check.kind, "name": e.check.name, "words": e.found.words, "trace": e.trace or None}
+            for e in self.entries
+        ]
+        return {"environment": self.name, "size": self.size, **self.numbers, "findings": found}
+
+
+def examined(subject: Subject, seconds: float) -> Audit:
+    """Look for everything in `CHECKS`."""
+    x = Evidence(subject, seconds)
+    entries = []
+    for check in CHECKS:
+        tell(check.name)
+        try:
+            found = check.look(x)
+            if found is not None:
+                entries.append(Reported(check, found, subject.text(found.trace) if found.trace else ""))
+                x.found[check.name] = found
+        except Exception as error:  # of an object that does what none should
+            x.unexamined.append(f"{check.name} ({type(error).__name__}: {error})")
+    values, numbers = _values(x)
+    return Audit(subject.name, _size(x), tuple(values), tuple(entries), numbers)
+
+
+def _size(x: Evidence) -> str:
+    horizon = "no time limit seen" if x.horizon is None else f"{x.horizon:,} steps"
+    if x.table is None:
+        return f"sampled, since {x.why_not}; {horizon}"
+    chance = ", chance estimated" if x.table.is_estimated else ""
+    return f"{plural(x.entered, 'state')}, {plural(len(x.table.actions), 'action')}, {horizon}{chance}"
+
+
+def _values(x: Evidence) -> tuple[list[tuple[str, str]], dict[str, Any]]:
+    """Return returns in words and as numbers: those of the table, or else means of episodes with their intervals."""
+    words = []
+    numbers: dict[str, Any] = {}
+    sampled: dict[str, list[float]] = {}
+    if x.solved is None or x.table is None:
+        sampled = {name if name == "random" else f"action {name}": found for name, found in x.returns.items()}
+    elif x.table.by_time is not None:
+        numbers["optimal, if rewards were those of the first visit"] = x.solved.best
+        sampled = {"random": x.returns["random"]}
+    else:
+        numbers = {"optimal": x.solved.best, "random": x.solved.random, "worst": x.solved.worst}
+        numbers["best single action"] = max(x.solved.constant)
+        if x.table.drawn:
+            sampled = {"the policy found optimal": x.checked}
+    about = "about " if x.table is not None and x.table.is_estimated else ""
+    words = [(name, about + decimal(value)) for name, value in numbers.items()]
+    for name, returns in sampled.items():
+        if not returns:
+            words.append((name, "no whole episode in this time"))
+            continue
+        found = Return.estimated(returns)
+        mean, half = estimate(found.value, found.half)
+        words.append((name, f"{mean} ± {half} (95 %, {plural(found.episodes, 'episode')})"))
+        numbers[name] = {"mean": found.value, "interval": list(found.interval()), "episodes": found.episodes}
+    if x.unexamined:
+        words.append(("not examined", "; ".join(x.unexamined)))
+    if x.after_the_end:
+        words.append(("after the end", x.after_the_end))
+    return words, {"is_estimated": bool(about), "returns": numbers, "after_the_end": x.after_the_end}

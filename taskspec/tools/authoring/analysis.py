@@ -1,0 +1,154 @@
+"""The analysis of a spec while it is being typed: its document, its declarations, and every mistake."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
+from taskspec.language.expressions import syntax as s
+from taskspec.language.expressions.scope import Scope
+from taskspec.language.source import Document, Path
+from taskspec.language.task.build import Attempt, attempts
+from taskspec.language.task.merge import Merged
+from taskspec.language.task.names import Names, declared, signature
+from taskspec.tools.authoring.repair import read_tolerantly
+
+_SCOPES = {"absorbing_reward": "absorbing", "definitions": "reward"}
+"""The names of scopes that are not called like their sections."""
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """A name that a spec declares: what it is, and where."""
+
+    name: str
+    noun: str
+    path: Path
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """The analysis of one text. `document` is None where nothing can be read, `diagnostics` are sorted by place."""
+
+    text: str
+    name: str
+    document: Document | None
+    attempts: tuple[Attempt, ...]
+    diagnostics: tuple[Diagnostic, ...]
+
+    def attempt(self, path: Path) -> Attempt | None:
+        """Return what was made of the spec or the variant that a path is in."""
+        variant = path[1] if path[:1] == ("variants",) and len(path) > 1 else None
+        for each in self.attempts:
+            if each.merged.variant == variant:
+                return each
+        return self.attempts[0] if self.attempts else None
+
+    def scope(self, path: Path) -> Scope | None:
+        """Return the names that are visible in the expression at a path; None where nothing is known."""
+        attempt = self.attempt(path)
+        if attempt is None:
+            return None
+        section = str(own(path)[0]) if own(path) else ""
+        context = attempt.names.context
+        if section in ("parameters", "constants", "state", "action", "horizon", "discount"):
+            return Scope(context.constants)
+        section = _SCOPES.get(section, section)
+        known = context.named_scopes.get(section)
+        if known is not None:
+            return known
+        return _made(attempt.names, section)
+
+    @cached_property
+    def declarations(self) -> dict[str, Declaration]:
+        """The names that the text declares; labels of choices included."""
+        found: dict[str, Declaration] = {}
+        for attempt in self.attempts:
+            for path, name, noun in declared(attempt.merged):
+                found.setdefault(name, Declaration(name, noun, _written(attempt.merged, path)))
+            for section in ("parameters", "state", "action"):
+                for path, label in _labels(attempt.merged, section):
+                    found.setdefault(label, Declaration(label, "label", _written(attempt.merged, path)))
+        return found
+
+    def uses(self, name: str) -> Iterator[s.Name | s.Call | s.Quoted]:
+        """Yield each use of a name in the expressions of the text, with its prime or without, in no order."""
+        seen = set()
+        for attempt in self.attempts:
+            for expr in attempt.merged.parsed.values():
+                for node in s.below(expr):
+                    place = node.name_place if isinstance(node, s.Call) else getattr(node, "place", None)
+                    written = _name_of(node)
+                    if written == name and place is not None:
+                        span = place.span
+                        if span.origin.name == self.name and span not in seen:
+                            seen.add(span)
+                            yield node
+
+
+def analyse(text: str, name: str = "<string>", before: Analysis | None = None) -> Analysis:
+    """Return the analysis of a spec's text, which need not be complete. Never raises for a bad text.
+
+    Args:
+        text: the text of the spec.
+        name: its file, from which the files that it extends are found.
+        before: the analysis of the text before its last change; what has not changed is not worked out again, and
+            expressions of `before` have their places in this text from now on.
+    """
+    reading = read_tolerantly(text, name)
+    if reading.document is None:
+        return Analysis(text, name, None, (), reading.diagnostics)
+    found = list(reading.diagnostics)
+    made: list[Attempt] = []
+    try:
+        made, mistakes = attempts(reading.document, before=before.attempts if before else ())
+        found += [each for each in mistakes if not _on_lines(each, reading.repaired)]
+    except SpecError as error:
+        found += error.diagnostics
+    return Analysis(text, name, reading.document, tuple(made), in_order(found))
+
+
+def own(path: Path) -> Path:
+    """Return a path without the variant that it is in."""
+    if path[:1] == ("variants",):
+        return path[2:]
+    return path
+
+
+def _made(names: Names, section: str) -> Scope | None:
+    """Return a scope that no expression of the text has asked for yet."""
+    if section not in ("dynamics", "reward", "measures", "terminal", "observation", "expert", "absorbing", "noise",
+                       "claims", "figure", "legal"):  # fmt: skip
+        return None
+    names.context.exprs.setdefault("definitions", {})
+    return names.scope(section)
+
+
+def _labels(merged: Merged, section: str) -> Iterator[tuple[Path, str]]:
+    for name, entry in (merged.data.get(section) or {}).items():
+        values = entry.get("values") if isinstance(entry, dict) else None
+        if isinstance(values, list | dict):
+            for at, label in enumerate(values):
+                step = label if isinstance(values, dict) else at
+                yield (section, name, "values", step), str(label)
+
+
+def _written(merged: Merged, path: Path) -> Path:
+    document, there = merged.written(path)
+    return there if document is merged.document else ()
+
+
+def _name_of(node: object) -> str | None:
+    match node:
+        case s.Name(id=name) | s.Quoted(value=name) | s.Call(function=name):
+            return signature(name)[0]
+    return None
+
+
+def _on_lines(found: Diagnostic, repaired: frozenset[int]) -> bool:
+    """Return whether a mistake is about a line that was repaired, or follows from one that was left out."""
+    if not repaired or found.span is None:
+        return False
+    return found.span.line in repaired or found.code in ("E203", "E210", "E217")

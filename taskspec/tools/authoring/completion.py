@@ -1,0 +1,206 @@
+"""Completion of a place: keys of the schema, their values, and the names of an expression."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from taskspec.base.display import setting
+from taskspec.exact.rules import claim_rules
+from taskspec.language.expressions.check import CONSTANTS
+from taskspec.language.expressions.dists import CATEGORICAL, DISTS
+from taskspec.language.expressions.operators import FUNCTIONS
+from taskspec.language.expressions.scope import Scope, Unavailable
+from taskspec.language.source import Path
+from taskspec.language.task.merge import variant_names
+from taskspec.language.task.names import signature
+from taskspec.tools.authoring.analysis import Analysis, own
+from taskspec.tools.authoring.meanings import describe, schemas, type_of
+from taskspec.tools.authoring.repair import cursor
+
+_EXPRESSIONS = ("Expression", "Bound", "Horizon", "Constant", "Definition", "Shape")
+"""What the schema calls values that are expressions."""
+KEYWORDS = ("if", "else", "and", "or", "not", "in", "for", "range", "true", "false")
+
+
+class Completion(NamedTuple):
+    """One thing to write: its text, what kind of thing it is, and what is known of it."""
+
+    label: str
+    kind: str
+    detail: str = ""
+    documentation: str = ""
+
+
+def complete(analysis: Analysis, offset: int) -> tuple[list[Completion], str]:
+    """Return what can be written at an offset of a text, and the beginning of a word there, which it replaces.
+
+    Args:
+        analysis: the analysis of the text or, while that cannot be read, of the last text that could.
+    """
+    at = cursor(analysis.text, offset, analysis.name)
+    if at.kind == "text":
+        return [], ""
+    if at.kind == "key":
+        found = list(_keys(analysis, at.path[:-1], at.word))
+    else:
+        found = list(_values(analysis, at.path, at.before))
+        if at.before == at.word:  # it may become the first key of a mapping
+            found += _keys(analysis, at.path, at.word)
+    fitting = [each for each in found if each.label.lower().startswith(at.word.lower())]
+    return list({each.label: each for each in fitting}.values()), at.word
+
+
+# -- keys ---------------------------------------------------------------------------------------------------------
+
+
+def _keys(analysis: Analysis, inside: Path, word: str) -> Iterator[Completion]:
+    """Yield the keys that the mapping at a path may have, and that it does not have yet; a word of one is written."""
+    present = _present(analysis, inside) - {word}
+    for schema in schemas(inside):
+        for key, about in schema.get("properties", {}).items():
+            if key not in present and about is not False:
+                yield Completion(key, "key", type_of(about), about.get("description", ""))
+    for name, noun in _entries(analysis, inside):
+        if name not in present:
+            yield Completion(name, noun)
+
+
+def _present(analysis: Analysis, path: Path) -> set[str]:
+    node: Any = analysis.document.data if analysis.document else {}
+    for step in path:
+        try:
+            node = node[step]
+        except (KeyError, IndexError, TypeError):
+            return set()
+    return set(node) if isinstance(node, dict) else set()
+
+
+def _entries(analysis: Analysis, path: Path) -> Iterator[tuple[str, str]]:
+    """Yield the names that are keys of a section: of components, of labels in rows of a table."""
+    attempt = analysis.attempt(path)
+    if attempt is None:
+        return
+    context = attempt.names.context
+    section = own(path)
+    components = {"state": context.state, "next": context.state, "action": context.action, "expert": context.action}
+    if section == ("dynamics",):
+        yield from ((c.name + "'", "state") for c in context.state)
+    elif section[:1] == ("examples",) and section[-1] in components:
+        yield from ((c.name, section[-1]) for c in components[str(section[-1])])
+    elif section == ("initial",):
+        yield from ((c.name, "state") for c in context.state)
+    elif section == ("expert",):
+        yield from ((c.name, "action") for c in context.action)
+    elif "for" in section or section[-1:] == ("parameters",):
+        yield from ((parameter.name, "parameter") for parameter in context.parameters)
+    elif section and section[0] not in ("parameters", "state", "action", "figure", "constants", "roles"):
+        for domain in context.domains:
+            yield from ((label, "label") for label in domain.labels)
+        if "rows" in section:
+            yield "else", "keyword"
+
+
+# -- values -------------------------------------------------------------------------------------------------------
+
+
+def _values(analysis: Analysis, path: Path, before: str) -> Iterator[Completion]:
+    """Yield the values that an entry may have."""
+    found = schemas(path)
+    for schema in found:
+        for option in schema.get("enum", ()):
+            yield Completion(str(option), "value", documentation=schema.get("description", ""))
+        if schema.get("type") == "boolean":
+            yield from (Completion(word, "value") for word in ("true", "false"))
+    yield from (Completion(word, "value") for word in _words(analysis, path))
+    if own(path)[:1] == ("claims",):
+        yield from _claim_words()
+        yield from names(analysis.scope(path))
+    elif _is_expression(path):
+        for variable in dict.fromkeys(_bound_in(analysis, path, before)):
+            yield Completion(variable, "variable")
+        yield from names(analysis.scope(path))
+
+
+def _words(analysis: Analysis, path: Path) -> Iterable[str]:
+    """Return the words that only one entry takes: names of variants, constants and measures among them."""
+    data = analysis.document.data if analysis.document else {}
+    variants = data.get("variants") or {}
+    match own(path):
+        case ("expert",):
+            return ("optimal",)
+        case ("horizon",):
+            return ("none",)
+        case ("figure", "map"):
+            return list(data.get("constants") or ())
+        case ("roles", _):
+            return list(variant_names(data))
+        case ("claims", *_):
+            return list(data.get("measures") or ())
+        case ("parameters", _, "default"):
+            return ("true", "false")
+        case (*_, "base"):
+            return list(variants)
+        case (_,) if path[:1] == ("variants",):
+            return ("null",)
+    return ()
+
+
+def _bound_in(analysis: Analysis, path: Path, before: str) -> Iterator[str]:
+    """Yield the variables of comprehensions and the arguments of a definition in which an expression stands."""
+    written: Any = analysis.document.data if analysis.document else None
+    for step in path:
+        try:
+            written = written[step]
+        except (KeyError, IndexError, TypeError):
+            written = ""
+    for found in re.finditer(r"\bfor ([\w, ]+?) in\b", f"{written} {before}"):
+        yield from re.findall(r"\w+", found[1])
+    if own(path)[:1] == ("definitions",):
+        yield from signature(str(path[-1]))[1] or ()
+
+
+def _is_expression(path: Path) -> bool:
+    """Return whether the value at a path is an expression or a part of one."""
+    around = [schema for end in range(1, len(path) + 1) for schema in schemas(path[:end])]
+    return any(schema.get("title") in _EXPRESSIONS for schema in around)
+
+
+def names(scope: Scope | None) -> Iterator[Completion]:
+    """Yield the names, labels, functions and distributions that an expression may use."""
+    if scope is not None:
+        for name in dict.fromkeys(scope.names()):
+            bound = scope.lookup(name)
+            if bound is None:
+                yield Completion(name, "label")
+            elif not isinstance(bound, Unavailable):
+                yield Completion(name, "name", describe(bound))
+    yield from _language(scope is None or scope.draws is None)
+
+
+@lru_cache
+def _language(with_draws: bool) -> tuple[Completion, ...]:
+    found = [Completion(each.name, "function", each.signature, each.doc) for each in FUNCTIONS.values()]
+    if with_draws:
+        for dist in (CATEGORICAL, *DISTS.values()):
+            arguments = ", ".join(each.name for each in dist.arguments)
+            found += [Completion(each.name, "argument", dist.name) for each in dist.arguments]
+            found.append(Completion(dist.name, "distribution", f"{dist.name}({arguments})", dist.doc))
+        found.append(Completion("shape", "argument", "of a vector of draws"))
+    found += [Completion(name, "constant", setting(value)) for name, value in CONSTANTS.items()]
+    return (*found, *(Completion(word, "keyword") for word in KEYWORDS))
+
+
+@lru_cache
+def _claim_words() -> tuple[Completion, ...]:
+    words = []
+    for kind, table in (
+        ("result", claim_rules.RESULTS),
+        ("function", claim_rules.FUNCTIONS),
+        ("model", claim_rules.MODELS),
+    ):
+        words += [Completion(name, kind, word.written, word.doc) for name, word in table.items()]
+    words += [Completion(word, "argument") for word in ("under", "at")]
+    return tuple(words)

@@ -1,0 +1,309 @@
+"""Meanings of the words of a spec: type, range and value, the place of the declaration, and all uses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+from taskspec.base.codes import codes
+from taskspec.base.diagnostics import Fix, Origin, Span
+from taskspec.base.display import interval, setting
+from taskspec.exact.rules import claim_rules
+from taskspec.language.expressions import syntax as s
+from taskspec.language.expressions.dists import CATEGORICAL, DISTS
+from taskspec.language.expressions.interval import bounds
+from taskspec.language.expressions.ir import Const, Node
+from taskspec.language.expressions.operators import FUNCTIONS
+from taskspec.language.expressions.scope import Binding, FunctionDef, Lazy, Poisoned, Scope, Unavailable, Value
+from taskspec.language.expressions.types import Domain, Kind, Refused
+from taskspec.language.printers import text as printed
+from taskspec.language.source import Path
+from taskspec.language.task.names import signature
+from taskspec.language.task.schema.export import json_schema
+from taskspec.tools.authoring.analysis import Analysis
+from taskspec.tools.authoring.repair import cursor, word_at
+
+_CALLED = re.compile(r"[^\W\d]\w*$")
+
+
+def describe(bound: Binding | None) -> str:
+    """Return the type, and the value or the range, of what a name means, in one line."""
+    match bound:
+        case Value(node=node, domain=domain):
+            return _of_node(node, domain)
+        case Lazy(domain=domain) if domain is not None:
+            return _labels(domain)
+        case Lazy(resolve=resolve):
+            try:
+                value = resolve(s.Name("", False, s.Place(s.SourceText("", _nowhere), 0, 0)))
+            except (Poisoned, Refused):
+                return ""
+            return _of_node(value.node, value.domain)
+        case FunctionDef(body=body):
+            return f"{bound.signature} = {printed(body)}"
+        case Unavailable(message=message):
+            return message
+    return ""
+
+
+def hover(analysis: Analysis, offset: int) -> str | None:
+    """Return what is known of the word at an offset, in Markdown; None where nothing is."""
+    word, start = word_at(analysis.text, offset)
+    if not word:
+        return _of_mistakes(analysis, offset)
+    at = cursor(analysis.text, start + len(word), analysis.name)
+    if at.kind == "text":
+        return None
+    language = _of_language(word)
+    if at.kind == "key" and word.rstrip("'") not in analysis.declarations:
+        found = [each["description"] for each in schemas(at.path) if "description" in each]
+        return f"`{word}`: {found[0]}" if found else None
+    scope = analysis.scope(at.path)
+    bound = None if scope is None else scope.lookup(word)
+    lines = []
+    declaration = analysis.declarations.get(word.rstrip("'"))
+    if declaration is not None:
+        lines.append(f"`{word}`: {declaration.noun}{_comma(describe(bound))}")
+        lines += filter(None, [_documentation(analysis, declaration.path)])
+    elif bound is not None:
+        lines.append(f"`{word}`{_comma(describe(bound))}")
+    elif language is not None:
+        lines.append(language)
+    return "\n\n".join(lines) or None
+
+
+def definition(analysis: Analysis, offset: int) -> Span | None:
+    """Return the place where the name at an offset is declared."""
+    word, _ = word_at(analysis.text, offset)
+    found = analysis.declarations.get(word.rstrip("'"))
+    if found is None or not found.path or analysis.document is None:
+        return None
+    if isinstance(found.path[-1], int) or found.noun == "alias of a parameter":
+        return analysis.document.span(found.path)
+    return analysis.document.key_span(found.path)
+
+
+def name_at(analysis: Analysis, offset: int) -> str | None:
+    """Return the name at an offset, without its prime; None for a word that is not declared."""
+    word, _ = word_at(analysis.text, offset)
+    name = word.rstrip("'")
+    return name if name in analysis.declarations else None
+
+
+def references(analysis: Analysis, name: str | None) -> list[Span]:
+    """Return every place of a name in a text: its declaration, keys and uses in expressions, by place."""
+    if name not in analysis.declarations:
+        return []
+    return sorted(set(_places(analysis, name)), key=lambda span: (span.line, span.column))
+
+
+def rename(analysis: Analysis, name: str | None, new: str) -> list[Fix]:
+    """Return the changes that give a name in a text another name; primes and arguments stay."""
+    changes = []
+    for span in references(analysis, name):
+        written = span.origin.line(span.line)[span.column - 1 : span.end_column - 1]
+        first = written.find(name or "")
+        if span.line == span.end_line and first >= 0:
+            start = span.column + first
+            changes.append(Fix(replace(span, column=start, end_column=start + len(name or "")), new))
+    return changes
+
+
+def signature_at(analysis: Analysis, offset: int) -> tuple[str, str, int] | None:
+    """Return how the call is written whose arguments an offset is in, its documentation, and the number of the argument."""
+    at = cursor(analysis.text, offset, analysis.name)
+    closed = commas = 0
+    for i, char in reversed([*enumerate(at.before)]):
+        if char in ")]}":
+            closed += 1
+        elif char == "," and not closed:
+            commas += 1
+        elif char in "([{" and closed:
+            closed -= 1
+        elif char == "(":
+            name = _CALLED.search(at.before[:i])
+            call = None if name is None else _call(name.group(), analysis.scope(at.path))
+            return None if call is None else (*call, commas)
+        elif char in "[{":
+            commas = 0  # those are of the list
+    return None
+
+
+# -- parts --------------------------------------------------------------------------------------------------------
+
+
+def _places(analysis: Analysis, name: str) -> Iterator[Span]:
+    document = analysis.document
+    if document is None:
+        return
+    declared = analysis.declarations[name].path
+    if declared:
+        yield document.span(declared) if isinstance(declared[-1], int) else document.key_span(declared)
+    for node in analysis.uses(name):
+        yield node.name_place.span if isinstance(node, s.Call) else node.place.span
+    sections: list[tuple[Path, Any]] = [((), document.data)]
+    sections += [(("variants", key), value) for key, value in (document.data.get("variants") or {}).items()]
+    for path, data in sections:
+        for section in ("initial", "dynamics", "expert", "parameters", "state", "action"):
+            entries = data.get(section) if isinstance(data, dict) else None
+            for key in entries if isinstance(entries, dict) else ():
+                if signature(str(key).rstrip("'"))[0] == name:
+                    yield document.key_span((*path, section, key))
+
+
+def _of_node(node: Node, domain: Domain | None) -> str:
+    if domain is not None:
+        if isinstance(node, Const) and node.type.is_scalar:
+            return f"{domain.labels[int(node.value)]}, {_labels(domain)}"
+        return _labels(domain)
+    if isinstance(node, Const) and node.type.is_scalar:
+        return f"{node.type} {setting(node.value)}"
+    if node.type.kind is Kind.BOOL:
+        return str(node.type)
+    low, high = bounds(node, {})
+    return f"{node.type} in {interval(low, high)}"
+
+
+def _labels(domain: Domain) -> str:
+    return f"choice of {domain.listed}"
+
+
+def _comma(text: str) -> str:
+    return f", {text}" if text else ""
+
+
+def _documentation(analysis: Analysis, path: Path) -> str | None:
+    entry: Any = analysis.document.data if analysis.document else {}
+    for step in path:
+        try:
+            entry = entry[step]
+        except (KeyError, IndexError, TypeError):
+            return None
+    if isinstance(entry, dict) and isinstance(entry.get("doc"), str):
+        return str(entry["doc"])
+    return None
+
+
+def _of_language(word: str) -> str | None:
+    call = _call(word, None)
+    return None if call is None else f"`{call[0]}`: {call[1]}"
+
+
+def _call(word: str, scope: Scope | None) -> tuple[str, str] | None:
+    """Return how a function, a distribution or a word of claims is called, and what it does."""
+    bound = None if scope is None else scope.lookup(word)
+    if isinstance(bound, FunctionDef):
+        return bound.signature, printed(bound.body)
+    if word in FUNCTIONS:
+        return FUNCTIONS[word].signature, FUNCTIONS[word].doc
+    for dist in (CATEGORICAL, *DISTS.values()):
+        if dist.name == word:
+            return f"{word}({', '.join(each.name for each in dist.arguments)})", dist.doc
+    said = claim_rules.FUNCTIONS.get(word) or claim_rules.MODELS.get(word)
+    return None if said is None else (said.written, said.doc)
+
+
+def _of_mistakes(analysis: Analysis, offset: int) -> str | None:
+    line = analysis.text.count("\n", 0, offset) + 1
+    for found in analysis.diagnostics:
+        if found.span is not None and found.span.line == line:
+            code = codes()[found.code]
+            return f"**{code.code}** {code.title}\n\n{code.explanation}"
+    return None
+
+
+def _nowhere(start: int, end: int) -> Span:
+    """Return the place of a name that only an editor looks up; nothing that is reported there is shown."""
+    return Span(Origin("", ""), 1, 1, 1, 1)
+
+
+# -- the JSON Schema of specs, by path --------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=512)
+def schemas(path: Path) -> tuple[dict[str, Any], ...]:
+    """Return what the JSON Schema of specs says of the value at a path, one entry for each form that it may have."""
+    root = _root()
+    if not path:
+        return tuple(_forms(root["$defs"]["Spec"]))
+    found: list[dict[str, Any]] = []
+    for outer in schemas(path[:-1]):
+        found += _forms(_below(outer, path[-1]))
+    return tuple({id(each): each for each in found}.values())
+
+
+def _below(schema: dict[str, Any], step: str | int) -> Any:
+    if isinstance(step, int):
+        return schema.get("items")
+    properties = schema.get("properties", {})
+    return properties.get(step, schema.get("additionalProperties"))
+
+
+def _forms(schema: Any) -> Iterator[dict[str, Any]]:
+    """Yield a schema and those that it refers to, each a form of the value."""
+    if not isinstance(schema, dict):
+        return
+    yield schema
+    reference = schema.get("$ref")
+    if reference is not None:
+        yield from _forms(_root()["$defs"][reference.rpartition("/")[2]])
+    for word in ("then", "else"):
+        yield from _forms(schema.get(word))
+    for word in ("anyOf", "oneOf", "allOf"):
+        for each in schema.get(word, ()):
+            yield from _forms(each)
+
+
+@lru_cache
+def _root() -> dict[str, Any]:
+    return json_schema()
+
+
+def type_of(schema: dict[str, Any]) -> str:
+    kinds = [each.get("title") or each.get("type") for each in _forms(schema)]
+    return next((str(kind) for kind in kinds[::-1] if isinstance(kind, str) and kind != "null"), "")
+
+
+# -- words in the expressions of a text, for editors that colour by meaning -------------------------------------------
+
+TOKEN_KINDS = ("parameter", "variable", "property", "function", "enumMember", "number")
+"""Kinds of tokens, as the protocol of editors calls them: an action is a property, a label a member of an enumeration."""
+
+_NOUNS = {
+    "parameter": "parameter",
+    "alias of a parameter": "parameter",
+    "constant": "parameter",
+    "action component": "property",
+    "label": "enumMember",
+}
+
+
+def tokens(analysis: Analysis) -> list[tuple[str, Span]]:
+    """Return each token with its kind, by place; tokens do not overlap."""
+    found: dict[Span, str] = {}
+    for attempt in analysis.attempts:
+        for expr in attempt.merged.parsed.values():
+            for node in s.below(expr):
+                place, kind = _token(node, analysis)
+                if place is not None:
+                    span = place.span
+                    if span.origin.name == analysis.name and span.line == span.end_line:
+                        found[span] = kind
+    return [(kind, span) for span, kind in sorted(found.items(), key=lambda each: (each[0].line, each[0].column))]
+
+
+def _token(node: object, analysis: Analysis) -> tuple[s.Place | None, str]:
+    match node:
+        case s.Call(name_place=place):
+            return place, "function"
+        case s.Number(place=place):
+            return place, "number"
+        case s.Quoted(place=place):
+            return place, "enumMember"
+        case s.Name(id=name, place=place):
+            declared = analysis.declarations.get(name)
+            return place, _NOUNS.get(declared.noun, "variable") if declared else "variable"
+    return None, ""

@@ -1,0 +1,402 @@
+"""A language server for specs: mistakes while typing, completion, meanings, places of names, layout, fixes, and exact scores.
+
+`taskspec.tools.authoring` answers at once. Soundness, claims and scores come from a process (`checks`) that ends when the text changes;
+its last results stay, at their lines, until there are new ones.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from lsprotocol import types as lsp
+from pygls.lsp.server import LanguageServer
+from pygls.workspace import TextDocument
+from pygls.workspace.position_codec import ServerTextPosition, ServerTextRange
+
+from taskspec.base import __version__
+from taskspec.base.codes import codes
+from taskspec.base.diagnostics import Diagnostic, Fix, Span, SpecError
+from taskspec.tools.authoring import (
+    Analysis,
+    analyse,
+    complete,
+    definition,
+    hover,
+    name_at,
+    references,
+    rename,
+    signature_at,
+)
+from taskspec.tools.authoring.formatting import formatted
+from taskspec.tools.authoring.meanings import TOKEN_KINDS, tokens
+from taskspec.tools.editor.checks import LastCheck, check
+
+_KINDS = {
+    "key": lsp.CompletionItemKind.Property,
+    "value": lsp.CompletionItemKind.EnumMember,
+    "label": lsp.CompletionItemKind.EnumMember,
+    "function": lsp.CompletionItemKind.Function,
+    "distribution": lsp.CompletionItemKind.Class,
+    "keyword": lsp.CompletionItemKind.Keyword,
+    "variant": lsp.CompletionItemKind.Reference,
+}
+PAUSE = 0.4
+"""Seconds without a change after which a text is checked."""
+_IS_SPEC = re.compile(r"^taskspec *:", re.MULTILINE)
+_SEVERITIES = {"error": lsp.DiagnosticSeverity.Error, "warning": lsp.DiagnosticSeverity.Warning}
+
+
+class Server(LanguageServer):
+    """The server with what is known of each open document."""
+
+    def __init__(self) -> None:
+        super().__init__("taskspec", __version__, text_document_sync_kind=lsp.TextDocumentSyncKind.Incremental)
+        self.analyses: dict[str, Analysis] = {}
+        self.known: dict[str, Analysis] = {}
+        """The last analysis of each document in which there were tasks."""
+        self.checked: dict[str, LastCheck] = {}
+        self.checks: dict[str, asyncio.Task[None]] = {}
+
+    def analysis(self, uri: str) -> tuple[Analysis, TextDocument]:
+        """Return the analysis of a document as it is now, and the document."""
+        document = self.workspace.get_text_document(uri)
+        found = self.analyses.get(uri)
+        if found is None or found.text != document.source:
+            if _IS_SPEC.search(document.source):
+                found = analyse(document.source, document.path, self.known.get(uri))
+            else:
+                found = Analysis(document.source, document.path, None, (), ())
+            self.analyses[uri] = found
+            if found.attempts:
+                self.known[uri] = found
+        return found, document
+
+    def publish(self, uri: str) -> None:
+        """Send the mistakes of a document, with those that the last check found."""
+        found, document = self.analysis(uri)
+        problems = [_problem(each, document) for each in found.diagnostics if _is_here(each, found)]
+        if uri in self.checked:
+            known = {(each.code, each.message) for each in found.diagnostics}
+            reported = self.checked[uri].problems_in(found.text)
+            problems += [_reported(each, document) for each in reported if (each["code"], each["message"]) not in known]
+        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, problems, document.version))
+
+
+server = Server()
+
+
+def new_server() -> Server:
+    """Return a server with the features of `server`, for one more client."""
+    fresh = Server()
+    known = server.protocol.fm
+    for name, feature in known.features.items():
+        fresh.feature(name, known.feature_options.get(name))(feature.func)
+    return fresh
+
+
+# -- documents ----------------------------------------------------------------------------------------------------
+
+
+@server.feature(lsp.TEXT_DOCUMENT_DID_OPEN)
+def opened(ls: Server, params: lsp.DidOpenTextDocumentParams) -> None:
+    """Analyse and check a document."""
+    ls.publish(params.text_document.uri)
+    _start_check(ls, params.text_document.uri, 0)
+
+
+@server.feature(lsp.TEXT_DOCUMENT_DID_CHANGE)
+def changed(ls: Server, params: lsp.DidChangeTextDocumentParams) -> None:
+    """Analyse a document as it is now, and check it after a pause."""
+    ls.publish(params.text_document.uri)
+    _start_check(ls, params.text_document.uri, PAUSE)
+
+
+@server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
+def closed(ls: Server, params: lsp.DidCloseTextDocumentParams) -> None:
+    """Forget a document."""
+    uri = params.text_document.uri
+    for known in (ls.analyses, ls.known, ls.checked):
+        known.pop(uri, None)
+    running = ls.checks.pop(uri, None)
+    if running is not None:
+        running.cancel()
+
+
+# -- what is asked for --------------------------------------------------------------------------------------------
+
+
+@server.feature(lsp.TEXT_DOCUMENT_COMPLETION)
+def completion(ls: Server, params: lsp.CompletionParams) -> lsp.CompletionList:
+    """Return what can be written at a place."""
+    uri = params.text_document.uri
+    found, document = ls.analysis(uri)
+    if not _IS_SPEC.search(found.text):
+        return lsp.CompletionList(is_incomplete=False, items=[])
+    if not found.attempts and uri in ls.known:
+        known = ls.known[uri]
+        found = Analysis(found.text, found.name, known.document, known.attempts, found.diagnostics)
+    offset = document.offset_at_position(params.position)
+    offered, word = complete(found, offset)
+    start = document.client_position_at_offset(offset - len(word))
+    items = []
+    for each in offered:
+        edit = lsp.TextEdit(lsp.Range(start, params.position), each.label)
+        items.append(
+            lsp.CompletionItem(
+                each.label, kind=_KINDS.get(each.kind, lsp.CompletionItemKind.Variable), detail=each.detail or None,
+                documentation=each.documentation or None, text_edit=edit, filter_text=each.label,
+            )
+        )  # fmt: skip
+    return lsp.CompletionList(is_incomplete=False, items=items)
+
+
+@server.feature(lsp.TEXT_DOCUMENT_HOVER)
+def hovered(ls: Server, params: lsp.HoverParams) -> lsp.Hover | None:
+    """Return what the word at a place means."""
+    found, document = ls.analysis(params.text_document.uri)
+    text = hover(found, document.offset_at_position(params.position))
+    if text is None:
+        return None
+    return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text))
+
+
+@server.feature(lsp.TEXT_DOCUMENT_DEFINITION)
+def defined(ls: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
+    """Return where the name at a place is declared."""
+    found, document = ls.analysis(params.text_document.uri)
+    span = definition(found, document.offset_at_position(params.position))
+    return None if span is None else lsp.Location(document.uri, _range(span, document))
+
+
+@server.feature(lsp.TEXT_DOCUMENT_REFERENCES)
+def referred(ls: Server, params: lsp.ReferenceParams) -> list[lsp.Location]:
+    """Return every place of the name at a place."""
+    found, document = ls.analysis(params.text_document.uri)
+    spans = references(found, name_at(found, document.offset_at_position(params.position)))
+    return [lsp.Location(document.uri, _range(span, document)) for span in spans]
+
+
+@server.feature(lsp.TEXT_DOCUMENT_RENAME)
+def renamed(ls: Server, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
+    """Return the changes that give the name at a place another name, in specs of the folder that extend this one, too.
+
+    A name that another file declares is renamed there.
+    """
+    found, document = ls.analysis(params.text_document.uri)
+    name = name_at(found, document.offset_at_position(params.position))
+    if name is None or not found.declarations[name].path:
+        return None
+    changes = {document.uri: [_edit(each, document) for each in rename(found, name, params.new_name)]}
+    for other, place in _extending(ls, Path(document.path)):
+        if name in other.declarations and not other.declarations[name].path:
+            changes[place.uri] = [_edit(each, place) for each in rename(other, name, params.new_name)]
+    return lsp.WorkspaceEdit(changes=changes)
+
+
+def _extending(ls: Server, path: Path) -> Iterator[tuple[Analysis, TextDocument]]:
+    """Yield the specs of a folder that extend one of them."""
+    for place in sorted(path.parent.glob("*.yaml")):
+        document = ls.workspace.get_text_document(place.as_uri())
+        if place != path and "extends" in document.source:
+            found = analyse(document.source, str(place))
+            if found.document is not None and str(path) in found.document.files:
+                yield found, document
+
+
+@server.feature(lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions([lsp.CodeActionKind.QuickFix]))
+def actions(ls: Server, params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
+    """Return the fixes of the mistakes in a range."""
+    found, document = ls.analysis(params.text_document.uri)
+    offered = []
+    for each in found.diagnostics:
+        fix = each.fix
+        if fix is None or not _is_here(each, found):
+            continue
+        problem = _problem(each, document)
+        if problem.range.end.line < params.range.start.line or problem.range.start.line > params.range.end.line:
+            continue
+        edit = lsp.WorkspaceEdit(changes={document.uri: [_edit(fix, document)]})
+        title = f"write {fix.replacement}"
+        offered.append(lsp.CodeAction(title, lsp.CodeActionKind.QuickFix, [problem], is_preferred=True, edit=edit))
+    return offered
+
+
+@server.feature(lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
+def symbols(ls: Server, params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
+    """Return the sections of a document with their entries."""
+    found, document = ls.analysis(params.text_document.uri)
+    if found.document is None or not isinstance(found.document.data, dict):
+        return []
+    outline = []
+    for section, entries in found.document.data.items():
+        symbol = _symbol(found, (section,), lsp.SymbolKind.Module, document)
+        if isinstance(entries, dict):
+            symbol.children = [_symbol(found, (section, key), lsp.SymbolKind.Variable, document) for key in entries]
+        outline.append(symbol)
+    return outline
+
+
+@server.feature(
+    lsp.TEXT_DOCUMENT_SEMANTIC_TOKENS_FULL, lsp.SemanticTokensLegend(token_types=list(TOKEN_KINDS), token_modifiers=[])
+)
+def coloured(ls: Server, params: lsp.SemanticTokensParams) -> lsp.SemanticTokens:
+    """Return the names and functions in the expressions of a document, each relative to the one before."""
+    found, document = ls.analysis(params.text_document.uri)
+    data: list[int] = []
+    line = column = 0
+    for kind, span in tokens(found):
+        place = _range(span, document)
+        same_line = place.start.line == line
+        start = place.start.character - column if same_line else place.start.character
+        length = place.end.character - place.start.character
+        data += [place.start.line - line, start, length, TOKEN_KINDS.index(kind), 0]
+        line = place.start.line
+        column = place.start.character
+    return lsp.SemanticTokens(data)
+
+
+@server.feature(lsp.TEXT_DOCUMENT_CODE_LENS)
+def lenses(ls: Server, params: lsp.CodeLensParams) -> list[lsp.CodeLens]:
+    """Return exact scores above the names of tasks, and verdicts above the claims."""
+    uri = params.text_document.uri
+    found, document = ls.analysis(uri)
+    shown: list[lsp.CodeLens] = []
+    if uri not in ls.checked or found.document is None:
+        return shown
+    for path, text in ls.checked[uri].lenses:
+        inner: Any = found.document.data
+        for step in path[:-1]:
+            inner = inner.get(step) if isinstance(inner, dict) else None
+        if isinstance(inner, dict) and path[-1] in inner:
+            place = _range(found.document.key_span(tuple(path)), document)
+            shown.append(lsp.CodeLens(place, lsp.Command(text, "")))
+    return shown
+
+
+@server.feature(lsp.TEXT_DOCUMENT_SIGNATURE_HELP, lsp.SignatureHelpOptions(trigger_characters=["(", ","]))
+def signature(ls: Server, params: lsp.SignatureHelpParams) -> lsp.SignatureHelp | None:
+    """Return how the function is called whose arguments are being written."""
+    found, document = ls.analysis(params.text_document.uri)
+    call = signature_at(found, document.offset_at_position(params.position))
+    if call is None:
+        return None
+    written, doc, argument = call
+    inside = written.partition("(")[2].rstrip(")")
+    arguments = [lsp.ParameterInformation(each) for each in inside.split(", ")]
+    return lsp.SignatureHelp([lsp.SignatureInformation(written, doc or None, arguments)], 0, argument)
+
+
+@server.feature(lsp.TEXT_DOCUMENT_FORMATTING)
+def laid_out(ls: Server, params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit]:
+    """Return the change that gives a document its usual layout."""
+    found, document = ls.analysis(params.text_document.uri)
+    try:
+        new = formatted(found.text, found.name) if _IS_SPEC.search(found.text) else found.text
+    except SpecError:
+        return []
+    if new == found.text:
+        return []
+    whole = lsp.Range(lsp.Position(0, 0), document.client_position_at_offset(len(found.text)))
+    return [lsp.TextEdit(whole, new)]
+
+
+@server.feature(lsp.TEXT_DOCUMENT_FOLDING_RANGE)
+def folds(ls: Server, params: lsp.FoldingRangeParams) -> list[lsp.FoldingRange]:
+    """Return the lines of each entry that has several, without its first."""
+    found, _ = ls.analysis(params.text_document.uri)
+    if found.document is None:
+        return []
+    ranges = []
+    for path in _entries(found.document.data, ()):
+        first = found.document.key_span(path).line
+        value = found.document.span(path)
+        last = value.end_line - (value.end_column == 1)
+        if last > first:
+            ranges.append(lsp.FoldingRange(first - 1, last - 1))
+    return ranges
+
+
+def _entries(data: Any, path: tuple[str | int, ...]) -> Iterator[tuple[str | int, ...]]:
+    """Yield the paths of all entries of mappings and lists."""
+    inner = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in inner:
+        yield (*path, key)
+        yield from _entries(value, (*path, key))
+
+
+# -- checks -------------------------------------------------------------------------------------------------------
+
+
+def _start_check(ls: Server, uri: str, pause: float) -> None:
+    running = ls.checks.get(uri)
+    if running is not None:
+        running.cancel()
+    ls.checks[uri] = asyncio.get_running_loop().create_task(_check(ls, uri, pause))
+
+
+async def _check(ls: Server, uri: str, pause: float) -> None:
+    """Check a text without mistakes, and send what is found."""
+    await asyncio.sleep(pause)
+    found, document = ls.analysis(uri)
+    if not found.attempts or any(each.severity == "error" for each in found.diagnostics):
+        return
+    checked = LastCheck(found.text)
+
+    def take(part: dict[str, Any]) -> None:
+        checked.lenses += part["lenses"]
+        if "problems" in part:
+            checked.problems = [each for each in part["problems"] if each["line"] and each["file"] == document.path]
+            ls.checked[uri] = checked
+            ls.publish(uri)
+
+    await check(found.text, document.path, take)
+    ls.workspace_code_lens_refresh(None)
+
+
+# -- places -------------------------------------------------------------------------------------------------------
+
+
+def _range(span: Span, document: TextDocument) -> lsp.Range:
+    """Return a place in the units of the client, which count UTF-16 unless it says otherwise."""
+    start = ServerTextPosition(span.line - 1, span.column - 1)
+    end = ServerTextPosition(span.end_line - 1, span.end_column - 1)
+    return document.range_to_client_units(ServerTextRange(start, end))
+
+
+def _edit(fix: Fix, document: TextDocument) -> lsp.TextEdit:
+    return lsp.TextEdit(_range(fix.span, document), fix.replacement)
+
+
+def _is_here(found: Diagnostic, analysis: Analysis) -> bool:
+    return found.span is None or found.span.origin.name == analysis.name
+
+
+def _problem(found: Diagnostic, document: TextDocument) -> lsp.Diagnostic:
+    place = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
+    if found.span is not None:
+        place = _range(found.span, document)
+    return _as_shown(found.code, place, found.message, [found.hint, *found.notes])
+
+
+def _reported(found: dict[str, Any], document: TextDocument) -> lsp.Diagnostic:
+    start = ServerTextPosition(found["line"] - 1, found["column"] - 1)
+    end = ServerTextPosition(found["end_line"] - 1, found["end_column"] - 1)
+    place = document.range_to_client_units(ServerTextRange(start, end))
+    return _as_shown(found["code"], place, found["message"], [found["hint"], *found["notes"]])
+
+
+def _as_shown(code: str, place: lsp.Range, message: str, remarks: Iterable[str | None]) -> lsp.Diagnostic:
+    text = "\n".join([message, *(remark for remark in remarks if remark)])
+    return lsp.Diagnostic(place, text, severity=_SEVERITIES[codes()[code].severity], code=code, source="taskspec")
+
+
+def _symbol(found: Analysis, path: tuple[str, ...], kind: lsp.SymbolKind, document: TextDocument) -> lsp.DocumentSymbol:
+    assert found.document is not None
+    key = _range(found.document.key_span(path), document)
+    value = _range(found.document.span(path), document)
+    whole = lsp.Range(key.start, max(key.end, value.end, key=lambda place: (place.line, place.character)))
+    return lsp.DocumentSymbol(path[-1] or "?", kind, whole, key)

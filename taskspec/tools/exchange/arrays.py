@@ -1,0 +1,142 @@
+"""Tables of Python users: Gymnasium's `P` as JSON or from an environment, and arrays of NumPy."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.diagnostics import spec_error
+from taskspec.tools.exchange.reading import MOST_BYTES, ForeignFile, Row, assembled, guarded
+from taskspec.tools.exchange.tables import FrozenOutcome, FrozenTask
+
+COLUMNS = {
+    "state": "<i8",
+    "action": "<i8",
+    "next_state": "<i8",
+    "probability": "<f8",
+    "reward": "<f8",
+    "terminated": "?",
+}
+"""Arrays with an entry for each outcome, and their types."""
+
+
+def write_p(task: FrozenTask) -> bytes:
+    """Return JSON: under `P` lists `[probability, next state, reward, terminated]` by state and action.
+
+    Numbers are floats, and keys strings. `initial` is the start distribution, as toy_text's `initial_state_distrib` is.
+    """
+    P: dict[str, dict[str, list[list[Any]]]] = {}
+    for s, a, o in task.steps():
+        row = P.setdefault(str(s), {}).setdefault(str(a), [])
+        row.append([float(o.probability), o.state, float(o.reward), o.ends])
+    data = {
+        "name": task.name, "horizon": _steps(task), "discount": float(task.discount), "states": task.states,
+        "actions": task.actions, "initial": [float(p) for p in task.start], "P": P,
+    }  # fmt: skip
+    return (json.dumps(data) + "\n").encode()
+
+
+def read_p(source: ForeignFile) -> FrozenTask:
+    """Return the task of such a file; `P` alone, without other keys, starts in state 0."""
+    data = json.loads(source.text())
+    return _of_p(source, data.get("P", data), data if "P" in data else {})
+
+
+def read_environment(name: str) -> FrozenTask:
+    """Return the task of an environment of Gymnasium that has a table `P`.
+
+    Args:
+        name: an id, such as `FrozenLake-v1`.
+
+    Raises:
+        SpecError: E701 for one that cannot be made, E728 for one without `P`.
+    """
+    import gymnasium
+
+    try:
+        env = gymnasium.make(name)
+    except Exception as error:  # the code of the environment is not ours
+        raise spec_error("E701", f"there is no file '{name}', and no such environment: {error}") from error
+    inner: Any = env.unwrapped
+    source = ForeignFile(name, b"")
+    if not isinstance(getattr(inner, "P", None), Mapping):
+        source.wrong("the environment has no table `P`")
+    start = getattr(inner, "initial_state_distrib", None)
+    other = {
+        "initial": None if start is None else np.asarray(start).tolist(),
+        "horizon": env.spec.max_episode_steps if env.spec is not None else None,
+    }
+    env.close()
+    return guarded(lambda source: _of_p(source, inner.P, other))(source)
+
+
+def _of_p(source: ForeignFile, P: Any, other: Mapping[str, Any]) -> FrozenTask:
+    """Return the task of a table by state and action, keys being numbers or their texts."""
+    by_state = {int(s): {int(a): outcomes for a, outcomes in row.items()} for s, row in P.items()}
+    names = list(other.get("actions", ()))
+    rows: list[Row] = []
+    for s in range(len(by_state)):
+        row = {}
+        for a, outcomes in sorted(by_state[s].items()):
+            row[str(names[a]) if a < len(names) else str(a)] = [
+                FrozenOutcome(float(p), int(to), float(r), bool(ends)) for p, to, r, ends in outcomes
+            ]
+        rows.append(row)
+    start = {s: float(p) for s, p in enumerate(other.get("initial") or [1.0])}
+    states = other.get("states", ())
+    return assembled(source, start, rows, states, other.get("horizon"), other.get("discount", 1.0))
+
+
+def _steps(task: FrozenTask) -> int | None:
+    return task.horizon if task.last is None else task.last + 1
+
+
+def write_npz(task: FrozenTask) -> bytes:
+    """Return arrays: of outcomes (`COLUMNS`), `start`, `states`, `actions`, `horizon` (0: none), `discount`, and labels."""
+    columns: list[list[Any]] = [[] for _ in COLUMNS]
+    for s, a, o in task.steps():
+        for column, value in zip(columns, (s, a, o.state, float(o.probability), float(o.reward), o.ends), strict=True):
+            column.append(value)
+    arrays: dict[str, Any] = {}
+    for (name, kind), column in zip(COLUMNS.items(), columns, strict=True):
+        arrays[name] = np.array(column, kind)
+    for component in task.values[0] if task.values else ():
+        arrays[f"component_{component}"] = np.array([row[component] for row in task.values])
+    for name, held in task.labels.items():
+        arrays[f"label_{name}"] = np.array([s in held for s in range(len(task.states))])
+    result = io.BytesIO()
+    np.savez_compressed(
+        result, start=np.array([float(p) for p in task.start]), states=np.array(task.states), actions=np.array(task.actions),
+        horizon=np.array(_steps(task) or 0), discount=np.array(float(task.discount)), **arrays,
+    )  # fmt: skip
+    return result.getvalue()
+
+
+def read_npz(source: ForeignFile) -> FrozenTask:
+    """Return the task of such arrays; nothing in them is executed."""
+    arrays = _loaded(source)
+    columns = [arrays[name].astype(kind, casting="same_kind").tolist() for name, kind in COLUMNS.items()]
+    start = arrays["start"].astype(np.float64, casting="same_kind").tolist()
+    rows: list[dict[str, list[FrozenOutcome]]] = [{} for _ in start]
+    names = arrays["actions"].tolist()
+    for s, a, to, probability, reward, ends in zip(*columns, strict=True):
+        if not 0 <= s < len(rows) or a < 0:
+            source.wrong(f"there is no state {s}, or no action {a}")
+        rows[s].setdefault(str(names[a]), []).append(FrozenOutcome(probability, to, reward, ends))
+    horizon = int(arrays["horizon"]) or None
+    return assembled(
+        source, dict(enumerate(start)), rows, arrays["states"].tolist(), horizon, float(arrays["discount"])
+    )
+
+
+def _loaded(source: ForeignFile) -> dict[str, Any]:
+    with zipfile.ZipFile(io.BytesIO(source.content)) as archive:
+        if sum(member.file_size for member in archive.infolist()) > MOST_BYTES:
+            source.wrong(f"unpacked, it has more than {MOST_BYTES:,} bytes")
+    with np.load(io.BytesIO(source.content), allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}

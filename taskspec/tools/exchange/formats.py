@@ -1,0 +1,146 @@
+"""The formats of other tools, one entry each: how a task is written in it, what it cannot carry, and how it is read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from taskspec.base.diagnostics import spec_error
+from taskspec.base.named import entries_by_name
+from taskspec.exact.abstraction.abstraction import abstraction
+from taskspec.exact.model.extract import extract
+from taskspec.exact.model.model import Model
+from taskspec.language.task.legal import with_all_actions
+from taskspec.language.task.task import Task
+from taskspec.tools.exchange import arrays, umb
+from taskspec.tools.exchange.freeze import tables
+from taskspec.tools.exchange.reading import MOST_BYTES, ForeignFile, guarded
+from taskspec.tools.exchange.settled import property_of, settled, unsettled
+from taskspec.tools.exchange.tables import FrozenTask
+
+MOST_STATES = 100_000
+"""The largest number of states of a task that is exported, the time included."""
+
+
+@dataclass(frozen=True)
+class ModelFormat:
+    """A format of files.
+
+    Attributes:
+        write: gives the content of a file.
+        read: gives the task of a file.
+        is_settled: whether it is for model checkers: in rationals, of a settled task.
+        is_text: whether files are text.
+    """
+
+    name: str
+    suffix: str
+    write: Callable[[FrozenTask], bytes]
+    read: Callable[[ForeignFile], FrozenTask]
+    is_settled: bool = False
+    is_text: bool = False
+
+
+FORMATS: dict[str, ModelFormat] = entries_by_name((
+    ModelFormat("umb", ".umb", umb.write, umb.read, is_settled=True),
+    ModelFormat("gym-p", ".json", arrays.write_p, arrays.read_p, is_text=True),
+    ModelFormat("npz", ".npz", arrays.write_npz, arrays.read_npz),
+))  # fmt: skip
+STORM_READS = {".drn": "--explicit-drn", ".prism": "--prism", ".nm": "--prism", ".jani": "--jani"}
+"""Suffixes of files that Storm converts to UMB, with the option that reads them."""
+
+
+def exported(task: Task, format: ModelFormat = FORMATS["umb"]) -> tuple[Model, FrozenTask]:
+    """Return the exact model of a finite task, or of its abstraction, and its tables.
+
+    Those for model checkers have legal actions alone, those for Python all.
+
+    Raises:
+        SpecError: E712 for a task that has no exact model, or is too large.
+    """
+    finite = _finite(task)
+    model = extract(finite if format.is_settled else with_all_actions(finite), reachable=True)
+    return model, replace(tables(model, MOST_STATES), name=task.instance_id)
+
+
+def _finite(task: Task) -> Task:
+    """Return the task, or the finite one that its spec gives in its place."""
+    found = abstraction(task)
+    return task if found is None else found.stand_in
+
+
+def written(found: FrozenTask, format: ModelFormat) -> bytes:
+    """Return the content of a file."""
+    return format.write(settled(found) if format.is_settled else found)
+
+
+def notes(task: Task, found: FrozenTask, format: ModelFormat) -> Iterator[str]:
+    """Yield what a format does not carry of a task, and how it says the rest."""
+    if _finite(task) is not task:
+        yield f"states: those of the abstraction of {task.name}"
+    if not task.observation.is_state:
+        names = ", ".join(c.name for c in task.observation.components)
+        yield f"observations ({names}): not in the file; its states are the task's"
+    if task.mask and not format.is_settled:
+        yield "legal actions: not in the file; illegal ones have the outcomes that the equations give"
+    if task.process.measures:
+        yield f"measures ({', '.join(task.process.measures)}): not in the file"
+    if not format.is_settled:
+        yield "probabilities and rewards: floats"
+    elif any(isinstance(outcome.probability, float) for _, _, outcome in found.steps()):
+        yield "probabilities: floats; a draw of the task has no rational ones"
+    if format.name == "gym-p" and found.labels:
+        yield f"labels ({', '.join(found.labels)}): not in the file"
+    yield from _notes_on_time(found, format)
+
+
+def _notes_on_time(found: FrozenTask, format: ModelFormat) -> Iterator[str]:
+    if found.values and "t" in found.values[0]:
+        yield "time: the component t of the state"
+    if not format.is_settled:
+        if found.last is not None:
+            yield f"end of the episode at t = {found.last}: the horizon"
+        return
+    if found.discount != 1:
+        yield f"discount {found.discount}: after each step the episode ends with probability 1 - {found.discount}"
+    if sum(probability > 0 for probability in found.start) > 1:
+        yield "start distribution: the first step, from the state labelled draw"
+    ready = settled(found)
+    yield f"optimal return: {property_of(ready, 'max')}; worst: {property_of(ready, 'min')}"
+
+
+def read(place: str, format: str | None = None) -> FrozenTask:
+    """Return the task of a file, or of an environment of Gymnasium with a table `P`.
+
+    Args:
+        place: the path of a file, or the id of an environment.
+        format: one of `FORMATS`; that of the file's suffix unless given.
+
+    Raises:
+        SpecError: E728 for a file that cannot be read, E726 for a format that is not read.
+    """
+    path = Path(place)
+    if format is None and not path.exists() and not path.suffix:
+        return arrays.read_environment(place)
+    chosen = _format_of(path, format)
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise spec_error("E728", f"{place} has more than {MOST_BYTES:,} bytes")
+        source = ForeignFile(place, path.read_bytes())
+    except OSError as error:
+        raise spec_error("E711", f"{place}: {error.strerror or error}") from error
+    found = guarded(chosen.read)(source)
+    return unsettled(found) if chosen.is_settled else found
+
+
+def _format_of(path: Path, name: str | None) -> ModelFormat:
+    """Return the format with a name, or else the one of a suffix. SpecError: E726 for others."""
+    for known in FORMATS.values():
+        if name == known.name or (name is None and known.suffix == path.suffix):
+            return known
+    hint = "formats that are: " + ", ".join(f"{f.name} ({f.suffix})" for f in FORMATS.values())
+    option = STORM_READS.get(f".{name}" if name else path.suffix)
+    if option is not None:
+        hint = f"Storm converts it: storm {option} {path} --buildfull --buildchoicelab --exportbuild {path.stem}.umb"
+    raise spec_error("E726", f"'{name or path.suffix}' is not read", hint)

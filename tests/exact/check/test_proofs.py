@@ -1,0 +1,322 @@
+"""What is called proved is true: claims that rounding, slow chains or rare outcomes used to get wrong."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from taskspec import exact
+from taskspec.cli.app import app
+from taskspec.exact.rules.claim_verdicts import Verdict, verdicts
+from taskspec.exact.scores.returns import Results
+from taskspec.exact.solve import rational
+from taskspec.exact.solve.bounded import Bounded
+from taskspec.exact.solve.enclosure import Reader, written
+from taskspec.exact.solve.rational import Rational
+from taskspec.language import source
+from taskspec.language.task.build import build
+from taskspec.language.task.task import Task
+from taskspec.show.pages.facts import gather
+
+
+def task(text: str, **parameters: Any) -> Task:
+    return build(source.read_text(text, "spec.yaml"), None, parameters)
+
+
+def verdict(text: str, claim: str, **parameters: Any) -> Verdict:
+    (found,) = verdicts(task(f"{text}claims:\n  - {claim}\n", **parameters))
+    return found
+
+
+def status(text: str, claim: str, **parameters: Any) -> str:
+    return verdict(text, claim, **parameters).status
+
+
+LADDER = """
+taskspec: 1
+name: Ladder
+parameters:
+  L: {type: int, default: 40, low: 1, high: 100}
+state:
+  s: {type: int, low: 0, high: L}
+action:
+  a: {type: int, low: 0, high: 1}
+horizon: L
+initial: {s: 0}
+dynamics:
+  s': s + 1 if a == 1 and s == t else 0
+reward: s' == L
+"""
+
+
+def test_numbers_below_one_are_compared_by_their_size() -> None:
+    assert status(LADDER, "random_return == 2**-L") == "proved"
+    assert status(LADDER, "random_return == 500 * 2**-L") == "false"
+    assert status(LADDER, "random_return == 0") == "false"
+    assert status(LADDER, "random_return > 0") == "proved"
+    assert status(LADDER, "{claim: random_return == 0, tolerance: 1e-9}") == "proved"
+
+
+CANCELS = """
+taskspec: 1
+name: Cancels
+state:
+  s: {type: int, low: 0, high: 3}
+action:
+  a: {type: int, low: 0, high: 0}
+horizon: 3
+initial: {s: 0}
+dynamics: {s': s + 1}
+reward: {by: s, rows: {0: FIRST, 1: 1, 2: -FIRST, else: 0}}
+"""
+
+
+def test_large_rewards_that_cancel() -> None:
+    text = CANCELS.replace("FIRST", "1e17")
+    assert status(text, "optimal_return == 1") == "proved"
+    assert status(text, "optimal_return == 0") == "false"
+    assert (
+        status(text.replace("horizon: 3", "horizon: 3\ndiscount: 1/2"), "optimal_return == 75 * 10**15 + 1/2")
+        == "proved"
+    )
+
+
+def test_large_rewards_that_cancel_in_floats(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where rationals are too many, the sum is withheld rather than wrong."""
+    monkeypatch.setattr(rational, "MOST_WORK", 0)
+    text = CANCELS.replace("FIRST", "1e17")
+    assert status(text, "optimal_return == 0") == "undecided"
+    assert status(text, "optimal_return == 1") == "undecided"
+
+
+CHAIN = """
+taskspec: 1
+name: Chain
+state:
+  s: {type: choice, values: [here, goal]}
+action:
+  a: {type: int, low: 0, high: 1}
+horizon: none
+initial: {s: here}
+dynamics:
+  s': {by: s, rows: {here: {goal: P, here: 1 - P}, goal: goal}}
+reward: PAID
+terminal: s' == goal
+"""
+
+
+def chain(p: str, paid: str = "1") -> str:
+    return (
+        CHAIN.replace("1 - P", f"1 - {p}")
+        .replace("P}", f"{p}}}")
+        .replace("goal: P", f"goal: {p}")
+        .replace("PAID", paid)
+    )
+
+
+@pytest.mark.parametrize("p", ["1/3", "1e-3", "1e-7", "1e-9"])
+def test_slow_chains_reach_what_they_reach(p: str) -> None:
+    assert status(chain(p), "probability(s == goal) < 1/2") != "proved"
+    assert status(chain(p), "{claim: probability(s == goal) == 1, tolerance: 1e-5}") == "proved"
+
+
+@pytest.mark.parametrize(("p", "steps"), [("1/3", "3"), ("1/1001", "1001"), ("1e-5", "10**5")])
+def test_slow_ends_are_waited_for(p: str, steps: str) -> None:
+    assert status(chain(p), "optimal_return == 1") == "false"
+    assert status(chain(p), f"optimal_return == {steps}") == "proved"
+    assert status(chain(p), f"random_return == {steps}") == "proved"
+    assert status(chain(p, "-1"), f"worst_return == -{steps}") == "proved"
+
+
+def test_what_never_ends_has_no_value() -> None:
+    text = chain("0").replace("{goal: 0, here: 1 - 0}", "here")
+    assert status(text, "optimal_return > 10") == "undecided"
+    assert status(text.replace("reward: 1", "reward: 0"), "optimal_return == 0") == "proved"
+
+
+def test_what_pays_for_ever_is_given_up_soon() -> None:
+    """No sum is ever reached where an action stays and pays: that is noticed long before 300 million additions."""
+    text = chain("1/3").replace("{by: s, rows: {here: {goal", "{by: [s, a], rows: {here: {0: here, 1: {goal")
+    text = text.replace("here: 1 - 1/3}", "here: 1 - 1/3}}")
+    begun = time.process_time()
+    assert status(text, "optimal_return > 10") == "undecided"
+    assert status(text, "prefers(optimal, a == 0)") == "undecided"
+    assert status(text, "random_return == 6") == "proved"
+    assert time.process_time() - begun < 20
+
+
+RARE = """
+taskspec: 1
+name: Rare
+state:
+  x: {type: real, low: 0, high: 1}
+action:
+  a: {type: int, low: 0, high: 1}
+horizon: 1
+initial: {x: "Uniform(0, 1)"}
+dynamics: {x': x}
+reward: 1e6 * (x < 1e-6)
+"""
+
+
+def test_what_is_rare_does_not_contradict() -> None:
+    assert status(RARE, "random_return == 1") != "contradicted"
+    assert status(RARE, "random_return > 1e6") == "contradicted"
+    assert status(RARE.replace("1e6 * (x < 1e-6)", "x < 1/4"), "random_return > 1/2") == "contradicted"
+    assert status(RARE.replace("1e6 * (x < 1e-6)", "x < 1/4"), "random_return < 1/2") == "tested"
+
+
+ODDS = """
+taskspec: 1
+name: Odds
+state:
+  s: {type: int, low: 0, high: 2}
+action:
+  a: {type: int, low: 0, high: 1}
+horizon: 4
+initial: {s: 0}
+dynamics: {s': {0: 1/3, 1: 1/3, 2: 1/3}}
+reward: {by: s', rows: {0: DOWN, 1: 0, 2: UP}}
+"""
+
+
+@pytest.mark.parametrize(("up", "down"), [("1", "-1"), ("0.1", "-0.1"), ("1/3", "-1/3"), ("1e90", "-1e90")])
+def test_symmetric_rewards_sum_to_nothing(up: str, down: str) -> None:
+    text = ODDS.replace("UP", up).replace("DOWN", down)
+    assert status(text, "random_return == 0") == "proved"
+    assert status(text, "random_return < 0") == "false"
+    assert status(text, "random_return > -1e-300") == "proved"
+
+
+def test_what_depends_on_the_rounding_of_decimals_is_withheld() -> None:
+    """Ten tenths are a little more than 1 in floats: whether that is at most 1 nobody can say."""
+    text = (
+        ODDS.replace("UP", "0.1").replace("DOWN", "0.1").replace("1: 0", "1: 0.1").replace("horizon: 4", "horizon: 10")
+    )
+    assert status(text, "optimal_return == 1") == "proved"
+    assert status(text, "optimal_return <= 1") == "undecided"
+    assert status(text, "optimal_return > 1") == "undecided"
+    assert status(text, "{claim: optimal_return <= 1, tolerance: 1e-9}") == "proved"
+
+
+def test_ties_are_ties_however_small_the_rewards() -> None:
+    text = LADDER.replace("reward: s' == L", "reward: 1e-12 * (s' == L)").replace("default: 40", "default: 3")
+    assert status(text, "probability(s == L, under=optimal) == 1") == "proved"
+    assert status(text, "prefers(optimal, a == 1, at=s == t)") == "proved"
+
+
+@pytest.mark.parametrize(
+    ("claim", "expected"),
+    [
+        ("optimal_return < inf", "proved"),
+        ("optimal_return == inf", "false"),
+        ("optimal_return > 0 / 0", "broken"),
+        ("1 / 0 > 0", "broken"),
+        ("1 // 0 == 0", "broken"),
+        ("1 % 0 == 0", "broken"),
+        ("inf - inf == 0", "broken"),
+        ("9**9**9 > 1", "broken"),
+        ("2.0**2000 > 1", "proved"),
+        ("((9**9999)**9999)**9999 > 1", "broken"),
+        ("(-8)**(1/2) == 0", "broken"),
+        ("2**(1/2) < 1.4142135623", "false"),
+        ("2**(1/2) < 1.4142135624", "proved"),
+        ("0.1 + 0.2 == 0.3", "proved"),
+        ("1/3 + 1/3 + 1/3 == 1", "proved"),
+        ("7 // 2 == 3 and -7 // 2 == -4 and -7 % 2 == 1", "proved"),
+        ("prefers(soft(0), a == 1)", "broken"),
+        ("prefers(soft(inf), a == 1)", "broken"),
+    ],
+)
+def test_arithmetic_of_claims(claim: str, expected: str) -> None:
+    assert status(LADDER, claim, L=3) == expected
+
+
+@pytest.mark.parametrize(
+    ("value", "short"),
+    [
+        (0.1, Fraction(1, 10)), (1 / 3, Fraction(1, 3)), (0.1 + 0.2, Fraction(3, 10)),
+        (0.5, Fraction(1, 2)), (-2.5, Fraction(-5, 2)),
+        (1e-9, Fraction(1, 10**9)), (0.000123, Fraction(123, 10**6)), (2.0**-40, Fraction(1, 2**40)), (1e17, Fraction(10**17)),
+        (22 / 7, Fraction(22, 7)), (0.30000000000000016, Fraction(0.30000000000000016)),
+    ],
+)  # fmt: skip
+def test_floats_are_read_as_what_was_written(value: float, short: Fraction) -> None:
+    assert written(value) == short
+
+
+def test_both_arithmetics_enclose_one_another() -> None:
+    """Random chains by rationals and by floats: the bounds of the floats hold the rationals."""
+    rng = np.random.default_rng(0)
+    for seed in range(10):
+        p, r = (
+            rng.dirichlet(np.ones(4), (4, 2)).round(3).tolist(),
+            rng.normal(0, 10.0 ** rng.integers(-9, 9), (4, 2)).tolist(),
+        )
+        text = f"""
+taskspec: 1
+name: Mixed
+constants: {{P: {p}, R: {r}}}
+state: {{s: {{type: int, low: 0, high: 3}}}}
+action: {{a: {{type: int, low: 0, high: 1}}}}
+horizon: 20
+discount: {rng.choice([1, 0.9])}
+initial: {{s: {seed % 4}}}
+dynamics: {{s': "Categorical(P[s, a])"}}
+reward: R[s, a]
+"""
+        model = Results(task(text)).model
+        assert model is not None
+        numbers, bounded = Rational(model, Reader()), Bounded(model)
+        true, value = numbers.zero(), bounded.zero()
+        for t in range(19, -1, -1):
+            q, found = numbers.backup(t, true), bounded.backup(t, value)
+            true, value = (numbers.top(q), bounded.top(found)) if t % 2 else (numbers.bottom(q), bounded.bottom(found))
+        for s in range(4):
+            assert abs(true.at(s) - Fraction(value.value[s])) <= Fraction(value.error[s])
+            assert value.error[s] <= 1e-11 * max(abs(value.value[s]), np.abs(r).max())
+
+
+# -- one word for one thing -------------------------------------------------------------------------------------------
+
+STATUSES = {
+    "exact and proved": (LADDER, "random_return == 2**-L", "proved", "exact", "proved"),
+    "tested on episodes": (RARE, "random_return < 1e6", "tested", "estimated", "tested in 1000 episodes"),
+    "undecided": (LADDER, "random_return < 0.1 * 10 * 2**-L", "undecided", "exact", "not decided"),
+    "false": (LADDER, "random_return == 1", "false", "exact", "does not hold"),
+    "contradicted": (RARE, "random_return > 1e6", "contradicted", "estimated", "does not hold"),
+}
+
+
+@pytest.mark.parametrize("name", STATUSES)
+def test_statuses_are_the_same_wherever_they_are_told(name: str, tmp_path: Path) -> None:
+    text, claim, of_claim, of_number, on_page = STATUSES[name]
+    path = tmp_path / "spec.yaml"
+    path.write_text(f"{text}claims:\n  - {claim}\n", encoding="utf-8")
+    (told,) = json.loads(printed("check", str(path), "--json"))["tasks"][0]["claims"]
+    assert (told["status"], told["claim"]) == (of_claim, claim)
+    assert json.loads(printed("solve", str(path), "--json"))["random"]["status"] == of_number
+    assert re.search(
+        "exact" if of_number == "exact" else "(95 % CI,|in all of) 1,000 episodes", printed("solve", str(path))
+    )
+    (verdict_,) = gather(build(source.read_file(path))).verdicts
+    assert verdict_.text == on_page
+
+
+def printed(*arguments: str) -> str:
+    return CliRunner().invoke(app, list(arguments)).stdout
+
+
+def test_scores_keep_their_statuses_in_files(tmp_path: Path) -> None:
+    found = exact.scores(task(LADDER))
+    found.save(tmp_path / "scores.json")
+    assert exact.Scores.load(tmp_path / "scores.json", task(LADDER)) == found
+    assert json.loads((tmp_path / "scores.json").read_text())["optimal"]["status"] == "exact"

@@ -1,0 +1,238 @@
+"""Measures of difficulty, beside every episode of small tasks written out one by one, and beside closed forms."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import taskspec
+from taskspec import exact, load
+from taskspec.base import limits
+from taskspec.base.diagnostics import SpecError
+from taskspec.exact.scores.difficulty import MEASURES, difficulty
+from taskspec.language.printers import tex
+from taskspec.language.printers.markup import mathml
+from taskspec.language.task.task import Task
+from tests.shared.commands import Done
+from tests.shared.sparse import sparse
+from tests.shared.written_out import TABLES, Table, best_from
+
+
+@pytest.fixture(params=range(len(TABLES)))
+def written_out(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Table, exact.Results]:
+    table = TABLES[request.param]
+    path = tmp_path / "random.yaml"
+    path.write_text(table.spec(), encoding="utf-8")
+    return table, exact.Results(load(path))
+
+
+def test_luck_and_lengths_are_those_of_every_episode(written_out: tuple[Table, exact.Results]) -> None:
+    table, results = written_out
+    best = paid = length = Fraction(0)
+    for p, steps in table.episodes():
+        best += p * (table.returned(steps) >= best_from(table, steps[0][0]))
+        paid += p * any(step[3] for step in steps)
+        length += p * len(steps)
+    found = difficulty(results, ["best_at_random", "episodes_to_reward", "random_length"])
+    assert found["best_at_random"] == pytest.approx(float(best), abs=1e-12)
+    assert found["random_length"] == pytest.approx(float(length))
+    assert found["episodes_to_reward"] == (pytest.approx(float(1 / paid)) if paid else None)
+
+
+def done_after(table: Table, state: int, t: int) -> bool:
+    """Whether no action ever pays any more."""
+    if t == table.horizon or (t and state in table.ends):
+        return True
+    return all(
+        table.pays[state, a, n] == 0 and done_after(table, n, t + 1)
+        for a in range(table.actions) for n in table.leads[state, a]
+    )  # fmt: skip
+
+
+def steps_of(table: Table, policy: dict[tuple[int, int], int], state: int, t: int = 0) -> Fraction:
+    """The expected steps of a policy until nothing pays any more."""
+    if done_after(table, state, t):
+        return Fraction(0)
+    leads = table.leads[state, policy[t, state]]
+    return 1 + sum((p * steps_of(table, policy, n, t + 1) for n, p in leads.items()), Fraction(0))
+
+
+def test_the_solution_is_the_shortest_of_all_optimal_policies(written_out: tuple[Table, exact.Results]) -> None:
+    table, results = written_out
+
+    def total(function: Any, policy: Any) -> Fraction:
+        return sum((p * function(table, policy, s) for s, p in table.start.items()), Fraction(0))
+
+    returns = [(total(Table.expected, policy), policy) for policy in table.policies()]
+    top = max(value for value, _ in returns)
+    shortest = min(total(steps_of, policy) for value, policy in returns if value == top)
+    assert difficulty(results, ["solution_length"])["solution_length"] == pytest.approx(float(shortest))
+
+
+# -- tasks of the suite, stepped through every sequence of actions -----------------------------------------------------
+
+
+def outcomes(task: Task) -> Iterator[tuple[float, float, bool, int]]:
+    """For every sequence of actions: its probability, the return, whether any reward is not 0, and the steps taken."""
+    env, horizon = taskspec.make(task), task.horizon or 0
+    actions = range(int(env.action_space.n))  # type: ignore[attr-defined]
+    for chosen in product(actions, repeat=horizon):
+        env.reset(seed=0)
+        rewards = []
+        for action in chosen:
+            _, reward, terminated, truncated, _ = env.step(action)
+            rewards.append(float(reward))
+            if terminated or truncated:
+                break
+        yield len(actions) ** -horizon, sum(rewards), any(rewards), len(rewards)
+
+
+@pytest.mark.parametrize(("name", "parameters"), [
+    ("Branching", {"L": 5, "B": 3}), ("BranchingSeals", {"L": 4}), ("EarlyTermPos", {}), ("EarlyTermNeg", {}),
+    ("InitShiftLearner", {}),
+])  # fmt: skip
+def test_tasks_of_the_suite_by_every_sequence_of_actions(name: str, parameters: dict[str, int]) -> None:
+    task = load(f"derail/{name}", **parameters)
+    found = difficulty(task, ["best_at_random", "episodes_to_reward", "random_length"])
+    every = list(outcomes(task))
+    best = max(value for _, value, _, _ in every)
+    expected = {
+        "best_at_random": sum(p for p, value, _, _ in every if value > best - 1e-9),
+        "episodes_to_reward": 1 / sum(p for p, _, paid, _ in every if paid),
+        "random_length": sum(p * steps for p, _, _, steps in every),
+    }
+    assert dict(found) == pytest.approx(expected)
+
+
+# -- closed forms --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("length", "actions"), sparse([(1, 2), (3, 5), (10, 2), (30, 3)], 2))
+def test_branching_is_found_by_luck_as_its_page_says(length: int, actions: int) -> None:
+    found = difficulty(load("derail/Branching", L=length, B=actions))
+    assert found["best_at_random"] == pytest.approx(actions**-length)
+    assert found["episodes_to_reward"] == pytest.approx(actions**length)
+    assert found["solution_length"] == found["random_length"] == length
+    assert (found["states"], found["actions"]) == (1 + length * actions, actions)
+
+
+def test_risky_path_by_hand() -> None:
+    found = difficulty("derail/RiskyPath")
+    # At the start: the detour and then its first action, which is optimal; or the shortcut, which is luckier than that.
+    assert found["best_at_random"] == pytest.approx(1 / 4 + 1 / 4)
+    # Never paid: the detour, in which all four further actions are the wrong one.
+    assert found["episodes_to_reward"] == pytest.approx(1 / (1 - 1 / 2**5))
+    results = exact.Results("derail/RiskyPath")
+    soft = exact.score("derail/RiskyPath", soft_table()).value.value
+    assert results.random is not None
+    assert found["soft_gap"] == pytest.approx((4 - soft) / (4 - results.random.value))
+
+
+def soft_table() -> np.ndarray[Any, Any]:
+    """The soft-optimal policy of RiskyPath (T, S, A), by hand."""
+    value, tables = np.zeros(4), []
+    for _ in range(5):
+        goal, trap = 1 + value[2], value[3] - 100
+        q = np.array([[value[1], goal, goal, trap], [(goal + trap) / 2, value[1], goal, trap]])
+        value = np.logaddexp(q[0], q[1])
+        tables.insert(0, np.exp(q - value).T)
+    return np.array(tables)
+
+
+WAIT = """
+taskspec: 1
+name: Wait
+state:
+  s: {type: int, low: 0, high: 3}
+action:
+  a: {type: choice, values: [stay, go]}
+initial:
+  s: 0
+dynamics:
+  s': s + (a == go)
+horizon: none
+discount: 9/10
+reward: "s' == 3"
+terminal: s' == 3
+"""
+
+
+def test_without_a_horizon_lengths_are_those_of_waiting(tmp_path: Path) -> None:
+    path = tmp_path / "wait.yaml"
+    path.write_text(WAIT, encoding="utf-8")
+    found = difficulty(path)
+    assert found["random_length"] == pytest.approx(6)  # three times a coin is thrown until heads
+    assert found["solution_length"] == pytest.approx(3)
+    assert found["episodes_to_reward"] == pytest.approx(1)
+    assert found["best_at_random"] is None
+    assert "horizon" in found.why_not["best_at_random"]
+
+
+@pytest.mark.parametrize(("when", "expected"), [("t == 0", 1), ("t > 0", 4)])
+def test_branching_is_that_of_the_first_step(tmp_path: Path, when: str, expected: int) -> None:
+    path = tmp_path / "wait.yaml"
+    path.write_text(
+        WAIT.replace("s' == 3\"", "s'\"").replace("terminal: s' == 3\n", "").replace("horizon: none", "horizon: 2")
+        .replace("s + (a == go)", f"s if {when} else UniformInt(0, 3)"), encoding="utf-8"
+    )  # fmt: skip
+    assert difficulty(path)["branching"] == expected
+
+
+# -- as a mapping, and what is said ----------------------------------------------------------------------------------
+
+
+def test_every_measure_has_a_value_or_a_reason_on_every_task() -> None:
+    for name in ("RiskyPath", "EarlyTermPos", "LargestSum", "Parabola"):
+        found = difficulty(f"derail/{name}")
+        assert list(found) == list(MEASURES)
+        for measure, value in found.items():
+            assert (value is None) == (measure in found.why_not)
+            assert value is None or math.isfinite(value)
+        assert json.loads(json.dumps(found.record())) == found.record()
+        assert all(name in found._repr_html_() for name in MEASURES)
+
+
+def test_names_choose_measures() -> None:
+    assert list(difficulty("derail/RiskyPath", ["states", "soft_gap"])) == ["states", "soft_gap"]
+    with pytest.raises(SpecError, match=r"E713.*there is no measure 'state'"):
+        difficulty("derail/RiskyPath", ["state"])
+
+
+@pytest.mark.parametrize("name", MEASURES)
+def test_measures_say_what_they_are(name: str) -> None:
+    measure = MEASURES[name]
+    assert measure.name == name
+    assert measure.doc.endswith(".")
+    assert "\\" not in mathml(tex.read(measure.formula))  # nothing is left that the pages could not show
+
+
+def test_measures_that_take_too_long_are_not_begun() -> None:
+    results = exact.Results("derail/ProcGoal")
+    assert results.model is not None
+    with limits.also("seconds=0"):
+        found = difficulty(results, ["best_at_random", "episodes_to_reward", "random_length"])
+    assert found["random_length"] == 30
+    for name in ("best_at_random", "episodes_to_reward"):
+        assert found[name] is None
+        assert "outcomes" in found.why_not[name]
+
+
+def test_solve_prints_the_measures_and_their_reasons() -> None:
+    lines = Done("solve", "RiskyPath", "--difficulty").out.splitlines()
+    told = {
+        line.split()[0]: line.split()[1] for line in lines if line.startswith("  ") and line.strip() != "difficulty"
+    }
+    assert told["best_at_random"] == "0.5"
+    assert told["effective_horizon"] == "unknown"
+    assert any("deterministic tasks" in line for line in lines)
+    assert Done("solve", "RiskyPath", "--difficulty", "--json").data["difficulty"] == difficulty("RiskyPath").record()
+    assert "difficulty" not in Done("solve", "RiskyPath", "--json").data
+    assert Done("solve", "Parabola", "--difficulty", "-n", 50).out.count("infinitely many values") == 1

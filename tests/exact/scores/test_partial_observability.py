@@ -1,0 +1,233 @@
+"""The best that those can earn who see observations only, beside trees of histories and lists of policies without bounds."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import random
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taskspec import load
+from taskspec.base import limits
+from taskspec.exact import PomdpBounds, Results, check, extract, pomdp_bounds
+from taskspec.exact.solve.enclosure import Enclosure
+from taskspec.language.source import read_text
+from taskspec.language.task.build import build
+from taskspec.language.task.task import Task
+from tests.shared.specs import spec_file
+
+Look = Callable[[dict[str, Any], int], object]
+
+
+def look_of(seed: int) -> Look:
+    """What is seen in the task with this number."""
+    parts: list[Callable[[int], int]] = [lambda s: s // 2, lambda s: s % 3, lambda s: s // 3]
+    return lambda state, t: (parts[seed % 3](state["s"]), seed % 2 == 0 and t > 1)
+
+
+def drawn(seed: int, horizon: int = 4, claims: str = "[]") -> Task:
+    """A task with random tables: six states, of which two or three look alike."""
+    rng = random.Random(seed)
+    states, actions = range(6), range(2)
+
+    def row() -> str:
+        weights = [rng.choice((0, 0, 1, 2, 3)) for _ in states]
+        weights[rng.randrange(6)] += 1
+        return "{" + ", ".join(f"{s}: {w}/{sum(weights)}" for s, w in enumerate(weights) if w) + "}"
+
+    moves = ", ".join(f"{s}: {{{', '.join(f'{a}: {row()}' for a in actions)}}}" for s in states)
+    pays = ", ".join(f"{s}: {{{', '.join(f'{a}: {rng.randint(-9, 9)}' for a in actions)}}}" for s in states)
+    return build(
+        read_text(f"""
+taskspec: 1
+name: Drawn
+state: {{s: {{type: int, low: 0, high: 5}}}}
+action: {{a: {{type: int, low: 0, high: 1}}}}
+horizon: {horizon}
+discount: {rng.choice(("1", "3/4"))}
+initial: {{s: {row()}}}
+dynamics: {{s': {{by: [s, a], rows: {{{moves}}}}}}}
+reward: {{by: [s, a], rows: {{{pays}}}}}
+terminal: {rng.choice(("s' == 5", "false"))}
+observation: {{o: s {("// 2", "% 3", "// 3")[seed % 3]}, late: {("t > 1", "false")[seed % 2]}}}
+claims: {claims}
+""")
+    )
+
+
+class Tables:
+    """A task as dense arrays and what is seen, for brute force in floats."""
+
+    def __init__(self, task: Task, look: Look) -> None:
+        model = extract(task)
+        assert task.horizon is not None
+        self.horizon, self.discount, self.start = task.horizon, task.discount, model.start
+        a, n = model.n_actions, model.n_states
+        self.going = [model.step(t).P.toarray().reshape(a, n, n) for t in range(self.horizon)]
+        self.reward = [model.step(t).R.reshape(a, n) for t in range(self.horizon)]
+        states = [model.state(i) for i in range(n)]
+        self.looks = [[repr(look(s, t)) for s in states] for t in range(self.horizon + 1)]
+
+    def split(self, t: int, weights: Any) -> list[Any]:
+        parts: dict[str, Any] = defaultdict(lambda: np.zeros(len(weights)))
+        for i, w in enumerate(weights):
+            if w:
+                parts[self.looks[t][i]][i] = w
+        return list(parts.values())
+
+    def remembering(self) -> float:
+        def best(t: int, weights: Any) -> float:
+            if t == self.horizon:
+                return 0.0
+            return max(
+                weights @ self.reward[t][a]
+                + self.discount * sum(best(t + 1, part) for part in self.split(t + 1, weights @ self.going[t][a]))
+                for a in range(len(self.reward[t]))
+            )
+
+        return sum(best(0, part) for part in self.split(0, self.start))
+
+    def memoryless(self) -> float:
+        names = sorted({name for t in range(self.horizon) for name in self.looks[t]})
+        best = -np.inf
+        for chosen in itertools.product(range(len(self.reward[0])), repeat=len(names)):
+            policy = dict(zip(names, chosen, strict=True))
+            weights, total, factor = self.start, 0.0, 1.0
+            for t in range(self.horizon):
+                after = np.zeros(len(weights))
+                for i, w in enumerate(weights):
+                    a = policy[self.looks[t][i]]
+                    total += factor * w * self.reward[t][a][i]
+                    after += w * self.going[t][a][i]
+                weights, factor = after, factor * self.discount
+            best = max(best, total)
+        return best
+
+
+@lru_cache
+def found(seed: int) -> tuple[PomdpBounds, Tables]:
+    task = drawn(seed)
+    told = pomdp_bounds(Results(task))
+    assert told is not None
+    return told, Tables(task, look_of(seed))
+
+
+def holds(bounds: Enclosure | None, truth: float) -> bool:
+    assert bounds is not None
+    low, high = bounds.ends
+    return low - 1e-9 <= truth <= high + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_values_are_those_of_brute_force(seed: int) -> None:
+    told, tables = found(seed)
+    for bounds, truth in ((told.remembering, tables.remembering()), (told.memoryless, tables.memoryless())):
+        assert bounds is not None
+        assert bounds.value == pytest.approx(truth, rel=1e-9, abs=1e-9)
+        assert bounds.error <= 1e-9 * max(1.0, abs(truth))
+
+
+def test_tiger_is_as_in_a_tree_of_histories() -> None:
+    text = (spec_file("tiger")).read_text().replace("horizon: 20", "horizon: 5")
+    task = build(read_text(text))
+    told, tables = pomdp_bounds(Results(task)), Tables(task, lambda state, t: state["heard"])
+    assert told is not None
+    assert told.remembering is not None and told.remembering.value == pytest.approx(tables.remembering(), rel=1e-9)
+    assert told.memoryless is not None and told.memoryless.value == pytest.approx(tables.memoryless(), rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_without_time_the_bounds_are_wide_and_hold(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, tables = found(seed)
+    results = Results(drawn(seed))
+    assert results.model is not None
+    with limits.also("seconds=0"):
+        told = pomdp_bounds(results)
+    assert told is not None
+    assert holds(told.remembering, tables.remembering()) and holds(told.memoryless, tables.memoryless())
+    assert told.remembering is not None and told.remembering.low < told.remembering.high
+
+
+def bandit(odds: str, most: int, horizon: int) -> Task:
+    """Two arms with odds that depend on a hidden state."""
+    return build(
+        read_text(f"""
+taskspec: 1
+name: Bandit
+state: {{p: {{type: int, low: 0, high: {most}}}, last: {{type: int, low: 0, high: 1}}, paid: {{type: bool}}}}
+action: {{a: {{type: int, low: 0, high: 1}}}}
+noise: {{hit: "Bernoulli({odds})"}}
+observation: {{last: last, paid: paid}}
+horizon: {horizon}
+initial: {{p: "UniformInt(0, {most})", last: 0, paid: false}}
+dynamics: {{last': a, paid': hit}}
+reward: hit
+""")
+    )
+
+
+def test_a_second_is_enough_for_a_bandit_of_twelve_pulls() -> None:
+    results = Results(bandit("(1 + p) / 10 if a == 0 else (1 + 3 * p % 7) / 8", 7, 12))
+    with limits.also("seconds=1"):
+        told = pomdp_bounds(results)
+    assert told is not None and told.remembering is not None
+    assert told.remembering.error <= 1e-10 * told.remembering.value
+
+
+def test_the_limit_holds_where_numbers_are_long() -> None:
+    """It took eight times its seconds: rationals grow with the horizon."""
+    results = Results(bandit("0.7 if a == p else 0.35", 1, 25))
+    assert results.model is not None
+    with limits.also("seconds=1"):
+        start = time.process_time()
+        told = pomdp_bounds(results)
+        taken = time.process_time() - start
+    assert told is not None and told.remembering is not None and told.remembering.error > 0
+    assert taken < 4
+
+
+def test_claims_are_about_them() -> None:
+    claims = "[optimal_return >= remembering_return, remembering_return >= memoryless_return, memoryless_return > 1000]"
+    verdicts = check(drawn(3, claims=claims), ranges=False).verdicts
+    assert [v.status for v in verdicts] == ["proved", "proved", "false"]
+
+
+def test_what_is_all_seen_has_no_such_bounds() -> None:
+    assert pomdp_bounds(Results(load("derail/RiskyPath"))) is None
+    assert pomdp_bounds(Results(load(spec_file("catch")))) is None  # the board shows all
+    noisy = (
+        (spec_file("tiger")).read_text().replace("{o: heard, space: one_hot}", "{o: (tiger == left) == Bernoulli(3/4)}")
+    )
+    told = pomdp_bounds(Results(build(read_text(noisy))))
+    assert (
+        told is not None and told.remembering is None and told.why_not == "the observation of a state is partly random"
+    )
+
+
+def test_solve_and_pages_say_what_the_optimum_knows(tmp_path: Path) -> None:
+    def run(*arguments: str) -> str:
+        command = [sys.executable, "-m", "taskspec", *arguments]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+
+    path = str(spec_file("memory_len"))
+    text = run("solve", path)
+    assert [line.split()[:3] for line in text.splitlines()[1:4]] == [
+        ["optimal", "1", "exact"], ["remembering", "1", "exact"], ["memoryless", "0", "exact"],
+    ]  # fmt: skip
+    assert "knowing the state" in text
+    told = json.loads(run("solve", path, "--json"))["yardsticks"]
+    assert told == {"remembering": [1.0, 1.0], "memoryless": [0.0, 0.0], "why_not": None}
+    assert json.loads(run("solve", "derail/RiskyPath", "--json"))["yardsticks"] is None
+    run("docs", path, "--format", "markdown", "-o", "pages")
+    page = "".join(p.read_text() for p in (tmp_path / "pages").rglob("*.md"))
+    assert "optimal return, knowing the state" in page and "best return without memory" in page

@@ -1,0 +1,226 @@
+"""Exact results with legal actions, against backward induction over legal actions written out here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import taskspec
+from taskspec.data import demonstrations
+from taskspec.exact import difficulty, scores
+from taskspec.exact.policies.values import observed_value
+from taskspec.exact.scores.returns import Results
+from taskspec.exact.solve.backward import Boltzmann, Uniform
+from taskspec.exact.solve.constrained import constrained_optimum, pareto_front
+from taskspec.exact.solve.plans import MaxEnt
+from taskspec.language.modifiers import modify
+from taskspec.language.task.legal import with_all_actions
+from taskspec.language.task.task import Task
+
+SPEC = """
+taskspec: 1
+name: Ring
+state: {s: {type: int, low: 0, high: 4}}
+action: {a: {type: int, low: 0, high: 3}}
+definitions: {fits: (s + a) % 3 != 1 and (s != 4 or a == 1)}
+legal: fits
+noise: {slip: Bernoulli(1/4)}
+horizon: HORIZON
+discount: 9/10
+initial: {s: {0: 1/2, 1: 1/2}}
+dynamics: {s': "(2 * s + a + slip) % 5"}
+reward: (s + 1) * a % 4 - 2 * slip + (0 if fits else BONUS)
+measures: {illegal: not fits}
+terminal: s' == 3 and slip
+expert: {a: "2 if s == 0 else 1 if s in {1, 4} else 0"}
+"""
+STATES = range(5)
+ACTIONS = range(4)
+GAMMA = 0.9
+START = {0: 0.5, 1: 0.5}
+EXPERT = {0: 2, 1: 1, 2: 0, 3: 0, 4: 1}
+Choose = Callable[[int, dict[int, float]], float]
+
+
+def is_legal(s: int, a: int) -> bool:
+    return (s + a) % 3 != 1 and (s != 4 or a == 1)
+
+
+def outcomes(s: int, a: int, bonus: float) -> list[tuple[float, int, float, bool]]:
+    """Probability, next state, reward and end."""
+    found = []
+    for p, slip in ((0.75, 0), (0.25, 1)):
+        after = (2 * s + a + slip) % 5
+        reward = (s + 1) * a % 4 - 2 * slip + (0 if is_legal(s, a) else bonus)
+        found.append((p, after, reward, after == 3 and slip == 1))
+    return found
+
+
+def value(horizon: int, bonus: float, choose: Choose, actions: Callable[[int, int], bool] = is_legal) -> float:
+    """The value of the start, where `choose` gives that of a state from those of its legal actions."""
+    V = dict.fromkeys(STATES, 0.0)
+    for _ in range(horizon):
+        Q = {}
+        for s, a in product(STATES, ACTIONS):
+            Q[s, a] = sum(p * (r + (0 if end else GAMMA * V[after])) for p, after, r, end in outcomes(s, a, bonus))
+        V = {s: choose(s, {a: Q[s, a] for a in ACTIONS if actions(s, a)}) for s in STATES}
+    return sum(p * V[s] for s, p in START.items())
+
+
+CHOICES: dict[str, Choose] = {
+    "optimal": lambda s, Q: max(Q.values()),
+    "worst": lambda s, Q: min(Q.values()),
+    "random": lambda s, Q: sum(Q.values()) / len(Q),
+    "expert": lambda s, Q: Q[EXPERT[s]],
+}
+
+
+def ring(tmp_path: Path, horizon: int | str, bonus: float) -> Task:
+    path = tmp_path / "ring.yaml"
+    path.write_text(SPEC.replace("HORIZON", str(horizon)).replace("BONUS", str(bonus)))
+    return taskspec.load(path)
+
+
+@pytest.mark.parametrize("bonus", [-50, 50])
+@pytest.mark.parametrize("horizon", [1, 4, 60, "none"])
+@pytest.mark.parametrize("which", CHOICES)
+def test_returns(tmp_path: Path, horizon: int | str, bonus: float, which: str) -> None:
+    results = Results(ring(tmp_path, horizon, bonus))
+    steps = 400 if horizon == "none" else int(horizon)
+    expected = value(steps, bonus, CHOICES[which])
+    found = getattr(results, which)
+    assert found.exact
+    assert found.value == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    assert abs(found.value - expected) <= found.bound + 1e-12
+    for name in ("optimal", "worst", "random", "expert"):
+        assert results.measures["illegal"][name].value == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("bonus", [-50, 50])
+def test_soft_policies(tmp_path: Path, bonus: float) -> None:
+    """Values of the soft policy by its recursion; the expected return by following its probabilities."""
+    task = ring(tmp_path, 4, bonus)
+    results = Results(task)
+    V = dict.fromkeys(STATES, 0.0)
+    followed = dict.fromkeys(STATES, 0.0)
+    for _ in range(4):
+        soft = {}
+        gained = {}
+        for s in STATES:
+            Q = {}
+            R = {}
+            for a in filter(lambda a: is_legal(s, a), ACTIONS):
+                Q[a] = sum(p * (r + (0 if end else GAMMA * V[after])) for p, after, r, end in outcomes(s, a, bonus))
+                R[a] = sum(
+                    p * (r + (0 if end else GAMMA * followed[after])) for p, after, r, end in outcomes(s, a, bonus)
+                )
+            total = sum(math.exp(2 * q) for q in Q.values())
+            soft[s] = math.log(total) / 2
+            gained[s] = sum(math.exp(2 * Q[a]) / total * R[a] for a in Q)
+        V = soft
+        followed = gained
+    expected = sum(p * followed[s] for s, p in START.items())
+    assert results.solvers.of(Boltzmann(2.0)).value(Boltzmann(2.0)).value == pytest.approx(expected, rel=1e-12)
+    model = results.model
+    assert model is not None
+    for rule in (Boltzmann(2.0), MaxEnt(1.0), Uniform()):
+        for _, policy in results.solvers.in_floats.policies(rule):
+            table = np.asarray(policy.table)
+            assert table.sum(axis=0) == pytest.approx(1)
+            assert all(table[a, s] == 0 for s, a in product(STATES, ACTIONS) if not is_legal(s, a))
+
+
+@pytest.mark.parametrize("bonus", [-50, 50])
+@pytest.mark.parametrize("horizon", [3, "none"])
+def test_linear_programs_keep_to_legal_actions(tmp_path: Path, horizon: int | str, bonus: float) -> None:
+    """Where nothing is illegal, a limit on the measure of it gives the same optimum."""
+    task = ring(tmp_path, horizon, bonus)
+    free = with_all_actions(task)
+    best = Results(task).optimal
+    assert best is not None
+    limited = constrained_optimum(free, ["illegal<=0"])
+    assert limited.value == pytest.approx(best.value, abs=1e-6)
+    assert constrained_optimum(task, ["illegal<=5"]).value == pytest.approx(best.value, abs=1e-6)
+    assert [point.measures["illegal"] for point in pareto_front(task, "illegal")] == pytest.approx([0], abs=1e-9)
+
+
+@pytest.mark.parametrize("modifier", ["permuted_actions", "permuted_actions=3,per_state=true", "absorbing"])
+def test_modifiers_keep_returns(tmp_path: Path, modifier: str) -> None:
+    task = ring(tmp_path, 5, 50)
+    changed = modify(task, modifier)
+    for name in ("optimal", "random", "worst"):
+        before = getattr(Results(task), name).value
+        assert getattr(Results(changed), name).value == pytest.approx(before)
+    env = taskspec.make(changed)
+    _, info = env.reset(seed=0)
+    assert sum(info["action_mask"]) == sum(is_legal(env.state["s"], a) for a in ACTIONS)
+
+
+def test_absorbed_states_allow_all_actions(tmp_path: Path) -> None:
+    env = taskspec.make(ring(tmp_path, 30, 0), ending="absorb")
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    over = False
+    while not over:
+        *_, over, info = env.step(env.action_space.sample())
+    assert env.state["absorbed"] and info["action_mask"].tolist() == [1, 1, 1, 1]
+
+
+def test_named_policies_are_legal_and_return_what_is_computed(tmp_path: Path) -> None:
+    task = ring(tmp_path, 4, 50)
+    for policy, which in (("random", "random"), ("expert", "expert"), ("optimal", "optimal"), ("epsilon(0.5)", None)):
+        shown = demonstrations(task, policy, episodes=4000, seed=1)
+        assert all(is_legal(s, a) for s, a in zip(shown.obs.tolist(), shown.acts.tolist(), strict=True))
+        if which is None:
+            continue
+        weights = GAMMA ** np.concatenate([np.arange(n) for n in shown.lengths])
+        returns = np.add.reduceat(weights * shown.rews, shown.starts)
+        error = 5 * returns.std() / math.sqrt(len(returns))
+        assert returns.mean() == pytest.approx(value(4, 50, CHOICES[which]), abs=error + 1e-9)
+
+
+def test_tables_of_learners_are_restricted_to_legal_actions(tmp_path: Path) -> None:
+    task = ring(tmp_path, 4, 50)
+    Q = np.random.default_rng(0).normal(size=(5, 4))
+
+    def greedy(s: int, values: dict[int, float]) -> float:
+        return values[max(values, key=lambda a: Q[s, a])]
+
+    found = observed_value(Results(task), Q, 0)
+    assert found.deterministic.value == found.stochastic.value == pytest.approx(value(4, 50, greedy))
+    pi = np.exp(Q) / np.exp(Q).sum(axis=1, keepdims=True)
+
+    def drawn(s: int, values: dict[int, float]) -> float:
+        return sum(pi[s, a] * values[a] for a in values) / sum(pi[s, a] for a in values)
+
+    assert observed_value(Results(task), pi, 0).stochastic.value == pytest.approx(value(4, 50, drawn))
+
+
+def test_what_plays_illegal_actions_has_the_effect_of_the_equations(tmp_path: Path) -> None:
+    task = ring(tmp_path, 4, 50)
+    found = taskspec.exact.score(task, np.ones(5, int))
+    assert found.value.value == pytest.approx(value(4, 50, lambda s, Q: Q[1], lambda s, a: True))
+
+
+def test_measures_of_difficulty_are_those_of_legal_actions(tmp_path: Path) -> None:
+    """Random actions of the task are those of one without illegal actions whose other actions do what a legal one does."""
+    task = ring(tmp_path, 4, 50)
+    found = difficulty(task)
+    chance = value(4, 50, CHOICES["random"])
+    assert scores(task).random.value == pytest.approx(chance)
+    lengths = dict.fromkeys(STATES, 0.0)
+    for _ in range(4):
+        after = {}
+        for s in STATES:
+            legal = [a for a in ACTIONS if is_legal(s, a)]
+            each = [1 + sum(p * (0 if end else lengths[x]) for p, x, _, end in outcomes(s, a, 0)) for a in legal]
+            after[s] = sum(each) / len(each)
+        lengths = after
+    assert found["random_length"] == pytest.approx(sum(p * lengths[s] for s, p in START.items()))
+    branches = [len({x for a in ACTIONS if is_legal(s, a) for _, x, _, _ in outcomes(s, a, 0)}) for s in STATES]
+    assert found["branching"] == pytest.approx(np.mean(branches))

@@ -1,0 +1,187 @@
+"""Labels in arithmetic and ints as labels: by position, or by the value that a label stands for."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import pytest
+
+import taskspec
+from taskspec.base.diagnostics import SpecError
+from taskspec.exact import examine
+from taskspec.language.source import read_text
+from taskspec.language.task.build import build
+from tests.shared.conformance import Agreement, ReferenceEnv
+
+TURTLE = """
+taskspec: 1
+name: Turtle
+state:
+  x: {type: int, low: 0, high: 4}
+  y: {type: int, low: 0, high: 4}
+  dir: {type: choice, values: [north, east, south, west]}
+  tide: {type: choice, values: {ebb: -1, flood: 1}}
+  odd: {type: choice, values: {three: 3, one: 1, nine: 9}}
+  level: {type: choice, values: {two: 2, four: 4, six: 6}}
+action:
+  a: {type: choice, values: [left, ahead, right]}
+constants:
+  ways: [[0, 1], [1, 0], [0, -1], [-1, 0]]
+initial: {x: 0, y: 0, dir: "UniformInt(0, 3)", tide: 1, odd: 1, level: 2}
+dynamics:
+  dir': (dir + a - 1) % 4
+  x': clip(x + ways[dir, 0], 0, 4) if a == ahead else x
+  y': clip(y + ways[dir, 1], 0, 4) if a == ahead else y
+  tide': -tide
+  odd': 3 * odd if odd < nine else one
+  level': {by: dir, rows: {north: 2 + level % 6, else: level}}
+reward: level' * tide
+horizon: 30
+"""
+
+
+def test_turns_and_steps() -> None:
+    """Beside a few lines of Python."""
+    env: Any = taskspec.make(build(read_text(TURTLE)))
+    rng = random.Random(1)
+    labels = ["north", "east", "south", "west"]
+    for seed in range(20):
+        env.reset(seed=seed)
+        assert env.state | {"dir": ""} == {"x": 0, "y": 0, "dir": "", "tide": "flood", "odd": "one", "level": "two"}
+        x, y, tide, odd, level = 0, 0, 1, 1, 2
+        dir_ = labels.index(env.state["dir"])
+        for _ in range(30):
+            a = rng.randrange(3)
+            _, reward, *_ = env.step(a)
+            level = {2: 4, 4: 6, 6: 2}[level] if dir_ == 0 else level
+            assert reward == level * tide
+            if a == 1:
+                dx, dy = [(0, 1), (1, 0), (0, -1), (-1, 0)][dir_]
+                x, y = min(max(x + dx, 0), 4), min(max(y + dy, 0), 4)
+            dir_, tide, odd = (dir_ + a - 1) % 4, -tide, {1: 3, 3: 9, 9: 1}[odd]
+            names = {1: "one", 3: "three", 9: "nine"}
+            expected = {"x": x, "y": y, "dir": labels[dir_], "tide": {1: "flood", -1: "ebb"}[tide]}
+            assert env.state == expected | {"odd": names[odd], "level": {2: "two", 4: "four", 6: "six"}[level]}
+
+
+@pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
+def test_backends_number_labels_alike(backend: Any) -> None:
+    pytest.importorskip(backend)
+    Agreement(build(read_text(TURTLE)), backend, 5, "SameStep", one=ReferenceEnv).run(40)
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "words"),
+    [
+        ("dir': dir + 1", "E403", "the next dir is label number 4; it must be one of north, east, south, west"),
+        ("dir': west if x > 0 else dir - 1", "E403", "the next dir is label number -1"),
+        ("odd': odd + 1", "E403", "the next odd is none of them; it must be one of three, one, nine"),
+        ("dir': x / 2", "E306", "one of the labels north, east, south, west is needed here, not a real"),
+        ("dir': a", "E306", "not a choice between other labels"),
+        ("dir': dir if x > 0 else a", "E306", "not a choice between other labels"),
+        ("x': x * (dir == a)", "E306", "(north, east, south, west) are not labels of another (left, ahead, right)"),
+        ("x': x * (dir in {a})", "E306", "not labels of another"),
+        ("x': x * (dir in {a, 1})", "E306", "`x + 0 == y + 0`"),
+        ("x': x * (dir == (a if y > 0 else 1))", "E306", "not labels of another"),
+        ("dir': a if x > 0 else 1", "E306", "not labels of another"),
+        ("tide': a if x > 0 else 1", "E306", "not labels of another"),
+        ("dir': a", "E306", "a table says which goes with which"),
+        ("dir': [dir, dir]", "E307", "'dir' has shape [], but this has [2]"),
+        ("level': {by: dir, rows: {0: 2, else: 4}}", "E313", "'0' is not a value of this column"),
+    ],
+)
+def test_what_is_no_label_is_said(line: str, code: str, words: str) -> None:
+    name = line.partition(":")[0]
+    lines = [f"  {line}" if old.startswith(f"  {name}:") else old for old in TURTLE.splitlines()]
+    try:
+        found = list(examine(build(read_text("\n".join(lines)))).diagnostics)
+    except SpecError as error:
+        found = list(error.diagnostics)
+    assert [d.code for d in found if d.code.startswith("E")] == [code]
+    assert words in f"{found[0].message} {found[0].hint}"
+
+
+@pytest.mark.parametrize("values", ["{low: 1, also_low: 1}", "{up: [0, 1], down: [1, 0]}", "{half: 0.5, one: 1}"])
+def test_numbers_that_say_no_label(values: str) -> None:
+    text = TURTLE.replace("{three: 3, one: 1, nine: 9}", values).replace(
+        "odd: 1,", f"odd: {values[1:].partition(':')[0]},"
+    )
+    lines = ["  odd': 1" if line.startswith("  odd'") else line for line in text.splitlines()]
+    if "one: 1}" in values:  # a literal that is one label's value needs no arithmetic
+        lines = [line.replace("odd': 1", "odd': 0 + x") for line in lines]
+    with pytest.raises(SpecError) as found:
+        build(read_text("\n".join(lines)))
+    assert [d.code for d in found.value.diagnostics] == ["E306"]
+    assert "a table gives each number its label" in (found.value.diagnostics[0].hint or "")
+
+
+PAIRS = """
+taskspec: 1
+name: Pairs
+state:
+  s: {type: choice, values: [w, x, y]}
+  q: {type: choice, values: [y, z]}
+  n: {type: int, low: 0, high: 2}
+action:
+  a: {type: choice, values: [stay, go]}
+initial: {s: "Uniform({0, 1, 2})", q: "Uniform({0, 1})", n: "UniformInt(0, 2)"}
+dynamics: {s': s, q': q, n': n}
+horizon: 1
+reward: REWARD
+"""
+
+
+@pytest.mark.parametrize(
+    ("reward", "holds"),
+    [
+        ("(s, n) in {(x, 1), (y, 2)}", lambda s, q, n: (s, n) in {("x", 1), ("y", 2)}),
+        ("(s, q) in ((y, y), (w, z))", lambda s, q, n: (s, q) in {("y", "y"), ("w", "z")}),
+        ("(s, q) not in {(y, y)}", lambda s, q, n: (s, q) != ("y", "y")),
+        ("all((s, q) == (y, y))", lambda s, q, n: (s, q) == ("y", "y")),
+        ("any((y, n) != (q, n))", lambda s, q, n: q != "y"),
+        ("(s, n) in {(a, k) for a in {x, y} for k in range(1)}", lambda s, q, n: s in ("x", "y") and n == 0),
+        ("(q, n) not in {(y, k) for k in range(5) if k > 0}", lambda s, q, n: q != "y" or n == 0),
+        ("q in {a for a in {y, z} if a == y}", lambda s, q, n: q == "y"),
+        ("((s, n), (q, 1)) in {((x, 1), (y, 1))}", lambda s, q, n: (s, q, n) == ("x", "y", 1)),
+    ],
+)
+def test_labels_inside_vectors_are_those_of_their_choice(reward: str, holds: Any) -> None:
+    env: Any = taskspec.make(build(read_text(PAIRS.replace("REWARD", f'"{reward}"'))))
+    seen = set()
+    for seed in range(60):
+        env.reset(seed=seed)
+        state = env.state
+        _, paid, *_ = env.step(0)
+        assert paid == holds(**state)
+        seen.add(paid)
+    assert seen == {0.0, 1.0}
+
+
+@pytest.mark.parametrize(
+    ("reward", "code"),
+    [
+        ("(s, n) in {(x, 1), (z, 1)}", "E313"),
+        ("(s, n) in {(q, 1)}", "E306"),
+        ("(s, n) in {(z, k) for k in range(2)}", "E313"),
+        ("(s, n) in {(q, k) for k in range(2)}", "E312"),
+        ("(s, n) in {(a, 0) for a in {x, z}}", "E313"),
+        ("all((s, 1) == (q, 1))", "E306"),
+    ],
+)
+def test_labels_of_another_choice_inside_vectors_are_errors(reward: str, code: str) -> None:
+    with pytest.raises(SpecError) as caught:
+        build(read_text(PAIRS.replace("REWARD", f'"{reward}"')))
+    assert caught.value.diagnostics[0].code == code
+
+
+def test_labels_of_one_name_in_two_choices_are_not_compared_by_position() -> None:
+    text = TURTLE.replace("action:", "  side: {type: choice, values: [left, right]}\naction:", 1)
+    text = text.replace("initial: {", "initial: {side: left, ")
+    with pytest.raises(SpecError) as found:
+        build(read_text(text.replace("level' * tide", "a == side")))
+    assert "labels of one choice" in found.value.diagnostics[0].message
+    chosen = build(read_text(text.replace("level' * tide", "a == (left if side == left else right)")))
+    env = ReferenceEnv(chosen)
+    env.reset(seed=0)
+    assert [env.step(a)[1] for a in (0, 1, 2)] == [1, 0, 0]

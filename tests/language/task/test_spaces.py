@@ -1,0 +1,39 @@
+"""Many Gymnasium values at once are those that are made one by one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import taskspec
+from taskspec.language import registry
+from taskspec.language.expressions.types import Kind
+from taskspec.language.task.spaces import SpaceLayout, pack, pack_many
+
+ROWS = 9
+
+
+def columns(layout: SpaceLayout) -> list[np.ndarray[Any, Any]]:
+    """Values of each component, (ROWS, elements), of its own kind."""
+    rng, found = np.random.default_rng(5), []
+    for c in layout.components:
+        low, high = np.clip(c.low, -6, 6), np.clip(c.high, -6, 6)
+        drawn = rng.uniform(low, high + 1e-9, (ROWS, c.type.size))
+        whole = np.floor(drawn).astype(np.int64)
+        found.append(drawn if c.type.kind is Kind.REAL else whole.astype(bool) if c.type.kind is Kind.BOOL else whole)
+    return found
+
+
+@pytest.mark.parametrize("name", sorted(registry.known()))
+def test_a_batch_is_its_rows_stacked(name: str) -> None:
+    task = taskspec.load(name)
+    for layout in (task.observation_layout, task.action_layout):
+        given = columns(layout)
+        rows = [pack(layout, [tuple(c[i].tolist()) for c in given]) for i in range(ROWS)]
+        batch = pack_many(layout, given)
+        for key in rows[0] if layout.is_dict else [...]:
+            one = np.stack([row[key] for row in rows] if layout.is_dict else rows)
+            many = batch[key] if layout.is_dict else batch
+            np.testing.assert_array_equal(one, many, strict=True)

@@ -1,0 +1,420 @@
+"""Reports of exams: what a terminal, a page, a picture and a table show of results, against the results themselves."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from matplotlib.image import imread
+
+from taskspec.base.diagnostics import SpecError
+from taskspec.cli.console import console
+from taskspec.cli.report import print_exam
+from taskspec.exam import read
+from taskspec.language.printers.text import plain
+from taskspec.learn.exam import findings, report
+from taskspec.learn.exam import score_charts as pictures
+from taskspec.learn.exam import score_rows as told
+from taskspec.learn.exam.card import card, matrix
+from taskspec.show.figures.shapes import Box, Circle, Label, Line, Scene
+from tests.shared.commands import Done
+from tests.shared.exams import TITLES, entry, exam
+
+RESULTS = Path(__file__).parents[3] / "docs" / "results" / "paper"
+PRINTED: dict[str, Any] = {
+    "RiskyPath": 1.0, "EarlyTermPos": 1.0, "EarlyTermNeg": [-1.6, -1.8] * 7, "Branching": np.linspace(0, 1, 14).tolist(),
+    "NoisyObs": 0.85, "Parabola": np.linspace(0.94, 0.98, 14).tolist(),
+}  # fmt: skip
+TWINS = {"RiskyPath": 0.2, "EarlyTermPos": 1.0}
+
+
+@pytest.fixture(scope="module")
+def results() -> dict[str, Any]:
+    found = exam(PRINTED, TWINS, seeds=14, learner="gail <im> & co")
+    found["scores"] += [entry("Sort", seed, None) for seed in range(14)]
+    for score in found["scores"]:
+        if score["task"] == "derail/Branching-v0":
+            score["curve"] = [[0, 0.0], [250_000, 0.5], [500_000, score["deterministic"]]]
+    found["diagnoses"] = findings.diagnose(found, "derail")
+    effect = {"effect": -0.8, "low": -0.9, "high": -0.7}
+    found["flags"] = [{"kind": "twin", "task": "derail/RiskyPath-v0", "message": "differs from its <twins>", **effect}]
+    return found
+
+
+# -- what is shown ----------------------------------------------------------------------------------------------------
+
+
+def test_rows_are_the_tasks_with_the_scores_of_their_seeds(results: dict[str, Any]) -> None:
+    rows = {row.name: row for row in told.rows(results)}
+    assert list(rows) == list(TITLES)
+    assert rows["Branching"].printed.scores == pytest.approx(np.linspace(0, 1, 14))
+    assert rows["RiskyPath"].twins.scores == pytest.approx([0.2] * 14)  # the mean over its two twins
+    assert (rows["Sort"].printed.scores, rows["Sort"].printed.failed) == ((), 14)
+    assert rows["RiskyPath"].optimum == 1.0
+    grades = {name: row.grade for name, row in rows.items()}
+    assert grades | {"LargestSum": "x"} == dict.fromkeys(TITLES, None) | {
+        "RiskyPath": "fails", "EarlyTermPos": "masters", "EarlyTermNeg": "fails", "Branching": "fails", "NoisyObs": "fails",
+        "Parabola": "masters", "LargestSum": "x",
+    }  # fmt: skip
+
+
+def test_positions_are_clipped_and_numbers_are_not(results: dict[str, Any]) -> None:
+    (row,) = (row for row in told.rows(results) if row.name == "EarlyTermNeg")
+    assert row.printed.words == "−1.70" and told.clipped(row.printed.scores) == [-1.0] * 14
+    curves = (((0.0, 0.0), (1.0, -3.0)), ((0.0, 0.0), (1.0, 1.0)))
+    assert told.mean_curve(curves) == ([0.0, 1.0], [0.0, -1.0])
+
+
+# -- the card ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_first_line_has_the_cause_the_worst_score_and_what_to_do(results: dict[str, Any]) -> None:
+    shown = card(results)
+    assert shown.lead == "Prolongs episodes: its learned reward is positive (EarlyTermNeg −1.70)."
+    assert shown.advice == 'Let terminal states absorb (`ending="absorb"`) and learn their reward as well.'
+    assert [row.name for row in shown.rows] == ["Sort", "EarlyTermNeg", "RiskyPath", "Branching", "NoisyObs"]
+    assert shown.passed == "Passed: EarlyTermPos 1.00, Parabola 0.96."
+
+
+def test_without_twins_what_one_fixed_action_passes_is_told_apart() -> None:
+    found = exam({"EarlyTermPos": 1.0, "Parabola": 1.0, "Sort": 0.5})
+    assert card(found).passed == "Passed: Parabola 1.00. Passes, but so does one fixed action: EarlyTermPos 1.00."
+    assert card(exam({"EarlyTermPos": 1.0})).lead == "Passes, but so does one fixed action: EarlyTermPos."
+
+
+@pytest.mark.parametrize(
+    ("scores", "seeds", "lead"),
+    [
+        ({"Sort": 0.5, "Parabola": 1.0}, 15, "Fails Sort 0.50. No usual cause explains these scores."),
+        ({"Sort": 1.0, "Parabola": 1.0}, 15, "Passes 2 tasks."),
+        ({"Sort": 1.0, "Parabola": 1.0}, 3, "Nothing fails; undecided after 3 seeds: Parabola and Sort."),
+    ],
+)
+def test_the_first_line_without_a_diagnosis(scores: dict[str, float], seeds: int, lead: str) -> None:
+    assert card(exam(scores, seeds=seeds)).lead == lead
+
+
+def test_the_same_flag_on_several_tasks_is_one_line() -> None:
+    def flag(task: str, effect: float) -> dict[str, Any]:
+        message = f"the score is {-effect:.2f} lower (p = 5e-05)"
+        return {"kind": "twin", "task": task, "message": message, "effect": effect, "low": None, "high": None}
+
+    flags = [flag("derail/Sort-v0", -1.0), flag("derail/NoisyObs-v0", -4.27), flag("derail/Parabola-v0", -2.0)]
+    (found,) = card(exam({"Sort": 0.5}) | {"flags": flags}).flags
+    assert found.words == "NoisyObs: the score is 4.27 lower (p = 5e-05). The same on Parabola and Sort."
+
+
+def test_what_an_exam_took_is_told_in_words() -> None:
+    assert told.duration(84) == "84 s" and told.duration(720) == "12 min" and told.duration(9000) == "2.5 h"
+    assert told.steps(250_000) == "250k" and told.steps(1_500_000) == "1.5M"
+    assert told.decimal(-0.001) == "0.00" and told.decimal(-0.5) == "−0.50" and told.decimal(None) == ""
+
+
+# -- the terminal -----------------------------------------------------------------------------------------------------
+
+
+def test_the_terminal_shows_all_of_it(
+    results: dict[str, Any], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    print_exam(results, console(wide=True))
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert "Passed: EarlyTermPos 1.00, Parabola 0.96." in lines
+    (risky,) = (line for line in lines if line.startswith("✗ RiskyPath"))
+    assert "○" in risky and "●" in risky and risky.endswith("1.00 0.20 1.00 14/14")
+    (early,) = (line for line in lines if line.startswith("✗ EarlyTermNeg"))
+    assert "◂" in early and "−1.70 1.00" in early
+    assert any(line.startswith("diagnosis Prolongs episodes: its learned reward is positive") for line in lines)
+    assert any(line.startswith("try Let terminal states absorb") for line in lines)
+    assert "twin RiskyPath: differs from its <twins>" in lines
+
+
+# -- pages ------------------------------------------------------------------------------------------------------------
+
+
+class Page(HTMLParser):
+    """The texts of a page by the classes around them, and everything that it would load."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.texts: list[tuple[str, str]] = []
+        self.loads: list[str] = []
+        self.counts: dict[str, int] = {}
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        found = dict(attrs)
+        self.loads += [f"{tag} {key}={value}" for key, value in attrs if key in ("src", "href", "srcset", "action")]
+        self.loads += [tag] if tag in ("script", "link", "iframe", "img") else []
+        name = found.get("class") or tag
+        self.counts[name] = self.counts.get(name, 0) + 1
+        if tag not in ("meta", "path", "rect", "circle", "polygon"):
+            self.open.append(name)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in ("path", "rect", "circle", "polygon"):
+            self.open.pop()
+
+    def handle_data(self, data: str) -> None:
+        if data.strip():
+            self.texts.append((self.open[-1], data.strip()))
+
+
+def test_the_page_stands_alone_and_shows_every_seed(results: dict[str, Any], tmp_path: Path) -> None:
+    (path,) = report.write(results, tmp_path, ["html"])
+    text = path.read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.loads == [] and not re.search(r"url\(|@import", text)
+    assert page.open == []
+    assert page.counts["strip"] == 5 and page.counts["curves"] == 1
+    (curve,) = (pictures.curves(row) for row in told.rows(results) if row.curves)
+    assert sum(item.shade < 1 for item in curve.items if isinstance(item, Line)) == 14
+    words = [text for _, text in page.texts]
+    assert "gail <im> & co" in words and "RiskyPath: differs from its <twins>" in words
+    assert words.count("−1.70") == 2  # as published, and beside the mark of the strip; the sampled scores are the same
+    assert "prefers-color-scheme: dark" in text and "width=device-width" in text
+
+
+# -- pictures and tables ----------------------------------------------------------------------------------------------
+
+
+def test_pictures_are_written_and_the_same_each_time(results: dict[str, Any], tmp_path: Path) -> None:
+    first = report.write(results, tmp_path / "a", ["png", "pdf", "svg"])
+    again = report.write(results, tmp_path / "b", ["svg", "pdf"])
+    assert [path.name for path in first] == ["report.png", "report.pdf", "report.svg"]
+    assert first[2].read_bytes() == again[0].read_bytes() and first[1].read_bytes() == again[1].read_bytes()
+    assert first[1].read_bytes().startswith(b"%PDF")
+    assert imread(first[0]).shape[1] > 1500
+
+
+def labels(scene: Scene) -> list[str]:
+    return [plain(item.text) for item in scene.items if isinstance(item, Label)]
+
+
+def test_the_picture_has_every_seed_and_the_mean_of_the_data(results: dict[str, Any]) -> None:
+    drawn = pictures.picture(card(results))
+    rows = card(results).rows
+    texts = labels(drawn)
+    for row in rows:
+        assert row.printed.words in texts and row.name in texts
+    seeds = [item for item in drawn.items if isinstance(item, Circle) and item.shade == 0.25]
+    assert len(seeds) == 1 + sum(len(row.printed.scores) for row in rows)  # one in the key
+    (at_random,) = (item.at[0] for item in drawn.items if isinstance(item, Label) and plain(item.text) == "random")
+    (at_expert,) = (item.points[0][0] for item in drawn.items if isinstance(item, Line) and item.points[0][0] > at_random
+                    and item.dash == "solid" and item.color == "muted" and item.width == 0.02)  # fmt: skip
+    scores = [(seed.centre[0] - at_random) / (at_expert - at_random) for seed in seeds[:-1]]
+    assert min(scores) == pytest.approx(-1)  # positions are clipped
+
+
+def test_no_number_of_a_picture_is_cut_at_the_floor() -> None:
+    exams = {"BC": exam({"Sort": 0.5, "Parabola": 1.0}), "GAIL": exam({"Parabola": [-1.7, -3.1] * 7 + [-2.4]})}
+    drawn = dict(pictures.of_several(exams))
+    assert "−2.40" in labels(drawn["table"]) and "−1.00" not in labels(drawn["table"])
+    assert labels(drawn["learner-GAIL"]).count("−2.40") == 2
+
+
+def test_the_matrix_has_the_verdict_as_colour_and_the_diagnosis_as_word() -> None:
+    gail = exam({"EarlyTermPos": 1.0, "EarlyTermNeg": -3.0, "Sort": 0.5}, learner="GAIL")
+    gail["diagnoses"] = findings.diagnose(gail, "derail")
+    found = matrix({"BC": exam({"Sort": 1.0}), "GAIL": gail})
+    cells = {(name, task): cell for name, row in zip(found.learners, found.cells, strict=True)
+             for task, cell in zip(found.tasks, row, strict=True)}  # fmt: skip
+    assert [cells["GAIL", task].word for task in ("EarlyTermPos", "EarlyTermNeg", "Sort")] == [
+        "passes",
+        "survival pays",
+        "fails",
+    ]
+    assert cells["BC", "Sort"].grade == "masters" and cells["BC", "EarlyTermNeg"].grade == ""
+    drawn = pictures.table(found)
+    fills = [item.fill for item in drawn.items if isinstance(item, Box)]
+    assert fills[len(found.tasks) + found.tasks.index("EarlyTermNeg")] == pictures.TINTS["fails"]
+    page = report.page_of_several({"BC": exam({"Sort": 1.0}), "GAIL": gail})
+    assert "survival pays" in page and "−3.00" in page
+
+
+@pytest.mark.parametrize(
+    ("learners", "shown"),
+    [
+        (["paper/bc", "paper/mce"], ["bc", "mce"]),
+        (["paper/bc", "corrected/bc"], ["paper/bc", "corrected/bc"]),
+        (["bc", "a/b.py:train"], ["bc", "a/b.py:train"]),
+    ],
+)
+def test_the_table_of_one_family_leaves_its_name_out(learners: list[str], shown: list[str]) -> None:
+    assert list(matrix({name: exam({"Sort": 0.5}) for name in learners}).learners) == shown
+
+
+def test_the_table_holds_every_score(results: dict[str, Any], tmp_path: Path) -> None:
+    (path,) = report.write(results, tmp_path, ["parquet"])
+    read = pyarrow.parquet.read_table(path).to_pylist()
+    assert len(read) == len(results["scores"])
+    for row, score in zip(read, results["scores"], strict=True):
+        assert row["learner"] == results["learner"]
+        assert {key: row[key] for key in ("task", "twin", "seed", "deterministic", "error")} == {
+            key: score[key] for key in ("task", "twin", "seed", "deterministic", "error")
+        }
+
+
+def test_a_format_that_there_is_not_is_refused(results: dict[str, Any], tmp_path: Path) -> None:
+    with pytest.raises(SpecError) as error:
+        report.write(results, tmp_path, ["html", "parket"])
+    assert error.value.diagnostics[0].code == "E726" and "parquet" in str(error.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+# -- the command ------------------------------------------------------------------------------------------------------
+
+
+def stored(folder: Path, results: dict[str, Any]) -> Path:
+    """A folder as an exam leaves it."""
+    folder.mkdir()
+    (folder / "exam.json").write_text(json.dumps(results), encoding="utf-8")
+    return folder
+
+
+def test_the_command_shows_an_exam_again_and_draws_it(results: dict[str, Any], tmp_path: Path) -> None:
+    folder = stored(tmp_path / "im", results)
+    assert Done("report", "derail/bc", "-f", "svg", "-o", tmp_path / "shipped").status == 0
+    done = Done("report", folder, "--format", "html,svg")
+    assert done.status == 0 and "EarlyTermNeg" in done.out and "report.svg" in done.out
+    assert (folder / "report.html").is_file() and (folder / "report.svg").is_file()
+
+
+def test_the_command_puts_learners_side_by_side(tmp_path: Path) -> None:
+    one = stored(tmp_path / "one", exam({"Sort": 0.5, "Parabola": 1.0}, learner="BC", seeds=3))
+    two = stored(tmp_path / "two", exam({"Parabola": -1.7}, learner="GAIL", seeds=3))
+    done = Done("report", one, two, "-f", "svg", "-f", "parquet", "-o", tmp_path / "out")
+    assert done.status == 0
+    lines = [line.split() for line in done.out.splitlines()]
+    header = next(line for line in lines if "Sort" in line)
+    assert next(line for line in lines if line[:1] == ["BC"])[1 + header.index("Sort")] == "0.50"
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"table.svg", "task-Sort.svg", "learner-GAIL.svg", "scores.parquet"} <= names
+    assert len(names) == 2 + len(TITLES) + 2
+
+
+def test_the_command_refuses_what_is_no_exam_and_learners_that_are_one(tmp_path: Path) -> None:
+    assert Done("report", tmp_path / "none").status == 1
+    one = stored(tmp_path / "one", exam({"Sort": 0.5}, seeds=2))
+    again = Done("report", one, one)
+    assert again.status == 2 and "the same learner" in again.err
+
+
+# -- files that something has changed ---------------------------------------------------------------------------------
+
+WRONG: dict[type, tuple[Any, ...]] = {
+    str: (None, "x", -1.5, []), int: (None, "x", -1.5, 10**400, {"x": 1}), float: (None, "x", -1.5, math.nan, 10**400),
+    type(None): ("x", -1.5, [5]), list: (None, "x", {"x": 1}, [5]), dict: (None, "x", [5]),
+}  # fmt: skip
+"""What takes the place of a value, by the kind of that."""
+
+
+def leaves(data: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    """The places of all values without parts."""
+    entries = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    parts = list(entries)
+    if not parts:
+        yield path
+    for key, part in parts:
+        yield from leaves(part, (*path, key))
+
+
+def at(data: Any, path: tuple[str | int, ...]) -> Any:
+    """The value at a place."""
+    for step in path:
+        data = data[step]
+    return data
+
+
+def changed(data: Any, path: tuple[str | int, ...], value: Any) -> Any:
+    """Data with another value at a place."""
+    copy = json.loads(json.dumps(data))
+    at(copy, path[:-1])[path[-1]] = value
+    return copy
+
+
+@pytest.fixture(scope="module")
+def small() -> dict[str, Any]:
+    """An exam that has everything, each once or twice."""
+    found = exam({"RiskyPath": 1.0}, {"RiskyPath": -1.6}, seeds=1)
+    found["tasks"] = {"derail/RiskyPath-v0": found["tasks"]["derail/RiskyPath-v0"]}
+    found["scores"] = [*found["scores"][:2], entry("RiskyPath", 1, None)]
+    found["scores"][0]["curve"] = [[0, None], [500, 1.0]]
+    told_of = {"mean": 1.0, "low": None, "high": None}
+    found["verdicts"] = {
+        "stochastic transitions": {
+            "verdict": "unsure", **told_of, "tasks": ["derail/RiskyPath-v0"], "seeds": 1,
+            "twins": {"verdict": "unsure", **told_of},
+        }
+    }  # fmt: skip
+    effect = {"effect": -0.8, "low": -0.9, "high": None}
+    found["flags"] = [{"kind": "twin", "task": "derail/RiskyPath-v0", "message": "it differs", **effect}]
+    found["diagnoses"] = [
+        {
+            "name": "x", "message": "a", "cause": "b", "try": "c", "source": "d", "tasks": ["derail/RiskyPath-v0"],
+            "evidence": ["e"],
+        }
+    ]  # fmt: skip
+    return found
+
+
+def test_no_value_of_a_wrong_kind_ends_in_a_traceback(small: dict[str, Any], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert Done("report", stored(tmp_path / "exam", small), "-f", "html", "-o", out).status == 0
+    file = tmp_path / "exam" / "exam.json"
+    outcomes = Counter[int]()
+    for path in list(leaves(small))[::3]:
+        for value in WRONG[type(at(small, path))]:
+            file.write_text(json.dumps(changed(small, path, value), indent=1), encoding="utf-8")
+            done = Done("report", file, "-f", "html", "-o", out)
+            assert done.status in (0, 1), (path, value, done.err)
+            assert done.status == 0 or "error[E7" in done.err, (path, value, done.err)
+            outcomes[done.status] += 1
+    assert outcomes[1] > 2 * outcomes[0]
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "told"),
+    [
+        (("scores", 1, "half"), "x", "scores[1].half: expected a number, found the text `x`"),
+        (("seeds", 0), None, "seeds[0]: there is no value here; expected a whole number"),
+        (("scores", 0, "task"), "Sort", "scores[0].task: the exam has no task 'Sort'"),
+        (("flags", 0, "kind"), "odd", "flags[0].kind: the text `odd` is not one of twin"),
+        (("scores", 0, "curve", 1), [5.0], "scores[0].curve[1]: a point of a learning curve"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_file_is_told_with_its_place(
+    small: dict[str, Any], tmp_path: Path, path: tuple[Any, ...], value: Any, told: str
+) -> None:
+    folder = stored(tmp_path / "exam", small)
+    text = json.dumps(changed(small, path, "HERE"), indent=1)
+    (folder / "exam.json").write_text(text.replace('"HERE"', json.dumps(value)), encoding="utf-8")
+    done = Done("report", folder)
+    assert done.status == 1 and "exam.json'," in done.err and "E721" in done.err
+    assert told in " ".join(done.err.split())
+
+
+def test_numerals_are_the_means_of_the_data() -> None:
+    """In the matrix and in its picture, of the stored exams of the paper's learners; clipped scores are not among them."""
+    exams = {path.parent.name: read(path.parent) for path in sorted(RESULTS.glob("*/exam.json*"))}
+    expected = []
+    for found in exams.values():
+        for task, about in found["tasks"].items():
+            scores = [x["deterministic"] for x in found["scores"] if x["task"] == task and x["twin"] is None]
+            known = [score for score in scores if score is not None]
+            expected.append("cannot" if about.get("cannot") else f"{sum(known) / len(known):.2f}".replace("-", "−"))
+    assert any(float(x.replace("−", "-")) < told.FLOOR for x in expected if x != "cannot")
+    page = report.page_of_several(exams)
+    assert re.findall(r'<td class="\w*">([^<]*)', page) == [x.replace("−0.00", "0.00") for x in expected]
+    drawn = [text for text in labels(pictures.table(matrix(exams))) if re.fullmatch(r"−?\d+\.\d\d|cannot", text)]
+    assert sorted(drawn) == sorted(x.replace("−0.00", "0.00") for x in expected)

@@ -1,0 +1,241 @@
+"""Training runs of an exam, in other processes: each begins anew, is kept as long as it counts, and fails alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from taskspec.base import limits
+from taskspec.base.limits import progress_listener
+from taskspec.exam import Running, examine
+from tests.learn.learners import counting
+from tests.shared.commands import Done
+
+LEARNERS = Path(counting.__file__)
+
+
+def held(tmp_path: Path, learner: str, *options: str) -> tuple[int, Any]:
+    done = Done("exam", learner, "--out", tmp_path, "--json", *options)
+    assert done.status in (0, 1), done.err
+    return done.status, json.loads(done.out)
+
+
+# -- each begins anew ---------------------------------------------------------------------------------------------
+
+FORGETFUL = """
+import numpy as np
+
+from notes import seen
+
+STARTED = []
+
+
+def train(case):
+    '''Masters the task in the second of the runs that share its module, or what it imports.'''
+    STARTED.append(case.seed)
+    seen.SEEDS.append(case.seed)
+    case.count(len(STARTED) + len(seen.SEEDS))
+    table = np.zeros((case.observation_space.n, case.action_space.n))
+    table[:, 0] = len(STARTED) > 1 or len(seen.SEEDS) > 1
+    return table
+"""
+
+
+@pytest.mark.parametrize(
+    ("form", "jobs"), [("{folder}/keeping.py:train", 1), ("{folder}/keeping.py:train", 2), ("keeping:train", 1)]
+)
+def test_what_a_run_leaves_in_modules_does_not_reach_the_next_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str, jobs: int
+) -> None:
+    (tmp_path / "keeping.py").write_text(FORGETFUL, encoding="utf-8")
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "seen.py").write_text("SEEDS = []\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", sys.path[:])
+    options = ("-t", "EarlyTermPos", "--seeds", "4", "--twins", "0", "--no-peeks", "-j", str(jobs))
+    _, found = held(tmp_path / "out", form.format(folder=tmp_path), *options)
+    for module in ("keeping", "notes", "notes.seen"):
+        sys.modules.pop(module, None)
+    assert [score["error"] for score in found["scores"]] == [None] * 4
+    assert [score["steps"] for score in found["scores"]] == [2] * 4
+    assert {round(score["deterministic"], 9) for score in found["scores"]} == {0.0}
+
+
+def test_settings_of_a_learner_in_a_file_mean_the_same_from_the_folder_that_it_is_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.yaml").write_text("learner: mce\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    options = ("-t", "EarlyTermPos", "--seeds", "1", "--twins", "0", "--no-peeks", "-j", "1")
+    _, found = held(tmp_path / "out", "mine.yaml", *options)
+    assert [(score["error"], score["deterministic"]) for score in found["scores"]] == [(None, pytest.approx(1))]
+
+
+# -- what is kept -------------------------------------------------------------------------------------------------
+
+TASK = """
+taskspec: 1
+name: Tiny
+parameters: {n: {type: int, default: 2, low: 1, high: 5}}
+state: {s: {type: int, low: 0, high: 5}}
+action: {a: {type: choice, values: [stay, go]}}
+horizon: 3
+terminal: false
+initial: {s: 0}
+dynamics: {"s'": "min(n, s + 1) if a == go else s"}
+reward: "1 if s == n else 0"
+"""
+LEARNER = """
+import numpy as np
+import helper
+
+
+def train(case):
+    return np.zeros((case.observation_space.n, case.action_space.n))
+
+
+other = train
+"""
+
+
+class Asked(Exception):
+    """All that is wanted of a run is how many results it has already."""
+
+
+def anew(folder: Path, **terms: Any) -> int:
+    """How many of an exam's training runs are done anew."""
+    told: list[str] = []
+
+    def stop(what: str, share: float | None) -> None:
+        if share is not None and "baselines" not in what:
+            told.append(what)
+            raise Asked
+
+    wanted = {"learner": f"{folder}/mine.py:train", "tasks": [f"{folder}/tiny.yaml"], "seeds": (0, 1)} | terms
+    learner = wanted.pop("learner")
+    with pytest.raises(Asked), progress_listener(stop):
+        examine(learner, **FIXED | wanted, out=folder / "out", running=Running(workers=1))  # type: ignore[arg-type]
+    over, total = told[0].rpartition(" ")[2].split("/")
+    return int(total) - int(over)
+
+
+FIXED: dict[str, Any] = {"steps": 9, "transitions": 9, "twins": 0, "peeks": False}
+
+
+@pytest.fixture(scope="module")
+def exam(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of an exam that is done."""
+    folder = tmp_path_factory.mktemp("exam")
+    for name, text in {"tiny.yaml": TASK, "mine.py": LEARNER, "helper.py": "rate = 1\n", "beside.py": ""}.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    found = examine(
+        f"{folder}/mine.py:train", tasks=[f"{folder}/tiny.yaml"], seeds=(0, 1), out=folder / "out",
+        running=Running(workers=1), **FIXED,
+    )  # fmt: skip
+    assert [score["error"] for score in found["scores"]] == [None, None]
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("terms", "count"),
+    [
+        ({}, 0), ({"seeds": (1, 0)}, 0), ({"seeds": (1, 2)}, 1), ({"steps": 10}, 2), ({"transitions": 10}, 2),
+        ({"learns_from": ["reward"]}, 2), ({"tasks": ["{folder}/tiny.yaml?n=3"]}, 2),
+        ({"tasks": ["{folder}/tiny.yaml+sticky=0.5"]}, 2), ({"learner": "{folder}/mine.py:other"}, 2),
+        ({"peeks": True}, 2), ({"twins": 1}, 2),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_results_of_an_exam_with_other_terms_are_not_reused(exam: Path, terms: dict[str, Any], count: int) -> None:
+    def placed(value: Any) -> Any:
+        if isinstance(value, list):
+            return [placed(each) for each in value]
+        return value.format(folder=exam) if isinstance(value, str) else value
+
+    assert anew(exam, **{name: placed(value) for name, value in terms.items()}) == count
+
+
+@pytest.mark.parametrize(
+    ("name", "count"), [("tiny.yaml", 2), ("mine.py", 2), ("helper.py", 2), ("beside.py", 0)], ids=str
+)
+def test_results_of_other_files_are_not_reused(exam: Path, name: str, count: int) -> None:
+    file = exam / name
+    before = file.read_text(encoding="utf-8")
+    change = "discount: 0.9\n" if name == "tiny.yaml" else "changed = True\n"
+    file.write_text(before + change, encoding="utf-8")
+    try:
+        assert anew(exam) == count
+    finally:
+        file.write_text(before, encoding="utf-8")
+        sys.modules.pop("helper", None)
+    assert anew(exam) == 0
+
+
+def test_results_of_other_versions_limits_and_episodes_are_not_reused(
+    exam: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with limits.also("transitions=1e6"):
+        assert anew(exam) == 2
+    with monkeypatch.context() as changed:
+        changed.setattr("taskspec.__version__", "0.0.0")
+        assert anew(exam) == 2
+    with monkeypatch.context() as changed:
+        changed.setattr("taskspec.learn.exam.examining.EPISODES", 7)
+        assert anew(exam) == 2
+
+
+# -- runs that do not end well ------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(os.name != "posix", reason="it forks")
+@pytest.mark.parametrize("seconds", [None, 60.0])
+def test_a_run_that_forks_gives_one_answer(tmp_path: Path, seconds: float | None) -> None:
+    running = Running(workers=1, seconds=seconds)
+    learner = f"{LEARNERS}:ends_badly"
+    terms = FIXED | {"tasks": ["RiskyPath"], "learns_from": ["reward"], "seeds": [3, 6, 7]}
+    found = examine(learner, **terms, out=tmp_path, running=running)
+    assert [(score["error"], score["steps"]) for score in found["scores"]] == [(None, 3), (None, 6), (None, 7)]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="processes are killed by signals")
+def test_runs_that_end_badly_cost_one_seed_each(tmp_path: Path) -> None:
+    options = ("-t", "RiskyPath", "--seeds", "6", "--twins", "0", "--time-limit", "6", "-j", "1")
+    status, found = held(tmp_path, f"{LEARNERS}:ends_badly", *options, "--learns-from", "reward")
+    errors = [score["error"] for score in found["scores"]]
+    assert status == 1 and [errors[seed] for seed in (0, 3)] == [None, None]
+    assert [score["steps"] for score in found["scores"]] == [0, 0, 0, 3, 0, 0]
+    for seed, words in ((1, "died: EXIT(3)"), (2, "longer than 6 s"), (4, "MemoryError"), (5, "died: SIGKILL(-9)")):
+        assert words in errors[seed]
+
+
+@pytest.mark.slow
+def test_an_exam_that_was_killed_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    notes = tmp_path / "notes"
+    monkeypatch.setenv("NOTES", str(notes))
+    options = ("-t", "RiskyPath", "--seeds", "6", "--twins", "0", "--learns-from", "reward")
+    command = ["exam", f"{LEARNERS}:takes_notes", "--out", str(tmp_path), "-j", "1", *options]
+    first = subprocess.Popen([sys.executable, "-m", "taskspec", *command])
+    wait_until(lambda: notes.exists() and len(notes.read_text().split()) >= 3)
+    first.kill()
+    first.wait()
+    before = notes.read_text().split()
+    _, found = held(tmp_path, f"{LEARNERS}:takes_notes", "-j", "2", *options)
+    assert [score["error"] for score in found["scores"]] == [None] * 6
+    after = notes.read_text().split()[len(before) :]
+    assert {*before, *after} == {str(seed) for seed in range(6)} and not set(before[:-2]) & set(after)
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    for _ in range(600):
+        if holds():
+            return
+        time.sleep(0.2)
+    raise AssertionError("it never came true")

@@ -1,0 +1,231 @@
+"""Sweeps, through the command and the function: what is measured, kept, written, and told when something fails."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import taskspec
+from taskspec import experiments
+from taskspec.base import limits
+from taskspec.base.jobs.running import Running
+from taskspec.base.jobs.store import Store
+from taskspec.exact.scores.difficulty import MEASURES
+from taskspec.experiments import sweep
+from taskspec.language.printers.text import plain
+from taskspec.learn.experiments import picture
+from taskspec.show.figures import chart
+from taskspec.show.figures.shapes import Label, Line
+from tests.shared.commands import Done
+
+NOISE = """
+experiment: 1
+name: noise
+tasks:
+  - task: derail/NoisyObs
+    parameters: {L: [5, 50, 500], M: 7}
+  - task: derail/Branching
+    parameters: {L: {range: [2, 6, 2]}, B: [2, 3]}
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "noise.yaml"
+    path.write_text(NOISE, encoding="utf-8")
+    return path
+
+
+def swept(path: Path, *options: str) -> list[dict[str, Any]]:
+    done = Done("sweep", str(path), "--out", str(path.parent / "results"), "--json", "-j", "2", *options)
+    assert done.status in (0, 1), done.err
+    return json.loads(done.out)  # type: ignore[no-any-return]
+
+
+def test_a_row_for_each_instance_with_what_theory_says(file: Path) -> None:
+    rows = swept(file)
+    assert [row["id"] for row in rows[:3]] == [f"derail/NoisyObs-v0?L={n}&M=7" for n in (5, 50, 500)]
+    assert all(row["error"] is None and row["status"] == "done" for row in rows)
+    for row in rows[:3]:
+        assert (row["states"], row["optimal"], row["optimal_half"]) == (49, 16, 0)
+        assert row["random"] == pytest.approx(taskspec.exact.scores(row["id"]).random.value)
+    for row in rows[3:]:
+        n, b = row["parameters"]["L"], row["parameters"]["B"]
+        assert row["states"] == n * b + 1 and row["random"] == pytest.approx(b**-n)
+        assert row["episodes_to_reward"] == pytest.approx(b**n) and row["solution_length"] == n
+    assert all(MEASURES.keys() <= row.keys() for row in rows)
+
+
+def test_all_formats_hold_the_same(file: Path) -> None:
+    rows = swept(file, "-f", "json,csv,parquet,svg,png,pdf")
+    folder = file.parent / "results"
+    assert json.loads((folder / "noise.json").read_text(encoding="utf-8")) == rows
+    lines = list(csv.DictReader((folder / "noise.csv").read_text(encoding="utf-8").splitlines()))
+    assert [line["id"] for line in lines] == [row["id"] for row in rows]
+    assert [float(line["random"]) for line in lines] == [row["random"] for row in rows]
+    assert [line["parameters.L"] for line in lines] == [str(row["parameters"]["L"]) for row in rows]
+    parquet = pytest.importorskip("pyarrow.parquet")
+    table = parquet.read_table(folder / "noise.parquet").to_pylist()
+    assert [each["optimal"] for each in table] == [row["optimal"] for row in rows]
+    assert {p.suffix for p in folder.iterdir()} >= {".sqlite", ".json", ".csv", ".parquet", ".svg", ".png", ".pdf"}
+    assert (folder / "noise.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.slow
+def test_what_is_known_is_not_worked_out_again(file: Path) -> None:
+    first = swept(file)
+    file.write_text(NOISE.replace("[5, 50, 500]", "[5, 50, 60]").replace("name: noise", "name: noise\ntitle: More"))
+    second = swept(file)
+    same = [i for i, (a, b) in enumerate(zip(first, second, strict=True)) if a["id"] == b["id"]]
+    assert len(same) == len(first) - 1
+    assert [first[i]["seconds"] for i in same] == [second[i]["seconds"] for i in same]
+    with Store(file.parent / "results" / "noise.sqlite") as store:
+        assert len(store.results()) == len(first) + 1
+
+
+@pytest.mark.slow
+def test_other_questions_have_results_of_their_own(file: Path) -> None:
+    assert "soft_gap" in swept(file)[0]
+    file.write_text(NOISE + "measures: [solution_length]\n")
+    row = swept(file)[0]
+    assert "soft_gap" not in row and row["solution_length"] == 21
+
+
+def test_policies_are_rolled_out_and_agree_with_theory(file: Path) -> None:
+    file.write_text(NOISE + "policies: [random, expert, epsilon(0.1)]\nepisodes: 500\nseeds: 3\nmeasures: []\n")
+    for row in swept(file):
+        for name in ("random", "expert"):
+            told = row["policies"][name]
+            assert told["episodes"] == 1500 and len(told["seeds"]) == 3
+            assert abs(told["mean"] - row[name]) <= 2.5 * told["half"] + 1e-9
+        assert row["policies"]["epsilon(0.1)"]["mean"] < row["expert"]
+        assert row["policies"]["random"]["length"] == row["horizon"]
+
+
+@pytest.mark.slow
+def test_estimates_have_intervals_and_reasons(tmp_path: Path) -> None:
+    path = tmp_path / "e.yaml"
+    path.write_text("experiment: 1\nname: e\ntasks: [{task: Parabola, parameters: {h: [5, 9]}}]\nspeed: true\n")
+    for row in swept(path):
+        assert row["random_half"] > 0 and row["random_status"] == "estimated"
+        assert row["optimal"] is None and "soft_gap" in row["why_not"]
+        assert row["steps_per_second_vectorized"] > 0 and row["steps_per_second"] > 0
+
+
+def test_what_fails_is_told_and_the_rest_goes_on(file: Path) -> None:
+    file.write_text(NOISE.replace("[5, 50, 500]", "[5, 0, 500]"))
+    rows = swept(file)
+    assert [row["status"] for row in rows[:3]] == ["done", "failed", "done"]
+    assert rows[1]["error"] == "parameter L must be at least 1, not 0" and rows[1]["random"] is None
+    done = Done("sweep", str(file), "--out", str(file.parent / "results"))
+    assert done.status == 1 and "derail/NoisyObs-v0?L=0&M=7: parameter L must be at least 1" in done.out
+
+
+def test_the_time_limit_ends_one_instance_alone(tmp_path: Path) -> None:
+    path = tmp_path / "e.yaml"
+    grid = "{task: Branching, parameters: {L: [2, 1000], B: 100}}"
+    path.write_text(f"experiment: 1\nname: e\ntasks: [{grid}]\nepisodes: 100000\npolicies: [random]\n")
+    rows = swept(path, "--time-limit", "1.5")
+    assert rows[1]["status"] == "timed_out" and "1.5" in rows[1]["error"]
+
+
+def test_values_on_the_command_line_take_the_place_of_those_in_the_file(file: Path) -> None:
+    rows = swept(file, "-p", "L=3,4")
+    assert [(row["task"], row["parameters"]["L"], row["parameters"].get("B")) for row in rows] == [
+        ("derail/NoisyObs-v0", 3, None), ("derail/NoisyObs-v0", 4, None),
+        ("derail/Branching-v0", 3, 2), ("derail/Branching-v0", 4, 2),
+        ("derail/Branching-v0", 3, 3), ("derail/Branching-v0", 4, 3),
+    ]  # fmt: skip
+    assert "no task of the experiment has a parameter 'Q'" in Done("sweep", str(file), "-p", "Q=3").err
+
+
+def test_mistakes_in_the_file_stop_the_sweep_before_it_begins(file: Path) -> None:
+    file.write_text(NOISE + "measures: [solution_lenght]\n")
+    done = Done("sweep", str(file), "--out", str(file.parent / "results"))
+    assert done.status == 1 and "did you mean 'solution_length'" in done.err
+    assert not (file.parent / "results").exists()
+
+
+def test_the_picture_has_curves_over_one_parameter_and_maps_over_two(file: Path, tmp_path: Path) -> None:
+    found = sweep(experiments.read(file), tmp_path / "s.sqlite", running=Running(2))
+    drawn = picture.figure(found.experiment, found.rows)
+    texts = [plain(item.text) for item in drawn.items if isinstance(item, Label)]
+    assert [text for text in texts if text.startswith("derail/")] == [
+        "derail/NoisyObs-v0",
+        "derail/Branching-v0: random",
+    ]
+    optimal = [
+        item for item in drawn.items if isinstance(item, Line) and item.color == chart.GREEN and len(item.points) == 3
+    ]
+    ((first, second, third),) = (item.points for item in optimal)
+    assert first[1] == second[1] == third[1]
+    assert second[0] - first[0] == pytest.approx(third[0] - second[0])  # 5, 50 and 500 on a logarithmic axis
+    numbers = [plain(item.text) for item in drawn.items if isinstance(item, Label) and item.size == picture.NUMBER]
+    assert numbers == [f"{b**-n:.3g}" for b in (2, 3) for n in (2, 4)]
+
+
+POLICY = """
+experiment: 1
+name: e
+tasks: [{task: derail/Branching, parameters: {L: 2, B: 2}, modifiers: []}]
+policies: ["MODEL:act"]
+episodes: 10
+measures: []
+"""
+
+
+def test_all_that_a_result_depends_on_decides_whether_it_still_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The function of a policy, what it imports, modifiers and limits: each that changes is worked out anew, and nothing else."""
+    file = tmp_path / "e.yaml"
+    model = tmp_path / "model.py"
+    helper = tmp_path / "helper.py"
+    text = POLICY.replace("MODEL", str(model))
+    file.write_text(text)
+    model.write_text("from helper import choice\n\ndef act(seen):\n    return choice\n")
+    helper.write_text("choice = 0\n")
+
+    def results() -> int:
+        rows = swept(file)
+        assert [row["error"] for row in rows] == [None]
+        with Store(tmp_path / "results" / "e.sqlite") as store:
+            return len(store.results())
+
+    assert results() == 1
+    helper.write_text("choice = 1\n")
+    assert results() == 2
+    model.write_text(model.read_text() + "\n")
+    assert results() == 3
+    file.write_text(text.replace("modifiers: []", "modifiers: [{sticky: 0.25}]"))
+    assert results() == 4
+    monkeypatch.setenv("TASKSPEC_LIMITS", "transitions=1000")
+    limits.limits.cache_clear()
+    assert results() == 5
+    assert results() == 5
+    monkeypatch.undo()
+    limits.limits.cache_clear()
+    assert results() == 5
+
+
+def test_a_sweep_off_a_terminal_says_how_far_it_is(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("taskspec.cli.progress.BETWEEN_LINES", 0.0)
+    done = Done("sweep", str(file), "--out", str(file.parent / "results"), "-j", "1", "-p", "L=2,3", "-f", "json")
+    assert done.status == 0 and "noise 6/6" in done.err
+
+
+@pytest.mark.parametrize("name", ["../x", "FOLDER/x", "a\0$\\frac$", "n" * 5000])
+def test_files_of_results_lie_in_their_folder_whatever_the_name(name: str, tmp_path: Path) -> None:
+    name = name.replace("FOLDER", str(tmp_path))
+    path = tmp_path / "e.yaml"
+    about = {"experiment": 1, "name": name, "tasks": [{"task": "Branching", "parameters": {"L": 2}}], "measures": []}
+    path.write_text(json.dumps(about))
+    (tmp_path / "x.json").write_text("mine")
+    swept(path)
+    assert {p.name for p in tmp_path.iterdir()} == {"e.yaml", "x.json", "results"}
+    assert (tmp_path / "x.json").read_text() == "mine"
+    assert {p.suffix for p in (tmp_path / "results").iterdir()} >= {".json", ".csv", ".sqlite"}

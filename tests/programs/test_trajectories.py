@@ -1,0 +1,161 @@
+"""The generated step against the reference interpreter: every task, random parameters within their bounds, random seeds."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import warnings
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import taskspec
+from taskspec.base.diagnostics import SpecError
+from taskspec.language.source.scan import scan
+from taskspec.language.task.parts import FINITE_SPACES
+from taskspec.language.task.spaces import pack, unpack
+from taskspec.language.task.task import Task
+from tests.shared.interpreter import Interpreter
+from tests.shared.sparse import sparse
+from tests.shared.specs import paper_ids, varied_files
+
+LOCAL = [(str(path), v) for path in varied_files() for _, v in scan(path.read_text()).tasks]
+EVERY: list[tuple[str, str | None]] = [*((task_id, None) for task_id in paper_ids()), *LOCAL]
+SMALL = {
+    "B": 12,
+    "L": 8,
+    "S": 6,
+    "K": 4,
+    "N": 8,
+    "D": 6,
+}  # keeps random parameters quick to enumerate and draw
+
+
+def name(case: tuple[str, str | None]) -> str:
+    path, variant = case
+    return "-".join([Path(path).stem if path.endswith("yaml") else path, *([variant] if variant else [])])
+
+
+def load(case: tuple[str, str | None], **parameters: Any) -> Task:
+    path, variant = case
+    return taskspec.load(path, variant, **parameters)
+
+
+@st.composite
+def parameters(draw: st.DrawFn, task: Task) -> dict[str, Any]:
+    """Values within the declared bounds, moderate where bounds are far away."""
+    values: dict[str, Any] = {}
+    for p in task.parameters:
+        if p.kind == "choice":
+            values[p.name] = draw(st.sampled_from(p.values or ()))
+        elif p.kind == "bool":
+            values[p.name] = draw(st.booleans())
+        elif p.kind == "int":
+            low, high = (
+                int(p.low if p.low is not None else 0),
+                min(p.high or 1e9, SMALL.get(p.name, 30)),
+            )
+            values[p.name] = draw(st.integers(low, max(low, int(high))))
+        else:
+            low, high = p.low if p.low is not None else -2.0, p.high if p.high is not None else 2.0
+            values[p.name] = draw(st.floats(low, max(low, min(high, 1e3)), allow_nan=False))
+    return values
+
+
+def same(a: Any, b: Any) -> bool:
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[k], b[k]) for k in a)
+    return np.array_equal(a, b, equal_nan=True) and type(a) is type(b)
+
+
+def walk_together(task: Task, seed: int, steps: int) -> None:
+    """Step both programs with the same actions and compare everything to the bit."""
+    env, reference = taskspec.make(task), Interpreter(task, seed)
+    env.action_space.seed(seed % 2**32)
+    observation, _ = env.reset(seed=seed)
+    layout, actions = env._program.observation, env._program.action  # type: ignore[attr-defined]
+    assert same(observation, pack(layout, reference.reset()))
+    for _ in range(steps):
+        action = env.action_space.sample()
+        observation, reward, terminated, truncated, _ = env.step(action)
+        expected = reference.step(unpack(actions, action))
+        assert same(observation, pack(layout, expected[0]))
+        assert np.array_equal(reward, expected[1], equal_nan=True)
+        assert isinstance(reward, float)
+        assert (terminated, truncated) == expected[2:]
+        assert env.observation_space.contains(observation) or not np.all(np.isfinite(observation))
+        if terminated or truncated:
+            assert same(env.reset()[0], pack(layout, reference.reset()))
+
+
+@pytest.mark.parametrize("case", EVERY, ids=name)
+def test_defaults(case: tuple[str, str | None]) -> None:
+    walk_together(load(case), 2**63 + 12_345, 60)
+
+
+@pytest.mark.parametrize("case", sparse([(case,) for case in EVERY], 3), ids=name)
+@settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_random_parameters(case: tuple[str, str | None], data: st.DataObject) -> None:
+    values = data.draw(parameters(load(case)))
+    try:
+        task = load(case, **values)
+    except SpecError as error:
+        assert {d.code for d in error.diagnostics} <= {"E704"}, error  # only a declared requirement may refuse
+        return
+    walk_together(task, data.draw(st.integers(0, 2**64 - 1)), 25)
+
+
+@pytest.mark.parametrize("ending", ["terminate", "absorb"])
+@pytest.mark.parametrize("observe_time", [False, True])
+@pytest.mark.parametrize("case", EVERY[::4], ids=name)
+def test_compile_options(case: tuple[str, str | None], ending: str, observe_time: bool) -> None:
+    task = load(case)
+    task = taskspec.modify(task, "absorbing") if ending == "absorb" else task
+    if observe_time and task.horizon is None and task.observation.space in FINITE_SPACES:
+        with pytest.raises(SpecError, match="E720"):  # an endless clock fits into no finite space
+            taskspec.modify(task, "time_observed")
+        return
+    walk_together(taskspec.modify(task, "time_observed") if observe_time else task, 7, 40)
+
+
+@pytest.mark.parametrize("case", EVERY, ids=name)
+def test_copies_go_on_alike(case: tuple[str, str | None]) -> None:
+    env = taskspec.make(load(case))
+    env.reset(seed=5)
+    alive = True
+    for _ in range(7):
+        if not alive:
+            env.reset()
+        alive = not any(env.step(env.action_space.sample())[2:4])
+    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+    if not alive:
+        first = env.reset()[0]
+        assert all(same(c.reset()[0], first) for c in copies)
+    for _ in range(20):
+        action = env.action_space.sample()
+        result = env.step(action)
+        for other in copies:
+            observation, *rest = other.step(action)
+            assert same(observation, result[0])
+            assert np.array_equal(rest[0], result[1], equal_nan=True)
+            assert rest[1:3] == list(result[2:4])
+            assert same(rest[3], result[4])
+        if result[2] or result[3]:
+            first = env.reset()[0]
+            assert all(same(c.reset()[0], first) for c in copies)
+
+
+@pytest.mark.parametrize("task_id", [i for i in paper_ids() if "eals" not in i])  # whose spaces have no bounds
+def test_gymnasium_accepts_the_environment(task_id: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gym.make(task_id)
+        assert env is env.unwrapped
+        check_env(env, skip_render_check=True)

@@ -1,0 +1,127 @@
+"""Whose results are laid over a figure: the expert's with its memory, and never another policy's in its name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from taskspec.language import registry
+from taskspec.language.printers.text import plain
+from taskspec.language.task.task import Task
+from taskspec.show.figures import OVERLAYS, overlay, scene
+from taskspec.show.figures.shapes import Box, Label, text_width
+
+CUE = """\
+taskspec: 1
+name: Cue
+summary: Look, then remember.
+state:
+  s: {type: choice, values: [cue_l, cue_r, fork_l, fork_r, win, lose]}
+action:
+  a: {type: choice, values: [wait, left, right]}
+observation:
+  o: "1 if s == cue_l else 2 if s == cue_r else 0"
+horizon: 3
+initial:
+  s: {cue_l: 1/2, cue_r: 1/2}
+dynamics:
+  s':
+    by: [s, a]
+    rows:
+      cue_l: fork_l
+      cue_r: fork_r
+      fork_l: {left: win, right: lose, wait: fork_l}
+      fork_r: {right: win, left: lose, wait: fork_r}
+      else: s
+reward: s' == win and s != win
+memory:
+  m: {type: int, low: 0, high: 2, initial: o, next: m}
+expert:
+  a: left
+"""
+WIN, LOSE, FORK_R, LEFT, RIGHT = 4, 5, 3, 1, 2
+
+
+def cue(folder: Path, text: str = CUE) -> Task:
+    path = folder / "cue.yaml"
+    path.write_text(text, encoding="utf-8")
+    return registry.load(path)
+
+
+def legend(task: Task, *names: str) -> list[str]:
+    found = scene(task, overlay(task, names))
+    assert found is not None
+    return [plain(item.text) for item in found.items if isinstance(item, Label) and ": " in plain(item.text)]
+
+
+def test_an_expert_that_remembers_is_shown_as_it_acts(tmp_path: Path) -> None:
+    """This one always goes left, and so loses in half of its episodes; an optimal policy never does."""
+    task = cue(tmp_path)
+    found = overlay(task, ["expert", "occupancy"])
+    assert found.policy[FORK_R] == (LEFT,)
+    assert found.occupancy == {0: 1.0, 1: 1.0, 2: 1.0, 3: 1.0, WIN: 1.0, LOSE: 1.0}
+    told = legend(task, "expert", "occupancy")
+    assert "thick arrows: the expert's actions at first, whatever it remembers" in told
+    assert "shade, up to 0.5 per episode: the expert's visits" in told
+
+
+def test_what_it_may_do_with_several_memories_is_shown_together(tmp_path: Path) -> None:
+    task = cue(tmp_path, CUE.replace("a: left", "a: left if m == 1 else right").replace("next: m}", "next: 3 - m}"))
+    assert overlay(task, ["expert"]).policy[FORK_R] == (LEFT, RIGHT)
+
+
+def test_an_expert_without_a_plan_is_not_replaced(tmp_path: Path) -> None:
+    """Its memory is a real number, of which there is no model: nothing is drawn, and the legend says so."""
+    text = CUE.replace("type: int, low: 0, high: 2, initial: o", "type: real, initial: o")
+    task = cue(tmp_path, text)
+    found = overlay(task, ["expert", "occupancy"])
+    assert not found.policy
+    assert not found.occupancy
+    assert legend(task, "expert", "occupancy") == [
+        "not drawn: the expert's actions at first, for which there is no exact plan",
+        "not drawn: the expert's visits, for which there is no exact plan",
+    ]
+
+
+def test_only_one_policy_is_drawn_and_the_other_is_named(tmp_path: Path) -> None:
+    told = legend(cue(tmp_path), *OVERLAYS)
+    assert "thick arrows: best actions with all 3 steps to go" in told
+    assert any(line.startswith("not drawn: the expert's actions") for line in told)
+    alone = legend(cue(tmp_path, CUE.split("memory:")[0]), "expert")
+    assert alone == ["thick arrows: an optimal policy's actions at first"]
+
+
+KEYS = """\
+taskspec: 1
+name: Keys
+summary: Walk to a key.
+state:
+  x: {type: int, low: 0, high: 3}
+  y: {type: int, low: 0, high: 2}
+action: {a: {type: choice, values: [left, right, up, down]}}
+horizon: 8
+initial: {x: 0, y: 0}
+dynamics:
+  x': clip(x + (a == right) - (a == left), 0, 3)
+  y': clip(y + (a == down) - (a == up), 0, 2)
+reward: 1 / 3 if x' == 2 and y' == 1 else 0
+figure: {kind: grid, at: [x, y], objects: {key: [2, 1], bed: [2, 1], jar: [0, 0]}}
+"""
+
+
+@pytest.mark.parametrize("names", [["values"], ["values", "policy"]])
+def test_objects_leave_the_values_of_their_cells_to_be_read(names: list[str], tmp_path: Path) -> None:
+    task = cue(tmp_path, KEYS)
+    found = scene(task, overlay(task, names))
+    assert found is not None
+    badges = [x for x in found.items if isinstance(x, Box) and x.fill == "second"]
+    texts = [x for x in found.items if isinstance(x, Label) and plain(x.text)[0].isdigit()]
+    assert len(badges) == 3
+    assert len(texts) == 12
+    for badge in badges:
+        (left, top), bottom, right = badge.corner, badge.corner[1] + badge.height, badge.corner[0] + badge.width
+        for text in texts:
+            half = text_width(text.text, text.size) / 2, text.size / 2
+            apart = abs(text.at[0] - (left + right) / 2) >= half[0] + badge.width / 2
+            assert apart or abs(text.at[1] - (top + bottom) / 2) >= half[1] + badge.height / 2

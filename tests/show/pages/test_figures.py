@@ -1,0 +1,290 @@
+"""Figures drawn from tasks: what they show, in every format, and a frame for every state of every task."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from taskspec.base.diagnostics import SpecError
+from taskspec.language import registry
+from taskspec.language.printers.text import plain
+from taskspec.language.source import read_text
+from taskspec.language.task.build import build
+from taskspec.language.task.task import Task
+from taskspec.show.figures import Overlay, figure, overlay, render_frame, scene
+from taskspec.show.figures.layout import drawings
+from taskspec.show.figures.machine import explore
+from taskspec.show.figures.shapes import Box, Circle, Item, Label, Line, Scene
+from taskspec.show.figures.states import first_state
+from taskspec.show.figures.vector_formats import svg
+from taskspec.show.pages import gather, write
+from taskspec.show.pages.page import anchor
+from tests.shared.specs import spec_file, varied_files, without_figure
+
+ROOT = Path(__file__).parents[3]
+IDS = [i for i in registry.task_ids() if i.startswith("derail/")]
+SPECS = varied_files()
+
+
+def task(name: str, **parameters: object) -> Task:
+    return registry.load(f"derail/{name}-v0", **parameters)
+
+
+def drawn(name: str, overlay: Overlay | None = None, **parameters: object) -> Scene:
+    found = scene(task(name, **parameters), overlay)
+    assert found is not None
+    return found
+
+
+def labels(found: Scene) -> list[str]:
+    return [plain(item.text).strip() for item in found.items if isinstance(item, Label)]
+
+
+def fills(found: Scene, kind: type[Item] = Circle) -> list[str]:
+    return [
+        item.fill for item in found.items if isinstance(item, kind) and isinstance(item, Circle | Box) and item.fill
+    ]
+
+
+def test_risky_path_shows_chances_rewards_and_colours() -> None:
+    found = drawn("RiskyPath")
+    assert labels(found).count("50%") == 2
+    assert {"s₀", "s₁", "s₂", "s₃", "safe", "risky", "r = 1", "r = −100"} <= set(labels(found))
+    assert {"good", "bad"} <= set(fills(found))
+
+
+def test_what_an_action_pays_stands_beside_it_and_not_at_its_outcomes() -> None:
+    found = labels(scene(registry.load("probes/Echo-v0")))
+    assert found.count("50%") == 4
+    assert {"left, r = 1; right, r = 0", "left, r = 0; right, r = 1"} <= set(found)
+
+
+def test_terminal_states_have_two_rims() -> None:
+    found = drawn("EarlyTermPos")
+    assert len([c for c in found.items if isinstance(c, Circle)]) == 4
+    assert found.notes == ("Every step pays 1.",)
+
+
+def test_branching_with_ten_choices_is_elided_as_in_the_paper() -> None:
+    found = drawn("Branching", L=10)
+    assert [x for x in labels(found) if x.isdigit() and int(x) > 1] == ["2", "3", "18", "19", "20"]
+    assert "…" in labels(found)
+    assert fills(found).count("good") == 1
+
+
+def test_wide_families_are_elided_too() -> None:
+    found = drawn("Branching", L=10, B=12)
+    assert "⋮" in labels(found)
+    assert len(labels(found)) < 40
+
+
+def test_numbers_of_a_knot_are_drawn_over_time() -> None:
+    found = scene(build(read_text(without_figure("queue"))))
+    assert found is not None and found.alt == "An episode of random actions in Queue over time, 50 steps"
+
+
+def test_what_else_could_be_drawn_is_said(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match="cross") as caught:
+        figure(build(read_text(without_figure("tiger"))), tmp_path / "tiger.svg")
+    assert "bars" in str(caught.value)
+
+
+def test_small_branching_is_drawn_whole() -> None:
+    assert "…" not in labels(drawn("Branching", L=2))
+
+
+def test_every_arrow_of_a_drawing_joins_vertices_of_it() -> None:
+    for parameters in ({"L": 1}, {"L": 3, "B": 4}, {"L": 7, "B": 9}, {"L": 100}):
+        machine = explore(task("Branching", **parameters))
+        if machine is None:
+            continue
+        (found,) = drawings(machine)
+        assert {v for a in found.arcs for v in (a.source, a.target)} <= set(found.vertices)
+
+
+def test_probabilities_leaving_a_state_sum_to_one() -> None:
+    machine = explore(task("RiskyPath"))
+    assert machine is not None
+    total: dict[tuple[int, int], float] = {}
+    for t in machine.transitions:
+        total[t.source, t.action] = total.get((t.source, t.action), 0.0) + t.probability
+    assert set(total.values()) == {1.0}
+
+
+def test_grid_marks_the_goal_and_the_starts() -> None:
+    found = drawn("NoisyObs")
+    assert fills(found, Box).count("good") == 1 + 1  # in the key
+    faint = [c for c in found.items if isinstance(c, Circle) and c.fill == "ink"]
+    assert len(faint) == 4
+    assert all(c.shade < 1 for c in faint)
+
+
+def test_sorting_ends_sorted() -> None:
+    numbers = [float(x) for x in labels(drawn("Sort"))]
+    assert numbers[-4:] == sorted(numbers[-4:])
+    assert any(isinstance(x, Line) and x.arrow for x in drawn("Sort").items)
+
+
+def test_halves_have_two_colours() -> None:
+    colors = fills(drawn("LargestSum", L=10), Box)
+    assert colors == ["accent"] * 10 + ["second"] * 10
+
+
+def test_overlays() -> None:
+    found = drawn("RiskyPath", Overlay(values={0: 4.0}, policy={0: (0,)}, occupancy={1: 0.5}))
+    assert "V = 4" in labels(found)
+    assert any(isinstance(x, Line) and x.width > 0.05 for x in found.items)
+    assert any(isinstance(x, Circle) and x.shade == 0.5 for x in found.items)
+
+
+def test_overlays_from_the_exact_model() -> None:
+    found = overlay(task("RiskyPath"), ["values", "expert", "occupancy"])
+    assert found.values[0] == 4
+    assert found.policy[0] == (0,)
+    assert found.occupancy[2] == 1
+    assert found.occupancy[3] == 0
+
+
+def test_overlays_on_a_grid() -> None:
+    one = task("NoisyObs")
+    found = scene(one, overlay(one, ["values", "policy"]))
+    assert found is not None
+    assert "12" in labels(found)
+    assert len([x for x in found.items if isinstance(x, Line) and x.arrow]) > 20
+
+
+def arrows(found: Scene) -> set[tuple[int, int, int, int]]:
+    """Cells of a grid with the ways of the arrows in them."""
+    left = min(x.corner[0] for x in found.items if isinstance(x, Box))
+    top = min(x.corner[1] for x in found.items if isinstance(x, Box))
+    ends = [x.points for x in found.items if isinstance(x, Line) and x.arrow]
+    return {
+        (int((a - left) / 0.8), int((b - top) / 0.8), round((c - a) * 3), round((d - b) * 3)) for (a, b), (c, d) in ends
+    }
+
+
+def test_arrows_on_a_grid_show_what_is_chosen_and_not_what_chance_makes_of_it() -> None:
+    """The optimal policy of FrozenLake as Gymnasium's own tutorial has it, for as long a horizon."""
+    lake = registry.load(spec_file("frozen_lake"))
+    found = scene(lake, overlay(lake, ["policy"]))
+    assert found is not None
+    assert {(0, 0, -1, 0), (1, 0, 0, -1), (0, 1, -1, 0), (1, 2, 0, 1), (1, 3, 1, 0), (2, 3, 0, 1)} <= arrows(found)
+    ends = {(1, 1), (3, 1), (3, 2), (0, 3), (3, 3)}  # nobody acts in holes and in the goal
+    assert not ends & {(x, y) for x, y, _, _ in arrows(found)}
+    assert "arrows: best actions with all 100 steps to go" in labels(found)
+
+
+def test_a_terminal_state_has_no_value() -> None:
+    one = task("EarlyTermPos")
+    over = overlay(one, ["values", "policy"])
+    assert over.values == {0: 10, 1: 10}
+    assert set(over.policy) == {0, 1}
+    found = scene(one, over)
+    assert found is not None
+    assert "V: best return with all 10 steps to go" in labels(found)
+
+
+def test_unknown_overlay() -> None:
+    with pytest.raises(SpecError, match="E713"):
+        overlay(task("RiskyPath"), ["colour"])
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_every_shipped_task_has_a_figure(name: str) -> None:
+    found = scene(registry.load(name))
+    assert found is not None
+    assert found.alt
+    ElementTree.fromstring(svg(found))
+    assert _is_inside(found)
+
+
+def _is_inside(found: Scene) -> bool:
+    points = [p for x in found.items for p in (x.points if isinstance(x, Line) and not x.curved else ())]
+    points += [x.centre for x in found.items if isinstance(x, Circle)]
+    return all(0 <= px <= found.width and 0 <= py <= found.height for px, py in points)
+
+
+@pytest.mark.parametrize("ending", ["svg", "tex", "png", "pdf"])
+def test_files(ending: str, tmp_path: Path) -> None:
+    path = figure(task("RiskyPath"), tmp_path / f"risky.{ending}")
+    head = path.read_bytes()[:5]
+    assert head.startswith({"svg": b"<svg", "tex": b"\\def", "png": b"\x89PNG", "pdf": b"%PDF"}[ending])
+    again = figure(task("RiskyPath"), tmp_path / f"again.{ending}")
+    assert again.read_bytes() == path.read_bytes()
+
+
+def test_unknown_ending(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match="E726"):
+        figure(task("RiskyPath"), tmp_path / "risky.docx")
+
+
+@pytest.mark.parametrize("name", [*IDS, *map(str, SPECS)], ids=lambda x: Path(x).stem)
+def test_every_task_has_a_frame(name: str) -> None:
+    one = registry.load(name)
+    frame = render_frame(one, first_state(one), size=(160, 120))
+    assert frame.dtype == np.uint8
+    assert frame.shape == (120, 160, 3)
+    assert frame.std() > 0
+
+
+@pytest.mark.parametrize("state", [0, 1, 7, 20])
+def test_a_frame_of_a_graph_shows_where_the_agent_is(state: int) -> None:
+    """Also where the state is one of those that dots stand for."""
+    one = task("Branching", L=10)
+    found = scene(one, Overlay(here={"s": state}))
+    assert found is not None
+    assert fills(found).count("accent") == 1
+
+
+def test_frames_of_an_episode_have_one_size_and_follow_the_state() -> None:
+    one = task("NoisyObs")
+    a, b = (render_frame(one, {"x": x, "y": 1}, size=(160, 120)) for x in (0, 3))
+    assert a.shape == b.shape
+    assert not np.array_equal(a, b)
+
+
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no TeX")
+def test_tikz_stands_alone(tmp_path: Path) -> None:
+    """A figure's file needs tikz, amsmath and xcolor, nothing else of ours."""
+    for name in ("RiskyPath", "Branching", "NoisyObs", "Parabola", "Sort"):
+        figure(task(name), tmp_path / f"{name}.tex")
+    inputs = "\n".join(rf"\input{{{p.stem}}}\par" for p in sorted(tmp_path.glob("*.tex")))
+    source = rf"\documentclass{{article}}\usepackage{{amsmath,amssymb,xcolor,tikz}}\begin{{document}}{inputs}\end{{document}}"
+    (tmp_path / "all.tex").write_text(source, encoding="utf-8")
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "all.tex"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-2000:]
+
+
+def test_cells_of_ints_show_ints() -> None:
+    spec = """\
+taskspec: 1
+name: X
+state: {x: {type: int, shape: [3], low: -9, high: 9}}
+action: {a: {type: bool}}
+horizon: 3
+initial: {x: "(2, 0, -1)"}
+dynamics: {x': "reverse(x)"}
+reward: x[0]
+figure: {kind: bars, values: x}
+"""
+    found = scene(build(read_text(spec)))
+    assert found is not None
+    assert labels(found)[:3] == ["2", "0", "−1"]
+
+
+def test_pages_show_exact_results_in_the_figure_without_a_script(tmp_path: Path) -> None:
+    views = ["task", "film", "best returns", "best actions", "visits", "expert"]
+    for name, words in (("RiskyPath", views), ("Parabola", ["task", "film"])):
+        one = task(name)
+        write([one], ["html"], tmp_path, facts={one.id: gather(one)})
+        (path,) = tmp_path.glob(f"{anchor(name)}.html")
+        text = path.read_text(encoding="utf-8")
+        assert re.findall(r'<label for="layer-\d">([^<]*)</label>', text) == words
+        assert len(re.findall('class="figure(?: film)?"', text)) == len(words) and "<script" not in text

@@ -1,0 +1,229 @@
+"""Transition graphs of random machines: what is drawn can be read, is the same every time, and is drawn at once."""
+
+from __future__ import annotations
+
+import math
+import random
+import time
+from itertools import combinations, pairwise, product
+from xml.etree import ElementTree
+
+import pytest
+
+from taskspec.language.printers.text import plain
+from taskspec.language.source import read_text
+from taskspec.language.task.build import build
+from taskspec.language.task.task import Task
+from taskspec.show.figures import Overlay, raster, scene
+from taskspec.show.figures.graph import MOST_CROSSINGS, _planned, graph
+from taskspec.show.figures.layout import drawings, ordered
+from taskspec.show.figures.machine import explore
+from taskspec.show.figures.shapes import Box, Circle, Item, Label, Line, Point, Scene, bezier, text_width
+from taskspec.show.figures.vector_formats import svg, tikz
+
+CASES = [(n, a, k, long, starts, 0) for n in (2, 3, 4) for a in (1, 2, 3) for k in (1, 2)
+         for long in (False, True) for starts in (1, 2)]  # fmt: skip
+SECONDS = 1.0
+
+
+def machine(n: int, n_actions: int, k: int, long: bool, starts: int, seed: int) -> Task:
+    """A random MDP whose actions have up to `k` outcomes; names of states may be long."""
+    rng = random.Random(f"{n} {n_actions} {k} {long} {starts} {seed}")
+    states = [f"waiting{i}" if long else f"q{i}" for i in range(n)]
+    actions = [f"a{i}" for i in range(n_actions)]
+    rows = ""
+    for s in states:
+        rows += f"      {s}:\n"
+        for a in actions:
+            found = rng.sample(states, k if rng.random() < 0.6 else 1)
+            p = rng.choice((0.1, 0.25, 0.5))
+            rows += f'        {a}: "{found[0] if len(found) == 1 else f"{{{found[0]}: {p}, {found[1]}: {1 - p}}}"}"\n'
+    rewards = "".join(f"    {s}: {rng.choice((0, 0, 1, -2.5))}\n" for s in states)
+    first = f"Uniform({{{', '.join(states[:starts])}}})" if starts > 1 else states[0]
+    return build(
+        read_text(f"""\
+taskspec: 1
+name: R
+state: {{s: {{type: choice, values: [{", ".join(states)}]}}}}
+action: {{a: {{type: choice, values: [{", ".join(actions)}]}}}}
+horizon: 20
+initial: {{s: "{first}"}}
+dynamics:
+  s':
+    by: [s, a]
+    rows:
+{rows}reward:
+  by: s
+  rows:
+{rewards}""")
+    )
+
+
+def box(label: Label) -> tuple[float, float, float, float]:
+    (x, y), w, h = label.at, text_width(label.text, label.size), label.size
+    left = x - w * {"start": 0.0, "middle": 0.5, "end": 1.0}[label.anchor]
+    return left, y - h / 2, left + w, y + h / 2
+
+
+def outside(item: Item, p: Point) -> float:
+    """How far a point is from the outline of a shape, negative inside."""
+    match item:
+        case Circle(centre=(x, y), radius=r):
+            return math.hypot(p[0] - x, p[1] - y) - r
+        case Box(corner=(x, y), width=w, height=h, round=r):
+            dx, dy = abs(p[0] - x - w / 2) - w / 2 + r, abs(p[1] - y - h / 2) - h / 2 + r
+            return math.hypot(max(dx, 0), max(dy, 0)) + min(max(dx, dy), 0) - r
+    return math.inf
+
+
+def crosses(a: Line, b: Line) -> int:
+    def pieces(line: Line) -> list[tuple[Point, Point]]:
+        points = [bezier(line.points, i / 16) for i in range(17)] if line.curved else list(line.points)
+        return list(pairwise(points))
+
+    def left(p: Point, q: Point, r: Point) -> float:
+        return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+
+    return sum(
+        left(p, q, r) * left(p, q, s) < -1e-12 and left(r, s, p) * left(r, s, q) < -1e-12
+        for p, q in pieces(a) for r, s in pieces(b)
+    )  # fmt: skip
+
+
+def of(found: Scene) -> tuple[list[Item], list[Line], list[Label]]:
+    shapes = [x for x in found.items if isinstance(x, Circle | Box)]
+    return (
+        list(shapes),
+        [x for x in found.items if isinstance(x, Line)],
+        [x for x in found.items if isinstance(x, Label)],
+    )
+
+
+def timed(task: Task) -> tuple[Scene | None, float]:
+    _planned.cache_clear()
+    start = time.process_time()
+    return graph(task, Overlay()), time.process_time() - start
+
+
+@pytest.mark.parametrize("case", CASES[::2], ids=lambda c: "-".join(map(str, c)))
+def test_what_is_drawn_can_be_read(case: tuple[int, int, int, bool, int, int]) -> None:
+    task = machine(*case)
+    found, seconds = timed(task)
+    assert seconds < SECONDS
+    assert timed(task)[0] == found
+    if found is None:
+        return
+    shapes, lines, labels = of(found)
+    for (a, one), (b, other) in combinations([(box(x), plain(x.text)) for x in labels], 2):
+        assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], (one, other)
+    for label in labels:
+        left, top, right, bottom = box(label)
+        inside = min(outside(s, label.at) for s in shapes) < -0.1
+        corners = [(left, top), (right, top), (left, bottom), (right, bottom), ((left + right) / 2, (top + bottom) / 2)]
+        assert inside or all(outside(s, p) > 0 for s in shapes for p in corners), plain(label.text)
+    for line in lines:
+        free = 2 if line.color == "ink" else 1  # the arrow to a start comes from nowhere
+        for end in line.points[-1:] if free == 1 else (line.points[0], line.points[-1]):
+            assert min(abs(outside(s, end)) for s in shapes) < 0.05, end
+    assert (
+        sum(crosses(a, b) for a, b in combinations(lines, 2)) <= MOST_CROSSINGS + 1
+    )  # finer pieces may cross once more
+
+
+def test_most_small_machines_are_drawn() -> None:
+    drawn = [graph(machine(*case), Overlay()) is not None for case in CASES if case[1] <= 2 and case[0] > 2]
+    assert sum(drawn) > 0.6 * len(drawn)
+
+
+@pytest.mark.parametrize("n", [8, 20, 60])
+def test_large_machines_take_no_longer(n: int) -> None:
+    assert timed(machine(n, 4, 2, True, 2, 0))[1] < 3 * SECONDS
+
+
+@pytest.mark.parametrize("n", [4, 8, 10, 14])
+@pytest.mark.parametrize("starts", [1, 2])
+def test_drawings_are_graphs(n: int, starts: int) -> None:
+    """Vertices differ, arrows join vertices, and what leads on in the task leads on in the drawing."""
+    for n_actions, k, seed in product((1, 2, 4), (1, 2), range(4)):
+        found = explore(machine(n, n_actions, k, False, starts, seed))
+        assert found is not None
+        leading = {t.source for t in found.transitions if t.source != t.target}
+        for drawing in drawings(found):
+            vertices = drawing.vertices
+            assert len(set(vertices)) == len(vertices)
+            assert {v for a in drawing.arcs for v in (a.source, a.target)} <= set(vertices)
+            assert leading & set(vertices) <= {a.source for a in drawing.arcs}
+            assert sorted(map(str, ordered(drawing).vertices)) == sorted(map(str, vertices))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_format_shows_the_same(seed: int) -> None:
+    found = graph(machine(3, 2, 1, True, 2, seed), Overlay())
+    assert found is not None
+    shapes, lines, labels = of(found)
+    tags = [x.tag.rpartition("}")[2] for x in ElementTree.fromstring(svg(found)).iter()]
+    paper = 1
+    assert (tags.count("text"), tags.count("circle") + tags.count("rect"), tags.count("path"), tags.count("polygon")) == (
+        len(labels), len(shapes) + paper, len(lines), sum(x.arrow for x in lines),
+    )  # fmt: skip
+    text = tikz(found)
+    assert (text.count(r"\node["), text.count(r"\path["), text.count(r"\draw["), text.count("-- cycle")) == (
+        len(labels), len(shapes), len(lines), sum(x.arrow for x in lines),
+    )  # fmt: skip
+    _, axes = raster._canvas(found.width, found.height)
+    raster._draw(axes, found, 1.0)
+    assert (len(axes.texts), len(axes.patches)) == (len(labels), len(shapes) + len(lines) + sum(x.arrow for x in lines))
+
+
+@pytest.mark.parametrize(("letters", "kind"), [(4, "Transition graph"), (40, "Transitions of Chain as a table")])
+def test_a_graph_that_no_page_has_room_for_is_drawn_as_a_table(letters: int, kind: str) -> None:
+    names = [f"{'s' * letters}{i}" for i in range(6)]
+    rows = "".join(f"      {name}: {{go: {after}, stop: {name}}}\n" for name, after in pairwise([*names, names[-1]]))
+    one = build(
+        read_text(
+            f"taskspec: 1\nname: Chain\nstate:\n  s: {{type: choice, values: [{', '.join(names)}]}}\n"
+            f"action:\n  a: {{type: choice, values: [go, stop]}}\nhorizon: 9\ninitial: {{s: {names[0]}}}\n"
+            f"dynamics:\n  s':\n    by: [s, a]\n    rows:\n{rows}reward: 1\nfigure: {{kind: graph}}\n"
+        )
+    )
+    found = scene(one)
+    assert found is not None and found.alt.startswith(kind)
+    assert found.width < 25
+
+
+def ring(n: int, highlight: str, step: str = "s + (1 if a == 1 else n - 1)", horizon: int = 50) -> Scene:
+    """The figure of a ring, which its horizon cuts open where it is larger."""
+    text = f"""\
+taskspec: 1
+name: Ring
+parameters: {{n: {{type: int, default: {n}, low: 2, high: 90}}}}
+state: {{s: {{type: int, low: 0, high: n - 1}}}}
+action: {{a: {{type: int, low: 0, high: 1}}}}
+horizon: {horizon}
+initial: {{s: 0}}
+dynamics:
+  s': ({step}) % n
+reward: s' == n - 1
+terminal: s' == n - 1
+figure: {{kind: graph, highlight: {highlight}}}
+"""
+    found = scene(build(read_text(text)))
+    assert found is not None
+    return found
+
+
+def fills(found: Scene) -> list[str]:
+    """The roles of states, without the key below."""
+    shapes = [x for x in found.items if isinstance(x, Circle) or (isinstance(x, Box) and x.round)]
+    return sorted(x.fill for x in shapes if x.fill in ("good", "bad", "end"))
+
+
+def test_highlighted_states_that_have_no_room_are_named() -> None:
+    assert "Not shown: bad (11 states)." in ring(60, "{bad: s >= 20 and s <= 30}").notes
+    assert "Not shown: bad (47 states)." in ring(60, "{bad: s > 1 and s < 59}").notes
+
+
+def test_a_highlight_that_no_state_has_is_told() -> None:
+    found = ring(9, "{good: s == n - 1, bad: s == n // 2}", "s * 5 + 3 * a + 1")
+    assert "Not shown: good, which holds in no state that episodes reach." in found.notes
+    assert fills(found) == ["bad"]
