@@ -11,6 +11,8 @@ TYPE_CHECKING = False  # as in `typing`, which need not be imported
 if TYPE_CHECKING:
     from taskspec import envs as envs
     from taskspec import exact as exact
+    from taskspec import exam as exam
+    from taskspec import experiments as experiments
     from taskspec.base import __version__ as __version__
     from taskspec.base.diagnostics import Diagnostic as Diagnostic
     from taskspec.base.diagnostics import SpecError as SpecError
@@ -56,7 +58,7 @@ __all__ = [
     "register",
     "task_ids",
 ]
-_ROOMS = ("data", "envs", "exact", "notebook")
+_ROOMS = ("data", "envs", "exact", "exam", "experiments", "notebook")
 """Packages whose names are public, too: `taskspec.envs.data.episodes`."""
 
 
@@ -87,4 +89,4 @@ def _is_command() -> bool:
 
 if not _is_command():
     # Gymnasium learns the ids of the shipped tasks. By name: an import would put the package above its layers.
-    __import__("taskspec.envs.making").making.register()
+    __import__("taskspec.envs.making").envs.making.register()

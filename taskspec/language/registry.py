@@ -62,7 +62,7 @@ def tasks_root() -> Path:
 
 
 def _root() -> str:
-    package = os.path.dirname(os.path.abspath(__file__))
+    package = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     inside = os.path.join(package, "tasks")
     if os.path.isdir(inside):
         return inside

@@ -427,7 +427,9 @@ _ENTRIES = (
     ),
     FigureKind("bars", "taskspec.show.figures.bars:bars", "`values`, the vector", _VECTOR),
     FigureKind("swaps", "taskspec.show.figures.bars:bars", "`values`, the vector", _VECTOR),
-    FigureKind("vector", "taskspec.show.figures.bars:bars", "`values`, the vector, or a matrix, which is drawn as a board", _VECTOR),
+    FigureKind(
+        "vector", "taskspec.show.figures.bars:bars", "`values`, the vector, or a matrix, which is drawn as a board", _VECTOR,
+    ),
     FigureKind(
         "portrait", "taskspec.show.figures.plane:portrait",
         "`at: [x, v]`, two bounded components: a phase portrait, and an episode of the expert",

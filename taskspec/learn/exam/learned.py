@@ -28,7 +28,7 @@ class Learned:
 
     Args:
         policy: all that a learner may return alone; Q-values in a table (O, A) are read from it.
-        reward: float64 (S, A, S) over the states and actions of `taskspec.envs.data.tabular(task)`, or a function of (obs, action,
+        reward: float64 (S, A, S) over the states and actions of `taskspec.data.tabular(task)`, or a function of (obs, action,
             next_obs), all (N, ...); `reward_distance` compares it with the true one.
         q: Q-values: a table (O, A) of the numbers of discrete observations, or a function from observations (N, ...) to (N, A).
         values: instead, the values of a critic under the policy: a table (O,), or a function from observations to (N,).

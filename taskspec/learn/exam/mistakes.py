@@ -1,6 +1,6 @@
 """Mistakes in learners: what each does, the code that does it, and what to do.
 
-What a learner learned shows them: its values (`taskspec.learn.exam.operators`), its reward (`taskspec.learn.exam.starc`), or what it does
+What a learner learned shows them: its values (`operators`), its reward (`starc`), or what it does
 after demonstrations (`taskspec.learn.exam.pairings`); each has a table by the same names.
 """
 

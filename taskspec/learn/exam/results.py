@@ -44,8 +44,8 @@ Score = TypedDict(
 """One seed on a task (`twin` None), on a twin of it (its modifiers), or with the reward negated (`peek`); 0 is random, 1 the
 expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated, 0 where it is exact; `starc` the
 distance of a learned reward to the true one, `reward_regret` the score lost by optimising it. `operators` are the distances of
-learned values from the fixed points of Bellman operators (`taskspec.learn.exam.fingerprints`), `rewards` those of a learned reward from
-known ones (`taskspec.learn.exam.starc`), `pairings` those of a policy from what was demonstrated (`taskspec.learn.exam.pairings`). `value` is
+learned values from the fixed points of Bellman operators (`fingerprints`), `rewards` those of a learned reward from
+known ones (`starc`), `pairings` those of a policy from what was demonstrated (`pairings`). `value` is
 the learned value of the first states, in units of the expert's return less that of random actions, `longer` the score on a longer
 horizon. Points of the `curve` are policies that the learner showed, else means of its training episodes."""
 

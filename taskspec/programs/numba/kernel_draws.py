@@ -21,7 +21,7 @@ from taskspec.programs.numba.runtime import as_f32, as_i32, f32, f32s, f64, i32,
 
 @intrinsic
 def threefry(typing: Any, k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
-    """Threefry-2x32-20 of one block (see `taskspec.language.draws.threefry`), as instructions: as statements it compiles slowly."""
+    """Threefry-2x32-20 of one block (see `draws.threefry`), as instructions: as statements it compiles slowly."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         def number(n: int) -> Any:

@@ -1,7 +1,7 @@
 """A language server for specs: mistakes while typing, completion, meanings, places of names, layout, fixes, and exact scores.
 
-`taskspec.tools.authoring` answers at once. Soundness, claims and scores come from a process (`checks`) that ends when the text changes;
-its last results stay, at their lines, until there are new ones.
+`taskspec.tools.authoring` answers at once. Soundness, claims and scores come from a process (`checks`) that ends when the text
+changes; its last results stay, at their lines, until there are new ones.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ HOST = "127.0.0.1"
 LARGEST = 4_000_000
 """Bytes of a message of a page."""
 STATIC = Path(__file__).parent / "static"
-STYLES = Path(__file__).parents[1] / "pages" / "templates"
+STYLES = Path(__file__).parents[2] / "show" / "pages" / "templates"
 """The styles of printed pages and figures, beside other templates."""
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "

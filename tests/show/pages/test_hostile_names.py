@@ -17,7 +17,7 @@ from taskspec.show.pages.prose import is_safe
 from taskspec.show.pages.write import write
 
 SCRIPT = re.compile(r"<script\b.*?</script>", re.DOTALL)
-CARDS = Path(taskspec.__file__).parent / "pages" / "templates" / "cards.html"
+CARDS = Path(taskspec.__file__).parent / "show" / "pages" / "templates" / "cards.html"
 SPEC = r"""
 taskspec: 1
 name: Hostile

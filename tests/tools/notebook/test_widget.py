@@ -17,7 +17,7 @@ import taskspec
 from taskspec.exact import Results
 from taskspec.notebook import explore
 
-PAGE = Path(taskspec.__file__).parent / "notebook" / "widget.js"
+PAGE = Path(taskspec.__file__).parent / "tools" / "notebook" / "widget.js"
 
 
 def sent(widget: Any, **message: Any) -> dict[str, Any]:

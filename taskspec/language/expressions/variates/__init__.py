@@ -1,7 +1,7 @@
 """The table of base variates, the random words that each draw takes, and the value of a draw from its words.
 
-An entry of the table is the single source of everything known about a base variate. Distributions (`taskspec.language.expressions.dists`) are
-arithmetic over base variates. A new one is an entry, its value over arrays in `taskspec.language.draws`, and the same for JAX and Numba.
+An entry of the table is the single source of everything known about a base variate. Distributions (`expressions.dists`) are
+arithmetic over base variates. A new one is an entry, its value over arrays in `draws`, and the same for JAX and Numba.
 
 A step and a reset are phases of their own. Each has a `WordLayout` (`Task.step_words`, `Task.reset_words`) over all the draws
 that its sections write, those included whose values turn out not to matter: what a word is for depends on the text of the spec

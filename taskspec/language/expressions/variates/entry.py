@@ -23,7 +23,7 @@ Comparison = Callable[[NodeMaker, Draw, Sequence[Node], int], list[Node] | None]
 Draws = Any
 """Variates over arrays of words, and `xp`: `taskspec.language.draws` for NumPy, `taskspec.programs.jax.library` for JAX.
 
-Words are uint32 and lie along the first axis, the lanes along the last one. Functions have the names that `taskspec.language.draws` gives.
+Words are uint32 and lie along the first axis, the lanes along the last one. Functions have the names that `draws` gives.
 """
 LaneWriter = Any
 """What writes a draw into the scalar program: `taskspec.programs.lane_form`."""
