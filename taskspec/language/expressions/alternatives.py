@@ -21,6 +21,7 @@ from taskspec.language.expressions.scope import (
     BaseChecker,
     FunctionDef,
     Lazy,
+    Poisoned,
     Scope,
     Value,
     check_comparable,
@@ -258,6 +259,8 @@ _Keys = Sequence[tuple[_Key, ...]]
 def table(checker: BaseChecker, expr: s.Table, scope: Scope, want: Domain | None) -> Value:
     """Return the value of the first row that matches."""
     columns = checker.each(_column, [(checker, e, scope) for e in expr.by])
+    if scope.draws is None:
+        checker.each(_refuse_unclear, [(checker, row, columns[1:], scope, want) for row in expr.rows])
     leaves = _leaves(checker, expr.rows, columns, scope)
     cells_of = [cell for _, cell in leaves]
     domains = wanted(cells_of, scope, want)
@@ -299,6 +302,85 @@ def _column(checker: BaseChecker, expr: s.Expr, scope: Scope) -> _Column:
         return _Column(expr, node, value.domain, None, ends)
     node = checker.builder.within(node, low, high)
     return _Column(expr, node, value.domain, range(int(low), int(high) + 1), ends)
+
+
+def _refuse_unclear(
+    checker: BaseChecker, row: s.TableRow, columns: Sequence[_Column], scope: Scope, want: Domain | None
+) -> None:
+    """Refuse (E319) a row that ends early with what may be rows for the columns left, or a draw."""
+    if not isinstance(row.body, tuple) or not columns:
+        return
+    checker.each(_refuse_unclear, [(checker, deeper, columns[1:], scope, want) for deeper in row.body])
+    weights = _probabilities(checker, row.body, scope)
+    if not weights:
+        return
+    for deeper in row.body:
+        if deeper.key is None or not _may_be_drawn(deeper.key, weights, columns[0], scope, want):
+            return
+    keys = [_written(deeper.key) for deeper in row.body]
+    cells = [_written(deeper.body) for deeper in row.body]
+    drawn = _mapping(keys, cells)
+    message = f"`{drawn}` may be a draw, or rows for the values of `{_written(columns[0].expr)}`"
+    draw = "{else: " * len(columns) + drawn + "}" * len(columns)
+    rows = _mapping([*keys[:-1], "else"], cells)
+    name = _written(row.key)
+    hint = f"the draw is written `{name}: {draw}`, the rows `{name}: {rows}`"
+    checker.collector.add("E319", row.place, message, hint)
+    raise Poisoned
+
+
+def _mapping(keys: Sequence[str], cells: Sequence[str]) -> str:
+    entries = [f"{key}: {cell}" for key, cell in zip(keys, cells, strict=True)]
+    return f"{{{', '.join(entries)}}}"
+
+
+def _written(part: s.Expr | tuple[s.TableRow, ...] | None) -> str:
+    """Return the text of a key or a cell."""
+    if part is None:
+        return "else"
+    assert not isinstance(part, tuple)
+    return part.place.written
+
+
+def _probabilities(checker: BaseChecker, rows: Sequence[s.TableRow], scope: Scope) -> list[Fraction | float]:
+    """Return the cells of several rows where they are constants that sum to 1, as the probabilities of a draw do; else none."""
+    weights: list[Any] = []
+    for row in rows:
+        if isinstance(row.body, tuple) or not _is_number(row.body, scope):
+            return []
+        node = checker.numeric(row.body, scope)
+        if not isinstance(node, Const) or not node.type.is_scalar:
+            return []
+        weights += node.flat
+    if len(weights) > 1 and min(weights) >= 0 and abs(sum(weights) - 1) <= TOLERANCE:
+        return weights
+    return []
+
+
+def _is_number(expr: s.Expr, scope: Scope) -> bool:
+    """Return whether an expression is made of numbers, and of names of numbers."""
+    for part in s.below(expr):
+        if isinstance(part, s.Name):
+            binding = scope.lookup(part.written)
+            if not isinstance(binding, Value) or binding.domain is not None:
+                return False
+        elif not isinstance(part, s.Number | s.Unary | s.Binary):
+            return False
+    return True
+
+
+def _may_be_drawn(
+    key: s.Expr, weights: Sequence[Fraction | float], column: _Column, scope: Scope, want: Domain | None
+) -> bool:
+    """Return whether the key of a row may be a value that is drawn with a probability."""
+    if isinstance(key, s.Boolean):
+        return any(0 < weight < 1 for weight in weights)
+    if not may_be_label(key, scope):
+        return True
+    label = key.value if isinstance(key, s.Quoted) else key.place.written
+    if want is not None:
+        return label in want.labels
+    return column.domain is None or label not in column.domain.labels
 
 
 def _leaves(

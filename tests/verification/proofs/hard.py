@@ -141,7 +141,11 @@ class Hard:
         return data
 
     def _table(self, cells: dict[tuple[int, int], Any]) -> Data:
-        rows = {s: {a: cells[s, a] for a in range(self.actions)} for s in range(self.states)}
+        rows: dict[int, dict[int | str, Any]] = {}
+        for s in range(self.states):
+            last = self.actions - 1
+            rows[s] = {a: cells[s, a] for a in range(last)}
+            rows[s]["else"] = cells[s, last]  # rows without it might be a draw
         return {"by": ["s", "a"], "rows": rows}
 
     def _paid(self, at: tuple[int, int]) -> str:
