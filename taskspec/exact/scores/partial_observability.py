@@ -23,7 +23,7 @@ from taskspec.exact.solve.rational import Rational
 from taskspec.exact.solve.solve import occupancy, visits_by_time
 from taskspec.language.expressions.ir import Node, draw_sites, draws, reads
 from taskspec.language.expressions.types import total_size
-from taskspec.language.task.task import Task
+from taskspec.language.modifiers.core import informative, moving_draws
 
 SEARCHES = {"remembering": BeliefSearch, "memoryless": ReactiveSearch}
 """The search for the best policy of beliefs, and for the best memoryless policy."""
@@ -47,8 +47,8 @@ def pomdp_bounds(results: Results) -> PomdpBounds | None:
     """Return the best returns under the observations of a task; None if they hide nothing, or without an exact model."""
     if results.task.observation.is_state or results.abstraction is not None or results.model is None:
         return None
-    model = results.model
     try:
+        model = results.observing.known_model
         if not hides(model, observation_classes(model)):
             return None
         return PomdpBounds(best_observing(results, "remembering"), best_observing(results, "memoryless"))
@@ -58,9 +58,10 @@ def pomdp_bounds(results: Results) -> PomdpBounds | None:
 
 def best_observing(results: Results, which: str, as_written: bool = False) -> Enclosure:
     """Return the best return of policies that remember, or of memoryless ones (a key of `SEARCHES`)."""
-    model = results.known_model
     if results.abstraction is not None:
         refuse("what is seen is not told of an abstraction")
+    results = results.observing
+    model = results.known_model
     if model.horizon is None:
         refuse("episodes have no horizon")
     if model.legal is not None:
@@ -83,7 +84,9 @@ RATE = 5_000_000
 
 def hidden_bits(model: Model) -> float:
     """Return the conditional entropy H(S | O) of the state given its observation, in bits, over the visits of random actions."""
-    nodes = _informative(model.task)
+    nodes = list(informative(model.task).nodes)
+    if moving_draws(model.task) & draw_sites(nodes):
+        refuse("what is seen shares a draw with the dynamics")
     is_timed = TIME in reads(nodes)
     if is_timed and model.horizon is None:
         refuse("the observation depends on the time, and there is no horizon")
@@ -103,20 +106,6 @@ def hidden_bits(model: Model) -> float:
     joint = np.bincount(pair.reshape(-1), weight / weight.sum())
     marginal = np.bincount(pairs[0], joint)
     return max(0.0, float(-(joint * np.log2(joint / marginal[pairs[0]])).sum()))
-
-
-def _informative(task: Task) -> list[Node]:
-    """Return the observed nodes without noise that is independent of the state and of all other components."""
-    moving = draw_sites((*task.process.next, *task.process.initial, task.process.reward, task.process.terminal))
-    if moving & draw_sites(task.observation.nodes):
-        refuse("what is seen shares a draw with the dynamics")
-    nodes = [node for node in task.observation.nodes if not draws([node]) or reads([node])]
-    while True:
-        used = draw_sites(nodes)
-        kept = [n for n in task.observation.nodes if n in nodes or used & draw_sites([n])]
-        if len(kept) == len(nodes):
-            return nodes
-        nodes = kept
 
 
 def _observed(model: Model, nodes: list[Node], t: int, visits: Array) -> Iterator[tuple[Array, Array, Array]]:

@@ -24,6 +24,8 @@ from taskspec.exact.solve.backward import Greedy, Plan, Rule, Uniform, rule_of
 from taskspec.exact.solve.enclosure import Enclosure, NoNumber, rounded
 from taskspec.exact.solve.plans import tables
 from taskspec.exact.solve.solve import Solvers, expectation, why_endless
+from taskspec.language.expressions.ir import draws
+from taskspec.language.modifiers.core import informative, storing_observations
 from taskspec.language.registry import load
 from taskspec.language.task.parts import Soft
 from taskspec.language.task.task import Task, TaskLike
@@ -209,10 +211,23 @@ class Results(InNotebooks):
             return self
         return Results(self.task.remembering(), self.episodes, self.seed, self.limit)
 
+    @cached_property
+    def observing(self) -> Results:
+        """The results of the task whose state includes random observations; these results where nothing seen is random."""
+        if not draws(self.task.observation.nodes):
+            return self
+        seen = informative(self.task)
+        for c, node in zip(seen.components, seen.nodes, strict=True):
+            if draws([node]) and not c.is_finite:
+                hint = "a condition, a choice, or an int with bounds can be kept in the state"
+                refuse(f"the observation '{c.name}' is random and may have infinitely many values", hint)
+        return Results(storing_observations(self.task), self.episodes, self.seed, self.limit)
+
     @property
     def is_ambiguous(self) -> bool:
         """True where some result depends on how floats are read."""
-        asked = {id(r): r for r in (self, self.__dict__.get("remembering", self))}.values()
+        others = [self.__dict__.get(name, self) for name in ("remembering", "observing")]
+        asked = {id(r): r for r in (self, *others)}.values()
         solvers = [r.solvers for r in asked if r.model is not None]
         for r in asked:
             solvers += r._paid.values()

@@ -29,13 +29,13 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.limits import limits, tell
-from taskspec.exact.model.model import Model, refuse
+from taskspec.exact.model.model import Model
 from taskspec.exact.model.transitions import TIME
 from taskspec.exact.solve.backward import all_values, backward, first_values
 from taskspec.exact.solve.enclosure import Enclosure, rounded
 from taskspec.exact.solve.rational import WIDE, Rational, Scaled
 from taskspec.language.expressions.batch import evaluate
-from taskspec.language.expressions.ir import draws, reads
+from taskspec.language.expressions.ir import reads
 
 # -- observations -----------------------------------------------------------------------------------------------------
 
@@ -43,16 +43,9 @@ from taskspec.language.expressions.ir import draws, reads
 def observation_classes(model: Model) -> Array:
     """Return a number (T, S) for the observation of each state at each time, T being 1 where the time is not observed.
 
-    Noise that does not depend on the state tells nothing, and is left out.
+    Nothing seen is random (`modifiers.core.storing_observations`).
     """
-    nodes = []
-    for node in model.task.observation.nodes:
-        if not draws([node]):
-            nodes.append(node)
-        elif reads([node]):
-            refuse(
-                "the observation of a state is partly random", "draw it in `dynamics`, as an observed part of the state"
-            )
+    nodes = model.task.observation.nodes
     n = model.n_states
     times = range((model.horizon or 0) + 1 if TIME in reads(nodes) else 1)
     seen = []

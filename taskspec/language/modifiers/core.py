@@ -10,7 +10,7 @@ from typing import Any
 from taskspec.base.named import all_names
 from taskspec.language.expressions.builder import Builder
 from taskspec.language.expressions.dists import DISTS
-from taskspec.language.expressions.ir import Draw, Node, Role, draws, reads
+from taskspec.language.expressions.ir import Draw, Node, Role, draw_sites, draws, reads
 from taskspec.language.expressions.types import INT, Kind, Type
 from taskspec.language.modifiers.entry import Inapplicable
 from taskspec.language.task.bijection import parts
@@ -183,6 +183,49 @@ def shows_the_state(task: Task) -> bool:
     """Return whether it is known that no two states look alike at any time; draws do not count."""
     nodes = [n for n in task.observation.nodes if not draws([n]) and (Role.TIME, "t") not in reads([n])]
     return all(part.is_decided and part.clash() is None for part in parts(Role.STATE, task.state, nodes))
+
+
+def informative(task: Task) -> Observation:
+    """Return the observation without noise that is independent of the steps and of everything else that is seen."""
+    known = moving_draws(task)
+    for node in task.observation.nodes:
+        if reads([node]):
+            known |= draw_sites([node])
+    size = -1
+    while size < len(known):  # noise that is seen twice tells what is hidden behind it
+        size = len(known)
+        for node in task.observation.nodes:
+            if draw_sites([node]) & known:
+                known |= draw_sites([node])
+    shown = zip(task.observation.components, task.observation.nodes, strict=True)
+    kept = [(c, node) for c, node in shown if not draws([node]) or draw_sites([node]) & known]
+    return replace(task.observation, components=tuple(c for c, _ in kept), nodes=tuple(node for _, node in kept))
+
+
+def moving_draws(task: Task) -> set[int]:
+    """Return the sites of the draws that first and next states, rewards and ends depend on."""
+    process = task.process
+    return draw_sites((*process.initial, *process.next, process.reward, process.terminal))
+
+
+def storing_observations(task: Task) -> Task:
+    """Return the same task with its random observations in its state, so that each state has one observation.
+
+    Noise that tells nothing is not observed any more.
+    """
+    shown = informative(task)
+    first = dict(zip(task.observation.nodes, task.first_observation, strict=True))
+    later = dict(zip(task.observation.nodes, task.next_observation, strict=True))
+    b = task.new_builder()
+    nodes = list(shown.nodes)
+    added = []
+    names = fresh([c.name for c in shown.components], all_names(task.state))
+    for i, c in enumerate(shown.components):
+        if draws([nodes[i]]):
+            stored = replace(c, name=names[i])
+            added.append(AddedState(stored, first[nodes[i]], later[nodes[i]]))
+            nodes[i] = present(b, stored)
+    return replace(with_state(task, added), observation=replace(shown, nodes=tuple(nodes)))
 
 
 # -- what an expert remembers -------------------------------------------------------------------------------------

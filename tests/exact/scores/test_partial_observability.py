@@ -205,13 +205,61 @@ def test_claims_are_about_them() -> None:
 def test_what_is_all_seen_has_no_such_bounds() -> None:
     assert pomdp_bounds(Results(load("derail/RiskyPath"))) is None
     assert pomdp_bounds(Results(load(spec_file("catch")))) is None  # the board shows all
-    noisy = (
-        (spec_file("tiger")).read_text().replace("{o: heard, space: one_hot}", "{o: (tiger == left) == Bernoulli(3/4)}")
-    )
-    told = pomdp_bounds(Results(build(read_text(noisy))))
-    assert (
-        told is not None and told.remembering is None and told.why_not == "the observation of a state is partly random"
-    )
+
+
+NOISY = """
+taskspec: 1
+name: Noisy
+state: {place: {type: int, low: 0, high: 1}STATE}
+action: {a: {type: int, low: 0, high: 1}}
+noise: {coin: Bernoulli(1/3), hum: Bernoulli(1/4)}
+observation: {SEEN}
+horizon: 4
+initial: {place: "UniformInt(0, 1)"FIRST}
+dynamics: {place': "1 - place if coin else place"LATER}
+reward: a == place
+"""
+STORED = {
+    "a draw of its own": ["Bernoulli((1 + place) / 5)"],
+    "first something else": ["2 if t == 0 else place + hum"],
+    "noise of the dynamics": ["coin"],
+    "noise seen twice": ["(place == 1) != hum", "hum"],
+    "noise that tells nothing": ["hum"],
+}
+"""Random observations."""
+
+
+def noisy(seen: list[str], stored: bool) -> Task:
+    """A task with random observations, as they are or kept in the state by hand."""
+    parts = dict.fromkeys(("SEEN", "STATE", "FIRST", "LATER"), "")
+    for i, value in enumerate(seen):
+        if stored:
+            before = value.replace("t == 0", "true")
+            after = value.replace("t == 0", "false").replace("place", "place'")
+            parts["SEEN"] += f"o{i}: k{i},"
+            parts["STATE"] += f", k{i}: {{type: int, low: 0, high: 2}}"
+            parts["FIRST"] += f', k{i}: "0 + ({before})"'
+            parts["LATER"] += f', k{i}\': "0 + ({after})"'
+        else:
+            parts["SEEN"] += f'o{i}: "{value}",'
+    text = NOISY
+    for name, part in parts.items():
+        text = text.replace(name, part)
+    return build(read_text(text))
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_a_random_observation_counts_as_part_of_the_state(name: str) -> None:
+    told = pomdp_bounds(Results(noisy(STORED[name], stored=False)))
+    assert (told is None) == (name == "noise seen twice")  # both together show the place
+    assert told is None or told.remembering is not None
+    assert told == pomdp_bounds(Results(noisy(STORED[name], stored=True)))
+
+
+def test_what_is_seen_at_random_has_finitely_many_values() -> None:
+    told = pomdp_bounds(Results(noisy(["place + Normal()"], stored=False)))
+    assert told is not None and told.remembering is None
+    assert told.why_not == "the observation 'o0' is random and may have infinitely many values"
 
 
 def test_solve_and_pages_say_what_the_optimum_knows(tmp_path: Path) -> None:
