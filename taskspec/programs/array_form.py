@@ -98,8 +98,8 @@ class ArrayForm:
     constants: dict[str, Any] = field(default_factory=dict)
     scratch: Scratch | None = None
     sinks: Mapping[int, Sink] = field(default_factory=dict)  # by id of a node
-    lines: list[str] = field(default_factory=list)
     fresh: int = 0
+    _lines: list[str] = field(default_factory=list)
     _place: int = 0
     _numbers: dict[tuple[Kind, str], str] = field(default_factory=dict)
     _values: dict[int, str] = field(default_factory=dict)
@@ -107,8 +107,8 @@ class ArrayForm:
     _owner: dict[int, int] = field(default_factory=dict)  # of a view: the node whose array it shows
     _last: dict[int, int] = field(default_factory=dict)
 
-    def emit(self, roots: Iterable[Node]) -> list[str]:
-        """Append the statements for the roots to `lines`; return the source of each root."""
+    def emit(self, roots: Iterable[Node]) -> tuple[list[str], list[str]]:
+        """Return the statements for the roots, and the source of each root."""
         roots = tuple(roots)
         order = list(walk(roots))
         self._find_last_uses(order, roots)
@@ -117,7 +117,7 @@ class ArrayForm:
             for owner in dict.fromkeys(map(self.owner, children(node))):
                 if self._last.get(owner) == self._place and owner in self._buffers and self.scratch is not None:
                     self.scratch.give(self._buffers.pop(owner))
-        return [self._values[id(root)] for root in roots]
+        return self._lines, [self._values[id(root)] for root in roots]
 
     def _find_last_uses(self, order: Sequence[Node], roots: Sequence[Node]) -> None:
         for place, node in enumerate(order):
@@ -141,7 +141,7 @@ class ArrayForm:
 
     def _assign(self, text: str) -> str:
         self.fresh += 1
-        self.lines.append(f"v{self.fresh} = {text}")
+        self._lines.append(f"v{self.fresh} = {text}")
         return f"v{self.fresh}"
 
     def _node(self, node: Node) -> str:
@@ -184,7 +184,7 @@ class ArrayForm:
             keyword = "out="
         else:
             keyword = ""
-        self.lines.append(f"{ufunc}({', '.join(args)}, {keyword}{out})")
+        self._lines.append(f"{ufunc}({', '.join(args)}, {keyword}{out})")
         return out
 
     def _operand(self, node: Node) -> str:
@@ -215,7 +215,7 @@ class ArrayForm:
         if self.scratch is None:
             return self._assign(f"rt.{'as_int' if node.op == 'to_int' else 'as_real'}({arg})")
         out = self._buffer(node)
-        self.lines.append(f"copyto({out}, {arg})")
+        self._lines.append(f"copyto({out}, {arg})")
         return out
 
     def _template(self, node: Apply, entry: Operator) -> str:
@@ -259,7 +259,7 @@ class ArrayForm:
         if self.scratch is None:
             return self._assign(f"rt.look_up({table}, {place}, {axis})")
         out = self._buffer(node, in_place=False)
-        self.lines.append(f'{table}.take({place}, {axis}, {out}, "clip")')
+        self._lines.append(f'{table}.take({place}, {axis}, {out}, "clip")')
         return out
 
 

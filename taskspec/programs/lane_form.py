@@ -19,7 +19,7 @@ from taskspec.language.expressions.operators import OPERATORS, Elements, Operato
 from taskspec.language.expressions.operators.vectors import strided
 from taskspec.language.expressions.types import Kind
 from taskspec.language.expressions.variates import VARIATES, one
-from taskspec.programs import literal, tuple_of
+from taskspec.programs import literal, tuple_of, without_unused
 
 UNROLLED = 16
 """Vectors up to this many elements become one expression for each."""
@@ -40,12 +40,14 @@ class LaneValue:
 class LaneEmitter:
     """Emits statements for nodes; subclasses do for other targets.
 
+    Values may need statements of their own whenever they are asked for (`atoms`, `packed`), so the statements are handed out
+    once, by `finish`, after everything that refers to them is known.
+
     Attributes:
         names: the source of every read.
         words: the names of the random words of every draw, by site.
         certain: bounds of a node (`Builder.certain`).
         constants: what the statements refer to.
-        lines: the statements.
         values: of the nodes so far, by id.
         unrolled: vectors up to this many elements become one expression for each.
     """
@@ -54,14 +56,15 @@ class LaneEmitter:
     words: Mapping[int, Sequence[str]]
     certain: Callable[[Node], tuple[float, float]]
     constants: dict[str, Any] = field(default_factory=dict)
-    lines: list[str] = field(default_factory=list)
     values: dict[int, LaneValue] = field(default_factory=dict)
     unrolled: int = UNROLLED
     fresh: int = 0
+    _lines: list[str] = field(default_factory=list)
+    _is_finished: bool = False
     _signed: set[int] = field(default_factory=set)  # ids of nodes whose zeros may show a sign
 
     def emit(self, roots: Iterable[Node]) -> list[LaneValue]:
-        """Append the statements for the roots to `lines`; return values that refer to them."""
+        """Append the statements for the roots; return values that refer to them."""
         roots = tuple(roots)
         order = list(walk(roots))
         self._signed.update(map(id, roots))
@@ -81,6 +84,19 @@ class LaneEmitter:
             self.values[id(node)] = value
         return [self.values[id(root)] for root in roots]
 
+    def finish(self, after: Sequence[str] = (), results: Iterable[str] = ()) -> list[str]:
+        """Return all statements, and those `after` them, without assignments that neither these nor the `results` read.
+
+        Raises:
+            AssertionError: when a statement is appended later, which would be lost.
+        """
+        self._is_finished = True
+        return without_unused([*self._lines, *after], results)
+
+    def append(self, statement: str) -> None:
+        assert not self._is_finished, f"a statement after the last one: {statement}"
+        self._lines.append(statement)
+
     def name(self) -> str:
         self.fresh += 1
         return f"v{self.fresh}"
@@ -94,7 +110,7 @@ class LaneEmitter:
     def named(self, text: str) -> str:
         """Return a new name for an expression."""
         name = self.name()
-        self.lines.append(f"{name} = {text}")
+        self.append(f"{name} = {text}")
         return name
 
     def constant(self, value: Any) -> str:
@@ -113,7 +129,7 @@ class LaneEmitter:
     def unpack(self, count: int, source: str) -> list[str]:
         """Return new names for the elements of a sequence."""
         names = [self.name() for _ in range(count)]
-        self.lines.append(f"{', '.join(names)}{',' * (count == 1)} = {source}")
+        self.append(f"{', '.join(names)}{',' * (count == 1)} = {source}")
         return names
 
     def atoms(self, node: Node) -> list[str]:
@@ -253,7 +269,7 @@ class LaneEmitter:
         for i, j in network(len(names)):
             a = names[i]
             b = names[j]
-            self.lines.append(f"if not ({a} <= {b} or {b} != {b}): {a}, {b} = {b}, {a}")
+            self.append(f"if not ({a} <= {b} or {b} != {b}): {a}, {b} = {b}, {a}")
         return names
 
     def _running(self, atoms: Sequence[str]) -> list[str]:
@@ -353,12 +369,12 @@ def _put(lane: LaneEmitter, node: Apply) -> LaneValue:
     x, i, value = node.args
     row = value.type.size
     name = lane.name()
-    lane.lines.append(f"{name} = list({lane.packed(x)})")
+    lane.append(f"{name} = list({lane.packed(x)})")
     if row == 1:
-        lane.lines.append(f"{name}[{lane.scalar(i)}] = {lane.scalar(value)}")
+        lane.append(f"{name}[{lane.scalar(i)}] = {lane.scalar(value)}")
     else:
         at = lane.assign(lane.scalar(i))
-        lane.lines.append(f"{name}[{at} * {row}:{at} * {row} + {row}] = {lane.packed(value)}")
+        lane.append(f"{name}[{at} * {row}:{at} * {row} + {row}] = {lane.packed(value)}")
     return LaneValue(packed=name)
 
 
@@ -368,12 +384,12 @@ def _swap(lane: LaneEmitter, node: Apply) -> LaneValue:
     name = lane.name()
     a = lane.assign(lane.scalar(i))
     b = lane.assign(lane.scalar(j))
-    lane.lines.append(f"{name} = list({lane.packed(x)})")
+    lane.append(f"{name} = list({lane.packed(x)})")
     if row == 1:
-        lane.lines.append(f"{name}[{a}], {name}[{b}] = {name}[{b}], {name}[{a}]")
+        lane.append(f"{name}[{a}], {name}[{b}] = {name}[{b}], {name}[{a}]")
     else:
         p, q = (f"{name}[{k} * {row}:{k} * {row} + {row}]" for k in (a, b))
-        lane.lines.append(f"{p}, {q} = {q}, {p}")
+        lane.append(f"{p}, {q} = {q}, {p}")
     return LaneValue(packed=name)
 
 

@@ -34,9 +34,9 @@ Evaluate = Callable[[Builder, Node, Values], np.ndarray]
 def on_numpy(b: Builder, root: Node, reads: Values) -> np.ndarray:
     names = {key: f"x_{key[1]}" for key in reads}
     form = ArrayForm(names, lambda d, a: "", scratch=Scratch())
-    (value,) = form.emit([root])
+    statements, (value,) = form.emit([root])
     n = next(iter(reads.values())).shape[-1]
-    lines = [*(form.scratch.declarations if form.scratch else []), *form.lines, f"result = {value}"]
+    lines = [*(form.scratch.declarations if form.scratch else []), *statements, f"result = {value}"]
     space = {**NUMPY, **arrays(form.constants, batch.array), "n": n}
     space |= {name: reads[key] for key, name in names.items()}
     with np.errstate(all="ignore"):
@@ -52,8 +52,8 @@ def on_jax(b: Builder, root: Node, reads: Values) -> np.ndarray:
 
     names = {key: f"x_{key[1]}" for key in reads}
     form = ArrayForm(names, lambda d, a: "")
-    (value,) = form.emit([root])
-    body = "\n".join(f"    {line}" for line in [*form.lines, f"return {value}"])
+    statements, (value,) = form.emit([root])
+    body = "\n".join(f"    {line}" for line in [*statements, f"return {value}"])
     space = {**program._NAMESPACE, **arrays(form.constants, program._array), "rt": library.RUNTIME}
     exec(f"def f({', '.join(names.values())}):\n{body}", space)
     narrow = {"b": np.bool_, "i": np.int32, "f": np.float32}
@@ -73,7 +73,7 @@ def on_numba(b: Builder, root: Node, reads: Values) -> np.ndarray:
     lane = KernelLane(names, {}, b.certain, unrolled=EVERYTHING)
     (value,) = lane.emit([root])
     stores = [f"out[{k}, j] = {atom}" for k, atom in enumerate(value.atoms or [])]
-    body = "\n".join(f"        {line}" for line in [*loads, *lane.lines, *stores])
+    body = "\n".join(f"        {line}" for line in [*loads, *lane.finish(stores)])
     parameters = ", ".join(name for name, _ in arguments)
     space = {
         **vars(math),

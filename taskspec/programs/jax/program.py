@@ -291,8 +291,7 @@ def _emit(
         first = words.first[draw.site]
         names |= {(Role.VARIABLE, v): f"w.signed({first + k})" for k, v in enumerate(word_names(draw))}
     form = JaxForm(names, lambda d, a: _drawn(d, a, words, constants), constants)
-    values = form.emit(lowered)
-    return form.lines, values
+    return form.emit(lowered)
 
 
 class JaxForm(ArrayForm):

@@ -17,7 +17,7 @@ from taskspec.language.expressions.variates import VARIATES, words_of
 from taskspec.language.expressions.variates import WordLayout as WordLayout
 from taskspec.language.task.spaces import SpaceLayout
 from taskspec.language.task.task import Task
-from taskspec.programs import indent, literal, without_unused
+from taskspec.programs import indent, literal
 from taskspec.programs.lane_form import LaneValue
 from taskspec.programs.lowering import compared, word_names
 from taskspec.programs.numba.kernel import EVERYTHING, KernelLane
@@ -281,7 +281,7 @@ def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
         loop.lane.assign(f"f64({(value.atoms or ['0'])[0]})") for value in loop.values[n + 2 : n + 2 + len(p.measures)]
     ]
     results, stores, out_rows = _results(p, loop, state, seen)
-    lines = without_unused(loop.lane.lines, [*state.values(), *seen.values(), reward, terminal, *measures])
+    lines = loop.lane.finish(results=[*state.values(), *seen.values(), reward, terminal, *measures])
     late = "False" if p.task.horizon is None else f"(t + 1 >= {p.task.horizon})"
     either = "late" if never(p.task.process.terminal) else f"late | {terminal}"
     ending = [f"late = {late}", f"e = {either}", "steps[j] = u32(steps[j] + u32(1))"]
@@ -316,10 +316,9 @@ def _results(
         stores += [f"{rows[name].name}[j] = {value}" for name, value in seen.items()]
         return ["time[j] = i64(t + 1)"], stores, used
     start = _loop(p, p.start, p.reset_words, "j", acting=False)
-    assert not start.lane.lines or p.start
     first_state = _stores(p, start)
     first_seen = _observed(start)
-    constant = without_unused(start.lane.lines, [*first_state.values(), *first_seen.values()])
+    constant = start.lane.finish(results=[*first_state.values(), *first_seen.values()])
     renamed = list(map(_renamed, constant))
     again = ["time[j] = i64(select(e, 0, t + 1))", "episodes[j] = u32(episodes[j] + u32(e))"]
     stores = [f"{row.name}[j] = select(e, {_renamed(first_state[row])}, {value})" for row, value in state.items()]
@@ -344,7 +343,7 @@ def begin(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     state = _stores(p, loop)
     seen = _observed(loop)
     rows = p.seen
-    lines = without_unused(loop.lane.lines, [*state.values(), *seen.values()])
+    lines = loop.lane.finish(results=[*state.values(), *seen.values()])
     body = [*lines, *(f"{row.name}[j] = {value}" for row, value in state.items())]
     body += [f"{rows[name].name}[j] = {value}" for name, value in seen.items()]
     body += ["time[j] = 0", "episodes[j] = u32(episodes[j] + u32(1))"]

@@ -99,13 +99,13 @@ def generate(
     outputs = [f"o{i}" for i in range(len(observation.segments))]
     form = _form(task, states, actions, hoisted)
     form.sinks = _sinks(task, observation, roots, states, outputs)
-    values = form.emit(roots)
+    statements, values = form.emit(roots)
     n = len(task.state)
     measures = [f"measure{i}" for i in range(len(task.process.measures))]
     first = n + 2 + len(measures)  # of the observation
     shown = again is not None and _shows_state(task, observation, roots, again)
     lines = [  # results may show the state, so they are copied before it moves on
-        *form.lines,
+        *statements,
         *([] if shown else _observation(form, observation, outputs, values[first:])),
         *_copy("reward", values[n]),
         *(line for name, value in zip(measures, values[n + 2 :], strict=False) for line in _copy(name, value)),

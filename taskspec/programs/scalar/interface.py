@@ -193,7 +193,8 @@ def mask(task: Task, lane: LaneEmitter) -> list[str]:
         return ["mask = None"]
     (node,) = task.mask
     lane.emit([node])
-    return ["def mask():", *indent([*lane.lines, f"return array(({', '.join(lane.atoms(node))},), int8)"])]
+    result = f"return array(({', '.join(lane.atoms(node))},), int8)"
+    return ["def mask():", *indent(lane.finish([result]))]
 
 
 # -- the observation ----------------------------------------------------------------------------------------------

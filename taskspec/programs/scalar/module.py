@@ -12,7 +12,7 @@ from taskspec.language.expressions.ir import Node, Role
 from taskspec.language.expressions.types import Type
 from taskspec.language.task.spaces import SpaceLayout
 from taskspec.language.task.task import Task
-from taskspec.programs import indent, names_of, without_unused
+from taskspec.programs import indent, names_of
 from taskspec.programs.lane_form import LaneEmitter, LaneValue
 from taskspec.programs.lowering import Invariants, frozen_components
 from taskspec.programs.scalar import interface
@@ -112,7 +112,7 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
         if c.name in parts.cold:
             stored[i] = "None"
     observation, statements = interface.observe(lane, parts.observation, phase, values[len(phase.roots) :])
-    inner = without_unused([*lane.lines, *statements], [*stored, observation])
+    inner = lane.finish(statements, [*stored, observation])
     targets = [*states, *parts.invariants.names]
     body = [*_unpack(phase, "next_first"), *_unwrapped(phase, inner, zip(targets, stored, strict=True), others), *inner]
     body += [f"{', '.join(targets)} = {', '.join(stored)}"]
@@ -157,7 +157,7 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
     reward, terminal, *measures = (_fixed(lane, lane.scalar(root), own) for root in phase.roots[n:])
     observation, statements = _seen(lane, parts, terminal, values[len(phase.roots) :], own)
     end, flags = _ending(task, terminal)
-    inner = without_unused([*lane.lines, *statements], [*stored.values(), observation, reward, terminal, *measures])
+    inner = lane.finish(statements, [*stored.values(), observation, reward, terminal, *measures])
     kept = [(states[i], source) for i, source in stored.items()]
     body = [*_unpack(phase, "next_draws"), *_unwrapped(phase, inner, kept, [*inner, *others]), *inner]
     body += interface.old_state(task, states)
@@ -233,7 +233,7 @@ def _restored(parts: Parts, states: Sequence[str], constants: dict[str, Any]) ->
         for n in nodes:
             flat.append(f"*{lane.packed(n)}" if n.type.shape else lane.scalar(n))
         lines.append(f"kept = singles(({', '.join(flat)},), {parts.observation.shape})")
-    return [*lane.lines, *lines]
+    return lane.finish(lines)
 
 
 def _access(parts: Parts, states: Sequence[str], restored: Sequence[str]) -> list[str]:

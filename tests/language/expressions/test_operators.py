@@ -94,7 +94,11 @@ def by_lane(b: Builder, node: Node, arguments: Sequence[Argument], words: Sequen
     result = f"({value.atoms[0]},)" if node.type.is_scalar and value.atoms else f"tuple({lane.packed(node)})"
     parameters = [f"a{i}" for i in range(len(arguments))] + [f"w{k}" for k in range(layout.count)]
     source = "\n".join(
-        [f"def form({', '.join(parameters)}):", *(f"    {x}" for x in lane.lines), f"    return {result}"]
+        [
+            f"def form({', '.join(parameters)}):",
+            *(f"    {x}" for x in lane.finish(results=[result])),
+            f"    return {result}",
+        ]
     )
     namespace = {**scalar.scalar_namespace(), **lane.constants}
     exec(source, namespace)

@@ -57,7 +57,7 @@ def by_lane(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], points
         f"({lane.scalar(r)},)" if r.type.is_scalar else f"tuple({lane.packed(r)})"
         for r, _ in zip(roots, values, strict=True)
     ]
-    lines = [f"def form({', '.join(n for _, n in types)}):", *(f"    {x}" for x in lane.lines)]
+    lines = [f"def form({', '.join(n for _, n in types)}):", *(f"    {x}" for x in lane.finish(results=shown))]
     space = {**scalars.scalar_namespace(), **lane.constants}
     exec("\n".join([*lines, f"    return {', '.join(shown)},"]), space)
     found = [space["form"](*(p[k] if t.shape else p[k][0] for k, t in types.items())) for p in points]
@@ -73,12 +73,12 @@ def by_numpy(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], point
     """The generated code of NumPy environments."""
     names = {key: f"x_{key[1]}" for key in types}
     form = ArrayForm(names, lambda d, a: "", scratch=Scratch())
-    shown = form.emit(roots)
+    statements, shown = form.emit(roots)
     made = form.scratch.declarations if form.scratch else []
     space: dict[str, Any] = {**NUMPY, **arrays(form.constants, batch.array), "n": len(points)}
     space |= {names[k]: v for k, v in _columns(types, points).items()}
     with np.errstate(all="ignore"):
-        exec("\n".join([*made, *form.lines, f"result = ({', '.join(shown)},)"]), space)
+        exec("\n".join([*made, *statements, f"result = ({', '.join(shown)},)"]), space)
     return _spread(space["result"], roots, len(points))
 
 
@@ -90,8 +90,8 @@ def by_jax(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], points:
 
     names = {key: f"x_{key[1]}" for key in types}
     form = ArrayForm(names, lambda d, a: "")
-    shown = form.emit(roots)
-    body = "\n".join(f"    {line}" for line in [*form.lines, f"return ({', '.join(shown)},)"])
+    statements, shown = form.emit(roots)
+    body = "\n".join(f"    {line}" for line in [*statements, f"return ({', '.join(shown)},)"])
     space: dict[str, Any] = {
         **program._NAMESPACE,
         **arrays(form.constants, program._array),
@@ -122,7 +122,7 @@ def by_numba(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], point
     outs = {f"o{i}": np.zeros((r.type.size, len(points)), DTYPES[r.type.kind]) for i, r in enumerate(roots)}
     places = [f"o{i}[{k}, j]" for i, r in enumerate(roots) for k in range(r.type.size)]
     stores = [f"{place} = {atom}" for place, atom in zip(places, atoms, strict=True)]
-    body = "\n".join(f"        {line}" for line in [*loads, *lane.lines, *stores])
+    body = "\n".join(f"        {line}" for line in [*loads, *lane.finish(stores)])
     space = {
         **vars(math),
         **vars(runtime),

@@ -27,7 +27,7 @@ def _shares(k: entry.KernelWriter, draw: Draw, words: Sequence[str]) -> list[str
     for group, alpha in zip(entry.groups(draw, words), k.argument(draw), strict=True):
         value = k.name()
         shrink = k.name()
-        k.lines.append(f"{value}, {shrink} = gamma_parts({group}, {alpha})")
+        k.append(f"{value}, {shrink} = gamma_parts({group}, {alpha})")
         values.append((value, shrink))
     largest = _largest(k, [value for value, _ in values])
     logs = [k.assign(f"log_share({value}, {largest}, {shrink})") for value, shrink in values]
