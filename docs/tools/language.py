@@ -23,8 +23,9 @@ from taskspec.language.expressions.parse import parse
 from taskspec.language.expressions.scope import Scope
 from taskspec.language.expressions.syntax import SourceText
 from taskspec.language.source import read_text
-from taskspec.language.source.scan import EXTENDS, REQUIRED
+from taskspec.language.source.document import EXTENDS
 from taskspec.language.task.build import build
+from taskspec.language.task.merge import REQUIRED
 from taskspec.language.task.parts import FIGURE_KINDS
 from taskspec.language.task.schema.export import json_schema
 from taskspec.language.task.spaces import space

@@ -6,9 +6,9 @@ the heading `### E302 unknown-name: title`, and an explanation in Markdown with 
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Literal
 
 Severity = Literal["error", "warning"]
@@ -58,6 +58,5 @@ def classes() -> dict[str, str]:
 
 def _parts() -> list[str]:
     """Return the sections of the page, each with the codes of a class."""
-    page = os.path.join(os.path.dirname(__file__), "errors.md")
-    with open(page, encoding="utf-8") as file:
-        return file.read().split("\n## ")[1:]
+    page = Path(__file__).with_name("errors.md").read_text(encoding="utf-8")
+    return page.split("\n## ")[1:]

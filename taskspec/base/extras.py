@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from taskspec.base import __version__
@@ -50,8 +51,6 @@ def is_installed(module: str) -> bool:
 
 def install(extra: str) -> str:
     """Return the command that installs an extra of this package, in a checkout or from the index."""
-    from pathlib import Path
-
     project = Path(__file__).resolve().parents[2] / "pyproject.toml"
     if not project.is_file() or f'name = "{DISTRIBUTION}"' not in project.read_text(encoding="utf-8"):
         return install_package(f"{DISTRIBUTION}[{extra}]")
@@ -91,7 +90,7 @@ def on_demand(package: str, places: Mapping[str, str]) -> Callable[[str], object
 PACKAGES = (
     "numpy", "numba", "jax", "optax", "gymnasium", "seals", "gymnax", "envpool", "stable-baselines3", "imitation",
 )  # fmt: skip
-CPU_INFO = "/proc/cpuinfo"
+CPU_INFO = Path("/proc/cpuinfo")
 
 
 def machine() -> dict[str, Any]:
@@ -101,8 +100,7 @@ def machine() -> dict[str, Any]:
 
     processor = platform.processor() or platform.machine()
     with suppress(OSError):
-        with open(CPU_INFO, encoding="utf-8") as file:
-            found = re.search(r"^model name\s*:\s*(.+)$", file.read(), re.MULTILINE)
+        found = re.search(r"^model name\s*:\s*(.+)$", CPU_INFO.read_text(encoding="utf-8"), re.MULTILINE)
         if found:
             processor = found[1]
     versions = {"python": platform.python_version(), "taskspec": __version__}

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from taskspec.exact.check.file_checks import Checked, FileCheck, FileReport
     from taskspec.exact.check.report import Report
-    from taskspec.language.source.scan import Kind
+    from taskspec.language.source import Kind
     from taskspec.language.targets import File
     from taskspec.language.task.task import Task
 

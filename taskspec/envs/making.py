@@ -10,6 +10,7 @@ import dataclasses
 import functools
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskspec.base import ids
@@ -84,8 +85,6 @@ def register(folder: str | os.PathLike[str] | None = None) -> list[str]:
             _add(entry.id, {"task": entry.id})
         _add(SPEC_ID, {})
         return [*shipped(), SPEC_ID]
-    from pathlib import Path
-
     root = Path(folder)
     if not root.is_dir():
         raise spec_error("E710", f"there is no folder '{root}'")
@@ -249,8 +248,6 @@ def _made(
         raise spec_error("E713", "give `task` or `path`, not both")
     source: TaskLike | None = task
     if path is not None:
-        from pathlib import Path
-
         source = Path(path)
     if source is None:
         raise spec_error("E713", f"{SPEC_ID} needs a spec", 'gym.make("taskspec/Spec-v0", path="my.yaml")')

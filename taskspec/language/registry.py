@@ -8,20 +8,20 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from taskspec.base import ids
 from taskspec.base.diagnostics import spec_error, suggest
-from taskspec.language.source import scan
+from taskspec.language.source import Document, Kind, kind_of_text, read_file, read_text
+from taskspec.language.source.document import EXTENDS
+from taskspec.language.task.merge import REQUIRED, variant_names
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from taskspec.language.modifiers import Written
-    from taskspec.language.source import Document
     from taskspec.language.task.task import Task, TaskLike
 
 _VERSION = re.compile(r"-v(\d+)$")
@@ -34,14 +34,8 @@ class Entry:
     suite: str
     name: str
     version: int
-    file: str
+    path: Path
     variant: str | None
-
-    @property
-    def path(self) -> Path:
-        from pathlib import Path
-
-        return Path(self.file)
 
     @property
     def id(self) -> str:
@@ -56,50 +50,58 @@ def tasks_root() -> Path:
 
     A wheel carries the folder inside the package; an editable install finds it beside the package.
     """
-    from pathlib import Path
-
-    return Path(_root())
-
-
-def _root() -> str:
-    package = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    inside = os.path.join(package, "tasks")
-    if os.path.isdir(inside):
+    package = Path(__file__).resolve().parents[1]
+    inside = package / "tasks"
+    if inside.is_dir():
         return inside
-    return os.path.join(os.path.dirname(package), "tasks")
+    return package.parent / "tasks"
 
 
-@lru_cache(maxsize=1)
+@cache
 def shipped() -> dict[str, Entry]:
     """Return the shipped tasks by id."""
-    folders = sorted(each.path for each in os.scandir(_root()) if each.is_dir())
-    found = [entry for folder in folders for entry in entries(folder)]
-    return {entry.id: entry for entry in found}
+    by_id = {}
+    for folder in sorted(tasks_root().iterdir()):
+        if folder.is_dir():
+            by_id.update({entry.id: entry for entry in entries(folder)})
+    return by_id
 
 
-def entries(folder: str | os.PathLike[str]) -> Iterable[Entry]:
-    """Yield the tasks of a suite's folder, in order of file and variant."""
-    suite = os.path.basename(os.path.realpath(folder))
-    for file, text in _texts(folder):
-        if scan.kind(text) == "taskspec":
-            found = scan.scan(text)
-            for name, variant in found.tasks:
-                yield Entry(suite, name, found.version, file, variant)
+def entries(folder: Path) -> Iterator[Entry]:
+    """Yield the tasks of a suite's folder, in order of file and variant.
+
+    Raises:
+        SpecError: when the text of a spec is not valid YAML.
+    """
+    suite = folder.resolve().name
+    for path, text in _texts(folder):
+        if not text or kind_of_text(text) != "taskspec":
+            continue
+        data = read_text(text, str(path), known={}).data
+        if not isinstance(data, dict):
+            continue
+        version = data.get("version")
+        if type(version) is not int or version < 0:
+            version = 0
+        is_complete = EXTENDS in data or data.keys() >= set(REQUIRED)
+        for name, variant in variant_names(data).items():
+            if variant is not None or is_complete:
+                yield Entry(suite, name, version, path, variant)
 
 
-def files_in(folder: Path) -> list[tuple[Path, scan.Kind]]:
+def files_in(folder: Path) -> list[tuple[Path, Kind]]:
     """Return the YAML files of a folder, sorted by name, and what each of them holds."""
-    return [(folder / os.path.basename(file), scan.kind(text)) for file, text in _texts(folder)]
+    return [(path, kind_of_text(text)) for path, text in _texts(folder)]
 
 
-def _texts(folder: str | os.PathLike[str]) -> Iterable[tuple[str, str]]:
-    """Yield the YAML files of a folder, sorted by name, with their texts."""
-    for name in sorted(name for name in os.listdir(folder) if name.endswith((".yaml", ".yml"))):
-        path = os.path.join(folder, name)
+def _texts(folder: Path) -> Iterator[tuple[Path, str]]:
+    """Yield the YAML files of a folder, sorted by name, with their texts, empty where they cannot be read."""
+    for path in sorted(folder.iterdir()):
+        if path.suffix not in (".yaml", ".yml"):
+            continue
         try:
-            with open(path, "rb") as file:
-                yield path, file.read().decode("utf-8", "replace")
-        except (IsADirectoryError, FileNotFoundError):
+            yield path, path.read_text(encoding="utf-8", errors="replace")
+        except OSError:  # a folder, or a link to nothing
             yield path, ""
 
 
@@ -195,7 +197,7 @@ def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) ->
     entry = find(asked.name)
     is_shipped = shipped().get(entry.id) is entry
     variant = variant or entry.variant
-    return build(document(entry.file), variant, parameters, entry.suite, well_formed=is_shipped)
+    return build(document(str(entry.path)), variant, parameters, entry.suite, well_formed=is_shipped)
 
 
 def instance(source: str) -> ids.InstanceId:
@@ -228,7 +230,7 @@ def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Tas
 def is_path(name: str) -> bool:
     """Return whether a name is meant as a file and not as an id."""
     try:
-        return name.endswith((".yaml", ".yml")) or os.path.isfile(name)
+        return name.endswith((".yaml", ".yml")) or Path(name).is_file()
     except (OSError, ValueError):  # too long for a path, or with characters that none has
         return False
 
@@ -263,30 +265,28 @@ def document(path: str) -> Document:
     Raises:
         SpecError: when it cannot be read.
     """
-    from taskspec.language.source import read_file
-
     if path in _documents:
         known, states = _documents[path]
         if states == list(map(_state_of, (path, *known.files))):
             return known
     before = _state_of(path)
-    found = read_file(path)
-    _documents[path] = (found, [before, *map(_state_of, found.files)])
-    return found
+    read = read_file(path)
+    _documents[path] = (read, [before, *map(_state_of, read.files)])
+    return read
 
 
 def _state_of(file: str) -> tuple[int, int]:
     try:
-        found = os.stat(file)
+        state = Path(file).stat()
     except (OSError, ValueError):
         return 0, 0  # reading it will say what is wrong
-    return found.st_mtime_ns, found.st_size
+    return state.st_mtime_ns, state.st_size
 
 
 def suite_of(path: str | os.PathLike[str]) -> str:
     """Return the suite that a spec's folder makes, or none where the folder's name could not be part of an id."""
     try:
-        name = os.path.basename(os.path.dirname(os.path.realpath(path)))
+        name = Path(os.path.realpath(path)).parent.name
     except (OSError, ValueError):  # no path at all; reading it will say so
         return ""
     if re.fullmatch(r"[\w:-]+", name):

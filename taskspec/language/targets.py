@@ -16,14 +16,14 @@ from taskspec.base import ids
 from taskspec.base.diagnostics import SpecError, spec_error
 from taskspec.base.files import near, safe_name
 from taskspec.language import registry
-from taskspec.language.source import Document, read_text, scan
+from taskspec.language.source import Document, Kind, kind_of_text, read_text
 
 if TYPE_CHECKING:
     from taskspec.language.task.build import Outline
     from taskspec.language.task.task import Task
 
 T = TypeVar("T")
-OTHERS: tuple[scan.Kind, ...] = ("experiment", "exam", "findings")
+OTHERS: tuple[Kind, ...] = ("experiment", "exam", "findings")
 """Kinds of files that are no specs."""
 
 
@@ -88,9 +88,9 @@ def files_of(targets: Sequence[str], parameters: Sequence[str] = (), modifiers: 
     return [file.at(values, modifiers) for file in _joined(found) for values in settings(parameters)]
 
 
-def others_of(targets: Sequence[str]) -> list[tuple[Path, scan.Kind]]:
+def others_of(targets: Sequence[str]) -> list[tuple[Path, Kind]]:
     """Return the files behind targets that are not specs, kind by kind; without targets, those of all suites."""
-    found: list[tuple[Path, scan.Kind]] = []
+    found: list[tuple[Path, Kind]] = []
     if not targets:
         for folder in sorted(registry.tasks_root().iterdir()):
             found += _below(near(folder))
@@ -107,15 +107,15 @@ def others_of(targets: Sequence[str]) -> list[tuple[Path, scan.Kind]]:
     return sorted(known, key=lambda other: OTHERS.index(other[1]))
 
 
-def kind_of(target: str) -> scan.Kind | None:
+def kind_of(target: str) -> Kind | None:
     """Return the kind of the file that a target names; None where it names none."""
     path = Path(target)
     if not path.is_file():
         return None
-    return scan.kind(path.read_text(encoding="utf-8", errors="replace"))
+    return kind_of_text(path.read_text(encoding="utf-8", errors="replace"))
 
 
-def _below(folder: Path, depth: int = 2) -> list[tuple[Path, scan.Kind]]:
+def _below(folder: Path, depth: int = 2) -> list[tuple[Path, Kind]]:
     """Return the YAML files of a folder and of so many levels of visible sub-folders, and what each of them holds."""
     found = registry.files_in(folder)
     for inside in sorted(folder.iterdir()) if depth else ():
@@ -232,7 +232,7 @@ def variants_of(file: File) -> list[str | None]:
 
 def name_of(file: File, variant: str | None) -> str:
     """Return the name of a task of a file."""
-    from taskspec.language.source.scan import task_name
+    from taskspec.language.task.merge import task_name
 
     name = str(_document(file).data.get("name"))
     if variant is None:

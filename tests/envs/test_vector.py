@@ -14,7 +14,8 @@ import taskspec
 from taskspec import SpecError
 from taskspec.envs import ActionError, NotRunningError
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.language.source.scan import scan
+from taskspec.language.source import read_file
+from taskspec.language.task.merge import complete
 from taskspec.language.task.task import Task
 from taskspec.programs import backend_table
 from taskspec.programs.backend_table import BACKENDS, BackendName
@@ -29,7 +30,7 @@ LANES = (1, 2, 7, 64)
 def every_task() -> list[tuple[str, str | None]]:
     """All tasks of DERAIL by id, and varied ones by path and variant."""
     shipped = [(task_id, None) for task_id in taskspec.task_ids() if task_id.startswith("derail/")]
-    return shipped + [(str(p), v) for p in varied_files() for _, v in scan(p.read_text()).tasks]
+    return shipped + [(str(p), v) for p in varied_files() for v in complete(read_file(p))]
 
 
 def name_of(task: tuple[str, str | None]) -> str:

@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
-from taskspec.language.source.scan import scan
+from taskspec.language.source import read_file
+from taskspec.language.task.merge import complete
 from taskspec.language.task.parts import FINITE_SPACES
 from taskspec.language.task.spaces import pack, unpack
 from taskspec.language.task.task import Task
@@ -25,7 +26,7 @@ from tests.shared.interpreter import Interpreter
 from tests.shared.sparse import sparse
 from tests.shared.specs import paper_ids, varied_files
 
-LOCAL = [(str(path), v) for path in varied_files() for _, v in scan(path.read_text()).tasks]
+LOCAL = [(str(path), v) for path in varied_files() for v in complete(read_file(path))]
 EVERY: list[tuple[str, str | None]] = [*((task_id, None) for task_id in paper_ids()), *LOCAL]
 SMALL = {
     "B": 12,

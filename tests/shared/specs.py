@@ -9,7 +9,6 @@ from pathlib import Path
 from taskspec.base.diagnostics import SpecError
 from taskspec.language import source
 from taskspec.language.registry import task_ids
-from taskspec.language.source import scan
 from taskspec.language.task.build import build
 from taskspec.language.task.merge import variant_names
 from taskspec.language.task.task import Task
@@ -55,7 +54,9 @@ def paper_ids() -> list[str]:
 def specs(*patterns: str) -> list[Path]:
     """The specs that patterns of paths, from the root of the repository, lead to; sorted."""
     found = (path for pattern in patterns for path in ROOT.glob(pattern))
-    return sorted(path for path in found if scan.kind(path.read_text(encoding="utf-8", errors="replace")) == "taskspec")
+    return sorted(
+        path for path in found if source.kind_of_text(path.read_text(encoding="utf-8", errors="replace")) == "taskspec"
+    )
 
 
 @cache

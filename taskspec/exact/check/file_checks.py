@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
 from taskspec.base.limits import progress_listener, tell, telling
-from taskspec.language.source import scan
+from taskspec.language.source import Kind
 from taskspec.language.targets import File, name_of, task_in, variants_of
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class FileReport:
     tasks: tuple[Checked, ...]
     diagnostics: tuple[Diagnostic, ...]
     accepted: tuple[Accepted, ...] = ()
-    kind: scan.Kind = "taskspec"
+    kind: Kind = "taskspec"
     entries: int = 0
 
 

@@ -6,14 +6,16 @@ Texts are read past what stops the YAML parser, so that one run reports every pr
 from __future__ import annotations
 
 import os
+import pathlib
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import islice
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias, cast
 
 from taskspec.base.diagnostics import Collector, Diagnostic, Origin, SpecError, spec_error
 from taskspec.base.limits import how_to_raise, limits
+from taskspec.language.source.compose import compose
 from taskspec.language.source.document import EXTENDS, span
 from taskspec.language.source.document import Document as Document
 from taskspec.language.source.document import Path as Path
@@ -35,11 +37,23 @@ _BREAKS = re.compile(r"\r\n|\r|\n")
 _NOT_TEXT = re.compile("[\0-\x08\x0b-\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]")
 
 
+Kind: TypeAlias = Literal["taskspec", "experiment", "exam", "findings"]
+"""What a YAML file holds, by the key that says so: a spec, or something that goes with specs."""
+_OTHER_KINDS = re.compile(r"^(experiment|exam|findings) *:", re.MULTILINE)
+
 Packed: TypeAlias = tuple[str, str, tuple[tuple[str, Any], ...]]
 """A document as its text, its name, and the packed documents that it extends by how it names them."""
 
 _Known: TypeAlias = dict[str, Document]
 """Files that were read on behalf of one document, so that each is read once."""
+
+
+def kind_of_text(text: str) -> Kind:
+    """Return the kind of a file by its text, which need not be valid; a spec unless it says otherwise."""
+    other = _OTHER_KINDS.search(text)
+    if other is None:
+        return "taskspec"
+    return cast(Kind, other[1])
 
 
 def read_file(path: str | os.PathLike[str], name: str | None = None) -> Document:
@@ -50,7 +64,7 @@ def read_file(path: str | os.PathLike[str], name: str | None = None) -> Document
 def _read_file(path: str | os.PathLike[str], name: str, chain: tuple[str, ...], known: _Known) -> Document:
     most = limits().file
     try:
-        with open(path, "rb") as file:
+        with pathlib.Path(path).open("rb") as file:
             content = file.read(most + 1)
     except FileNotFoundError:
         raise spec_error("E710", f"there is no file {name!r}") from None
@@ -89,9 +103,9 @@ def _with_others(document: Document, chain: tuple[str, ...], known: _Known) -> D
         try:
             if not name.endswith((".yaml", ".yml")):
                 raise spec_error("E711", f"`{EXTENDS}` names the file of a spec, which ends in .yaml, not {name!r}")
-            other = os.path.normpath(os.path.join(os.path.dirname(document.origin.name), name))
+            other = os.path.normpath(pathlib.Path(document.origin.name).parent / name)
             if other in here:
-                circle = [os.path.basename(each) for each in (*here[here.index(other) :], other)]
+                circle = [pathlib.Path(each).name for each in (*here[here.index(other) :], other)]
                 raise spec_error("E212", f"these specs extend each other: {' -> '.join(circle)}")
             if other not in known:
                 known[other] = _read_file(other, other, here, known)
@@ -200,10 +214,6 @@ _READ_AGAIN = 2_000_000
 
 def compose_all(text: str) -> tuple[Composed, list[TextProblem]]:
     """Return the tree of a text, its bad parts covered up, and what stopped the parser, in the order of the text."""
-    from taskspec.language.source.compose import (
-        compose,  # imports PyYAML: when the first spec is read, not when the package is
-    )
-
     covered = text
     stops: list[TextProblem] = []
     for _ in range(max(1, _READ_AGAIN // (len(text) + 1))):

@@ -8,7 +8,9 @@ from typing import Any, TypeAlias
 
 from taskspec.base.diagnostics import Diagnostic, Span, SpecError, spec_error, suggest
 from taskspec.language.source import Document, Path
-from taskspec.language.source.scan import REQUIRED, task_name
+
+REQUIRED = ("state", "action", "initial", "dynamics", "reward", "horizon")
+"""Sections without which a spec, or a variant of it, is not a task."""
 
 NAMED = (
     "parameters", "constants", "definitions", "noise", "state", "action", "observation", "initial", "dynamics",
@@ -77,6 +79,13 @@ class Merged:
 
 Step: TypeAlias = tuple[Document, str | None]
 """A document, and a variant of it, or the spec itself."""
+
+
+def task_name(name: str, variant: str) -> str:
+    """Return the name of a variant's task: the key itself when it starts with the task's name, else the two run together."""
+    if variant.startswith(name):
+        return variant
+    return name + variant[:1].upper() + variant[1:]
 
 
 def variant_names(data: dict[str, Any]) -> dict[str, str | None]:

@@ -15,7 +15,7 @@ from taskspec.base.diagnostics import SpecError, spec_error
 from taskspec.base.files import write_text
 from taskspec.base.limits import limits
 from taskspec.language import registry
-from taskspec.language.source.scan import kind
+from taskspec.language.source import kind_of_text
 
 SPECS = (".yaml", ".yml")
 SCRIPTS = (".json", ".csv")
@@ -139,7 +139,7 @@ def new(source: str, path: str | None, template: str) -> dict[str, Any]:
 
 def _is_spec(place: Path) -> bool:
     try:
-        return kind(text_of(place)) == "taskspec"
+        return kind_of_text(text_of(place)) == "taskspec"
     except SpecError:
         return False
 

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from taskspec.base.diagnostics import Advice, Collector, Diagnostic, Span, suggest
 from taskspec.base.limits import how_to_raise, limits
 from taskspec.language.source import Document, Path
-from taskspec.language.source.scan import EXTENDS
+from taskspec.language.source.document import EXTENDS
 from taskspec.language.task.merge import NAMED, Merged, statement, variant_names
 from taskspec.language.task.schema import typed, values
 from taskspec.language.task.schema.models import CHANGES, FORMAT, LIST, Extension, Spec

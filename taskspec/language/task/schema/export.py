@@ -8,7 +8,8 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from taskspec.language.source.scan import EXTENDS, REQUIRED
+from taskspec.language.source.document import EXTENDS
+from taskspec.language.task.merge import REQUIRED
 from taskspec.language.task.schema.models import Extension, Spec
 from taskspec.language.task.schema.typed import FORM, NAMES
 from taskspec.language.task.schema.values import SPACES
