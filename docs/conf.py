@@ -1,7 +1,7 @@
 """The documentation site: `python -m sphinx -W -b html docs build/site`. Needs the extra `site`.
 
 The pages are plain Markdown that reads well in the repository, too. What the site needs beyond them is worked out here
-and in the modules beside this one: tables of contents from the links on index pages, pages for files above this folder,
+and in `tools`: tables of contents from the links on index pages, pages for files above this folder,
 pages made of the program and of the suites, mathematics as MathML, which needs no network, galleries, and figures in the
 colours of the site.
 """
@@ -25,10 +25,9 @@ author = project_copyright = "the taskspec authors"
 version = release = __version__
 
 DOCS = Path(__file__).parent
-sys.path[:0] = [str(DOCS), str(DOCS.parent)]
+sys.path[:0] = [str(DOCS.parent)]
 
-import galleries  # noqa: E402
-
+from docs.tools import galleries  # noqa: E402
 from docs.tools.commands import commands  # noqa: E402
 from docs.tools.names import names  # noqa: E402
 from docs.tools.notebooks import page as page_of_notebook  # noqa: E402
@@ -50,9 +49,13 @@ html_show_sphinx = html_show_sourcelink = html_copy_source = False
 html_static_path = ["static"]
 html_css_files = ["site.css", "gallery.css"]
 
-SHOWN = {"contributing": "CONTRIBUTING.md", "security": "SECURITY.md", "errors": "taskspec/base/errors.md"}
+SHOWN = {
+    "reference/contributing": "CONTRIBUTING.md",
+    "reference/security": "SECURITY.md",
+    "reference/errors": "taskspec/base/errors.md",
+}
 """Pages of the site, and the files above this folder that they show."""
-BUILT = {"commands": commands, "names": names}
+BUILT = {"reference/commands": commands, "reference/names": names}
 """Pages of the site that are made of the program in full; the repository has a summary of each."""
 LINK = re.compile(r"\[[^\]]*\]\(([\w/-]+)\.(?:md|ipynb)\)")
 ACCESSIBLE = (
@@ -80,7 +83,7 @@ def read(app: Any, page: str, source: list[str]) -> None:
     if (DOCS / f"{page}.ipynb").exists():
         source[0] = galleries.PAPER.sub("", page_of_notebook(source[0]))
     if page in SHOWN:
-        source[0] = (DOCS.parent / SHOWN[page]).read_text(encoding="utf-8").replace("](docs/", "](")
+        source[0] = (DOCS.parent / SHOWN[page]).read_text(encoding="utf-8").replace("](docs/", "](../")
     if page in BUILT:
         source[0] = BUILT[page]()
     if page in galleries.SUITES:

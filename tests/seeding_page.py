@@ -1,4 +1,4 @@
-"""The program `docs/seeding.py`, as a reference that shares no code with taskspec."""
+"""The program `docs/reference/seeding.py`, as a reference that shares no code with taskspec."""
 
 from __future__ import annotations
 

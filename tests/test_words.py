@@ -1,4 +1,4 @@
-"""The words of docstrings and the changelog: the field's own, as docs/glossary.md lists them."""
+"""The words of docstrings and the changelog: the field's own, as docs/reference/glossary.md lists them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def counted() -> dict[str, int]:
 
 
 def test_docstrings_are_free_of_phrases_of_the_older_style() -> None:
-    assert counted() == {}, "write these docstrings with the words of docs/glossary.md"
+    assert counted() == {}, "write these docstrings with the words of docs/reference/glossary.md"
 
 
 def test_the_changelog_is_short_and_plain() -> None:

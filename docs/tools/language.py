@@ -31,13 +31,13 @@ from taskspec.language.task.schema.export import json_schema
 from taskspec.language.task.spaces import space
 from taskspec.language.task.task import Task
 
-PAGE = Path(__file__).parents[1] / "language.md"
+PAGE = Path(__file__).parents[1] / "reference" / "language.md"
 MARK = re.compile(r"<!-- /(\w+(?: \w+)?) -->")
 """The end of a table: which one it is, and of what."""
 
 
 def language() -> str:
-    """Return `docs/language.md`.
+    """Return `docs/reference/language.md`.
 
     Raises:
         KeyError: when the page asks for a table that does not exist.

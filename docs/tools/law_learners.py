@@ -51,7 +51,7 @@ def sb3_ppo(case: Case) -> Any:
 @learns_from("reward")
 def cleanrl_style(case: Case) -> Any:
     """Q-learning in one loop with PyTorch."""
-    from docs.howto.learners.cleanrl_style import train
+    from docs.howto.scripts.learners.cleanrl_style import train
 
     return train(case)
 

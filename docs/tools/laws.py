@@ -1,4 +1,4 @@
-"""Write `docs/laws.md`, the table of laws and learners: `python -m docs.tools.laws`, where Stable-Baselines3 is installed.
+"""Write `docs/explain/laws.md`, the table of laws and learners: `python -m docs.tools.laws`; needs Stable-Baselines3.
 
 Results are stored in `build/laws`; a run that was stopped goes on from there.
 """
@@ -18,7 +18,7 @@ SEEDS = 5
 SHOWN = 0.1
 """The least change of a score that the table shows."""
 HERE = Path(__file__).parent
-PAGE = HERE.parent / "laws.md"
+PAGE = HERE.parent / "explain" / "laws.md"
 
 
 def exams() -> dict[str, dict[str, Any]]:

@@ -15,7 +15,7 @@ from taskspec.language import registry
 from taskspec.language.task.record import size
 from taskspec.language.task.task import Task
 
-PAGE = Path(__file__).parents[1] / "library.md"
+PAGE = Path(__file__).parents[1] / "reference" / "library.md"
 SPEEDS = Path(__file__).with_name("library_speed.json")
 """How many times faster tasks are than their originals, as `python -m tests.originals.speed` measured."""
 SUITES = {

@@ -1,4 +1,4 @@
-"""Draw `docs/measures.svg`: measures of difficulty beside the steps that learners need: `python -m docs.tools.measures`.
+"""Draw `docs/pictures/measures.svg`: measures of difficulty beside the steps that learners need: `python -m docs.tools.measures`.
 
 Results are kept in `build/measures`; a run that was stopped goes on from there.
 """
@@ -162,9 +162,9 @@ def main() -> None:
     """Draw the figure, and write the numbers of tasks that were solved."""
     found = rows()
     by_learner = {who: {each.name: each for each in correlations(found, who)} for who in STEPS}
-    (DOCS / "measures.svg").write_text(svg(picture(by_learner)) + "\n", encoding="utf-8")
+    (DOCS / "pictures" / "measures.svg").write_text(svg(picture(by_learner)) + "\n", encoding="utf-8")
     solved = {who: f"{sum(row[who] != math.inf for row in found)}" for who in STEPS}
-    page = DOCS / "difficulty.md"
+    page = DOCS / "explain" / "difficulty.md"
     page.write_text(filled(page, {**solved, "compared": f"{len(found)}"}), encoding="utf-8")
 
 

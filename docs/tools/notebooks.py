@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-FOLDER = Path(__file__).parents[1] / "notebooks"
+FOLDER = Path(__file__).parents[1] / "howto" / "notebooks"
 NEEDS_A_KERNEL = "application/vnd.jupyter.widget-view+json"
 """The form of widgets, whose state is not kept: what else they show stays."""
 

@@ -33,7 +33,7 @@ def difficulty() -> str:
         if measure.source:
             sources.setdefault(measure.source, []).append(code(measure.name))
     cited = entries((", ".join(names), source) for source, names in sources.items())
-    return filled(DOCS / "difficulty.md", {"measures": measures, "sources": cited})
+    return filled(DOCS / "explain/difficulty.md", {"measures": measures, "sources": cited})
 
 
 def learned() -> str:
@@ -47,7 +47,7 @@ def learned() -> str:
         rows = [(name, _mistake(MISTAKES[name])) for name in new]
         parts[kind] = entries([*rows, ("as above", ", ".join(known))] if known else rows)
         described.update(new)
-    return filled(DOCS / "learned.md", parts)
+    return filled(DOCS / "explain/learned.md", parts)
 
 
 def _mistake(mistake: KnownMistake) -> str:
@@ -62,7 +62,7 @@ def _mistake(mistake: KnownMistake) -> str:
 def modifiers() -> str:
     """Return the page of modifiers."""
     rows = [(code(name), " ".join(_facts(entry))) for name, entry in MODIFIERS.items()]
-    return filled(DOCS / "modifiers.md", {"modifiers": entries(rows)})
+    return filled(DOCS / "reference/modifiers.md", {"modifiers": entries(rows)})
 
 
 def _facts(entry: ModifierEntry) -> Iterator[str]:
@@ -96,13 +96,13 @@ def _keeps(entry: ModifierEntry) -> str:
 
 
 PAGES = {
-    "commands": overview,
-    "difficulty": difficulty,
-    "language": language,
-    "learned": learned,
-    "library": library,
-    "modifiers": modifiers,
-    "probes": probes,
+    "explain/difficulty": difficulty,
+    "explain/learned": learned,
+    "explain/probes": probes,
+    "reference/commands": overview,
+    "reference/language": language,
+    "reference/library": library,
+    "reference/modifiers": modifiers,
 }
 """The generated pages, by their name in the folder `docs`."""
 

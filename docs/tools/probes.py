@@ -20,7 +20,7 @@ from taskspec.learn.exam.dynamics import dynamics_of
 from taskspec.learn.exam.fingerprints import fingerprint, greedy_ways
 from taskspec.learn.exam.operators import GOOD, OPERATORS
 
-PAGE = Path(__file__).parents[1] / "probes.md"
+PAGE = Path(__file__).parents[1] / "explain" / "probes.md"
 GAMMAS = (0.9, 0.99)
 """Discounts of learners."""
 PASSES = 0.9

@@ -40,7 +40,9 @@ def solve(
     seed: Annotated[int, options.seed_option("Used where simulation is needed.")] = 0,
     difficulty: Annotated[
         bool,
-        Option("--difficulty", help="Measures of difficulty from theory besides: `docs/difficulty.md` lists them."),
+        Option(
+            "--difficulty", help="Measures of difficulty from theory besides: `docs/explain/difficulty.md` lists them."
+        ),
     ] = False,
     limit_measure: Annotated[
         list[str] | None,

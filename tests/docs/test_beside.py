@@ -7,15 +7,16 @@ from functools import cache
 
 import yaml
 
+from docs.tools import beside
+from docs.tools.beside import DOCS
 from taskspec.language import registry
-from tests.shared.scripts import DOCS, script
 
-PRINTED = yaml.safe_load((DOCS / "printed.yaml").read_text(encoding="utf-8"))
+PRINTED = yaml.safe_load((DOCS / "tools" / "printed.yaml").read_text(encoding="utf-8"))
 
 
 @cache
 def sections() -> dict[str, str]:
-    found = re.split(r"^## (\w+)$", script("beside").beside(), flags=re.MULTILINE)
+    found = re.split(r"^## (\w+)$", beside.beside(), flags=re.MULTILINE)
     return dict(zip(found[1::2], found[2::2], strict=True))
 
 

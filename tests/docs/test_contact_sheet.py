@@ -11,6 +11,7 @@ import pytest
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 
+from docs.tools import contact
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import extract
 from taskspec.language import registry
@@ -19,10 +20,8 @@ from taskspec.language.task.task import Task
 from taskspec.show.figures import overlay, scene, undrawn
 from taskspec.show.figures.raster import FONTS, mathtext
 from taskspec.show.figures.shapes import Box, Circle, Item, Label, Line, Scene
-from tests.shared.scripts import script
 from tests.shared.sparse import sparse
 
-CONTACT = script("contact")
 FONT = FontProperties(family=FONTS)
 Frame = tuple[float, float, float, float]
 
@@ -67,9 +66,9 @@ def words(found: Scene) -> str:
     return " ".join(plain(x.text) for x in found.items if isinstance(x, Label))
 
 
-@pytest.mark.parametrize("name", sparse([*CONTACT.drawn_names(), *CONTACT.foreign_specs()], 4))
+@pytest.mark.parametrize("name", sparse([*contact.drawn_names(), *contact.foreign_specs()], 4))
 def test_figures_are_drawn_and_can_be_read(name: str) -> None:
-    settings = list(CONTACT.shown([name]))
+    settings = list(contact.shown([name]))
     assert len(settings) >= (3 if len(settings[0][1]) and "Parabola" not in name else 1)
     for task, setting in settings:
         found = scene(task)
@@ -232,14 +231,14 @@ def test_a_figure_without_roles_has_no_key() -> None:
 
 
 def test_the_sheet_shows_every_setting_three_times() -> None:
-    text = CONTACT.sheet(["derail/RiskyPath-v0", "derail/Sort-v0"])
+    text = contact.sheet(["derail/RiskyPath-v0", "derail/Sort-v0"])
     assert text.count("<svg xmlns") == 3 * (1 + 4)
     assert text.count('<td class="deuteranopic">') == 5
     assert re.search(r"\.dark \{[^}]*--good: #2f6b3c", text)
 
 
 def test_the_sheets_of_pages_show_each_in_every_look(tmp_path: Path) -> None:
-    text = CONTACT.page_sheet(["derail/RiskyPath-v0"], tmp_path / "pages")
+    text = contact.page_sheet(["derail/RiskyPath-v0"], tmp_path / "pages")
     shown = re.findall(r'<iframe class="(\w+)" src="([^"]+)"', text)
     assert [look for look, _ in shown] == ["light", "dark", "deuteranopic", "whole"]
     assert all((tmp_path / address).is_file() for _, address in shown)

@@ -1,4 +1,4 @@
-"""The numbers of `docs/fidelity.md`, beside the installed package `seals` and our tasks."""
+"""The numbers of `docs/explain/fidelity.md`, beside the installed package `seals` and our tasks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import taskspec
 from taskspec.exact import scores
 from tests.shared.seals import original
 
-PAGE = (Path(__file__).parents[2] / "docs" / "fidelity.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "explain" / "fidelity.md").read_text(encoding="utf-8")
 SECTIONS = dict(part.split("\n", 1) for part in re.split(r"^## ", PAGE, flags=re.MULTILINE)[1:])
 OF_SEALS = {"InitShift": "InitShiftTrain"}
 OURS = {"InitShift": "InitShiftExpert"}

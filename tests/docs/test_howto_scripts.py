@@ -12,7 +12,8 @@ import pytest
 
 from tests.docs.test_snippets import DOCS, ROOT, blocks
 
-HOWTO = DOCS / "howto"
+HOWTO = DOCS / "howto" / "scripts"
+PAGES = [*(DOCS / "howto").glob("*.md"), *(DOCS / "start").glob("*.md")]
 SCRIPTS = {
     "train_sb3": (("stable_baselines3",), {"PPO": 1.0}),
     "train_torch": (("torch",), {"REINFORCE": 0.95}),
@@ -34,11 +35,14 @@ LONGER = {"exam_preferences.py": 25}
 
 
 def test_every_script_is_short_and_on_a_page() -> None:
-    pages = [page.read_text(encoding="utf-8") for page in HOWTO.glob("*.md")]
+    pages = [page.read_text(encoding="utf-8") for page in PAGES]
     shown = {
-        block.value for page in pages for block in blocks(page) if block.key == "script" and "/" not in block.value
+        Path(block.value).name
+        for page in pages
+        for block in blocks(page)
+        if block.key == "script" and "learners/" not in block.value
     }
-    linked = {name for page in pages for name in re.findall(r"\]\((\w+\.py)\)", page)}
+    linked = {name for page in pages for name in re.findall(r"\]\((?:\.\./howto/)?scripts/(\w+\.py)\)", page)}
     files = {path.name: path.read_text(encoding="utf-8") for path in HOWTO.glob("*.py")}
     assert shown | linked == files.keys() == {f"{name}.py" for name in SCRIPTS}
     for name, text in files.items():

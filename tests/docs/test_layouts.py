@@ -1,4 +1,4 @@
-"""What `docs/layouts.py` measures of layouts, on pictures whose measures are plain."""
+"""What `docs/tools/layouts.py` measures of layouts, on pictures whose measures are plain."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.shared.scripts import script
+from docs.tools import layouts
 
-LAYOUTS = script("layouts")
 SQUARES = [(0.0, 0.0, 1.0, 1.0), (4.0, 0.0, 5.0, 1.0), (0.0, 4.0, 1.0, 5.0), (4.0, 4.0, 5.0, 5.0)]
 
 
@@ -26,7 +25,7 @@ def test_faults_are_counted() -> None:
         (2, 3, line((1, 4.5), (2, 4.5), (2, 0.5), (4.5, 0.5), (4.5, 4))),  # over a vertex, and over both of them
     ]  # fmt: skip
     labels = [(0, (2.2, 2.2, 2.8, 2.8)), (2, (3.8, 0.2, 4.2, 0.4))]
-    found = LAYOUTS.Layout(SQUARES, arrows, labels).measured()
+    found = layouts.Layout(SQUARES, arrows, labels).measured()
     assert found == {
         "crossings": 3, "arrows over vertices": 1, "vertices over vertices": 0, "labels over labels or vertices": 1,
         "arrows through labels of others": 1, "length of an arrow (cm)": pytest.approx((2 * 18**0.5 + 11) / 3),
@@ -35,16 +34,16 @@ def test_faults_are_counted() -> None:
 
 
 def test_graphs_are_the_same_every_time_and_ours_have_no_arrow_over_a_vertex() -> None:
-    first, again = (list(islice(LAYOUTS.plans(), 12)) for _ in range(2))
+    first, again = (list(islice(layouts.plans(), 12)) for _ in range(2))
     assert first == again
-    shown = [LAYOUTS.ours(plan).measured() for plan in first if plan is not None]
+    shown = [layouts.ours(plan).measured() for plan in first if plan is not None]
     assert len(shown) > 8
     assert all(x["arrows over vertices"] == x["vertices over vertices"] == 0 for x in shown)
 
 
 def test_what_graphviz_writes_is_read(tmp_path: Path) -> None:
     """A picture in its format `plain`, in inches: three vertices in a row, and the arrows between them."""
-    plan = next(plan for plan in LAYOUTS.plans() if plan is not None and len(plan.spots) == 3)
+    plan = next(plan for plan in layouts.plans() if plan is not None and len(plan.spots) == 3)
     text = ["graph 1 9 1"] + [f'node {i} {3 * i} 0 1 1 "" solid box black lightgrey' for i in range(3)]
     rank = {v: i for i, v in enumerate(plan.spots)}
     for arc, told in zip(plan.arcs, plan.told, strict=True):
@@ -53,7 +52,7 @@ def test_what_graphviz_writes_is_read(tmp_path: Path) -> None:
         text.append(f"edge {a // 3} {b // 3} 4 {a} 0 {a} 9 {b} 9 {b} 0{label} solid black")
     (tmp_path / "plain").write_text("\n".join([*text, "stop"]), encoding="utf-8")
     command = shlex.join([sys.executable, "-c", f"print(open({str(tmp_path / 'plain')!r}).read())"])
-    found = LAYOUTS.graphviz(plan, command)
+    found = layouts.graphviz(plan, command)
     frames = np.array(found.vertices) / 2.54
     assert frames == pytest.approx(np.array([(3 * i - 0.5, -0.5, 3 * i + 0.5, 0.5) for i in range(3)]))
     assert [(a, b) for a, b, _ in found.arrows] == [(rank[x.source], rank[x.target]) for x in plan.arcs]

@@ -9,7 +9,7 @@ import pytest
 from taskspec.exam import Running, examine
 from tests.docs.test_snippets import DOCS
 
-LEARNERS = DOCS / "howto" / "learners"
+LEARNERS = DOCS / "howto" / "scripts" / "learners"
 SHORT = (
     "sb3", "sb3_contrib_trpo", "sb3_contrib_maskable_ppo", "cleanrl_style", "d3rlpy_bc", "tianshou_dqn", "torchrl_dqn",
     "rllib_ppo", "rejax_ppo",

@@ -34,7 +34,7 @@ from typing import Any
 import pytest
 from gymnasium.envs.registration import registry as gym_registry
 
-from docs.tools import pages, pictures
+from docs.tools import beside, pages, pictures
 from taskspec.cli.check import check_other, examine
 from taskspec.exact.check.file_checks import check_file
 from taskspec.language import registry
@@ -42,15 +42,19 @@ from taskspec.language.targets import files_of
 from taskspec.learn.exam import findings, results
 from taskspec.learn.learners import learner
 from tests.conftest import needs_vectors
-from tests.shared.scripts import script
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 GENERATED: dict[str, Callable[[], str]] = {
     **{f"{name}.md": page for name, page in pages.PAGES.items()},
-    "beside.md": lambda: str(script("beside").beside()),
+    "explain/beside.md": beside.beside,
 }
-PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]
+WRITTEN = ("start", "howto", "explain", "reference")
+PAGES = [
+    ROOT / "README.md",
+    DOCS / "index.md",
+    *(page for folder in WRITTEN for page in sorted((DOCS / folder).glob("*.md"))),
+]
 
 BLOCK = re.compile(
     r"(?:^<!-- (?P<key>file|add|error|skip|needs|script): (?P<value>.*?) -->\n+)?"
@@ -96,7 +100,7 @@ def blocks(text: str) -> list[Block]:
 # -- generated pages ----------------------------------------------------------------------------------------------
 
 
-TRAINED = ("probes.md",)
+TRAINED = ("explain/probes.md",)
 """Pages that are made by training learners, in about 20 s."""
 
 
@@ -304,14 +308,14 @@ def plain(text: str) -> str:
 
 
 def test_the_files_that_the_architecture_names_are_there() -> None:
-    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    page = (DOCS / "explain/architecture.md").read_text(encoding="utf-8")
     named = set(re.findall(r"`([a-z_]+(?:/[a-z_]+)*\.(?:py|md))`", page))
     missing = sorted(name for name in named if not (DOCS.parent / "taskspec" / name).exists() and "/" in name)
     assert len(named) > 15 and missing == []
 
 
 def test_the_attributes_of_tasks_that_the_page_names_are_there() -> None:
-    section = (DOCS / "api.md").read_text(encoding="utf-8").partition("\n## Tasks\n")[2].partition("\n## ")[0]
+    section = (DOCS / "reference/api.md").read_text(encoding="utf-8").partition("\n## Tasks\n")[2].partition("\n## ")[0]
     listed = re.findall(r"^- (.*?): ", section, re.MULTILINE)
     named = [name for names in listed for name in re.findall(r"`([\w.]+)`", names)]
     assert len(named) > 20

@@ -1,7 +1,7 @@
 """How many times faster than its original a task is: `python -m tests.originals.speed`, where originals are installed.
 
 The NumPy vector environment and a loop over the original take turns in one process, both with random actions. The ratios
-are written into a file that docs/library.md shows; those of originals that are not here stay as they are.
+are written into a file that docs/reference/library.md shows; those of originals that are not here stay as they are.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     python -m tests.references ppo         # beside that of Stable-Baselines3
     python -m tests.references bc gail     # beside those of imitation, which needs Gymnasium 0.29
-    python -m tests.references             # all of them, and the table and picture of docs/learners.md
+    python -m tests.references             # all of them, and the table and picture of docs/explain/learners.md
 
 Ours and theirs are trained by the same exam, for as many steps, on as many seeds. What was done is read again from
 build/references.

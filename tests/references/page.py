@@ -1,4 +1,4 @@
-"""The table and the picture of learners beside those of other libraries, in docs/learners.md."""
+"""The table and the picture of learners beside those of other libraries, in docs/explain/learners.md."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from taskspec.exam import Exam
 from taskspec.learn.exam.score_rows import decimal, interval, named
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGE, PICTURE = DOCS / "learners.md", DOCS / "references.svg"
+PAGE, PICTURE = DOCS / "explain/learners.md", DOCS / "pictures/references.svg"
 NAMES = {"ppo": "PPO", "bc": "behavioural cloning", "gail": "GAIL"}
 HEAD = """\
 | learner | task | library | seeds | score, ours | theirs | mean of the curve, ours | theirs |

@@ -11,7 +11,7 @@ DOCS = Path(__file__).parent.parent.parent / "docs"
 
 
 def script(name: str) -> ModuleType:
-    found = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+    found = importlib.util.spec_from_file_location(name, DOCS / "reference" / f"{name}.py")
     assert found is not None
     assert found.loader is not None
     module = importlib.util.module_from_spec(found)

@@ -1,6 +1,6 @@
 """Kernels as machine code: compiled once by Numba, kept on disk, and loaded without Numba by later processes.
 
-Importing Numba and reading its own cache takes longer than the rest of a warm start (docs/vector.md). A kernel has plain
+Importing Numba and reading its own cache takes longer than the rest of a warm start (docs/howto/vector.md). A kernel has plain
 numbers as arguments and needs nothing of Numba's while it runs, so that LLVM's loader is enough.
 """
 

@@ -265,7 +265,7 @@ def test_a_diagnosis_at_its_border_is_undecided() -> None:
 
 
 def test_the_documentation_lists_what_rules_may_say() -> None:
-    page = (registry.tasks_root().parent / "docs" / "diagnoses.md").read_text(encoding="utf-8")
+    page = (registry.tasks_root().parent / "docs" / "explain" / "diagnoses.md").read_text(encoding="utf-8")
     for written in (*(n.word.written for n in NUMBERS.values()), *(w.written for w in FIXED.values())):
         assert f"`{written}`" in page, written
     for word, names in ABOUT_LEARNER.values():

@@ -1,4 +1,4 @@
-"""Which words a draw is given, as `docs/seeding.md` says it.
+"""Which words a draw is given, as `docs/reference/seeding.md` says it.
 
 No word or variate that is expected here comes from taskspec. Every case of ORDER is a spec whose draws are probes: the value of a
 probe is the upper part of its word, so that what a component holds says which word it was given.

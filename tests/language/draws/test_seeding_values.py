@@ -1,4 +1,4 @@
-"""What a draw makes of its words, as `docs/seeding.md` says it: its tables, read literally, and `docs/seeding.py`."""
+"""What a draw makes of its words, as docs/reference/seeding.md says it: its tables, read literally, and `seeding.py` there."""
 
 from __future__ import annotations
 
@@ -225,7 +225,7 @@ reward: 0
 
 
 def test_the_page_has_the_known_answers() -> None:
-    page = (DOCS / "seeding.md").read_text(encoding="utf-8")
+    page = (DOCS / "reference/seeding.md").read_text(encoding="utf-8")
     first = words(seed=0, phase=STEP, n=0, count=2)
     assert first == [0x6B200159, 0x99BA4EFE]
     for answer in (*map(hex, first), *map(str, CODE["normals"](*first))):

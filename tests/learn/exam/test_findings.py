@@ -232,8 +232,8 @@ def test_the_page_in_the_docs_is_that_of_the_results_beside_it(tmp_path: Path, u
     assert Done("report", DOCS / "results", "--findings", "derail", "-o", tmp_path).status == 0
     page = (tmp_path / "findings.md").read_text(encoding="utf-8")
     if update_golden:
-        (DOCS / "findings.md").write_text(page, encoding="utf-8")
-    assert (DOCS / "findings.md").read_text(encoding="utf-8") == page
+        (DOCS / "explain/findings.md").write_text(page, encoding="utf-8")
+    assert (DOCS / "explain/findings.md").read_text(encoding="utf-8") == page
 
 
 # -- the file ---------------------------------------------------------------------------------------------------------

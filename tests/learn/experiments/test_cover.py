@@ -78,7 +78,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.slow
 def test_every_mistake_is_separated_by_the_fewest_tasks_also_after_kill(folder: Path) -> None:
-    """Of these tasks a bootstrap past the end fails on EndInPlace alone, and clipped rewards on Sizes (see docs/probes.md)."""
+    """Of these tasks a bootstrap past the end fails on EndInPlace alone, and clipped rewards on Sizes (see probes.md)."""
     process = subprocess.Popen([sys.executable, "-m", "taskspec", *COMMAND], start_new_session=True, env={**os.environ})
     stored = folder / "cover/races.sqlite"
     while process.poll() is None:

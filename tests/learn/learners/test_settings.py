@@ -65,6 +65,6 @@ def test_unknown_names_have_a_code(name: str, family: str, code: str) -> None:
 
 
 def test_the_page_lists_every_learner() -> None:
-    page = (Path(__file__).parents[3] / "docs/learners.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs/explain/learners.md").read_text(encoding="utf-8")
     rows = [f"| `{e.name}` | {e.summary} | {' '.join(e.learns_from)} |" for e in BUILT_IN.values()]
     assert "\n".join(rows) == page.partition("|---|---|---|\n")[2].partition("\n<!-- /learners -->")[0]

@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[3]
 GOLDEN = ROOT / "tests" / "golden" / "appendix"
 RECORDED = [f"derail/{name}-v0" for name in ("RiskyPath", "Parabola", "Sort")]
 """Tasks whose pages are recorded in three formats."""
-FIGURES = ROOT / "docs" / "suite" / "figures"
+FIGURES = ROOT / "docs" / "reference" / "derail" / "figures"
 IDS = [i for i in registry.task_ids() if i.startswith("derail/")]
 
 

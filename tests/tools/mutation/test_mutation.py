@@ -261,7 +261,7 @@ def test_processes_do_not_matter() -> None:
 @pytest.mark.parametrize("name", ["early_term", "init_shift", "risky_path"])
 def test_the_published_counts_are_those_of_the_suite(name: str) -> None:
     """Of the specs that take little time; the others were counted when the page says."""
-    page = (ROOT / "docs/correctness.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/explain/correctness.md").read_text(encoding="utf-8")
     lines = page.partition("<!-- changes -->")[2].partition("<!-- /changes -->")[0].splitlines()
     wanted = [line for line in lines if line.startswith(("| spec", f"| `{name}"))]
     header, row = ([cell.strip() for cell in line.split("|")[2:-1]] for line in wanted)

@@ -1,4 +1,4 @@
-"""`python -m tests.verification.exam_study`: examine learners with mistakes against those without, and write docs/exam_study.md.
+"""`python -m tests.verification.exam_study`: examine learners with mistakes against those without, and write the page of it.
 
     python -m tests.verification.exam_study                    # the study, and the page
     python -m tests.verification.exam_study --learner replay   # the exams of one learner alone

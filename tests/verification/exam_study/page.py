@@ -1,4 +1,4 @@
-"""The page of the study, docs/exam_study.md."""
+"""The page of the study, docs/explain/exam_study.md."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from taskspec.exact.rollout.statistics import rate_interval
 from tests.verification.exam_study.bugs import Bug, bugs
 from tests.verification.exam_study.exams import PARTS, ROOT, SEEDS, TERMS, Found
 
-PAGE = ROOT / "docs/exam_study.md"
+PAGE = ROOT / "docs/explain/exam_study.md"
 NAMES = {
     "q_learning": "Q-learning", "bc": "Behavioural cloning", "ppo": "PPO", "gail": "GAIL", "drlhp": "DRLHP",
     "replay": "Q-learning with replay", "actor_critic": "Actor-critic", "traces": "Q(lambda)",

@@ -2,7 +2,7 @@
 
     python -m tests.verification.mutants --room lang --sample 100 --seed 0
     python -m tests.verification.mutants --room lang --again          # those that nothing noticed
-    python -m tests.verification.mutants --table                      # what is in docs/correctness.md
+    python -m tests.verification.mutants --table                      # what is in docs/explain/correctness.md
 
 Results are kept as lines of JSON, so that a run goes on where one was stopped. A sample is the same wherever the text of what it
 changes is. Which tests run which lines is found out once, by coverage.py.
@@ -37,7 +37,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0, help="which of them")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--again", action="store_true", help="ask the tests once more about changes that survived")
-    parser.add_argument("--table", action="store_true", help="run nothing; print what is in docs/correctness.md")
+    parser.add_argument(
+        "--table", action="store_true", help="run nothing; print what is in docs/explain/correctness.md"
+    )
     parser.add_argument(
         "--folder", type=Path, default=ROOT / "build" / "mutants", help="where maps and results are kept"
     )

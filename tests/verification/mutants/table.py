@@ -1,4 +1,4 @@
-"""What became of the changes, as the tables of docs/correctness.md."""
+"""What became of the changes, as the tables of docs/explain/correctness.md."""
 
 from __future__ import annotations
 

@@ -219,7 +219,7 @@ def extreme(pick: Callable[[float, float], float]) -> Bounds:
     """Bound an extreme of two ints, or of two reals; if one may be nan, the other is taken then.
 
     It counts as such unless it is a constant, also where it is known to be a number: how many words a draw of Poisson takes
-    follows from the bound of its rate, and `docs/seeding.md` states this rule.
+    follows from the bound of its rate, and `docs/reference/seeding.md` states this rule.
     """
 
     def rule(args: Args, node: Apply) -> Interval:

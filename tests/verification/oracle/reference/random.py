@@ -1,4 +1,4 @@
-"""Random words and what draws make of them, transcribed from `docs/seeding.md`.
+"""Random words and what draws make of them, transcribed from `docs/reference/seeding.md`.
 
 Reals are computed in float32, each operation rounded once.
 """
